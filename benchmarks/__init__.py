@@ -1,6 +1,7 @@
 """Comparisons of accuracy and speed; run from the root of a checkout.
 
-They try more cases than the tests do, with the tests' own models and comparisons: those folders are importable.
+They try more cases than the tests do, with the tests' own models and comparisons: those folders are
+importable.
 """
 
 import sys

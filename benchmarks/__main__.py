@@ -1,4 +1,5 @@
-"""`python -m benchmarks NAME [--save] [--json FILE]`: run one comparison and print its medians and ratios.
+"""`python -m benchmarks NAME [--save] [--json FILE]`: run one comparison and print its medians and
+ratios.
 
 With `--save` its rows become the table of docs/results/performance that docs/performance.md shows.
 """
@@ -13,42 +14,114 @@ from pathlib import Path
 from benchmarks.results import save
 
 COMPARISONS = {
-    "opensim": ("benchmarks.speed.opensim", "speed of every step against OpenSim 4.6, both in one run"),
-    "mujoco": ("benchmarks.speed.opensim:run_mujoco", "speed of tendon lengths and moment arms against MuJoCo"),
+    "opensim": (
+        "benchmarks.speed.opensim",
+        "speed of every step against OpenSim 4.6, both in one run",
+    ),
+    "mujoco": (
+        "benchmarks.speed.opensim:run_mujoco",
+        "speed of tendon lengths and moment arms against MuJoCo",
+    ),
     "size": ("benchmarks.speed.size", "36,000 frames of the 520-muscle model: time and memory"),
     "start": ("benchmarks.speed.start", "import, first command with compilation, later commands"),
     "qp": ("benchmarks.speed.qp", "our tension solver against maintained QP solvers"),
-    "elastic": ("benchmarks.speed.elastic", "tensions on elastic tendons: a stride, and 60 s of walking"),
-    "identify": ("benchmarks.speed.identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
-    "live-delay": ("benchmarks.speed.live_delay", "how late angles, torques and tensions are while frames arrive"),
-    "live-sensors": ("benchmarks.speed.live_delay:run_sensors", "the same by inertial sensors in the place of markers"),
-    "live": ("benchmarks.speed.live_delay:run_identification", "frames a second that live identification can take"),
-    "morph": ("benchmarks.speed.morph", "997 elements with 3,000 points over 53 bones of 2,000 features: seconds"),
-    "registration": ("benchmarks.speed.morph:run_registration", "non-rigid registration of a femur of 20,000 vertices"),
+    "elastic": (
+        "benchmarks.speed.elastic",
+        "tensions on elastic tendons: a stride, and 60 s of walking",
+    ),
+    "identify": (
+        "benchmarks.speed.identify",
+        "base parameters of 36,000 frames: time and memory, sequential rate",
+    ),
+    "live-delay": (
+        "benchmarks.speed.live_delay",
+        "how late angles, torques and tensions are while frames arrive",
+    ),
+    "live-sensors": (
+        "benchmarks.speed.live_delay:run_sensors",
+        "the same by inertial sensors in the place of markers",
+    ),
+    "live": (
+        "benchmarks.speed.live_delay:run_identification",
+        "frames a second that live identification can take",
+    ),
+    "morph": (
+        "benchmarks.speed.morph",
+        "997 elements with 3,000 points over 53 bones of 2,000 features: seconds",
+    ),
+    "registration": (
+        "benchmarks.speed.morph:run_registration",
+        "non-rigid registration of a femur of 20,000 vertices",
+    ),
     "matching": ("benchmarks.matching_methods", "ways to match bones: accuracy, seconds"),
-    "masspoints": ("benchmarks.speed.masspoints", "the mass-point problem at full size, and general QP solvers"),
-    "calibrate": ("benchmarks.speed.calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
+    "masspoints": (
+        "benchmarks.speed.masspoints",
+        "the mass-point problem at full size, and general QP solvers",
+    ),
+    "calibrate": (
+        "benchmarks.speed.calibrate",
+        "kinematic identification of 50 to 2,000 frames: time and memory",
+    ),
     "grid": (
         "benchmarks.speed.masspoints:run_grid",
         "grid of mass points of an adult at 5 mm, with weights: time and memory",
     ),
-    "viscosity": ("benchmarks.speed.viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
-    "contacts": ("benchmarks.speed.contacts", "tensions and contact forces in one problem, and general QP solvers"),
-    "species": ("benchmarks.speed.morph:run_species", "a whole human leg to a mouse: bones, muscles, files"),
+    "viscosity": (
+        "benchmarks.speed.viscosity",
+        "one specimen of the shoulder experiment, and runs on both cores",
+    ),
+    "contacts": (
+        "benchmarks.speed.contacts",
+        "tensions and contact forces in one problem, and general QP solvers",
+    ),
+    "species": (
+        "benchmarks.speed.morph:run_species",
+        "a whole human leg to a mouse: bones, muscles, files",
+    ),
     "view": (
         "benchmarks.speed.view",
         "results in a page: from the command to the first pose, frames a second of playback",
     ),
-    "draws": ("benchmarks.speed.draws", "limits of results: 200 draws of a 10 s walk beside the walk alone"),
-    "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
-    "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
-    "revision": ("benchmarks.speed.revision", "functions and commands beside those of --before REVISION, in turns"),
-    "house": ("benchmarks.house", "lines by room, words of documentation, vague names; --before REVISION"),
-    "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
-    "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
-    "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
-    "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),
-    "validation": ("benchmarks.validation", "accuracy against OpenSim, MuJoCo and Pinocchio: docs/results/validation"),
+    "draws": (
+        "benchmarks.speed.draws",
+        "limits of results: 200 draws of a 10 s walk beside the walk alone",
+    ),
+    "study": (
+        "benchmarks.speed.study",
+        "1,000 short trials: workers side by side, memory, what a trial costs",
+    ),
+    "fuzz": (
+        "benchmarks.fuzz",
+        "readers of files given wrong ones: inputs tried, and what came out",
+    ),
+    "revision": (
+        "benchmarks.speed.revision",
+        "functions and commands beside those of --before REVISION, in turns",
+    ),
+    "house": (
+        "benchmarks.house",
+        "lines by room, words of documentation, vague names; --before REVISION",
+    ),
+    "trial_path": (
+        "benchmarks.trial_path",
+        "through how many files the inputs of a trial pass; --tree PATH",
+    ),
+    "release": (
+        "benchmarks.release",
+        "sdist and wheel: contents, and the wheel alone in a fresh environment",
+    ),
+    "mutants": (
+        "benchmarks.mutants",
+        "small wrong changes of the science rooms: how many their own tests notice",
+    ),
+    "wheels": (
+        "benchmarks.wheels",
+        "dependencies without a wheel for Windows, macOS and Linux on ARM",
+    ),
+    "validation": (
+        "benchmarks.validation",
+        "accuracy against OpenSim, MuJoCo and Pinocchio: docs/results/validation",
+    ),
 }
 
 
@@ -58,7 +131,9 @@ def main() -> None:
     listing = "; ".join(f"{name}: {what}" for name, (_, what) in COMPARISONS.items())
     parser.add_argument("name", choices=sorted(COMPARISONS), help=listing)
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
-    parser.add_argument("--save", action="store_true", help="write the rows to docs/results/performance")
+    parser.add_argument(
+        "--save", action="store_true", help="write the rows to docs/results/performance"
+    )
     options, rest = parser.parse_known_args()
     module, _, function = COMPARISONS[options.name][0].partition(":")
     comparison = importlib.import_module(module)
@@ -71,7 +146,11 @@ def main() -> None:
         options.json.write_text(json.dumps(rows, indent=1, default=float))
     if options.save:
         words = " ".join([options.name, *rest])
-        save(f"performance/{'-'.join(words.replace('--', '').split())}", rows, f"python -m benchmarks {words} --save")
+        save(
+            f"performance/{'-'.join(words.replace('--', '').split())}",
+            rows,
+            f"python -m benchmarks {words} --save",
+        )
 
 
 def print_rows(rows: list[dict[str, object]]) -> None:

@@ -1,7 +1,8 @@
 """Readers of files given wrong ones: inputs tried, and what came out but a clear error.
 
-`python -m benchmarks fuzz [--seconds S] [--reader NAME ...] [--keep FOLDER]`; every reader of `tests/fuzz` runs in a
-process of its own, bounded in memory, and an input that takes longer than 20 s counts as a hang.
+`python -m benchmarks fuzz [--seconds S] [--reader NAME ...] [--keep FOLDER]`; every reader of
+`tests/fuzz` runs in a process of its own, bounded in memory, and an input that takes longer than 20
+s counts as a hang.
 """
 
 from __future__ import annotations
@@ -23,16 +24,22 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
     parser.add_argument("--seconds", type=float, default=30.0, help="for each reader")
     parser.add_argument("--reader", action="append", help="only this one; may be repeated")
-    parser.add_argument("--keep", type=Path, help="folder for the files that made something be found")
+    parser.add_argument(
+        "--keep", type=Path, help="folder for the files that made something be found"
+    )
 
 
-def run(seconds: float = 30.0, reader: list[str] | None = None, keep: Path | None = None) -> list[dict[str, object]]:
+def run(
+    seconds: float = 30.0, reader: list[str] | None = None, keep: Path | None = None
+) -> list[dict[str, object]]:
     """One row a reader, for `seconds` each."""
     from fuzz_readers import READERS
 
     names = [known.name for known in READERS if not reader or known.name in reader]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(AT_ONCE) as pool:
-        return list(pool.map(lambda name: _tried(name, (keep or Path(folder)) / name, seconds), names))
+        return list(
+            pool.map(lambda name: _tried(name, (keep or Path(folder)) / name, seconds), names)
+        )
 
 
 def _tried(name: str, folder: Path, seconds: float) -> dict[str, object]:
@@ -46,16 +53,26 @@ def _tried(name: str, folder: Path, seconds: float) -> dict[str, object]:
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
         ended = subprocess.run(
             [*command, "--seconds", str(left), "--start", str(1000 * attempt)],
-            env=environment, capture_output=True, encoding="utf-8", errors="replace", check=False,
-        )  # fmt: skip
+            env=environment,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            check=False,
+        )
         lines = [json.loads(line) for line in ended.stdout.splitlines() if line.startswith("{")]
         last = next(
-            (line for line in reversed(lines) if "inputs" in line), {"inputs": 0, "slowest": 0.0, "seconds": 0.0}
+            (line for line in reversed(lines) if "inputs" in line),
+            {"inputs": 0, "slowest": 0.0, "seconds": 0.0},
         )
-        total = {key: max(value, last[key]) if key == "slowest" else value + last[key] for key, value in total.items()}
+        total = {
+            key: max(value, last[key]) if key == "slowest" else value + last[key]
+            for key, value in total.items()
+        }
         findings += [line["found"] for line in lines if "found" in line]
         if ended.returncode not in (0, 1):
-            findings.append("hang" if "Timeout" in ended.stderr else f"ended with status {ended.returncode}")
+            findings.append(
+                "hang" if "Timeout" in ended.stderr else f"ended with status {ended.returncode}"
+            )
         if ended.returncode in (0, 1) or seconds - total["seconds"] < 0.5:
             break
     return {

@@ -1,4 +1,6 @@
-"""One man who lifts a box of 15 kg: his motion on a calibrated model, the box's, and what was measured."""
+"""One man who lifts a box of 15 kg: his motion on a calibrated model, the box's, and what was
+measured.
+"""
 
 from __future__ import annotations
 
@@ -23,34 +25,47 @@ from truths.carried_bodies import needed_wrench
 FOLDER = "lifting-box-15kg"
 GENERIC = "rajagopal-walk-emg/raw/Rajagopal2016.osim"
 LIFTS = ("stoop1", "stoop2")
-MASS, BOX_MASS = 81.68, 15.0
+MASS = 81.68
+BOX_MASS = 15.0
 CUTOFF = 6.0
 
 BOX_SIZE = (0.30, 0.236, 0.30)
 """The height is twice that of the box's center over the floor; the other two are assumed [m]."""
 
 BOX_ACROSS = 0.012
-"""Place of the box to the right, from the center of pressure of the plate under it once it is gone [m]."""
+"""Place of the box to the right, from the center of pressure of the plate under it once it is gone
+[m].
+"""
 
 JOINT_TORQUES = {
-    "lumbar_extension": 250.0, "lumbar_bending": 150.0, "lumbar_rotation": 100.0,
-    "arm_flex": 90.0, "arm_add": 90.0, "arm_rot": 50.0, "elbow_flex": 70.0,
-    "pro_sup": 12.0, "wrist_flex": 15.0, "wrist_dev": 15.0,
-}  # fmt: skip
-"""What men's joints can do, of the order of isometric measurements (arm: Holzbaur et al. 2007) [N m].
+    "lumbar_extension": 250.0,
+    "lumbar_bending": 150.0,
+    "lumbar_rotation": 100.0,
+    "arm_flex": 90.0,
+    "arm_add": 90.0,
+    "arm_rot": 50.0,
+    "elbow_flex": 70.0,
+    "pro_sup": 12.0,
+    "wrist_flex": 15.0,
+    "wrist_dev": 15.0,
+}
+"""What men's joints can do, of the order of isometric measurements (arm: Holzbaur et al. 2007) [N
+m].
 
-It is what a control of 1 stands for where the model has no muscles, so that an effort of joints counts as that of
-muscles does. The model's own 10 N m would make lifting so dear that forces that do not exist carry the box."""
+It is what a control of 1 stands for where the model has no muscles, so that an effort of joints
+counts as that of muscles does. The model's own 10 N m would make lifting so dear that forces that
+do not exist carry the box.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """What the laboratory gives of one lift, in a ground whose y points up.
 
-    `markers`: time from 0 [s]; `plate`, `plate_point`: (frames, 3) force of the plate on the feet [N] and its center of
-    pressure [m]; `unloaded`: (frames, 3) force of the plate under the box on it, less that of the box at rest [N];
-    `box`: (frames, 3) of the box's center: forward, up [m], pitch [rad]; `bottom_up`, `top_down`: (frames, 3) moments
-    at L5/S1 by the laboratory [N m].
+    `markers`: time from 0 [s]; `plate`, `plate_point`: (frames, 3) force of the plate on the feet
+    [N] and its center of pressure [m]; `unloaded`: (frames, 3) force of the plate under the box on
+    it, less that of the box at rest [N]; `box`: (frames, 3) of the box's center: forward, up [m],
+    pitch [rad]; `bottom_up`, `top_down`: (frames, 3) moments at L5/S1 by the laboratory [N m].
     """
 
     markers: mm.Markers
@@ -68,13 +83,13 @@ def recorded(folder: Path, lift: str) -> Recorded:
     forces = np.loadtxt(here / f"{lift}_F1Cop1F2Cop2.csv", delimiter=",")
     turn = Z_UP_TO_Y_UP.T
     return Recorded(
-        _markers(here / f"{lift}.c3d"),
-        forces[:, 7:10] @ turn,
-        forces[:, 10:13] @ turn,
-        forces[:, 1:4] @ turn,
-        np.loadtxt(here / f"{lift}_box_2D.csv", delimiter=",")[:, 1:],
-        np.loadtxt(here / f"{lift}_l5s1_bottom_up.csv", delimiter=",")[:, 1:] @ turn,
-        np.loadtxt(here / f"{lift}_l5s1_top_down.csv", delimiter=",")[:, 1:] @ turn,
+        markers=_markers(here / f"{lift}.c3d"),
+        plate=forces[:, 7:10] @ turn,
+        plate_point=forces[:, 10:13] @ turn,
+        unloaded=forces[:, 1:4] @ turn,
+        box=np.loadtxt(here / f"{lift}_box_2D.csv", delimiter=",")[:, 1:],
+        bottom_up=np.loadtxt(here / f"{lift}_l5s1_bottom_up.csv", delimiter=",")[:, 1:] @ turn,
+        top_down=np.loadtxt(here / f"{lift}_l5s1_top_down.csv", delimiter=",")[:, 1:] @ turn,
     )
 
 
@@ -86,12 +101,17 @@ def _markers(path: Path) -> mm.Markers:
 
 @lru_cache(maxsize=2)
 def lifter(folder: Path) -> Calibration:
-    """The Rajagopal model with Plug-in Gait's markers, calibrated on standing and both lifts, of the man's mass."""
+    """The Rajagopal model with Plug-in Gait's markers, calibrated on standing and both lifts, of
+    the man's mass.
+    """
     generic = with_plug_in_gait(mm.read_model(folder / GENERIC))
     trials = [recorded(folder, lift).markers for lift in LIFTS]
     static = _markers(folder / FOLDER / "neutral.c3d")
     return mm.calibrate(
-        generic, trials, mm.CalibrationOptions(static=static, mass=MASS), path_lengths=default_path_lengths
+        generic,
+        trials,
+        mm.CalibrationOptions(static=static, mass=MASS),
+        path_lengths=default_path_lengths,
     )
 
 
@@ -107,7 +127,14 @@ def with_joint_torques(model: mm.Model) -> mm.Model:
     return replace(
         model,
         actuators=tuple(
-            Actuator(f"joint_{name}", "coordinate", most, -1.0, 1.0, coordinate=name)
+            Actuator(
+                name=f"joint_{name}",
+                kind="coordinate",
+                optimal_force=most,
+                min_control=-1.0,
+                max_control=1.0,
+                coordinate=name,
+            )
             for name, most in torques.items()
             if most
         ),
@@ -116,7 +143,9 @@ def with_joint_torques(model: mm.Model) -> mm.Model:
 
 def man(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
     """The man's model and his motion with derivatives."""
-    return with_joint_torques(lifter(folder).model), mm.differentiate(tracked(folder, lift).motion, CUTOFF)
+    return with_joint_torques(lifter(folder).model), mm.differentiate(
+        tracked(folder, lift).motion, CUTOFF
+    )
 
 
 def box(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
@@ -124,7 +153,10 @@ def box(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
     forward, up, pitch = recorded(folder, lift).box.T
     model = free_object("body", BOX_MASS, BOX_SIZE, gravity=lifter(folder).model.gravity)
     values = np.zeros((len(up), 6))
-    values[:, 0], values[:, 1], values[:, 2], values[:, 5] = forward, up, BOX_ACROSS, -pitch
+    values[:, 0] = forward
+    values[:, 1] = up
+    values[:, 2] = BOX_ACROSS
+    values[:, 5] = -pitch
     return model, mm.differentiate(
         mm.Motion(recorded(folder, lift).markers.time, model.coordinate_names, values), CUTOFF
     )
@@ -160,12 +192,17 @@ PLUG_IN_GAIT: tuple[tuple[str, str, tuple[float, float, float], str], ...] = (
     ("RELB", "humerus_r", (0.015, -0.280, 0.040), "lateral epicondyle of the humerus"),
     ("RWRA", "radius_r", (0.000, -0.225, 0.050), "wrist bar, thumb side"),
     ("RWRB", "radius_r", (-0.022, -0.225, -0.022), "wrist bar, side of the little finger"),
-    ("RFIN", "hand_r", (-0.015, -0.080, 0.014), "back of the hand below the head of the second metacarpal"),
+    (
+        "RFIN",
+        "hand_r",
+        (-0.015, -0.080, 0.014),
+        "back of the hand below the head of the second metacarpal",
+    ),
 )
 """Name, body, place in the body's frame [m] and what it lies on: the guide to Plug-in Gait (Vicon).
 
-Places are those of the model's own markers where it has the landmark, else read off its bones, 1 to 2 cm outside.
-Head markers are left out: the head is one with the trunk in this model.
+Places are those of the model's own markers where it has the landmark, else read off its bones, 1 to
+2 cm outside. Head markers are left out: the head is one with the trunk in this model.
 """
 
 

@@ -1,4 +1,6 @@
-"""The force that lifts the box, hidden and found again: from body and plate, with the box, and without the plate."""
+"""The force that lifts the box, hidden and found again: from body and plate, with the box, and
+without the plate.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,12 @@ from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
 from myomorph.contact.held_objects import find_holds, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, preferred_directions
+from myomorph.contact.states import (
+    ActivationOptions,
+    ContactStateOptions,
+    contact_activations,
+    preferred_directions,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
@@ -41,8 +48,8 @@ LEAVES = 0.005
 class Lift:
     """What was found of one lift.
 
-    `hands`: (frames, 3) force of both hands on the box [N]; `feet`: (frames, 3) force of the floor on both feet [N];
-    `tension`: None where nothing was solved.
+    `hands`: (frames, 3) force of both hands on the box [N]; `feet`: (frames, 3) force of the floor
+    on both feet [N]; `tension`: None where nothing was solved.
     """
 
     hands: Array
@@ -52,14 +59,22 @@ class Lift:
 
 def both(folder: Path, lift: str) -> tuple[mm.Model, mm.Motion]:
     """Man and box as one model, and its motion."""
-    (body, motion), (thing, thing_motion) = man(folder, lift), box(folder, lift)
-    return join_models({"man": body, "box": thing}), join_motions({"man": motion, "box": thing_motion})
+    (body, motion) = man(folder, lift)
+    (thing, thing_motion) = box(folder, lift)
+    return join_models({"man": body, "box": thing}), join_motions(
+        {"man": motion, "box": thing_motion}
+    )
 
 
 def plate_on_feet(record: Recorded, time: Array) -> mm.Wrenches:
     """The plate's force, given to one foot: what it does to the rest of the body is the same."""
     return mm.Wrenches(
-        time, ("plate",), ("calcn_r",), record.plate[:, None], record.plate_point[:, None], np.zeros((len(time), 1, 3))
+        time,
+        ("plate",),
+        ("calcn_r",),
+        record.plate[:, None],
+        record.plate_point[:, None],
+        np.zeros((len(time), 1, 3)),
     )
 
 
@@ -74,8 +89,12 @@ def left_floor(folder: Path, lift: str) -> float:
 def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
     """The hands' sites on the box, and how surely each holds it (frames, 2)."""
     model, motion = both(folder, lift)
-    sites = tuple(replace(one, against="box_body", group="hands") for one in body_sites(model, HANDS))
-    return sites, np.array(contact_activations(model, motion, sites, find_holds(model, motion, sites)).values)
+    sites = tuple(
+        replace(one, against="box_body", group="hands") for one in body_sites(model, HANDS)
+    )
+    return sites, np.array(
+        contact_activations(model, motion, sites, find_holds(model, motion, sites)).values
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +115,20 @@ def task(folder: Path, lift: str, way: str) -> Task:
     feet, standing, lean = soles_of(body, motion)
     # Moments about the ground's origin; the free torque of the plate is not in the file.
     moments = np.cross(record.plate_point, record.plate) * (1.0, np.nan, 1.0)
-    plate = (SharedWrench("plate", tuple(one.name for one in feet), record.plate, moments),)
+    plate = (
+        SharedWrench(
+            name="plate",
+            sites=tuple(one.name for one in feet),
+            forces=record.plate,
+            moments=moments,
+        ),
+    )
     if way == "body":
-        model, moving = body, motion
+        model = body
+        moving = motion
         palms = tuple(replace(one, group="hands") for one in body_sites(body, HANDS))
-        sites, ready = (*palms, *feet), np.hstack([held, standing])
+        sites = (*palms, *feet)
+        ready = np.hstack([held, standing])
     else:
         model, moving = both(folder, lift)
         floor = Site("floor_under_box", "box_body", _bottom())
@@ -111,12 +139,22 @@ def task(folder: Path, lift: str, way: str) -> Task:
     ways[:, 2 : 2 + len(feet)] = lean
     ready_at = mm.Series(motion.time, tuple(one.name for one in sites), ready)
     options = ContactOptions(formulation="sequential" if way == "first" else "simultaneous")
-    contacts = ContactTask(sites, ready_at, () if way in ("hidden", "first") else plate, options, ways)
-    return Task(model, moving, mm.inverse_dynamics(model, moving), contacts)
+    contacts = ContactTask(
+        sites=sites,
+        activations=ready_at,
+        measured=() if way in ("hidden", "first") else plate,
+        options=options,
+        preferred=ways,
+    )
+    return Task(
+        model=model, motion=moving, torques=mm.inverse_dynamics(model, moving), contacts=contacts
+    )
 
 
 def soles_of(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], Array, Array]:
-    """Sites under the feet, how ready each is (frames, sites), and which way its force leans (frames, sites, 3)."""
+    """Sites under the feet, how ready each is (frames, sites), and which way its force leans
+    (frames, sites, 3).
+    """
     feet, floor = rest_on_floor(model, motion, foot_sites(model))
     touches = mm.find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
     ready = contact_activations(model, motion, feet, touches, ActivationOptions(floor=floor.height))
@@ -129,7 +167,9 @@ def found(folder: Path, lift: str, way: str) -> Lift:
     if way == "newton":
         body, motion = man(folder, lift)
         plate = recorded(folder, lift).plate
-        left = needed_wrench(body, motion, "pelvis", plate_on_feet(recorded(folder, lift), motion.time))
+        left = needed_wrench(
+            body, motion, "pelvis", plate_on_feet(recorded(folder, lift), motion.time)
+        )
         return Lift(-left.forces[:, 0], plate, None)
     asked = task(folder, lift, way)
     tension = mm.solve_tension(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
@@ -141,7 +181,9 @@ def found(folder: Path, lift: str, way: str) -> Lift:
 
 def left_open(asked: Task, frames: Sequence[int]) -> ContactIntervals:
     """What the data leave open of contact forces in some frames."""
-    problem = tension_problem(TensionInputs(asked.model, asked.motion, asked.torques, contacts=asked.contacts))
+    problem = tension_problem(
+        TensionInputs(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    )
     over_frames(problem.solve, len(asked.motion), None, problem.window)
     return contact_intervals(problem, problem.result(), frames)
 

@@ -26,18 +26,22 @@ from truths.carried_bodies import needed_wrench
 
 FOLDER = "opencap-subject4-multitask"
 CUTOFF = 6.0
-UNLOADED, LOADED = 0.05, 0.10
-"""The seat is left where it carries less than the first share of the weight, and taken above the second."""
+UNLOADED = 0.05
+LOADED = 0.10
+"""The seat is left where it carries less than the first share of the weight, and taken above the
+second.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Chair:
     """Standing up several times.
 
-    `feet`: forces of the plates, by foot; `seat`: site on the pelvis; `places`: (frames, 3) of its middle [m]; `soles`:
-    sites under the feet; `ready`: (frames, 1 + soles) how ready the seat and they are, by their height and speed alone;
-    `lean`: (frames, soles, 3) which way the soles' forces lean; `newton`: (frames, 3) force that is left for the seat,
-    and `moment` (frames, 3) about `places` [N], [N m].
+    `feet`: forces of the plates, by foot; `seat`: site on the pelvis; `places`: (frames, 3) of its
+    middle [m]; `soles`: sites under the feet; `ready`: (frames, 1 + soles) how ready the seat and
+    they are, by their height and speed alone; `lean`: (frames, soles, 3) which way the soles'
+    forces lean; `newton`: (frames, 3) force that is left for the seat, and `moment` (frames, 3)
+    about `places` [N], [N m].
     """
 
     model: mm.Model
@@ -62,7 +66,11 @@ def chair(folder: Path) -> Chair:
     """The trial STS1 on the expert's model, its mass that of standing on the plates."""
     here = folder / FOLDER
     given = mm.read_model(here / "models" / "manually_scaled.osim")
-    standing = read_external_loads(here / "grf" / "static1_external_forces.xml").forces[:, :, 1].sum(axis=1)
+    standing = (
+        read_external_loads(here / "grf" / "static1_external_forces.xml")
+        .forces[:, :, 1]
+        .sum(axis=1)
+    )
     mass = float(np.median(standing) / np.linalg.norm(given.gravity))
     model = scale(given, {}, mass, preserve_mass_distribution=True)
     markers = read_markers(here / "markers" / "STS1.trc")
@@ -90,7 +98,18 @@ def chair(folder: Path) -> Chair:
     left = needed_wrench(model, motion, "pelvis", feet)
     places = moving.places[:, 0]
     moment = left.torques[:, 0] + np.cross(left.points[:, 0] - places, left.forces[:, 0])
-    return Chair(model, motion, feet, seat, soles, places, ready, lean, left.forces[:, 0], moment)
+    return Chair(
+        model=model,
+        motion=motion,
+        feet=feet,
+        seat=seat,
+        soles=soles,
+        places=places,
+        ready=ready,
+        lean=lean,
+        newton=left.forces[:, 0],
+        moment=moment,
+    )
 
 
 def task(folder: Path, plates: bool, first: bool = False) -> Task:
@@ -100,11 +119,20 @@ def task(folder: Path, plates: bool, first: bool = False) -> Task:
     """
     one = chair(folder)
     sites = (one.seat,) if plates else (one.seat, *one.soles)
-    ready = mm.Series(one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)])
+    ready = mm.Series(
+        one.motion.time, tuple(site.name for site in sites), one.ready[:, : len(sites)]
+    )
     torques = mm.inverse_dynamics(one.model, one.motion, one.feet if plates else None)
     lean = np.concatenate([np.zeros((len(one.motion), 1, 3)), one.lean], axis=1)[:, : len(sites)]
     options = ContactOptions(formulation="sequential" if first else "simultaneous")
-    return Task(one.model, one.motion, torques, ContactTask(sites, ready, (), options, lean))
+    return Task(
+        model=one.model,
+        motion=one.motion,
+        torques=torques,
+        contacts=ContactTask(
+            sites=sites, activations=ready, measured=(), options=options, preferred=lean
+        ),
+    )
 
 
 @lru_cache(maxsize=4)
@@ -118,8 +146,8 @@ def solved(folder: Path, plates: bool, first: bool = False) -> Tension:
 class Leaving:
     """One time of leaving the seat (or of sitting down), as three signs tell it [s].
 
-    `motion`: the seat's readiness falls below a half; `force`: what Newton's law leaves for it falls below `UNLOADED`
-    of the weight; `plates`: the feet carry the weight.
+    `motion`: the seat's readiness falls below a half; `force`: what Newton's law leaves for it
+    falls below `UNLOADED` of the weight; `plates`: the feet carry the weight.
     """
 
     rising: bool
@@ -130,7 +158,8 @@ class Leaving:
 
 def leavings(one: Chair) -> tuple[Leaving, ...]:
     """All times of standing up and sitting down that the three signs agree on within half a second."""
-    time, up = one.motion.time, one.newton[:, 1] / one.weight
+    time = one.motion.time
+    up = one.newton[:, 1] / one.weight
     feet = one.feet.forces[:, :, 1].sum(axis=1) / one.weight
     sat = {
         "motion": hysteresis(one.ready[:, 0] > 0.5, one.ready[:, 0] < 0.5),

@@ -16,17 +16,19 @@ from myomorph.rigid.tree import compile_tree
 from truths.carried_bodies import needed_wrench
 
 REGRESSED = (-0.335, -0.032)
-"""L5/S1 of men from between the front spines of the pelvis, forward and up, over their distance (Dumas and Wojtusch
-2018)."""
+"""L5/S1 of men from between the front spines of the pelvis, forward and up, over their distance
+(Dumas and Wojtusch 2018).
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Spine:
     """Where the moment is taken, and what passes there.
 
-    `rotations`: (frames, 3, 3) of the pelvis; `points`: (frames, 3) L5/S1 in ground [m]; `forces`: (frames, 3) of the
-    trunk on the pelvis, from below [N]; `from_below`, `from_above`: (frames, 3) moment of the trunk on the pelvis, in
-    the pelvis's axes [N m]; from above without what the hands carry.
+    `rotations`: (frames, 3, 3) of the pelvis; `points`: (frames, 3) L5/S1 in ground [m]; `forces`:
+    (frames, 3) of the trunk on the pelvis, from below [N]; `from_below`, `from_above`: (frames, 3)
+    moment of the trunk on the pelvis, in the pelvis's axes [N m]; from above without what the hands
+    carry.
     """
 
     rotations: Array
@@ -37,9 +39,12 @@ class Spine:
 
 
 def regressed_point(model: mm.Model) -> Array:
-    """L5/S1 (3,) in the pelvis's frame, by the places of the pelvis's markers on the calibrated model [m]."""
+    """L5/S1 (3,) in the pelvis's frame, by the places of the pelvis's markers on the calibrated
+    model [m].
+    """
     right, left, *back = (model.marker(name).location for name in ("RASI", "LASI", "RPSI", "LPSI"))
-    middle, rear = 0.5 * (right + left), 0.5 * (back[0] + back[1])
+    middle = 0.5 * (right + left)
+    rear = 0.5 * (back[0] + back[1])
     across = (right - left) / np.linalg.norm(right - left)
     up = np.cross(right - rear, left - rear)
     up /= np.linalg.norm(up)
@@ -57,43 +62,60 @@ def spine(folder: Path, lift: str, point: Array | None = None) -> Spine:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     pelvis = tree.body_index["pelvis"]
-    R, at = poses.rotations[:, pelvis], poses.points(np.array([pelvis]), place[None])[:, 0]
+    R = poses.rotations[:, pelvis]
+    at = poses.points(np.array([pelvis]), place[None])[:, 0]
     above = needed_wrench(model, motion, "torso")
     left = needed_wrench(model, motion, "pelvis", plate_on_feet(record, motion.time))
     force = above.forces[:, 0] - left.forces[:, 0]
     below = _moment(above, at) - _moment(left, at)
-    return Spine(R, at, -force, _into(R, -below), _into(R, -_moment(above, at)))
+    return Spine(
+        rotations=R,
+        points=at,
+        forces=-force,
+        from_below=_into(R, -below),
+        from_above=_into(R, -_moment(above, at)),
+    )
 
 
 def carried_moment(passing: Spine, found: Lift) -> Array:
-    """Moment (frames, 3) that the forces found at the hands add from above, in the pelvis's axes [N m]."""
+    """Moment (frames, 3) that the forces found at the hands add from above, in the pelvis's axes [N
+    m].
+    """
     assert found.tension is not None
     assert found.tension.contacts is not None
     one = found.tension.contacts
-    moment = np.cross(one.points[:, :2] - passing.points[:, None], one.forces[:, :2]) + one.torques[:, :2]
+    moment = (
+        np.cross(one.points[:, :2] - passing.points[:, None], one.forces[:, :2])
+        + one.torques[:, :2]
+    )
     return _into(passing.rotations, moment.sum(axis=1))
 
 
 def point_of_laboratory(folder: Path, lift: str) -> tuple[Array, Array]:
-    """The point of the pelvis (3,) about which our moment from below is nearest to the laboratory's, and what is left.
+    """The point of the pelvis (3,) about which our moment from below is nearest to the
+    laboratory's, and what is left.
 
-    A moment about another point differs by the force across the way, so the point is a linear least-squares problem.
+    A moment about another point differs by the force across the way, so the point is a linear
+    least-squares problem.
     """
     origin = spine(folder, lift, np.zeros(3))
     measured = of_laboratory(recorded(folder, lift))[0]
     force = _into(origin.rotations, origin.forces)
     slopes = np.stack([np.cross(force, axis) for axis in np.eye(3)], axis=2)
     wanted = measured - origin.from_below
-    point = np.asarray(np.linalg.lstsq(slopes.reshape(-1, 3), wanted.reshape(-1), rcond=None)[0], np.float64)
+    point = np.asarray(
+        np.linalg.lstsq(slopes.reshape(-1, 3), wanted.reshape(-1), rcond=None)[0], np.float64
+    )
     left: Array = wanted - slopes @ point
     return point, left
 
 
 def of_laboratory(record: Recorded) -> tuple[Array, Array]:
-    """The laboratory's moments of the trunk on the pelvis, from below and from above (frames, 3) [N m].
+    """The laboratory's moments of the trunk on the pelvis, from below and from above (frames, 3) [N
+    m].
 
-    They are taken to be along the pelvis's axes: along the ground's, or the trunk's, they differ from ours by a part
-    about the vertical that grows with the moment.
+    They are taken to be along the pelvis's axes: along the ground's, or the trunk's, they differ
+    from ours by a part about the vertical that grows with the moment.
     """
     return record.bottom_up, -record.top_down
 

@@ -16,11 +16,14 @@ from myomorph.model.arrays import Array, runs
 from myomorph.motion.filters import lowpass, natural_spline
 
 FOLDER = "wheelchair-pushrim"
-RATE, CUTOFF = 240.0, 6.0
+RATE = 240.0
+CUTOFF = 6.0
 RIM = 0.267
 """Radius of the push rim of a wheel of 24 inches [m]."""
 
-BEGINS, ENDS, SHORTEST = 2.0, 1.0, 0.1
+BEGINS = 2.0
+ENDS = 1.0
+SHORTEST = 0.1
 """A push begins above and ends below these moments [N m], and lasts at least so long [s]."""
 
 
@@ -28,9 +31,10 @@ BEGINS, ENDS, SHORTEST = 2.0, 1.0, 0.1
 class Wheel:
     """A wheel's record, forward positive.
 
-    `time`: (frames,) [s]; `angle`, `rate`, `acceleration`: (frames,) low-pass filtered [rad], [rad/s], [rad/s^2];
-    `forces`: (frames, 3) of the hand, the third along the axle [N]; `moment`: (frames,) of the hand about the axle [N
-    m]; `pushes`: first frame of each push and the one behind its last.
+    `time`: (frames,) [s]; `angle`, `rate`, `acceleration`: (frames,) low-pass filtered [rad],
+    [rad/s], [rad/s^2]; `forces`: (frames, 3) of the hand, the third along the axle [N]; `moment`:
+    (frames,) of the hand about the axle [N m]; `pushes`: first frame of each push and the one
+    behind its last.
     """
 
     name: str
@@ -46,13 +50,20 @@ class Wheel:
 def wheels(folder: Path) -> tuple[Wheel, ...]:
     """The recordings with pushes: over ground, and a sprint on a basketball court."""
     here = folder / FOLDER
-    return (_over_ground(here / "pushrimkinetics"), _sprint(here / "inversedynamics" / "basketball_kinetics.ktk.zip"))
+    return (
+        _over_ground(here / "pushrimkinetics"),
+        _sprint(here / "inversedynamics" / "basketball_kinetics.ktk.zip"),
+    )
 
 
 def _over_ground(here: Path) -> Wheel:
-    """The rim's weight, which turns with the wheel, is told by a trial that an operator pushed (Chenier 2017)."""
-    tables = [np.genfromtxt(here / f"sample_swl_overground_{kind}_withrubber.csv", delimiter=",")
-              for kind in ("baseline", "propulsion")]  # fmt: skip
+    """The rim's weight, which turns with the wheel, is told by a trial that an operator pushed
+    (Chenier 2017).
+    """
+    tables = [
+        np.genfromtxt(here / f"sample_swl_overground_{kind}_withrubber.csv", delimiter=",")
+        for kind in ("baseline", "propulsion")
+    ]
     angles = [np.unwrap(np.deg2rad(one[:, 3])) for one in tables]
     waves = [np.column_stack([np.sin(one), np.cos(one), np.ones_like(one)]) for one in angles]
     weight = np.linalg.lstsq(waves[0], tables[0][:, 18:24], rcond=None)[0]
@@ -72,16 +83,27 @@ def _sprint(path: Path) -> Wheel:
 
 def _wheel(name: str, time: Array, angle: Array, load: Array) -> Wheel:
     spline = natural_spline(time, lowpass(angle[:, None], RATE, CUTOFF))
-    rate, acceleration = (spline.derivative(n)(time)[:, 0] for n in (1, 2))
+    rate = spline.derivative(1)(time)[:, 0]
+    acceleration = spline.derivative(2)(time)[:, 0]
     moment = lowpass(load[:, 5:6], RATE, CUTOFF)[:, 0]
     pushing = hysteresis(moment > BEGINS, moment < ENDS)
     pushes = tuple((a, b) for a, b in runs(pushing) if time[b - 1] - time[a] > SHORTEST)
-    return Wheel(name, time, angle, rate, acceleration, lowpass(load[:, :3], RATE, CUTOFF), moment, pushes)
+    return Wheel(
+        name=name,
+        time=time,
+        angle=angle,
+        rate=rate,
+        acceleration=acceleration,
+        forces=lowpass(load[:, :3], RATE, CUTOFF),
+        moment=moment,
+        pushes=pushes,
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A moment from the wheel's angle: inertia times acceleration plus resistance, tested where it was not fitted.
+    """A moment from the wheel's angle: inertia times acceleration plus resistance, tested where it
+    was not fitted.
 
     `inertia`, `resistance`: mean of both halves [kg m^2], [N m]; `predicted`, `measured`: [N m].
     """
@@ -105,12 +127,15 @@ class Prediction:
 def predict(acceleration: Array, moment: Array, half: NDArray[np.bool_]) -> Prediction:
     """Fit M = I a + c on one half, predict the other, and the other way round."""
     X = np.column_stack([acceleration, np.ones_like(acceleration)])
-    predicted, found = np.empty_like(moment), []
+    predicted = np.empty_like(moment)
+    found = []
     for shown in (half, ~half):
         found.append(np.linalg.lstsq(X[shown], moment[shown], rcond=None)[0])
         predicted[~shown] = X[~shown] @ found[-1]
     inertia, resistance = np.mean(found, axis=0)
-    return Prediction(float(inertia), float(resistance), predicted, moment)
+    return Prediction(
+        inertia=float(inertia), resistance=float(resistance), predicted=predicted, measured=moment
+    )
 
 
 def at_each_time(wheel: Wheel) -> Prediction:
@@ -130,9 +155,12 @@ def of_each_cycle(wheel: Wheel) -> Prediction:
 
 
 def directions(wheel: Wheel) -> dict[str, float]:
-    """Mean force of the pushes [N]: along the rim, which is what the wheel can tell, and what it leaves open."""
+    """Mean force of the pushes [N]: along the rim, which is what the wheel can tell, and what it
+    leaves open.
+    """
     pushing = np.concatenate([np.arange(a, b) for a, b in wheel.pushes])
-    force, along = wheel.forces[pushing], wheel.moment[pushing] / RIM
+    force = wheel.forces[pushing]
+    along = wheel.moment[pushing] / RIM
     size = np.linalg.norm(force, axis=1)
     across = np.sqrt(np.maximum(0.0, (force[:, :2] ** 2).sum(axis=1) - along**2))
     return {
@@ -145,6 +173,8 @@ def directions(wheel: Wheel) -> dict[str, float]:
 
 
 def hands_off(wheel: Wheel, told: Prediction) -> float:
-    """What that fit tells of a moment while no hand is at the rim, between the pushes, root mean square [N m]."""
+    """What that fit tells of a moment while no hand is at the rim, between the pushes, root mean
+    square [N m].
+    """
     free = np.concatenate([np.arange(a, b) for (_, a), (b, _) in itertools.pairwise(wheel.pushes)])
     return float(np.sqrt(np.mean((told.inertia * wheel.acceleration[free] + told.resistance) ** 2)))

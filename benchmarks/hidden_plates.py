@@ -1,4 +1,6 @@
-"""Recordings whose measured ground forces are hidden and estimated: what they are made of, and who solves them."""
+"""Recordings whose measured ground forces are hidden and estimated: what they are made of, and who
+solves them.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +41,11 @@ TABLES = (
 )
 """What the columns of force tables begin with, and the feet they act on."""
 
-CALM, QUICK = 6.0, 12.0
-"""Low-pass of motion and forces where the body never flies, and where it does: the field's for walks and runs [Hz]."""
+CALM = 6.0
+QUICK = 12.0
+"""Low-pass of motion and forces where the body never flies, and where it does: the field's for
+walks and runs [Hz].
+"""
 
 Formulation = Literal["simultaneous", "sequential"]
 
@@ -49,9 +54,10 @@ Formulation = Literal["simultaneous", "sequential"]
 class HiddenCase:
     """A recording with force plates.
 
-    `seated`: a chair carries too, which no plate measures: a seat is a contact, and every frame counts; `calibrated`:
-    the model is generic: its lengths and markers' places are found from the recordings first; `tracked`: `markers` is a
-    table of coordinates that somebody else found; `span`: start and end of what is used [s].
+    `seated`: a chair carries too, which no plate measures: a seat is a contact, and every frame
+    counts; `calibrated`: the model is generic: its lengths and markers' places are found from the
+    recordings first; `tracked`: `markers` is a table of coordinates that somebody else found;
+    `span`: start and end of what is used [s].
     """
 
     name: str
@@ -69,7 +75,14 @@ class HiddenCase:
 def _case(name: str, recording: str, mass: float | None = None, **more: Any) -> HiddenCase:
     files = RECORDINGS[recording]
     markers = files.motion if more.get("tracked") else files.markers
-    return HiddenCase(name, files.model, markers, files.loads, mass or files.mass, **more)
+    return HiddenCase(
+        name=name,
+        model=files.model,
+        markers=markers,
+        forces=files.loads,
+        mass=mass or files.mass,
+        **more,
+    )
 
 
 CASES = (
@@ -89,10 +102,10 @@ CASES = (
 class Hidden:
     """A recording ready to be estimated.
 
-    `motion`: filtered, with derivatives, over the times that the plates cover; `measured`: forces on the feet through
-    the same filter, which no estimate sees; `raw`: the same unfiltered, at their own times; `use`: (frames,) in which
-    the plates measure all that is compared; `weighs`: mass that they say [kg]; `cutoff`: of the filter [Hz]; `floor`:
-    its height [m].
+    `motion`: filtered, with derivatives, over the times that the plates cover; `measured`: forces
+    on the feet through the same filter, which no estimate sees; `raw`: the same unfiltered, at
+    their own times; `use`: (frames,) in which the plates measure all that is compared; `weighs`:
+    mass that they say [kg]; `cutoff`: of the filter [Hz]; `floor`: its height [m].
     """
 
     case: HiddenCase
@@ -125,7 +138,9 @@ def subject_model(folder: Path, case_model: str, mass: float, calibrated: bool) 
 
 
 def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
-    """The rule for the low-pass filter: `QUICK` where the center of mass falls freely for 50 ms, else `CALM`."""
+    """The rule for the low-pass filter: `QUICK` where the center of mass falls freely for 50 ms,
+    else `CALM`.
+    """
     carried = site_motion(model, mm.differentiate(motion, CALM), foot_sites(model)).carried
     flies = steady(carried < ContactStateOptions().carried, motion.time, 0.05)
     return QUICK if flies[1:-1].any() else CALM
@@ -133,7 +148,9 @@ def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
 
 @cache
 def opened(folder: Path, case: HiddenCase) -> Hidden:
-    """Kinematics, contacts and activations of a recording; the plates tell the height of the floor and nothing else."""
+    """Kinematics, contacts and activations of a recording; the plates tell the height of the floor
+    and nothing else.
+    """
     model = subject_model(folder, case.model, case.mass, case.calibrated)
     recorded = tracked(folder, case, model)
     raw = _forces(folder / case.forces)
@@ -148,28 +165,32 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
         sitting = mm.find_contacts(model, whole, seat)
         also = contact_activations(model, whole, seat, sitting)
         sites = (*feet, *seat)
-        ready = mm.Series(ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values]))
+        ready = mm.Series(
+            ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values])
+        )
     assert whole.velocities is not None
     motion = cut(whole, max(whole.time[0], raw.time[0]), min(whole.time[-1], raw.time[-1]))
     at = np.isin(whole.time, motion.time)
-    owned = assign_feet(model, motion, feet, mm.resample_wrenches(raw, motion.time, 3.0 * cutoff)).wrenches
+    owned = assign_feet(
+        model, motion, feet, mm.resample_wrenches(raw, motion.time, 3.0 * cutoff)
+    ).wrenches
     raw = replace(raw, bodies=_bodies(owned, raw))
     found = usable(model, recorded, raw, mass=case.mass, options=RecordingOptions(cutoff=cutoff))
     use = found.use if not case.seated else _inside(motion, cutoff)
     measured = mm.resample_wrenches(raw, motion.time, cutoff)
     return Hidden(
-        case,
-        model,
-        motion,
-        sites,
-        contacts,
-        mm.Series(motion.time, ready.names, ready.values[at]),
-        measured,
-        raw,
-        use,
-        found.weighs,
-        cutoff,
-        floor.height,
+        case=case,
+        model=model,
+        motion=motion,
+        sites=sites,
+        contacts=contacts,
+        activations=mm.Series(motion.time, ready.names, ready.values[at]),
+        measured=measured,
+        raw=raw,
+        use=use,
+        weighs=found.weighs,
+        cutoff=cutoff,
+        floor=floor.height,
     )
 
 
@@ -218,26 +239,29 @@ def estimated(
 ) -> Tension:
     """Contact forces and tensions of a recording with the library's defaults.
 
-    `known`: forces that act as they were measured; `shared`: forces known for several sites together; `ready`:
-    activations to take instead.
+    `known`: forces that act as they were measured; `shared`: forces known for several sites
+    together; `ready`: activations to take instead.
     """
     task = ContactTask(
-        hidden.sites,
-        ready or hidden.activations,
-        shared,
-        ContactOptions(formulation=formulation),
-        preferred_directions(hidden.model, hidden.motion, hidden.sites),
+        sites=hidden.sites,
+        activations=ready or hidden.activations,
+        measured=shared,
+        options=ContactOptions(formulation=formulation),
+        preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites),
     )
     torques = mm.inverse_dynamics(hidden.model, hidden.motion, known)
     return mm.solve_tension(hidden.model, hidden.motion, torques, contacts=task)
 
 
 def feet_of(hidden: Hidden) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Side, measured force (frames, 3) and moment about the ground's origin of each foot that plates carried."""
+    """Side, measured force (frames, 3) and moment about the ground's origin of each foot that
+    plates carried.
+    """
     moments = hidden.measured.torques + np.cross(hidden.measured.points, hidden.measured.forces)
     for side, body in (("right", "calcn_r"), ("left", "calcn_l")):
         mine = [k for k, one in enumerate(hidden.measured.bodies) if one == body]
-        force, moment = hidden.measured.forces[:, mine].sum(axis=1), moments[:, mine].sum(axis=1)
+        force = hidden.measured.forces[:, mine].sum(axis=1)
+        moment = moments[:, mine].sum(axis=1)
         if (force[hidden.use, 1] > 0.05 * hidden.weight).sum() > 5:
             yield side, force, moment
 

@@ -1,10 +1,14 @@
-"""How large the house is: lines by room, words of documentation, names that do not say what they hold.
+"""How large the house is: lines by room, words of documentation, names that do not say what they
+hold.
 
 - lines: of the Python files under `src` by room, under `tests` and under `benchmarks`;
-- words: of Markdown, as `str.split` counts them: README, CHANGELOG, CONTRIBUTING and `docs`, references apart;
-- vague: of 1,000 names that are bound (assigned, or parameters) in a room, how many are one of `VAGUE`.
+- words: of Markdown, as `str.split` counts them: README, CHANGELOG, CONTRIBUTING and `docs`,
+    references apart;
+- vague: of 1,000 names that are bound (assigned, or parameters) in a room, how many are one of
+    `VAGUE`.
 
-`python -m benchmarks house [--before REVISION]`: the files of the checkout, beside those that git holds for a revision.
+`python -m benchmarks house [--before REVISION]`: the files of the checkout, beside those that git
+holds for a revision.
 """
 
 from __future__ import annotations
@@ -38,7 +42,9 @@ def checkout_texts(root: Path) -> Iterator[tuple[str, str]]:
 
 def revision_texts(root: Path, revision: str) -> Iterator[tuple[str, str]]:
     """Paths and texts of the Python and Markdown files that git holds for a revision."""
-    archive = subprocess.run(["git", "archive", revision], cwd=root, capture_output=True, check=True).stdout
+    archive = subprocess.run(
+        ["git", "archive", revision], cwd=root, capture_output=True, check=True
+    ).stdout
     with tarfile.open(fileobj=io.BytesIO(archive)) as files:
         for member in files:
             if member.isfile() and member.name.endswith((".py", ".md")):
@@ -46,8 +52,13 @@ def revision_texts(root: Path, revision: str) -> Iterator[tuple[str, str]]:
 
 
 def count(texts: Iterable[tuple[str, str]]) -> list[Row]:
-    """Rows `what, where, number`: lines by room, words of Markdown, and vague names of 1,000 by room."""
-    lines, words, names, vague = Counter(), Counter(), Counter(), Counter()
+    """Rows `what, where, number`: lines by room, words of Markdown, and vague names of 1,000 by
+    room.
+    """
+    lines = Counter()
+    words = Counter()
+    names = Counter()
+    vague = Counter()
     for path, text in texts:
         if path.endswith(".md"):
             words[_kind(path)] += len(text.split())
@@ -92,7 +103,9 @@ def bound_names(tree: ast.AST) -> Iterator[str]:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
-    parser.add_argument("--before", default="", metavar="REVISION", help="a git revision to compare with")
+    parser.add_argument(
+        "--before", default="", metavar="REVISION", help="a git revision to compare with"
+    )
 
 
 def run(before: str = "") -> list[Row]:
@@ -102,10 +115,16 @@ def run(before: str = "") -> list[Row]:
 
 
 def _beside(before: list[Row], now: list[Row]) -> list[Row]:
-    old, new = ({(row["what"], row["where"]): row["number"] for row in rows} for rows in (before, now))
+    old = {(row["what"], row["where"]): row["number"] for row in before}
+    new = {(row["what"], row["where"]): row["number"] for row in now}
     kinds = list(dict.fromkeys(row["what"] for row in now))
     keys = sorted(old.keys() | new.keys(), key=lambda key: (kinds.index(key[0]), key[1]))
     return [
-        {"what": what, "where": where, "before": old.get((what, where), 0), "number": new.get((what, where), 0)}
+        {
+            "what": what,
+            "where": where,
+            "before": old.get((what, where), 0),
+            "number": new.get((what, where), 0),
+        }
         for what, where in keys
     ]

@@ -1,7 +1,9 @@
-"""Ways to match two bones point by point, from the same start: errors along the surface, distance to it, seconds.
+"""Ways to match two bones point by point, from the same start: errors along the surface, distance
+to it, seconds.
 
-Bones are those of the persons of LLP26, whose correspondence is the truth as far as their fitted meshes are, and real
-bones of `myo-sim` in a made smooth deformation, whose truth is exact. Each way's points are put on the surface after.
+Bones are those of the persons of LLP26, whose correspondence is the truth as far as their fitted
+meshes are, and real bones of `myo-sim` in a made smooth deformation, whose truth is exact. Each
+way's points are put on the surface after.
 """
 
 from __future__ import annotations
@@ -52,7 +54,11 @@ def persons() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
     for bone in ("femur", "tibia"):
         shapes = leg_shapes()[bone]
         for i, j in PAIRS:
-            yield mm.Surface(shapes.nodes[i], shapes.faces), mm.Surface(shapes.nodes[j], shapes.faces), shapes.nodes[j]
+            yield (
+                mm.Surface(shapes.nodes[i], shapes.faces),
+                mm.Surface(shapes.nodes[j], shapes.faces),
+                shapes.nodes[j],
+            )
 
 
 def made() -> Iterator[tuple[mm.Surface, mm.Surface, np.ndarray]]:
@@ -73,15 +79,22 @@ def ways() -> dict[str, Way]:
         "smooth displacement, point to plane": lambda ours, goal, start: (
             fit_smoothly(ours, goal, AffineMap.from_similarity(start), None, options).apply
         ),
-        "trimesh nricp_amberg": lambda ours, goal, start: _trimesh("nricp_amberg", ours, goal, start),
-        "trimesh nricp_sumner": lambda ours, goal, start: _trimesh("nricp_sumner", ours, goal, start),
+        "trimesh nricp_amberg": lambda ours, goal, start: _trimesh(
+            "nricp_amberg", ours, goal, start
+        ),
+        "trimesh nricp_sumner": lambda ours, goal, start: _trimesh(
+            "nricp_sumner", ours, goal, start
+        ),
     }
 
 
-def judged(way: Way, source: mm.Surface, target: mm.Surface, truth: np.ndarray) -> tuple[float, float, float]:
+def judged(
+    way: Way, source: mm.Surface, target: mm.Surface, truth: np.ndarray
+) -> tuple[float, float, float]:
     """Errors along the surface and distance before it [mm], seconds of the processor."""
     size = 1.0 / float(np.ptp(source.vertices, axis=0).max())
-    ours, goal = (Shape(mm.Surface(size * one.vertices, one.faces)) for one in (source, target))
+    ours = Shape(mm.Surface(size * source.vertices, source.faces))
+    goal = Shape(mm.Surface(size * target.vertices, target.faces))
     start = procrustes(ours.vertices, size * truth, scale=True)
     began = time.process_time()
     moved = way(ours, goal, start)(ours.vertices)
@@ -91,7 +104,9 @@ def judged(way: Way, source: mm.Surface, target: mm.Surface, truth: np.ndarray) 
     return 1e3 * errors(on / size, truth, target)[1], 1e3 * left / size, seconds
 
 
-def _trimesh(name: str, ours: Shape, goal: Shape, start: Similarity) -> Callable[[np.ndarray], np.ndarray]:
+def _trimesh(
+    name: str, ours: Shape, goal: Shape, start: Similarity
+) -> Callable[[np.ndarray], np.ndarray]:
     mesh = trimesh.Trimesh(start.apply(ours.vertices), ours.faces, process=False)
     points = spread_points(goal, POINTS)
     found = getattr(trimesh.registration, name)(mesh, points, use_faces=False)

@@ -1,4 +1,6 @@
-"""The morphed mouse on recordings of mice: a man's leg muscles on both sides of it, with its marker tables."""
+"""The morphed mouse on recordings of mice: a man's leg muscles on both sides of it, with its marker
+tables.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,11 @@ from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.arrays import Array
 from myomorph.model.findings import repaired
 from myomorph.morph.mirror.model import with_other_muscles
-from myomorph.morph.species.masses import with_markers_of, with_possible_inertias, with_segment_shares
+from myomorph.morph.species.masses import (
+    with_markers_of,
+    with_possible_inertias,
+    with_segment_shares,
+)
 from myomorph.motion.calibration import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
@@ -45,11 +51,14 @@ KNEE = 0.1
 """Weight of the markers over the knees, on loose skin."""
 
 NEAR = 0.006
-"""A center of pressure so near to the toes' joint that a forepaw 40 mm ahead can bear at most an eighth of the force,
-wherever it is [m]."""
+"""A center of pressure so near to the toes' joint that a forepaw 40 mm ahead can bear at most an
+eighth of the force, wherever it is [m].
+"""
 
 COMPARED = ("iliacus", "recfem", "vaslat", "bflh", "semiten", "tibant", "gasmed", "soleus")
-"""Muscles whose lengths are compared: flexors and extensors of hip, knee and ankle, without their side."""
+"""Muscles whose lengths are compared: flexors and extensors of hip, knee and ankle, without their
+side.
+"""
 
 FULL = 0.99
 """A muscle is fully active above."""
@@ -61,7 +70,8 @@ JOINTS = ("Hip_flexion", "Hip_adduction", "Hip_rotation", "Knee_flexion", "Ankle
 class Followed:
     """A recording on the morphed mouse, calibrated to it.
 
-    `trial`: in the model's ground; `used`: its markers in crossings; `seen`: (frames,) in which any is used.
+    `trial`: in the model's ground; `used`: its markers in crossings; `seen`: (frames,) in which any
+    is used.
     """
 
     name: str
@@ -107,12 +117,18 @@ def whole_mouse(folder: Path) -> mm.Model:
 def with_arms(folder: Path, legs: mm.Model) -> mm.Model:
     """The same mouse with both arms' muscles too."""
     arms, _ = with_other_muscles(from_arm(folder, "SSD").model, "x")
-    return replace(legs, muscles=(*legs.muscles, *arms.muscles), wrap_objects=(*legs.wrap_objects, *arms.wrap_objects))
+    return replace(
+        legs,
+        muscles=(*legs.muscles, *arms.muscles),
+        wrap_objects=(*legs.wrap_objects, *arms.wrap_objects),
+    )
 
 
 @lru_cache(maxsize=8)
 def followed(folder: Path, path: Path) -> Followed:
-    """A recording through calibration and inverse kinematics, markers checked as the commands check them."""
+    """A recording through calibration and inverse kinematics, markers checked as the commands check
+    them.
+    """
     table = "mouse-treadmill" if path == folder / TREADMILL else "mouse-gait"
     model, _ = with_markers_of(whole_mouse(folder), read_species("human-mouse").markers, table)
     trial = fitted_to(model, mm.read_recording(path))
@@ -122,9 +138,15 @@ def followed(folder: Path, path: Path) -> Followed:
     weights = {name: KNEE for name in model.marker_names if "knee" in name.lower()}
     options = mm.CalibrationOptions(marker_weights=weights, mass=MASS)
     found = mm.calibrate(model, [used], options, path_lengths=default_path_lengths)
-    fit = checked_kinematics(found.model, used, mm.InverseKinematicsOptions(marker_weights=weights)).fit
-    name = "treadmill" if table == "mouse-treadmill" else path.stem.split("_trial")[0].removeprefix("Cage6_")
-    return Followed(name, trial, used, found, fit)
+    fit = checked_kinematics(
+        found.model, used, mm.InverseKinematicsOptions(marker_weights=weights)
+    ).fit
+    name = (
+        "treadmill"
+        if table == "mouse-treadmill"
+        else path.stem.split("_trial")[0].removeprefix("Cage6_")
+    )
+    return Followed(name=name, trial=trial, used=used, calibration=found, fit=fit)
 
 
 def recordings(folder: Path) -> tuple[Path, ...]:
@@ -145,35 +167,50 @@ def lengths_of(one: Followed) -> LengthAnalysis | None:
 
 
 def stride_units(one: Followed) -> tuple[Animal, ...]:
-    """Each whole stride as a unit of a comparison, in the order of time: excursions and lengths of its limb's muscles.
+    """Each whole stride as a unit of a comparison, in the order of time: excursions and lengths of
+    its limb's muscles.
 
-    What such units tell is whether two animals differ in these recordings, not whether two kinds of animals do.
+    What such units tell is whether two animals differ in these recordings, not whether two kinds of
+    animals do.
     """
     found = lengths_of(one)
     units: list[tuple[float, Animal]] = []
     if found is None:
         return ()
     for limb, strides in found.strides.items():
-        columns = [k for k, owner in enumerate(found.limbs) if owner == limb and found.muscles[k][:-2] in COMPARED]
+        columns = [
+            k
+            for k, owner in enumerate(found.limbs)
+            if owner == limb and found.muscles[k][:-2] in COMPARED
+        ]
         names = tuple(found.muscles[k][:-2] for k in columns)
-        curves = np.stack([found.curves(found.muscles[k]) / found.fiber[k] for k in columns], axis=2)
+        curves = np.stack(
+            [found.curves(found.muscles[k]) / found.fiber[k] for k in columns], axis=2
+        )
         for number, (stride, lengths) in enumerate(zip(strides, curves, strict=True)):
             if not np.isfinite(lengths).all():
                 continue
             excursions = np.ptp(lengths, axis=0)
             scalars = {f"{name} excursion": excursions[k : k + 1] for k, name in enumerate(names)}
             scalars["stride duration"] = np.array([stride.duration])
-            own = Animal(f"{one.name} {limb} {number}", scalars, {"length": Cycles(names, lengths[None])}, 1)
+            own = Animal(
+                name=f"{one.name} {limb} {number}",
+                scalars=scalars,
+                curves={"length": Cycles(names, lengths[None])},
+                strides=1,
+            )
             units.append((stride.start, own))
     return tuple(own for _, own in sorted(units, key=lambda unit: unit[0]))
 
 
 def whole_animal(name: str, strides: tuple[Animal, ...]) -> Animal:
     """Strides of one animal as that animal."""
-    scalars = {key: np.concatenate([one.scalars[key] for one in strides]) for key in strides[0].scalars}
+    scalars = {
+        key: np.concatenate([one.scalars[key] for one in strides]) for key in strides[0].scalars
+    }
     cycles = [one.curves["length"] for one in strides]
     lengths = Cycles(cycles[0].names, np.concatenate([one.values for one in cycles]))
-    return Animal(name, scalars, {"length": lengths}, len(strides))
+    return Animal(name=name, scalars=scalars, curves={"length": lengths}, strides=len(strides))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +232,9 @@ class OnOnePaw:
     def acceleration(self, joint: str) -> Array:
         """(frames,) of a joint's coordinate [rad/s²]."""
         assert self.motion.accelerations is not None
-        return np.asarray(self.motion.accelerations[:, self.motion.names.index(self.coordinate(joint))])
+        return np.asarray(
+            self.motion.accelerations[:, self.motion.names.index(self.coordinate(joint))]
+        )
 
     def shares(self) -> dict[str, float]:
         """Root mean square of the reserve over that of the torque, by joint."""
@@ -216,16 +255,24 @@ class OnOnePaw:
     @property
     def worst(self) -> int:
         """Frame of the largest reserves."""
-        names = [self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}") for joint in JOINTS]
+        names = [
+            self.tension.reserve_names.index(f"reserve_{self.coordinate(joint)}")
+            for joint in JOINTS
+        ]
         return int(np.argmax(np.linalg.norm(self.tension.reserves[:, names], axis=1)))
 
     def full(self, model: mm.Model) -> tuple[str, ...]:
-        """Muscles of that leg that are fully active where reserves are largest, with their normalized fiber lengths."""
+        """Muscles of that leg that are fully active where reserves are largest, with their
+        normalized fiber lengths.
+        """
         pose = part_of(self.motion, np.array([self.worst]))
         lengths = mm.muscle_kinematics(model, pose, moment_arms=False, velocities=False).lengths[0]
         found = []
         for k, muscle in enumerate(model.muscles):
-            if muscle.name.endswith(f"_{self.side.lower()}") and self.tension.activations[self.worst, k] > FULL:
+            if (
+                muscle.name.endswith(f"_{self.side.lower()}")
+                and self.tension.activations[self.worst, k] > FULL
+            ):
                 fiber = (lengths[k] - muscle.tendon_slack_length) / muscle.optimal_fiber_length
                 found.append(f"{muscle.name} ({fiber:.2f})")
         return tuple(found)
@@ -248,12 +295,18 @@ def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
     """
     if not one.trial.plates:
         return None
-    model, motion, plate = one.model, one.motion, one.trial.plates[0]
+    model = one.model
+    motion = one.motion
+    plate = one.trial.plates[0]
     wrenches = wrenches_from_plates(one.trial.plates, one.trial.plate_time, motion.time)
     flat = np.abs(model.up) < 0.5
-    low, high = plate.corners.min(axis=0)[flat], plate.corners.max(axis=0)[flat]
+    low = plate.corners.min(axis=0)[flat]
+    high = plate.corners.max(axis=0)[flat]
     known = np.isfinite(motion.values).all(axis=1)
-    paws = {side: place_of(model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0])) for side in "RL"}
+    paws = {
+        side: place_of(model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0]))
+        for side in "RL"
+    }
     shoulders = [place_of(model, motion, f"mouse__{side}Scapula", np.zeros(3)) for side in "RL"]
 
     def over(places: Array) -> NDArray[np.bool_]:
@@ -274,9 +327,14 @@ def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
     side, frames = best
     part = part_of(motion, frames)
     loads = mm.Wrenches(
-        part.time, wrenches.names, (f"mouse__{side}Tarsus",), wrenches.forces[frames],
+        part.time,
+        wrenches.names,
+        (f"mouse__{side}Tarsus",),
+        wrenches.forces[frames],
         paws[side][frames, None] if at_toes else wrenches.points[frames],
         wrenches.torques[frames],
-    )  # fmt: skip
+    )
     torques = mm.inverse_dynamics(model, part, loads)
-    return OnOnePaw(side, part, torques, mm.solve_tension(model, part, torques))
+    return OnOnePaw(
+        side=side, motion=part, torques=torques, tension=mm.solve_tension(model, part, torques)
+    )

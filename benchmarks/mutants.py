@@ -1,9 +1,11 @@
-"""Mutation run: how many small wrong changes of the science rooms their own tests notice, with cosmic-ray.
+"""Mutation run: how many small wrong changes of the science rooms their own tests notice, with
+cosmic-ray.
 
-`python -m benchmarks mutants [--count N] [--seed S] [--rooms morph ...] [--work FOLDER] [--save]`. A mutant is a change
-of one line in a copy of the tree; the tests of its room that import the module run, nearest first, within `--budget`
-seconds. FOLDER keeps what a stopped run goes on from. An hour for forty; not for Windows; extra `mutants`.
-Not drawn: constants, defaults, annotations, decorators, texts, what is raised or asserted, and `<` to `<=`.
+`python -m benchmarks mutants [--count N] [--seed S] [--rooms morph ...] [--work FOLDER] [--save]`.
+A mutant is a change of one line in a copy of the tree; the tests of its room that import the module
+run, nearest first, within `--budget` seconds. FOLDER keeps what a stopped run goes on from. An hour
+for forty; not for Windows; extra `mutants`. Not drawn: constants, defaults, annotations,
+decorators, texts, what is raised or asserted, and `<` to `<=`.
 """
 
 from __future__ import annotations
@@ -35,20 +37,44 @@ from data_collection import data_folder
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
 KINDS = {
-    "sign": ("ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add", "ReplaceUnaryOperator_USub_UAdd"),
+    "sign": (
+        "ReplaceBinaryOperator_Add_Sub",
+        "ReplaceBinaryOperator_Sub_Add",
+        "ReplaceUnaryOperator_USub_UAdd",
+    ),
     "factor": ("ReplaceBinaryOperator_Mul_Div", "ReplaceBinaryOperator_Div_Mul"),
     "comparison": tuple(
         f"ReplaceComparisonOperator_{pair}"
-        for pair in ("Lt_GtE", "GtE_Lt", "Gt_LtE", "LtE_Gt", "Eq_NotEq", "NotEq_Eq", "Is_IsNot", "IsNot_Is")
+        for pair in (
+            "Lt_GtE",
+            "GtE_Lt",
+            "Gt_LtE",
+            "LtE_Gt",
+            "Eq_NotEq",
+            "NotEq_Eq",
+            "Is_IsNot",
+            "IsNot_Is",
+        )
     ),
     "number": ("NumberReplacer",),
     "and/or": ("ReplaceAndWithOr", "ReplaceOrWithAnd"),
     "loop": ("ZeroIterationForLoop", "ReplaceBreakWithContinue", "ReplaceContinueWithBreak"),
 }
 PASSED_OVER = {"raise_stmt", "assert_stmt", "fstring", "param", "decorator", "annassign", "lambdef"}
-COPIED = ("src", "tests", "benchmarks", "docs", "docs_build", "pyproject.toml", "README.md", "mkdocs.yml")
+COPIED = (
+    "src",
+    "tests",
+    "benchmarks",
+    "docs",
+    "docs_build",
+    "pyproject.toml",
+    "README.md",
+    "mkdocs.yml",
+)
 PATIENCE = 240
-"""A mutant whose tests take so much longer than without it, kernels that are compiled anew included, hangs [s]."""
+"""A mutant whose tests take so much longer than without it, kernels that are compiled anew
+included, hangs [s].
+"""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -56,11 +82,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS), metavar="ROOM")
     parser.add_argument("--count", type=int, default=40, help="mutants of all rooms together")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests for a mutant, nearest first")
-    parser.add_argument("--work", type=Path, help="folder of the copy and of the session, else one of the seed")
+    parser.add_argument(
+        "--budget", type=float, default=60.0, help="seconds of tests for a mutant, nearest first"
+    )
+    parser.add_argument(
+        "--work", type=Path, help="folder of the copy and of the session, else one of the seed"
+    )
 
 
-def run(rooms: list[str], count: int, seed: int, budget: float, work: Path | None = None) -> list[dict[str, object]]:
+def run(
+    rooms: list[str], count: int, seed: int, budget: float, work: Path | None = None
+) -> list[dict[str, object]]:
     """One row a mutant, and one for all."""
     work = (work or Path(tempfile.gettempdir(), f"myomorph-mutants-{seed}")).resolve()
     tree = work / "tree"
@@ -76,24 +108,36 @@ def run(rooms: list[str], count: int, seed: int, budget: float, work: Path | Non
         graph = grimp.build_graph("myomorph", cache_dir=None)
         for item in list(session.pending_work_items):
             session.set_result(item.job_id, noticed(graph, item, budget, work))
-            print(f"{len(list(session.completed_work_items))} of {count}", file=sys.stderr, flush=True)
+            print(
+                f"{len(list(session.completed_work_items))} of {count}", file=sys.stderr, flush=True
+            )
         rows = [_row(item, result) for item, result in session.completed_work_items]
     killed = sum(row["noticed by"] != "" for row in rows)
-    return [*rows, {"file": "all", "kind": f"{len(rows)} mutants", "noticed by": f"{killed} noticed"}]
+    return [
+        *rows,
+        {"file": "all", "kind": f"{len(rows)} mutants", "noticed by": f"{killed} noticed"},
+    ]
 
 
 def sample(rooms: list[str], count: int, seed: int) -> Iterator[WorkItem]:
-    """Random mutants of rooms of the tree stood in: first the kind, then the place; no two on one line."""
+    """Random mutants of rooms of the tree stood in: first the kind, then the place; no two on one
+    line.
+    """
     sites: dict[str, list[MutationSpec]] = {kind: [] for kind in KINDS}
     for path in sorted(path for room in rooms for path in Path("src/myomorph", room).rglob("*.py")):
         nodes = list(ast_nodes(get_ast_from_path(path)))
         for kind, operators in KINDS.items():
             for operator in (f"core/{name}" for name in operators):
-                places = ((node, *at) for node in nodes for at in get_operator(operator)().mutation_positions(node))
+                places = (
+                    (node, *at)
+                    for node in nodes
+                    for at in get_operator(operator)().mutation_positions(node)
+                )
                 for occurrence, (node, start, end) in enumerate(places):
                     if _is_drawn(node):
                         sites[kind].append(MutationSpec(path, operator, occurrence, start, end, {}))
-    chance, lines = random.Random(seed), set()
+    chance = random.Random(seed)
+    lines = set()
     for specs in sites.values():
         chance.shuffle(specs)
     while len(lines) < count:
@@ -112,8 +156,11 @@ def _is_drawn(node: object) -> bool:
 
 
 def noticed(graph: grimp.ImportGraph, item: WorkItem, budget: float, work: Path) -> WorkResult:
-    """What the first test file says that notices a mutant, or the last of those that the budget allows."""
-    result, used = WorkResult(WorkerOutcome.NO_TEST, "", TestOutcome.SURVIVED, ""), 0.0
+    """What the first test file says that notices a mutant, or the last of those that the budget
+    allows.
+    """
+    result = WorkResult(WorkerOutcome.NO_TEST, "", TestOutcome.SURVIVED, "")
+    used = 0.0
     shutil.rmtree(changed := work / "changed", ignore_errors=True)
     for file in nearest_tests(graph, item.mutations[0].module_path):
         seconds = usual_seconds(file, work)
@@ -134,8 +181,11 @@ def _link(kernel: str, place: str) -> None:
 
 
 def nearest_tests(graph: grimp.ImportGraph, path: Path) -> list[str]:
-    """Test files of a module's room that lead to it: those of its name, then by the imports between."""
-    module, steps = ".".join(path.relative_to("src").with_suffix("").parts).removesuffix(".__init__"), {}
+    """Test files of a module's room that lead to it: those of its name, then by the imports
+    between.
+    """
+    module = ".".join(path.relative_to("src").with_suffix("").parts).removesuffix(".__init__")
+    steps = {}
     for file in sorted(Path("tests", path.parts[2]).rglob("test_*.py")):
         names = _imported(file, graph.modules)
         chains = [graph.find_shortest_chain(name, module) or () for name in names - {module}]
@@ -145,7 +195,9 @@ def nearest_tests(graph: grimp.ImportGraph, path: Path) -> list[str]:
 
 
 def usual_seconds(file: str, work: Path) -> float | None:
-    """Processor seconds of a test file without a change, its kernels compiled; None where it fails so."""
+    """Processor seconds of a test file without a change, its kernels compiled; None where it fails
+    so.
+    """
     store = work / "seconds.json"
     known = json.loads(store.read_text()) if store.exists() else {}
     if file not in known:
@@ -153,7 +205,9 @@ def usual_seconds(file: str, work: Path) -> float | None:
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         outcome, _ = run_tests(pytest_of(file), 10 * PATIENCE)
         taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
-        store.write_text(json.dumps(known | {file: taken if outcome == TestOutcome.SURVIVED else None}))
+        store.write_text(
+            json.dumps(known | {file: taken if outcome == TestOutcome.SURVIVED else None})
+        )
         return usual_seconds(file, work)
     return known[file]
 
@@ -174,12 +228,22 @@ def pytest_of(file: str) -> str:
 
 def _row(item: WorkItem, result: object) -> dict[str, object]:
     spec = item.mutations[0]
-    lines = [line for line in result.diff.splitlines() if line[:1] in "+-" and line[:3] not in ("---", "+++")]
-    failed = [line for line in result.output.splitlines() if line.startswith(("FAILED", "ERROR", "timeout"))]
+    lines = [
+        line
+        for line in result.diff.splitlines()
+        if line[:1] in "+-" and line[:3] not in ("---", "+++")
+    ]
+    failed = [
+        line
+        for line in result.output.splitlines()
+        if line.startswith(("FAILED", "ERROR", "timeout"))
+    ]
     killed = result.test_outcome == TestOutcome.KILLED
     return {
         "file": f"{spec.module_path}:{spec.start_pos[0]}",
         "kind": spec.operator_name.removeprefix("core/"),
         "change": "  ->  ".join(line[1:].strip() for line in lines),
-        "noticed by": (failed or ["it does not run"])[0].split(" - ")[0].removeprefix("FAILED ") if killed else "",
+        "noticed by": (failed or ["it does not run"])[0].split(" - ")[0].removeprefix("FAILED ")
+        if killed
+        else "",
     }

@@ -1,4 +1,6 @@
-"""OpenSim's own fiber dynamics, integrated under given activations and path lengths, each muscle on a slider."""
+"""OpenSim's own fiber dynamics, integrated under given activations and path lengths, each muscle on
+a slider.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ STATES = ("fiber_length", "normalized_tendon_force")
 class SliderMuscles:
     """The muscles of a model on sliders.
 
-    `forces_state`: (muscles,) whether a muscle's state is its normalized tendon force, rather than its fiber length.
+    `forces_state`: (muscles,) whether a muscle's state is its normalized tendon force, rather than
+    its fiber length.
     """
 
     def __init__(self, model_path: Path, muscles: tuple[str, ...]):
@@ -27,7 +30,9 @@ class SliderMuscles:
         self._source = opensim.Model(str(model_path))
         self._model = opensim.Model()
         self._model.setGravity(opensim.Vec3(0.0))
-        self._joints, self._muscles, self._names = [], [], muscles
+        self._joints = []
+        self._muscles = []
+        self._names = muscles
         for name in muscles:
             self._add(name)
         self._state = self._model.initSystem()
@@ -53,9 +58,12 @@ class SliderMuscles:
         every = [names.get(k) for k in range(names.getSize())]
         return next(one for one in every for ending in STATES if one.endswith(f"/{name}/{ending}"))
 
-    def rates(self, lengths: Array, speeds: Array, activations: Array, states: Array) -> tuple[Array, Array]:
+    def rates(
+        self, lengths: Array, speeds: Array, activations: Array, states: Array
+    ) -> tuple[Array, Array]:
         """Derivatives of the states, and tendon forces [N] (muscles,)."""
-        state, model = self._state, self._model
+        state = self._state
+        model = self._model
         for k, muscle in enumerate(self._muscles):
             self._coordinates[k].setValue(state, float(lengths[k]), False)
             self._coordinates[k].setSpeedValue(state, float(speeds[k]))
@@ -67,12 +75,18 @@ class SliderMuscles:
 
 
 def forward_forces(
-    sliders: SliderMuscles, time: Array, lengths: Array, speeds: Array, activations: Array, start: Array
+    sliders: SliderMuscles,
+    time: Array,
+    lengths: Array,
+    speeds: Array,
+    activations: Array,
+    start: Array,
 ) -> Array:
-    """Tendon forces (frames, muscles) [N] that OpenSim's muscles give from their states `start` at the first frame.
+    """Tendon forces (frames, muscles) [N] that OpenSim's muscles give from their states `start` at
+    the first frame.
 
-    `lengths`, `speeds`: (frames, muscles) of the paths [m], [m/s], cubic between frames; `activations`: (frames - 1,
-    muscles) in the middle between frames, straight between them.
+    `lengths`, `speeds`: (frames, muscles) of the paths [m], [m/s], cubic between frames;
+    `activations`: (frames - 1, muscles) in the middle between frames, straight between them.
     """
     length = CubicHermiteSpline(time, lengths, speeds)
     clock = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
@@ -86,7 +100,16 @@ def forward_forces(
 
     # A muscle's state does not know of the others': the Jacobian is diagonal.
     found = solve_ivp(
-        rates, (time[0], time[-1]), start, "LSODA", time, rtol=1e-7, atol=1e-8, lband=0, uband=0, max_step=0.01
+        rates,
+        (time[0], time[-1]),
+        start,
+        "LSODA",
+        time,
+        rtol=1e-7,
+        atol=1e-8,
+        lband=0,
+        uband=0,
+        max_step=0.01,
     )
     at = zip(lengths, speeds, activation(time), found.y.T, strict=True)
     return np.array([sliders.rates(*one)[1] for one in at])

@@ -1,7 +1,9 @@
-"""OpenSim's MocoInverse on elastic tendons, for the same muscles, motion and loads as ours, with fitted paths.
+"""OpenSim's MocoInverse on elastic tendons, for the same muscles, motion and loads as ours, with
+fitted paths.
 
-It takes many minutes, so what it found is kept in a folder outside the repository (the environment variable
-`MYOMORPH_MOCO_RESULTS`, else a folder in the system's temporary one) and read from there by later calls.
+It takes many minutes, so what it found is kept in a folder outside the repository (the environment
+variable `MYOMORPH_MOCO_RESULTS`, else a folder in the system's temporary one) and read from there
+by later calls.
 """
 
 from __future__ import annotations
@@ -19,12 +21,16 @@ import opensim
 from myomorph.model.arrays import Array
 
 WELDED = ("subtalar_r", "subtalar_l", "mtp_r", "mtp_l", "radius_hand_r", "radius_hand_l")
-"""Joints that OpenSim's own example welds; with them MocoInverse's first derivative is not a number."""
+"""Joints that OpenSim's own example welds; with them MocoInverse's first derivative is not a
+number.
+"""
 
-RESERVE, RESIDUAL = 1.0, 10.0
+RESERVE = 1.0
+RESIDUAL = 10.0
 """Optimal forces [N m], [N], as ours by default."""
 
-MESH, TOLERANCE = 0.02, 1e-3
+MESH = 0.02
+TOLERANCE = 1e-3
 """Mesh interval [s], and convergence and constraint tolerance of OpenSim's own examples."""
 
 
@@ -32,9 +38,10 @@ MESH, TOLERANCE = 0.02, 1e-3
 class MocoFound:
     """What MocoInverse found.
 
-    `activations`, `forces`: (times, muscles), the latter normalized tendon forces; `model`: file of the model that it
-    solved, but with paths around bones instead of the functions fitted to them, which Myomorph does not read;
-    `seconds`: of the solution alone; `success`: whether its solver converged.
+    `activations`, `forces`: (times, muscles), the latter normalized tendon forces; `model`: file of
+    the model that it solved, but with paths around bones instead of the functions fitted to them,
+    which Myomorph does not read; `seconds`: of the solution alone; `success`: whether its solver
+    converged.
     """
 
     time: Array
@@ -48,10 +55,11 @@ class MocoFound:
 
 
 def moco_inverse(folder: Path, start: float, end: float, dynamics: bool = False) -> MocoFound:
-    """Solve `rajagopal-walk-emg` from `start` to `end` [s] by MocoInverse, or read what was found before.
+    """Solve `rajagopal-walk-emg` from `start` to `end` [s] by MocoInverse, or read what was found
+    before.
 
-    `folder`: of the recording; `dynamics`: whether activations follow excitations; the cost is then that of
-    excitations.
+    `folder`: of the recording; `dynamics`: whether activations follow excitations; the cost is then
+    that of excitations.
     """
     kept = os.environ.get("MYOMORPH_MOCO_RESULTS")
     root = Path(kept) if kept else Path(tempfile.gettempdir()) / "myomorph-moco"
@@ -89,17 +97,31 @@ def _solve(folder: Path, place: Path, start: float, end: float, dynamics: bool) 
     muscles = [muscle.getName() for muscle in model.getMuscles()]
     kind = solution.getState if dynamics else solution.getControl
     ending = "/activation" if dynamics else ""
-    activations = np.column_stack([kind(f"/forceset/{name}{ending}").to_numpy() for name in muscles])
-    forces = np.column_stack(
-        [solution.getState(f"/forceset/{name}/normalized_tendon_force").to_numpy() for name in muscles]
+    activations = np.column_stack(
+        [kind(f"/forceset/{name}{ending}").to_numpy() for name in muscles]
     )
-    np.savez(place / "found.npz", time=solution.getTimeMat(), activations=activations, forces=forces)
-    facts = {"muscles": muscles, "seconds": seconds, "iterations": solution.getNumIterations(), "success": success}
+    forces = np.column_stack(
+        [
+            solution.getState(f"/forceset/{name}/normalized_tendon_force").to_numpy()
+            for name in muscles
+        ]
+    )
+    np.savez(
+        place / "found.npz", time=solution.getTimeMat(), activations=activations, forces=forces
+    )
+    facts = {
+        "muscles": muscles,
+        "seconds": seconds,
+        "iterations": solution.getNumIterations(),
+        "success": success,
+    }
     (place / "found.json").write_text(json.dumps(facts), encoding="utf-8")
 
 
 def _model(folder: Path, dynamics: bool, functions: bool = True) -> object:
-    """The recording's model with De Groote's muscles without passive force, as MocoInverse can solve it."""
+    """The recording's model with De Groote's muscles without passive force, as MocoInverse can
+    solve it.
+    """
     processor = opensim.ModelProcessor(str(folder / "subject_walk_scaled.osim"))
     welded = opensim.StdVectorString()
     for name in WELDED:

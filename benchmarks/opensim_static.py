@@ -1,4 +1,6 @@
-"""OpenSim's static optimization and joint reactions (AnalyzeTool) on our cases: forces, and the seconds they took."""
+"""OpenSim's static optimization and joint reactions (AnalyzeTool) on our cases: forces, and the
+seconds they took.
+"""
 
 from __future__ import annotations
 
@@ -72,8 +74,8 @@ def static_optimization(
 ) -> StaticResult:
     """Run AnalyzeTool with StaticOptimization on a coordinates file.
 
-    `cutoff`: low-pass filter of the coordinates [Hz], -1 for none; `interval`: frames between two solutions;
-    `tolerance`: its `optimizer_convergence_criterion`.
+    `cutoff`: low-pass filter of the coordinates [Hz], -1 for none; `interval`: frames between two
+    solutions; `tolerance`: its `optimizer_convergence_criterion`.
     """
     with tempfile.TemporaryDirectory() as folder:
         model = opensim.Model(str(model_path))
@@ -110,10 +112,14 @@ def static_optimization(
         began = time.perf_counter()
         tool.run()
         seconds = time.perf_counter() - began
-        clock, names, activations = read_table(Path(folder) / "so_StaticOptimization_activation.sto")
+        clock, names, activations = read_table(
+            Path(folder) / "so_StaticOptimization_activation.sto"
+        )
         _, force_names, forces = read_table(Path(folder) / "so_StaticOptimization_force.sto")
     columns = [force_names.index(name) for name in names]
-    return StaticResult(clock, names, activations, forces[:, columns], seconds)
+    return StaticResult(
+        time=clock, names=names, activations=activations, forces=forces[:, columns], seconds=seconds
+    )
 
 
 REACTION_SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="jr">
@@ -129,14 +135,20 @@ REACTION_SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><Analy
 
 
 def reaction_force(
-    model_path: Path, motion: Path, loads: Path, tensions: StaticResult, joint: str, cutoff: float = -1.0
+    model_path: Path,
+    motion: Path,
+    loads: Path,
+    tensions: StaticResult,
+    joint: str,
+    cutoff: float = -1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run AnalyzeTool with JointReaction on what the static optimization found.
 
     Returns times (frames,) [s] and the force on the joint's child in its axes (frames, 3) [N].
     """
     with tempfile.TemporaryDirectory() as folder:
-        forces, setup = Path(folder) / "forces.sto", Path(folder) / "setup.xml"
+        forces = Path(folder) / "forces.sto"
+        setup = Path(folder) / "setup.xml"
         mm.write_sto(mm.Table(tensions.time, tensions.names, tensions.forces), forces)
         setup.write_text(
             REACTION_SETUP.format(

@@ -46,9 +46,16 @@ def load(path: Path) -> opensim.Model:
 
 
 def inverse_kinematics(
-    model_path: Path, markers: Path, weights: dict[str, float], start: float, end: float, accuracy: float | None = None
+    model_path: Path,
+    markers: Path,
+    weights: dict[str, float],
+    start: float,
+    end: float,
+    accuracy: float | None = None,
 ) -> ToolResult:
-    """OpenSim's InverseKinematicsTool; degrees as it writes them; its own accuracy (1e-5) unless another is given."""
+    """OpenSim's InverseKinematicsTool; degrees as it writes them; its own accuracy (1e-5) unless
+    another is given.
+    """
     model = load(model_path)
     tool = opensim.InverseKinematicsTool()
     tool.setModel(model)
@@ -73,7 +80,9 @@ def inverse_kinematics(
         return ToolResult(*read_table(out), seconds)
 
 
-def inverse_dynamics(model_path: Path, motion: Path, loads: Path | None, start: float, end: float) -> ToolResult:
+def inverse_dynamics(
+    model_path: Path, motion: Path, loads: Path | None, start: float, end: float
+) -> ToolResult:
     """OpenSim's InverseDynamicsTool without a filter."""
     model = load(model_path)
     tool = opensim.InverseDynamicsTool()
@@ -117,7 +126,8 @@ def imu_placement(model_path: Path, placement: Path, base: tuple[str, str], plac
 def without_couplers(model_path: Path, out: Path) -> None:
     """The model with every coordinate that follows another locked at its default."""
     model = opensim.Model(str(model_path))
-    constraints, coordinates = model.updConstraintSet(), model.updCoordinateSet()
+    constraints = model.updConstraintSet()
+    coordinates = model.updCoordinateSet()
     for index in range(constraints.getSize()):
         coupler = opensim.CoordinateCouplerConstraint.safeDownCast(constraints.get(index))
         coordinates.get(coupler.getDependentCoordinateName()).set_locked(True)
@@ -126,7 +136,9 @@ def without_couplers(model_path: Path, out: Path) -> None:
     model.printToXML(str(out))
 
 
-def imu_inverse_kinematics(placed: Path, walking: Path, span: tuple[float, float], folder: Path) -> ToolResult:
+def imu_inverse_kinematics(
+    placed: Path, walking: Path, span: tuple[float, float], folder: Path
+) -> ToolResult:
     """Inverse kinematics of sensors that are frames of the model."""
     tool = opensim.IMUInverseKinematicsTool()
     tool.set_model_file(str(placed))

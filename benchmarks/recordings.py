@@ -1,4 +1,6 @@
-"""Recordings of the data collection by short names: `recordings.toml` names their files, this opens them."""
+"""Recordings of the data collection by short names: `recordings.toml` names their files, this opens
+them.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ from myomorph.io.trc import read_trc
 class Recording:
     """Files of a recording, below the data collection; "" for those that there are not.
 
-    `model`, `generic`: scaled to the subject, and not; `motion`: coordinates that somebody else found; `loads`:
-    external loads or a table of forces; `tasks`: weights of markers; `mass`: of the subject [kg].
+    `model`, `generic`: scaled to the subject, and not; `motion`: coordinates that somebody else
+    found; `loads`: external loads or a table of forces; `tasks`: weights of markers; `mass`: of the
+    subject [kg].
     """
 
     model: str
@@ -30,7 +33,9 @@ class Recording:
 
 RECORDINGS = {
     name: Recording(**files)
-    for name, files in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items()
+    for name, files in tomllib.loads(
+        Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    ).items()
 }
 
 
@@ -43,7 +48,9 @@ def read_markers(path: Path) -> mm.Markers:
 
 def read_torques(path: Path | None, model: mm.Model, motion: mm.Motion) -> mm.Series:
     """Generalized forces of a motion under the loads of a file, None for no loads."""
-    wrenches = None if path is None else mm.resample_wrenches(read_external_loads(path), motion.time)
+    wrenches = (
+        None if path is None else mm.resample_wrenches(read_external_loads(path), motion.time)
+    )
     return mm.inverse_dynamics(model, motion, wrenches)
 
 
@@ -72,12 +79,27 @@ class ForceCase:
 
 def _markers(name: str, recording: str, most_frames: int = 200) -> MarkerCase:
     files = RECORDINGS[recording]
-    return MarkerCase(name, files.model, files.markers, files.tasks, most_frames)
+    return MarkerCase(
+        name=name,
+        model=files.model,
+        markers=files.markers,
+        tasks=files.tasks,
+        most_frames=most_frames,
+    )
 
 
-def _forces(name: str, recording: str, end: float = 1e9, start: float = -1e9, loads: bool = True) -> ForceCase:
+def _forces(
+    name: str, recording: str, end: float = 1e9, start: float = -1e9, loads: bool = True
+) -> ForceCase:
     files = RECORDINGS[recording]
-    return ForceCase(name, files.model, files.motion, files.loads if loads else "", start, end)
+    return ForceCase(
+        name=name,
+        model=files.model,
+        motion=files.motion,
+        loads=files.loads if loads else "",
+        start=start,
+        end=end,
+    )
 
 
 MARKER_CASES = (

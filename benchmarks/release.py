@@ -1,8 +1,10 @@
-"""What a release needs: sdist and wheel build clean, hold what they should, and work where nothing else is installed.
+"""What a release needs: sdist and wheel build clean, hold what they should, and work where nothing
+else is installed.
 
-`python -m benchmarks.release [--python PROGRAM ...] [--without-demo]`, with `build` and `twine` installed
-(`pip install -e ".[release]"`). Every Python named gets a fresh environment with the wheel alone; the program is run in
-a folder outside of the checkout, whose name has blanks and accents.
+`python -m benchmarks.release [--python PROGRAM ...] [--without-demo]`, with `build` and `twine`
+installed (`pip install -e ".[release]"`). Every Python named gets a fresh environment with the
+wheel alone; the program is run in a folder outside of the checkout, whose name has blanks and
+accents.
 """
 
 from __future__ import annotations
@@ -23,7 +25,15 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 STUDY = Path(__file__).with_name("release_study")
 LEFT_BY_BUILD = {"PKG-INFO", ".gitignore"}
-NEEDED = ("Name", "Version", "Summary", "License-Expression", "License-File", "Requires-Python", "Classifier")
+NEEDED = (
+    "Name",
+    "Version",
+    "Summary",
+    "License-Expression",
+    "License-File",
+    "Requires-Python",
+    "Classifier",
+)
 LARGEST_WHEEL = 4 << 20
 """Bytes: a wheel that is larger holds what it should not."""
 
@@ -45,8 +55,13 @@ def checked(pythons: Sequence[str], demo: bool) -> Iterable[dict[str, object]]:
         said = _said([sys.executable, "-m", "build", "--outdir", str(dist), str(ROOT)], ROOT)
         if "warning" in said.lower():
             raise NotReady(f"the build warns:\n{said}")
-        (wheel,), (sdist,) = dist.glob("*.whl"), dist.glob("*.tar.gz")
-        yield _row("sdist and wheel", start, f"{sdist.stat().st_size >> 10} and {wheel.stat().st_size >> 10} KiB")
+        (wheel,) = dist.glob("*.whl")
+        (sdist,) = dist.glob("*.tar.gz")
+        yield _row(
+            "sdist and wheel",
+            start,
+            f"{sdist.stat().st_size >> 10} and {wheel.stat().st_size >> 10} KiB",
+        )
         start = time.monotonic()
         _said([sys.executable, "-m", "twine", "check", "--strict", str(wheel), str(sdist)], ROOT)
         yield _row("twine check --strict", start, "passed")
@@ -54,7 +69,12 @@ def checked(pythons: Sequence[str], demo: bool) -> Iterable[dict[str, object]]:
         yield _row("contents", start, _contents(wheel, sdist))
         for python in pythons:
             start = time.monotonic()
-            told = _installed(python, wheel, Path(folder) / f"with {Path(python).name} {time.monotonic_ns()}", demo)
+            told = _installed(
+                python,
+                wheel,
+                Path(folder) / f"with {Path(python).name} {time.monotonic_ns()}",
+                demo,
+            )
             yield _row(f"wheel alone, {told[0]}", start, told[1])
 
 
@@ -65,9 +85,14 @@ def _contents(wheel: Path, sdist: Path) -> str:
     with zipfile.ZipFile(wheel) as opened:
         held = {one for one in opened.namelist() if ".dist-info/" not in one}
         about = [one for one in opened.namelist() if ".dist-info/" in one]
-        metadata = email.message_from_bytes(opened.read(next(one for one in about if one.endswith("/METADATA"))))
+        metadata = email.message_from_bytes(
+            opened.read(next(one for one in about if one.endswith("/METADATA")))
+        )
     _equal("the wheel", held, package)
-    if not any(one.endswith("/licenses/LICENSE") for one in about) or "myomorph/py.typed" not in held:
+    if (
+        not any(one.endswith("/licenses/LICENSE") for one in about)
+        or "myomorph/py.typed" not in held
+    ):
         raise NotReady("the wheel lacks the license or py.typed")
     missing = [one for one in NEEDED if not metadata.get(one)]
     if missing or not metadata.get_payload():
@@ -77,13 +102,19 @@ def _contents(wheel: Path, sdist: Path) -> str:
     with tarfile.open(sdist) as archive:
         sources = {one.name.partition("/")[2] for one in archive.getmembers() if one.isfile()}
     _equal("the sdist", sources - LEFT_BY_BUILD, known - LEFT_BY_BUILD)
-    return f"{len(held)} files in the wheel, {len(sources)} in the sdist, none missing, none too many"
+    return (
+        f"{len(held)} files in the wheel, {len(sources)} in the sdist, none missing, none too many"
+    )
 
 
 def _equal(where: str, held: set[str], wanted: set[str]) -> None:
     if held != wanted:
-        missing, more = sorted(wanted - held), sorted(held - wanted)
-        raise NotReady(f"{where} lacks {missing[:9]} ({len(missing)}), and has {more[:9]} ({len(more)}) too many")
+        missing = sorted(wanted - held)
+        more = sorted(held - wanted)
+        raise NotReady(
+            f"{where} lacks {missing[:9]} ({len(missing)}), and has {more[:9]} ({len(more)}) too"
+            " many"
+        )
 
 
 def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str, str]:
@@ -92,9 +123,13 @@ def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str,
     _said([python, "-m", "venv", str(folder / "venv")], folder)
     programs = folder / "venv" / ("Scripts" if os.name == "nt" else "bin")
     own = str(programs / "python")
-    _said([own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)], folder)
+    _said(
+        [own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)], folder
+    )
     _said([own, "-m", "pip", "check"], folder)
-    version = _said([own, "-c", "import platform; print(platform.python_version())"], folder).strip()
+    version = _said(
+        [own, "-c", "import platform; print(platform.python_version())"], folder
+    ).strip()
     where = _said([own, "-c", "import myomorph; print(myomorph.__file__)"], folder)
     if "site-packages" not in where:
         raise NotReady(f"the package was taken from {where}")
@@ -104,8 +139,16 @@ def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str,
     _said([program, "--version"], folder)
     told = []
     for name, given, report in (
-        ("study", ["run", str(Path("étude à deux") / "study.toml"), "--out", "résultats 1"], "results.csv"),
-        ("study again", ["run", str(Path("étude à deux") / "study.toml"), "--out", "résultats 1"], "results.csv"),
+        (
+            "study",
+            ["run", str(Path("étude à deux") / "study.toml"), "--out", "résultats 1"],
+            "results.csv",
+        ),
+        (
+            "study again",
+            ["run", str(Path("étude à deux") / "study.toml"), "--out", "résultats 1"],
+            "results.csv",
+        ),
         *([("demo", ["demo", "--out", "the demo"], "report.html")] if demo else ()),
     ):
         start = time.monotonic()
@@ -118,13 +161,24 @@ def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str,
 
 def _said(command: Sequence[str], folder: Path) -> str:
     """What a program prints; `NotReady` where it fails."""
-    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("PYTHONPATH", "VIRTUAL_ENV")
+    }
     environment |= {"PYTHONIOENCODING": "utf-8", "PYTHONUTF8": "1"}
     ended = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, encoding="utf-8", errors="replace"
+        command,
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
     )
     if ended.returncode:
-        raise NotReady(f"{' '.join(command)} ended with {ended.returncode}:\n{ended.stdout}\n{ended.stderr}")
+        raise NotReady(
+            f"{' '.join(command)} ended with {ended.returncode}:\n{ended.stdout}\n{ended.stderr}"
+        )
     return ended.stdout
 
 
@@ -135,7 +189,9 @@ def _row(check: str, start: float, found: str) -> dict[str, object]:
 def main() -> None:
     """Check what the command line names."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.release", description=__doc__)
-    parser.add_argument("--python", action="append", help="to install the wheel into; else this one")
+    parser.add_argument(
+        "--python", action="append", help="to install the wheel into; else this one"
+    )
     parser.add_argument("--without-demo", action="store_true", help="run a small study alone")
     given = parser.parse_args()
     try:

@@ -1,7 +1,7 @@
 """Tables of results as CSV files under docs/results, and the log of the commands that wrote them.
 
-A table is named by its folder and file without the ending, as `validation/models`. The pages of the documentation show
-these files; nobody types them.
+A table is named by its folder and file without the ending, as `validation/models`. The pages of the
+documentation show these files; nobody types them.
 """
 
 from __future__ import annotations
@@ -40,9 +40,15 @@ def load(table: str) -> Table:
 
 
 def save(table: str, rows: Sequence[Mapping[str, object]], command: str) -> None:
-    """Write a table, its columns in the order in which rows name them, and log the command that made it."""
+    """Write a table, its columns in the order in which rows name them, and log the command that
+    made it.
+    """
     columns = dict.fromkeys(column for row in rows for column in row)
-    _write(table, list(columns), ({column: cell(row.get(column, "")) for column in columns} for row in rows))
+    _write(
+        table,
+        list(columns),
+        ({column: cell(row.get(column, "")) for column in columns} for row in rows),
+    )
     log = {row["table"]: row for row in load(LOG)} if path_of(LOG).is_file() else {}
     log[table] = {"table": table, "command": command, **provenance()}
     _write(LOG, LOG_COLUMNS, (log[name] for name in sorted(log)))
@@ -67,7 +73,9 @@ def cell(value: object) -> str:
 def provenance() -> dict[str, str]:
     """Date, commit ("+" behind it where the checkout differs from it) and machine of this run."""
     git = ["git", "-C", str(FOLDER.parent)]
-    commit = subprocess.run([*git, "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True, check=False)
+    commit = subprocess.run(
+        [*git, "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True, check=False
+    )
     sources = ["status", "--porcelain", "--", ":(top)src", ":(top)benchmarks"]
     changed = subprocess.run([*git, *sources], capture_output=True, text=True, check=False)
     machine = f"{os.cpu_count()} cores, {_processor()}, Python {platform.python_version()}"

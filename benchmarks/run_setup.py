@@ -19,7 +19,10 @@ def run_in_opensim(setup: Path, tool: str) -> str:
     if done.returncode < 0:
         return f"ends by signal {-done.returncode}"
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    return next((line for line in lines if line.startswith(("RuntimeError", "AttributeError"))), (lines or ["?"])[-1])
+    return next(
+        (line for line in lines if line.startswith(("RuntimeError", "AttributeError"))),
+        (lines or ["?"])[-1],
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """A man's leg, a mouse's skeleton, and the anatomist's muscles of the mouse laid on that skeleton.
 
-The anatomist's table has no bones: its frames are aligned by joints, each segment's joints and flexion axis on the
-skeleton's. Toes and pelvis take the directions of the frames and the size of the whole leg.
+The anatomist's table has no bones: its frames are aligned by joints, each segment's joints and
+flexion axis on the skeleton's. Toes and pelvis take the directions of the frames and the size of
+the whole leg.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import architectures
 from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
-from myomorph.morph.species.maps import SpeciesBones, coordinate_table, size_over, species_bones, species_morph
+from myomorph.morph.species.maps import (
+    SpeciesBones,
+    coordinate_table,
+    size_over,
+    species_bones,
+    species_morph,
+)
 from myomorph.morph.transfer.model import graft_muscles
 from myomorph.simulate.shoulder import arm_model
 from myomorph.study.subject.morph_files import source_bones
@@ -41,8 +48,9 @@ SEGMENTS = {
     "Foot_r": ("mouse__RTarsus", "Foot_r", "Toes_r"),
     "Toes_r": ("mouse__RBPhalange3", "Toes_r", ""),
 }
-"""By the anatomist's body: the skeleton's, and the bodies that hang on its proximal and distal joints. The lumbar
-bodies' muscles, of which two begin in front of the pelvis, are laid on it."""
+"""By the anatomist's body: the skeleton's, and the bodies that hang on its proximal and distal
+joints. The lumbar bodies' muscles, of which two begin in front of the pelvis, are laid on it.
+"""
 CHAIN = ("Thigh_r", "Leg_r", "Foot_r", "Toes_r")
 HANGING = {one: SEGMENTS[one][0] for one in CHAIN}
 COORDINATES = {
@@ -85,7 +93,9 @@ def mouse(data: Path) -> Bodies:
 
 
 def scaling_table(table: SpeciesTable) -> SpeciesTable:
-    """The same bones, scaled by their extents along the directions of the anatomy: with an affine map."""
+    """The same bones, scaled by their extents along the directions of the anatomy: with an affine
+    map.
+    """
     box = (LandmarkRule("extent", "box"),)
     bones = tuple(replace(one, landmarks=box, match="landmarks", rays=()) for one in table.bones)
     return replace(table, bones=bones, relatives=(), straight=(), scaling=None)
@@ -103,7 +113,9 @@ METHODS: Mapping[str, tuple[MapKind, str]] = {
 @cache
 def bones_of_man(data: Path, features: str) -> SpeciesBones:
     """The mouse's bones and the man's, with what corresponds on them."""
-    source, target, table = man(data), mouse(data), read_species("human-mouse")
+    source = man(data)
+    target = mouse(data)
+    table = read_species("human-mouse")
     return species_bones(
         source.model,
         source.surfaces,
@@ -117,10 +129,19 @@ def bones_of_man(data: Path, features: str) -> SpeciesBones:
 
 @cache
 def from_man(data: Path, method: str) -> Morph:
-    """The man's leg muscles on the mouse's skeleton; maps of one kind of features are made from the same ones."""
+    """The man's leg muscles on the mouse's skeleton; maps of one kind of features are made from the
+    same ones.
+    """
     kind, features = METHODS[method]
-    found, table, target = bones_of_man(data, features), read_species("human-mouse"), mouse(data).model
-    alike = {body for one in table.bones if one.match != "similarity" for body in (*one.sources, *one.transferred)}
+    found = bones_of_man(data, features)
+    table = read_species("human-mouse")
+    target = mouse(data).model
+    alike = {
+        body
+        for one in table.bones
+        if one.match != "similarity"
+        for body in (*one.sources, *one.transferred)
+    }
     bones = {
         name: replace(one, map=fit_map(one.features, MapOptions(kind))) if name in alike else one
         for name, one in found.bones.items()
@@ -139,7 +160,9 @@ def from_man(data: Path, method: str) -> Morph:
 def from_arm(data: Path, method: str) -> Morph:
     """The man's arm muscles on the mouse's skeleton."""
     kind, features = METHODS[method]
-    table, target, source = read_species("human-mouse-arm"), mouse(data), arm_model()
+    table = read_species("human-mouse-arm")
+    target = mouse(data)
+    source = arm_model()
     return species_morph(
         source,
         source_bones(source),
@@ -160,18 +183,22 @@ def sized_architecture(
 ) -> Mapping[str, Architecture]:
     """Fibers and forces of the man's muscles in the mouse by the tables of `human-mouse`.
 
-    `leave_out`: muscles of the first table, by the anatomist's names, that it shall not have; `only`: a species, whose
-    tables alone are taken; `bones`: maps; muscles on bodies that have none are left out.
+    `leave_out`: muscles of the first table, by the anatomist's names, that it shall not have;
+    `only`: a species, whose tables alone are taken; `bones`: maps; muscles on bodies that have none
+    are left out.
     """
     table = read_species("human-mouse")
     given = [one for one in table.architecture if not only or one.species == only]
     if leave_out:
-        given[0] = replace(given[0], rows=tuple(one for one in given[0].rows if one.name not in leave_out))
+        given[0] = replace(
+            given[0], rows=tuple(one for one in given[0].rows if one.name not in leave_out)
+        )
     sizes = [size_over(one, table, target.model, target.surfaces) for one in given]
     muscles = [
         one.name
         for one in source.model.muscles
-        if one.name.endswith("_r") and (bones is None or all(point.body in bones for point in one.path.points))
+        if one.name.endswith("_r")
+        and (bones is None or all(point.body in bones for point in one.path.points))
     ]
     return architectures(source.model, given, sizes, muscles)
 
@@ -179,10 +206,10 @@ def sized_architecture(
 class Alignment:
     """The anatomist's bodies laid on the skeleton's bones, both hanging straight down.
 
-    `rule`: "joints" as above; "frames" takes the frames' directions for all segments, and for the size of each its own
-    joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral joint; "onto bones" then moves each
-    segment, without turning it, so that its attachments come nearest to the surface of its bone; `surfaces`: of the
-    skeleton's bones, for "onto bones".
+    `rule`: "joints" as above; "frames" takes the frames' directions for all segments, and for the
+    size of each its own joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral
+    joint; "onto bones" then moves each segment, without turning it, so that its attachments come
+    nearest to the surface of its bone; `surfaces`: of the skeleton's bones, for "onto bones".
     """
 
     def __init__(
@@ -192,7 +219,8 @@ class Alignment:
         rule: str = "joints",
         surfaces: Mapping[str, mm.Surface] | None = None,
     ):
-        self._here, self._there = Posed(anatomist, {}), Posed(skeleton, {}, surfaces or {})
+        self._here = Posed(anatomist, {})
+        self._there = Posed(skeleton, {}, surfaces or {})
         self._anatomist = anatomist
         joints = self._here.joints("Pelvis"), self._there.joints("mouse")
         self.ours = {one: joints[0][one] for one in CHAIN}
@@ -209,12 +237,16 @@ class Alignment:
     def similarity(self, body: str) -> Similarity:
         """From the anatomist's body to the skeleton's."""
         target, near, far = SEGMENTS[body]
-        size, turn = self.size, MOUSE_AXES
+        size = self.size
+        turn = MOUSE_AXES
         if far:
-            ours, theirs = self.ours[far] - self.ours[near], self.theirs[far] - self.theirs[near]
+            ours = self.ours[far] - self.ours[near]
+            theirs = self.theirs[far] - self.theirs[near]
             size = float(np.linalg.norm(theirs) / np.linalg.norm(ours))
             if self._rule != "frames":
-                turn = segment_frame(theirs, MOUSE_AXES[:, 2]).T @ segment_frame(ours, np.array([0.0, 0.0, 1.0]))
+                turn = segment_frame(theirs, MOUSE_AXES[:, 2]).T @ segment_frame(
+                    ours, np.array([0.0, 0.0, 1.0])
+                )
         laid = Similarity(turn, self.theirs[near] - size * turn @ self.ours[near], size)
         if target == "mouse" and self._rule == "pelvis by joints":
             laid = procrustes(*self._pelvis, scale=True)
@@ -231,19 +263,31 @@ class Alignment:
 
     def attachments(self, body: str) -> np.ndarray:
         """(n, 3) ends of muscles on a body of the anatomist's [m]."""
-        ends = [point for one in self._anatomist.muscles for point in (one.path.points[0], one.path.points[-1])]
-        return np.array([one.location for one in ends if isinstance(one, PathPoint) and one.body == body])
+        ends = [
+            point
+            for one in self._anatomist.muscles
+            for point in (one.path.points[0], one.path.points[-1])
+        ]
+        return np.array(
+            [one.location for one in ends if isinstance(one, PathPoint) and one.body == body]
+        )
 
     def onto_bone(self, body: str, laid: Similarity) -> np.ndarray:
-        """(3,) how far a segment is to be moved for its attachments to come nearest to its bone [m]."""
+        """(3,) how far a segment is to be moved for its attachments to come nearest to its bone
+        [m].
+        """
         body = "Pelvis" if body == "Torso" else body
-        shape, points, moved = self.shape(body), laid.apply(self.attachments(body)), np.zeros(3)
+        shape = self.shape(body)
+        points = laid.apply(self.attachments(body))
+        moved = np.zeros(3)
         for _ in range(ROUNDS):
             moved = moved + (shape.closest(points + moved)[0] - points - moved).mean(axis=0)
         return moved
 
     def residual(self) -> float:
-        """How far three joints of the pelvis stay apart when they are laid on each other, root mean square [m]."""
+        """How far three joints of the pelvis stay apart when they are laid on each other, root mean
+        square [m].
+        """
         laid = procrustes(*self._pelvis, scale=True)
         apart = np.linalg.norm(laid.apply(self._pelvis[0]) - self._pelvis[1], axis=1)
         return float(np.sqrt(np.mean(apart**2)))
@@ -263,13 +307,20 @@ def segment_frame(along: np.ndarray, across: np.ndarray) -> np.ndarray:
 
 def given_map(body: str, target: str, whole: Similarity) -> BoneMap:
     """A bone that is laid on another by one similarity."""
-    return BoneMap(body, target, AffineMap.from_similarity(whole), whole, "given")
+    return BoneMap(
+        body=body,
+        target_body=target,
+        map=AffineMap.from_similarity(whole),
+        whole=whole,
+        basis="given",
+    )
 
 
 @cache
 def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
     """The anatomist's muscles on the mouse's skeleton: what a transfer is held against."""
-    anatomist, skeleton = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json"), mouse(data).model
+    anatomist = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
+    skeleton = mouse(data).model
     laid = Alignment(anatomist, skeleton, rule, mouse(data).surfaces)
     bones = {body: given_map(body, SEGMENTS[body][0], laid.similarity(body)) for body in SEGMENTS}
     options = MorphOptions(surface_within=0.0, clear=False, fibers="path", force="area")
@@ -280,12 +331,14 @@ def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
 def from_man_by_joints(data: Path) -> Morph:
     """The man's leg muscles on the anatomist's own model, by nothing but the joints of both.
 
-    The pelvis is laid by both hips and the lumbosacral joint, a segment between two joints by these and the flexion
-    axis, the toes by their joint in the size of the foot.
+    The pelvis is laid by both hips and the lumbosacral joint, a segment between two joints by these
+    and the flexion axis, the toes by their joint in the size of the foot.
     """
     table = read_species("human-mouse")
-    source, target = man(data).model, mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
-    here, there = Posed(source, table.posture), Posed(target, {})
+    source = man(data).model
+    target = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
+    here = Posed(source, table.posture)
+    there = Posed(target, {})
     right = np.array([0.0, 0.0, 1.0])
     ends = {
         "femur_r": ("Thigh_r", ("femur_r", "Thigh_r"), ("tibia_r", "Leg_r")),
@@ -294,7 +347,8 @@ def from_man_by_joints(data: Path) -> Morph:
     }
     found = {"pelvis": _pelvis_by_joints(here, there)}
     for body, (segment, near, far) in ends.items():
-        ours, theirs = here.joints(body), there.joints(segment)
+        ours = here.joints(body)
+        theirs = there.joints(segment)
         along = ours[far[0]] - ours[near[0]], theirs[far[1]] - theirs[near[1]]
         size = float(np.linalg.norm(along[1]) / np.linalg.norm(along[0]))
         turn = segment_frame(along[1], right).T @ segment_frame(along[0], right)
@@ -305,8 +359,11 @@ def from_man_by_joints(data: Path) -> Morph:
     toes = Similarity(foot.rotation, there.joints("Toes_r")["Toes_r"] - start, foot.scale)
     found["toes_r"] = given_map("toes_r", "Toes_r", toes)
     for rider, bone in (("patella_r", "tibia_r"), ("talus_r", "calcn_r")):
-        pose, whole = here.within(rider, bone), found[bone].whole
-        moved = Similarity(whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale)
+        pose = here.within(rider, bone)
+        whole = found[bone].whole
+        moved = Similarity(
+            whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale
+        )
         found[rider] = given_map(rider, found[bone].target_body, moved)
     coordinates = {
         "hip_flexion_r": ("Hip_flexion_r", 1.0, -0.5 * np.pi),
@@ -321,7 +378,8 @@ def from_man_by_joints(data: Path) -> Morph:
 
 
 def _pelvis_by_joints(here: Posed, there: Posed) -> BoneMap:
-    ours, theirs = here.joints("pelvis"), there.joints("Pelvis")
+    ours = here.joints("pelvis")
+    theirs = there.joints("Pelvis")
     hip = theirs["Thigh_r"]
     source = np.array([ours["femur_r"], ours["femur_l"], ours["torso"]])
     target = np.array([hip, hip * [1.0, 1.0, -1.0], theirs["Torso"]])

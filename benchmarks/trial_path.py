@@ -1,17 +1,19 @@
 """Through how many files a trial passes while it is opened, and while its steps run.
 
-A trial is run (`ik`, `id`, `muscles`, `tension`) in a process that is watched: every call of a function of the package
-counts its file. Two ways of counting:
+A trial is run (`ik`, `id`, `muscles`, `tension`) in a process that is watched: every call of a
+function of the package counts its file. Two ways of counting:
 
 - all: every file of which a function is called;
-- trial: files of which a function is given a value that holds the trial, or what its files held as a whole (`CARRIED`);
+- trial: files of which a function is given a value that holds the trial, or what its files held as
+    a whole (`CARRIED`);
   arrays and numbers computed from these are no inputs any more.
 
-The making of a report is left out: it is made of results. The trial is a walk with plates where the data collection is
-there, else the small example that comes along.
+The making of a report is left out: it is made of results. The trial is a walk with plates where the
+data collection is there, else the small example that comes along.
 
-`python -m benchmarks trial_path [--tree PATH]`; the tree is a checkout of this package, by default this one. A
-count by reading the code, which stood here before, cannot follow functions that are found in tables.
+`python -m benchmarks trial_path [--tree PATH]`; the tree is a checkout of this package, by default
+this one. A count by reading the code, which stood here before, cannot follow functions that are
+found in tables.
 """
 
 from __future__ import annotations
@@ -27,7 +29,16 @@ from pathlib import Path
 
 from data_collection import data_folder
 
-CARRIED = ("TrialFiles", "TrialInputs", "Opening", "Opened", "OptionSet", "ByType", "Trial", "Model")
+CARRIED = (
+    "TrialFiles",
+    "TrialInputs",
+    "Opening",
+    "Opened",
+    "OptionSet",
+    "ByType",
+    "Trial",
+    "Model",
+)
 STARTS = {"opens": ("open_trial", "open_motion_trial"), "runs": ("run_trial", "run_steps")}
 WALK = {"model": "subject_walk_scaled.osim", "markers": "markers_walk.trc", "loads": "grf_walk.xml"}
 REPORT = ("write_report", "report_folder", "_report")
@@ -81,7 +92,9 @@ def count(tree: Path) -> list[dict[str, object]]:
         watched = json.dumps([CARRIED, STARTS, REPORT, folder])
         environment = os.environ | {"PYTHONPATH": str(tree / "src")}
         command = [sys.executable, "-c", WATCHED, watched]
-        printed = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
+        printed = subprocess.run(
+            command, env=environment, check=True, stdout=subprocess.PIPE, text=True
+        ).stdout
     line = next(line for line in printed.splitlines() if line.startswith("WATCHED"))
     rows: list[dict[str, object]] = []
     for phase, way, files in json.loads(line.removeprefix("WATCHED")):
@@ -97,7 +110,14 @@ def _write_study(folder: Path) -> None:
     if not walk.is_dir():
         return
     files = {key: walk / name for key, name in WALK.items()}
-    text = ["[study]", 'name = "walk"', "[[subject]]", 'name = "s01"', f"model = '{files['model']}'", "mass = 85.27"]
+    text = [
+        "[study]",
+        'name = "walk"',
+        "[[subject]]",
+        'name = "s01"',
+        f"model = '{files['model']}'",
+        "mass = 85.27",
+    ]
     text += ['steps = ["ik", "id", "muscles", "tension"]', "[[subject.trials]]"]
     text += [f"{key} = '{files[key]}'" for key in ("markers", "loads")]
     (folder / "study.toml").write_text("\n".join(text) + "\n", encoding="utf-8")
@@ -105,7 +125,12 @@ def _write_study(folder: Path) -> None:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
-    parser.add_argument("--tree", type=Path, default=Path(__file__).parents[1], help="a checkout; this one by default")
+    parser.add_argument(
+        "--tree",
+        type=Path,
+        default=Path(__file__).parents[1],
+        help="a checkout; this one by default",
+    )
 
 
 def run(tree: Path) -> list[dict[str, object]]:

@@ -1,4 +1,6 @@
-"""Tables of accuracy: `python -m benchmarks.validation [TABLE ...]` measures some, or all, and writes them."""
+"""Tables of accuracy: `python -m benchmarks.validation [TABLE ...]` measures some, or all, and
+writes them.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ def run(names: list[str] | None = None) -> list[Row]:
     parts = [[name for name in tables if not names or name in names] for tables in PAGES.values()]
     every = [name for part in parts for name in part]
     if unknown := sorted(set(names or ()) - set(every)):
-        raise ValueError(f"no table {', '.join(unknown)}; there are {', '.join(n for t in PAGES.values() for n in t)}")
+        raise ValueError(
+            f"no table {', '.join(unknown)}; there are"
+            f" {', '.join(n for t in PAGES.values() for n in t)}"
+        )
     found: dict[str, list[Row]] = {}
     failed: list[str] = []
     # Each in a fresh process: OpenSim's module and ezc3d's do not get on.
@@ -36,7 +41,10 @@ def run(names: list[str] | None = None) -> list[Row]:
             found |= part
             for name, rows in part.items():
                 write(name, rows)
-            print(f"{len(found)} of {len(every)} tables; {', '.join(part)}: {seconds:.0f} s", flush=True)
+            print(
+                f"{len(found)} of {len(every)} tables; {', '.join(part)}: {seconds:.0f} s",
+                flush=True,
+            )
     save("claims", claim_rows(), COMMAND)
     if failed:
         raise RuntimeError("; ".join(failed))

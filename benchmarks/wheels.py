@@ -1,8 +1,8 @@
 """Which dependencies have no wheel for a system: `python -m benchmarks wheels`.
 
-pip is asked for the wheels of all dependencies in pyproject.toml, as if it ran on that system; nothing is installed.
-Those whose marker excludes the system are not asked for, nor those whose wheel here is one for every system. Wheels of
-dependencies' dependencies are not looked up.
+pip is asked for the wheels of all dependencies in pyproject.toml, as if it ran on that system;
+nothing is installed. Those whose marker excludes the system are not asked for, nor those whose
+wheel here is one for every system. Wheels of dependencies' dependencies are not looked up.
 """
 
 from __future__ import annotations
@@ -25,9 +25,17 @@ PYTHON = "3.12"
 SYSTEMS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "Windows x86-64": (("win_amd64",), {"sys_platform": "win32", "platform_machine": "AMD64"}),
     "Windows ARM64": (("win_arm64",), {"sys_platform": "win32", "platform_machine": "ARM64"}),
-    "macOS arm64": (("macosx_15_0_arm64",), {"sys_platform": "darwin", "platform_machine": "arm64"}),
+    "macOS arm64": (
+        ("macosx_15_0_arm64",),
+        {"sys_platform": "darwin", "platform_machine": "arm64"},
+    ),
     "Linux arm64": (
-        ("manylinux_2_34_aarch64", "manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux_2_17_aarch64"),
+        (
+            "manylinux_2_34_aarch64",
+            "manylinux_2_28_aarch64",
+            "manylinux_2_27_aarch64",
+            "manylinux_2_17_aarch64",
+        ),
         {"sys_platform": "linux", "platform_machine": "aarch64"},
     ),
 }
@@ -69,7 +77,11 @@ def without_wheel(requirements: Iterable[str], tags: tuple[str, ...]) -> list[st
     asked = [one for one in map(Requirement, requirements) if not runs_anywhere(one.name)]
     with ThreadPoolExecutor(4) as pool:
         found = pool.map(lambda one: versions(one.name, tags), asked)
-    return [one.name for one, some in zip(asked, found, strict=True) if not any(map(one.specifier.contains, some))]
+    return [
+        one.name
+        for one, some in zip(asked, found, strict=True)
+        if not any(map(one.specifier.contains, some))
+    ]
 
 
 def runs_anywhere(name: str) -> bool:
@@ -81,13 +93,23 @@ def runs_anywhere(name: str) -> bool:
 
 
 def versions(name: str, tags: tuple[str, ...]) -> set[str]:
-    """Versions of which pip finds a wheel with one of the tags; it says so in its log alone, but downloads nothing."""
+    """Versions of which pip finds a wheel with one of the tags; it says so in its log alone, but
+    downloads nothing.
+    """
     command = [
         *(sys.executable, "-m", "pip", "index", "versions", "-vv", "--disable-pip-version-check"),
-        *("--python-version", PYTHON, *(part for tag in tags for part in ("--platform", tag)), name),
+        *(
+            "--python-version",
+            PYTHON,
+            *(part for tag in tags for part in ("--platform", tag)),
+            name,
+        ),
     ]
     ended = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
-    if ended.returncode != 0 and "No matching distribution found" not in ended.stdout + ended.stderr:
+    if (
+        ended.returncode != 0
+        and "No matching distribution found" not in ended.stdout + ended.stderr
+    ):
         raise RuntimeError(f"pip cannot be asked: {ended.stderr.strip()}")
     wheels = re.findall(r"Found link \S*/([^/\s#]+\.whl)", ended.stdout)
     return {str(parse_wheel_filename(unquote(one))[1]) for one in wheels}

@@ -1,4 +1,5 @@
-"""Examples of the documentation that run: what a page marks is done in its order, in a folder of its own.
+"""Examples of the documentation that run: what a page marks is done in its order, in a folder of
+its own.
 
 Marks are comments, which no reader sees, on the line before a fenced block:
 
@@ -7,7 +8,8 @@ Marks are comments, which no reader sees, on the line before a fenced block:
     <!-- file: NAME -->      the block is written to the file
     <!-- printed -->         lines that the block before printed, numbers within 2 %
 
-`python -m docs_build.examples PAGE FOLDER` shows all that is printed; data sets lie where `MYOMORPH_DATA` says.
+`python -m docs_build.examples PAGE FOLDER` shows all that is printed; data sets lie where
+`MYOMORPH_DATA` says.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 MARK = re.compile(
-    r"^<!-- (?P<kind>data|runs|file|printed)(?:: (?P<name>[^>]*?))? -->\n(?:```(?P<language>\w*)\n(?P<text>.*?)^```)?",
+    r"^<!-- (?P<kind>data|runs|file|printed)(?:: (?P<name>[^>]*?))?"
+    r" -->\n(?:```(?P<language>\w*)\n(?P<text>.*?)^```)?",
     re.MULTILINE | re.DOTALL,
 )
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -60,18 +63,35 @@ def parts_of(page: Path) -> list[Part]:
     for mark in MARK.finditer(text):
         line = text.count("\n", 0, mark.start()) + 1
         if mark["kind"] != "data" and mark["text"] is None:
-            raise ValueError(f"{page.name}, line {line}: no fenced block follows '{mark[0].strip()}'")
-        found.append(Part(mark["kind"], mark["name"] or "", mark["language"] or "", mark["text"] or "", line))
+            raise ValueError(
+                f"{page.name}, line {line}: no fenced block follows '{mark[0].strip()}'"
+            )
+        found.append(
+            Part(
+                kind=mark["kind"],
+                name=mark["name"] or "",
+                language=mark["language"] or "",
+                text=mark["text"] or "",
+                line=line,
+            )
+        )
     return found
 
 
 def pages_that_run() -> list[Path]:
     """Pages with marked parts, in the order of their paths."""
-    return [page for page in sorted(DOCS.rglob("*.md")) if any(part.kind == "runs" for part in parts_of(page))]
+    return [
+        page
+        for page in sorted(DOCS.rglob("*.md"))
+        if any(part.kind == "runs" for part in parts_of(page))
+    ]
 
 
 def run_page(
-    page: Path, folder: Path, data: Callable[[str], Path], said: Callable[[str], object] | None = None
+    page: Path,
+    folder: Path,
+    data: Callable[[str], Path],
+    said: Callable[[str], object] | None = None,
 ) -> None:
     """Do what a page says, in a folder.
 
@@ -80,7 +100,8 @@ def run_page(
     page : of the documentation
     folder : to work in; data sets are copied there
     data : folder of a data set by its name
-    said : takes what every block prints, as it comes; then lines that differ are told to it too, and the rest goes on
+    said : takes what every block prints, as it comes; then lines that differ are told to it too,
+        and the rest goes on
 
     Raises
     ------
@@ -97,14 +118,20 @@ def run_page(
             elif part.kind == "file":
                 (folder / part.name).write_text(part.text, encoding="utf-8")
             elif part.kind == "printed":
-                missing = [line for line in part.text.splitlines() if line.strip() and not was_printed(line, printed)]
+                missing = [
+                    line
+                    for line in part.text.splitlines()
+                    if line.strip() and not was_printed(line, printed)
+                ]
                 if said and missing:
                     said(f"NOT PRINTED, {where}: {missing}\n")
                 assert said or not missing, f"{where}: not printed: {missing}; but\n{printed}"
             else:
                 begun = time.perf_counter()
                 printed = (
-                    run_python(part.text, names, where) if part.language == "python" else run_all(part.text, where)
+                    run_python(part.text, names, where)
+                    if part.language == "python"
+                    else run_all(part.text, where)
                 )
                 if said:
                     said(f"--- {where} ({time.perf_counter() - begun:.1f} s)\n{printed}")
@@ -125,7 +152,9 @@ def run_all(text: str, where: str) -> str:
 def commands(text: str) -> list[str]:
     """Command lines of a block, those that end with a backslash joined to the next."""
     joined = re.sub(r"\\\n\s*", "", text)
-    return [line for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    return [
+        line for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    ]
 
 
 def run_command(line: str, where: str) -> str:
@@ -134,7 +163,10 @@ def run_command(line: str, where: str) -> str:
 
     words = shlex.split(line, comments=True)
     assert words[0] == "myomorph", f"{where}: only commands of this program run: {line}"
-    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as told:
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as out,
+        contextlib.redirect_stderr(io.StringIO()) as told,
+    ):
         status = main(words[1:])
     printed = out.getvalue() + told.getvalue()
     assert status == 0, f"{where}: {line}: exit status {status}: {printed}"
@@ -149,8 +181,11 @@ def was_printed(line: str, printed: str) -> bool:
 def _alike(line: str, other: str) -> bool:
     if NUMBER.sub("#", line).split() != NUMBER.sub("#", other).split():
         return False
-    numbers, others = ([float(found) for found in NUMBER.findall(one)] for one in (line, other))
-    return all(abs(a - b) <= NEAR * max(abs(a), abs(b)) for a, b in zip(numbers, others, strict=True))
+    numbers = [float(found) for found in NUMBER.findall(line)]
+    others = [float(found) for found in NUMBER.findall(other)]
+    return all(
+        abs(a - b) <= NEAR * max(abs(a), abs(b)) for a, b in zip(numbers, others, strict=True)
+    )
 
 
 @contextlib.contextmanager
@@ -167,4 +202,9 @@ def working_in(folder: Path) -> Iterator[None]:
 if __name__ == "__main__":
     collection = Path(os.environ["MYOMORPH_DATA"])
     Path(sys.argv[2]).mkdir(parents=True, exist_ok=True)
-    run_page(Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve(), collection.joinpath, sys.stdout.write)
+    run_page(
+        Path(sys.argv[1]).resolve(),
+        Path(sys.argv[2]).resolve(),
+        collection.joinpath,
+        sys.stdout.write,
+    )

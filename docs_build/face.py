@@ -1,7 +1,8 @@
-"""The public face as data: what `import myomorph as mm` reaches, by namespace, and the tables of it in the docs.
+"""The public face as data: what `import myomorph as mm` reaches, by namespace, and the tables of it
+in the docs.
 
-A line `<!-- names: mm.morph -->` of a page stands for the table of that namespace, a row a name with the first sentence
-of its docstring, when the site is built.
+A line `<!-- names: mm.morph -->` of a page stands for the table of that namespace, a row a name
+with the first sentence of its docstring, when the site is built.
 """
 
 from __future__ import annotations
@@ -26,19 +27,27 @@ Definition = tuple[str, str]
 
 def namespaces() -> dict[str, ModuleType]:
     """`mm` and what it has of namespaces, by the names that users write."""
-    inner = {f"mm.{name}": getattr(mm, name) for name in sorted(mm.__all__) if inspect.ismodule(getattr(mm, name))}
+    inner = {
+        f"mm.{name}": getattr(mm, name)
+        for name in sorted(mm.__all__)
+        if inspect.ismodule(getattr(mm, name))
+    }
     return {"mm": mm, **inner}
 
 
 def names_of(namespace: ModuleType) -> tuple[str, ...]:
     """Public functions and classes of a namespace, sorted; namespaces within it are left out."""
-    return tuple(name for name in sorted(namespace.__all__) if not inspect.ismodule(getattr(namespace, name)))
+    return tuple(
+        name for name in sorted(namespace.__all__) if not inspect.ismodule(getattr(namespace, name))
+    )
 
 
 def public() -> dict[str, Any]:
     """Every public function and class by the name that users write, as `mm.morph.Morph`."""
     return {
-        f"{space}.{name}": getattr(module, name) for space, module in namespaces().items() for name in names_of(module)
+        f"{space}.{name}": getattr(module, name)
+        for space, module in namespaces().items()
+        for name in names_of(module)
     }
 
 
@@ -58,7 +67,8 @@ def table(namespace: str) -> str:
     """
     module = namespaces()[namespace]
     rows = (
-        f"| `{namespace}.{name}` | {first_sentence(getattr(module, name)).replace('|', chr(92) + '|')} |"
+        f"| `{namespace}.{name}` |"
+        f" {first_sentence(getattr(module, name)).replace('|', chr(92) + '|')} |"
         for name in names_of(module)
     )
     return "\n".join(("| name | what it is |", "| --- | --- |", *rows))
@@ -74,11 +84,16 @@ def types_in_signature(function: Any) -> dict[str, set[Definition]]:
     signature = inspect.signature(function)
     annotations = {name: parameter.annotation for name, parameter in signature.parameters.items()}
     annotations["return"] = signature.return_annotation
-    return {name: set(_classes(function.__module__, annotation)) for name, annotation in annotations.items()}
+    return {
+        name: set(_classes(function.__module__, annotation))
+        for name, annotation in annotations.items()
+    }
 
 
 def types_in_fields(kind: type) -> dict[str, set[Definition]]:
-    """Classes of the package in the fields of a dataclass, by field; fields that `repr` hides are the package's own."""
+    """Classes of the package in the fields of a dataclass, by field; fields that `repr` hides are
+    the package's own.
+    """
     if not dataclasses.is_dataclass(kind):
         return {}
     hidden = {field.name for field in dataclasses.fields(kind) if not field.repr}
@@ -91,12 +106,18 @@ def types_in_fields(kind: type) -> dict[str, set[Definition]]:
 
 
 def _classes(module: str, annotation: object) -> Iterator[Definition]:
-    """Classes of the package that an annotation of a module names, aliases replaced by what they stand for."""
+    """Classes of the package that an annotation of a module names, aliases replaced by what they
+    stand for.
+    """
     text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
     for node in ast.walk(_Plain().visit(ast.parse(text, mode="eval"))):
         if isinstance(node, ast.Name):
             yield from _definition(module, node.id)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():
+        elif (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and node.value.isidentifier()
+        ):
             yield from _definition(module, node.value)
 
 
@@ -134,7 +155,14 @@ def _definition(module: str, name: str) -> tuple[Definition, ...]:
             value = node.value
             # Of a type variable, what it is bound to.
             parts = (
-                [*value.args[1:], *(word.value for word in value.keywords)] if isinstance(value, ast.Call) else [value]
+                [*value.args[1:], *(word.value for word in value.keywords)]
+                if isinstance(value, ast.Call)
+                else [value]
             )
-            return tuple(kind for part in parts if part is not None for kind in _classes(module, ast.unparse(part)))
+            return tuple(
+                kind
+                for part in parts
+                if part is not None
+                for kind in _classes(module, ast.unparse(part))
+            )
     return ()

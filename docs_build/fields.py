@@ -1,4 +1,6 @@
-"""Docstrings of this project for the API reference: after a field's colon stands what it is, its type is annotated."""
+"""Docstrings of this project for the API reference: after a field's colon stands what it is, its
+type is annotated.
+"""
 
 from __future__ import annotations
 
@@ -48,4 +50,6 @@ def told_below(text: str) -> str:
 
 def without_links(line: str) -> str:
     """Line in which brackets after brackets are an index or a unit, as in `f[i](x)`, and no link."""
-    return re.sub(r"`[^`]*`|\](?=\s?[\[(])", lambda found: r"\]" if found[0] == "]" else found[0], line)
+    return re.sub(
+        r"`[^`]*`|\](?=\s?[\[(])", lambda found: r"\]" if found[0] == "]" else found[0], line
+    )

@@ -1,4 +1,5 @@
-"""Checks a built site: every link and anchor leads somewhere in it, and no page needs anything from elsewhere.
+"""Checks a built site: every link and anchor leads somewhere in it, and no page needs anything from
+elsewhere.
 
 `python -m docs_build.links FOLDER` prints what does not, and ends with status 1 then.
 """
@@ -11,7 +12,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-# What a browser gets by itself when it opens a page; where else a reader may follow a link is the reader's choice.
+# What a browser gets by itself when it opens a page; where else a reader may follow a link is the
+# reader's choice.
 FETCHED = {
     ("link", "href"),
     ("script", "src"),
@@ -54,7 +56,8 @@ def broken_links(site: Path) -> list[str]:
     """Links and files that lead nowhere, one line each."""
     site = site.resolve()
     found = []
-    # The page for addresses that do not exist is shown at any depth, so its links count from the root.
+    # The page for addresses that do not exist is shown at any depth, so its links count from the
+    # root.
     for file in (one for one in sorted(site.rglob("*.html")) if one.name != "404.html"):
         page = page_of(file)
         for link in dict.fromkeys([*page.links, *page.fetched]):
@@ -73,7 +76,11 @@ def _wrong(link: str, file: Path) -> str:
         target = target / "index.html"
     if not target.is_file():
         return "there is no such file"
-    if parts.fragment and target.suffix == ".html" and unquote(parts.fragment) not in page_of(target).anchors:
+    if (
+        parts.fragment
+        and target.suffix == ".html"
+        and unquote(parts.fragment) not in page_of(target).anchors
+    ):
         return "there is no such anchor"
     return ""
 
@@ -87,7 +94,10 @@ def foreign_files(site: Path) -> list[str]:
     for file in sorted(site.rglob("*.css")):
         text = file.read_text(encoding="utf-8")
         if "url(http" in text or "url(//" in text or "@import" in text:
-            found.append(f"{file.relative_to(site).as_posix()}: a style sheet with an address of another machine")
+            found.append(
+                f"{file.relative_to(site).as_posix()}: a style sheet with an address of another"
+                " machine"
+            )
     return found
 
 

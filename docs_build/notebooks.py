@@ -1,8 +1,10 @@
-"""Tutorials as Jupyter notebooks: made of the pages' own marked blocks, and run as a user would run them.
+"""Tutorials as Jupyter notebooks: made of the pages' own marked blocks, and run as a user would run
+them.
 
-`python -m docs_build.notebooks write FOLDER` writes one `.ipynb` a tutorial. `python -m docs_build.notebooks run FOLDER
-[NAME ...]` runs those that are quick, or those named, each in a kernel and a folder of its own, holds what the cells
-print against the pages, and says which were left out and why. Recordings lie where `MYOMORPH_DATA` says.
+`python -m docs_build.notebooks write FOLDER` writes one `.ipynb` a tutorial. `python -m
+docs_build.notebooks run FOLDER [NAME ...]` runs those that are quick, or those named, each in a
+kernel and a folder of its own, holds what the cells print against the pages, and says which were
+left out and why. Recordings lie where `MYOMORPH_DATA` says.
 """
 
 from __future__ import annotations
@@ -52,16 +54,21 @@ def tutorials() -> list[Path]:
 def notebook_of(page: Path) -> dict[str, Any]:
     """A page as a notebook of format 4.5: its text as it stands, its marked blocks as cells.
 
-    What a block prints on the page stands in the text, and in the metadata of the block's cell for `run_notebook`.
+    What a block prints on the page stands in the text, and in the metadata of the block's cell for
+    `run_notebook`.
     """
-    text, cells, at = page.read_text(encoding="utf-8"), list[dict[str, Any]](), 0
+    text = page.read_text(encoding="utf-8")
+    cells = list[dict[str, Any]]()
+    at = 0
     for mark, part in zip(MARK.finditer(text), parts_of(page), strict=True):
         _add_text(cells, text[at : mark.start()])
         # A file that is written, and commands, are shown as cells; what is printed stays text.
         if part.kind == "printed":
             _add_text(cells, f"It prints, among other things:\n\n```text\n{part.text}```\n")
             last = next(one for one in reversed(cells) if one["cell_type"] == "code")
-            last["metadata"].setdefault("prints", []).extend(one for one in part.text.splitlines() if one.strip())
+            last["metadata"].setdefault("prints", []).extend(
+                one for one in part.text.splitlines() if one.strip()
+            )
         else:
             cells.append(_code(part))
         at = mark.end()
@@ -94,7 +101,13 @@ def _code(part: Part) -> dict[str, Any]:
         source = part.text
     else:
         source = "\n".join(f"!{line}" for line in commands(part.text))
-    cell = {"cell_type": "code", "metadata": {}, "source": source.rstrip("\n"), "outputs": [], "execution_count": None}
+    cell = {
+        "cell_type": "code",
+        "metadata": {},
+        "source": source.rstrip("\n"),
+        "outputs": [],
+        "execution_count": None,
+    }
     if part.kind == "data":
         cell["metadata"] = {"data": part.name}
     return cell
@@ -125,14 +138,18 @@ def run_notebook(page: Path, folder: Path, timeout: int = 600) -> None:
     notebook = nbformat.from_dict(made)
     # `!myomorph` is the program of this Python, whatever else is on the path.
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    client = NotebookClient(notebook, timeout=timeout, resources={"metadata": {"path": str(folder)}})
+    client = NotebookClient(
+        notebook, timeout=timeout, resources={"metadata": {"path": str(folder)}}
+    )
     try:
         client.execute(env=os.environ | {"PATH": path, "COLUMNS": "1000"})
     except CellExecutionError as error:
         raise AssertionError(f"{page.name}: {error}") from None
     for cell in notebook.cells:
         printed = COLORS.sub("", "".join(one.get("text", "") for one in cell.get("outputs", ())))
-        missing = [line for line in cell.metadata.get("prints", ()) if not was_printed(line, printed)]
+        missing = [
+            line for line in cell.metadata.get("prints", ()) if not was_printed(line, printed)
+        ]
         assert not missing, f"{page.name}: not printed: {missing}; but\n{printed}"
 
 
@@ -141,13 +158,17 @@ def missing_data(page: Path) -> str:
     collection = os.environ.get("MYOMORPH_DATA", "")
     for part in parts_of(page):
         if part.kind == "data" and not (collection and Path(collection, part.name).is_dir()):
-            return f"needs the data set '{part.name}': set MYOMORPH_DATA to the folder that holds it"
+            return (
+                f"needs the data set '{part.name}': set MYOMORPH_DATA to the folder that holds it"
+            )
     return ""
 
 
 def main(words: list[str]) -> int:
     """Write notebooks, or run them and say what came of each; the exit status."""
-    verb, folder, names = words[0], Path(words[1]), words[2:]
+    verb = words[0]
+    folder = Path(words[1])
+    names = words[2:]
     failed = 0
     for page in tutorials():
         place = folder / page.stem

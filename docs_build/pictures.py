@@ -1,6 +1,8 @@
-"""Pictures of the tutorials, drawn from what their commands write: `python -m docs_build.pictures [NAME...]`.
+"""Pictures of the tutorials, drawn from what their commands write: `python -m docs_build.pictures
+[NAME...]`.
 
-Every tutorial runs in a folder of its own, as in the tests, with data sets from the folder that `MYOMORPH_DATA` names.
+Every tutorial runs in a folder of its own, as in the tests, with data sets from the folder that
+`MYOMORPH_DATA` names.
 """
 
 from __future__ import annotations
@@ -26,24 +28,36 @@ import myomorph as mm
 from docs_build.examples import DOCS, run_command, run_page, working_in
 
 FOLDER = DOCS / "images" / "tutorials"
-INK, BLUE, RED, GREY = "#222222", "#2166ac", "#b2182b", "#999999"
-RIGHT, LEFT = BLUE, RED
+INK = "#222222"
+BLUE = "#2166ac"
+RED = "#b2182b"
+GREY = "#999999"
+RIGHT = BLUE
+LEFT = RED
 
 
 def walking() -> Figure:
     """Angle and torque of both knees, and three muscles with their EMG."""
     trial = xarray.open_dataset("tension/tension.nc")
     time = trial.time.values
-    figure, axes = plt.subplots(5, 1, figsize=(7.0, 7.4), sharex=True, height_ratios=(2, 2, 1, 1, 1))
+    figure, axes = plt.subplots(
+        5, 1, figsize=(7.0, 7.4), sharex=True, height_ratios=(2, 2, 1, 1, 1)
+    )
     for side, color in (("r", RIGHT), ("l", LEFT)):
         angle = np.degrees(trial.coordinate_filtered.sel(coordinate=f"knee_angle_{side}").values)
         axes[0].plot(time, angle, color=color, label={"r": "right", "l": "left"}[side])
-        axes[1].plot(time, trial.generalized_force.sel(coordinate=f"knee_angle_{side}").values, color=color)
+        axes[1].plot(
+            time, trial.generalized_force.sel(coordinate=f"knee_angle_{side}").values, color=color
+        )
     axes[0].set_ylabel("knee angle [deg]")
     axes[1].set_ylabel("knee torque [N m]")
     axes[1].axhline(0.0, color=GREY, lw=0.6)
     axes[0].legend(frameon=False, ncols=2)
-    shown = (("soleus_r", "soleus"), ("gasmed_r", "gastrocnemius"), ("vaslat_r", "vastus_lateralis"))
+    shown = (
+        ("soleus_r", "soleus"),
+        ("gasmed_r", "gastrocnemius"),
+        ("vaslat_r", "vastus_lateralis"),
+    )
     for one, (muscle, channel) in zip(axes[2:], shown, strict=True):
         envelope = trial.emg.sel(emg_channel=channel).interp(emg_time=trial.time)
         one.fill_between(time, 0.0, envelope, color="#cccccc", lw=0, label="EMG, not used")
@@ -67,10 +81,19 @@ def one_body() -> Figure:
         model = mm.read_model(file)
         motion = mm.differentiate(mm.read_motion("walk1.mot", model), cutoff=6.0)
         loads = read_external_loads("opensim-gait-subject01/experiment/subject01_walk1_grf.xml")
-        torques = mm.inverse_dynamics(model, motion, mm.resample_wrenches(loads, motion.time, cutoff=6.0))
-        for one, names in zip(axes, (("tx", "ty", "tz"), ("tilt", "list", "rotation")), strict=True):
+        torques = mm.inverse_dynamics(
+            model, motion, mm.resample_wrenches(loads, motion.time, cutoff=6.0)
+        )
+        for one, names in zip(
+            axes, (("tx", "ty", "tz"), ("tilt", "list", "rotation")), strict=True
+        ):
             columns = [torques.names.index(f"pelvis_{name}") for name in names]
-            one.plot(torques.time, np.linalg.norm(torques.values[:, columns], axis=1), color=color, label=words)
+            one.plot(
+                torques.time,
+                np.linalg.norm(torques.values[:, columns], axis=1),
+                color=color,
+                label=words,
+            )
     # Near its ends the filter has nothing to lean on; these frames are not used for masses.
     axes[0].set_xlim(0.15, 2.35)
     axes[0].set_ylim(0.0, 60.0)
@@ -87,7 +110,9 @@ def own_criterion() -> Figure:
     time, *compressions = np.loadtxt("knee.csv").T
     figure, axis = plt.subplots(figsize=(7.0, 3.2))
     labels = ("least effort", "weight 0.1", "weight 1", "weight 10")
-    for compression, label, color in zip(compressions, labels, (INK, "#92c5de", BLUE, RED), strict=True):
+    for compression, label, color in zip(
+        compressions, labels, (INK, "#92c5de", BLUE, RED), strict=True
+    ):
         axis.plot(time, compression, color=color, label=label)
     axis.set_xlabel("time [s]")
     axis.set_ylabel("compression of the knee\n[body weights]")
@@ -100,7 +125,9 @@ def own_contact_law() -> Figure:
     """Vertical force of both feet, with the pyramid and with the ellipse."""
     time, *feet = np.loadtxt("feet.csv").T
     figure, axes = plt.subplots(2, 1, figsize=(7.0, 4.4), sharex=True, sharey=True)
-    for axis, label, (right, left) in zip(axes, ("pyramid", "ellipse"), (feet[:2], feet[4:]), strict=True):
+    for axis, label, (right, left) in zip(
+        axes, ("pyramid", "ellipse"), (feet[:2], feet[4:]), strict=True
+    ):
         axis.plot(time, right, color=RIGHT, label="right foot")
         axis.plot(time, left, color=LEFT, label="left foot")
         axis.set_ylabel(f"{label} [N]")
@@ -142,7 +169,9 @@ def other_bones() -> Figure:
         errors = np.sort([1000.0 * float(row[method]) for row in rows])
         spread = 0.28 * np.sin(2.4 * np.arange(len(errors)))
         axis.plot(errors, len(methods) - 1 - place + spread, ".", color=BLUE, ms=3, alpha=0.6)
-        axis.plot(2 * [np.median(errors)], len(methods) - 1 - place + np.array([-0.4, 0.4]), color=INK)
+        axis.plot(
+            2 * [np.median(errors)], len(methods) - 1 - place + np.array([-0.4, 0.4]), color=INK
+        )
     axis.set_yticks(range(len(methods)), [name.removesuffix(" [m]") for name in reversed(methods)])
     axis.set_xlabel("distance of a muscle point from where it belongs [mm]; bars are medians")
     axis.set_xlim(left=0.0)
@@ -175,7 +204,12 @@ def shoulder() -> Figure:
         ("viscosity/03/with_with_1.sto", INK, "with muscles"),
     ):
         swing = mm.read_sto(file)
-        axis.plot(swing.time, np.degrees(swing.values[:, swing.names.index("angle_x")]), color=color, label=words)
+        axis.plot(
+            swing.time,
+            np.degrees(swing.values[:, swing.names.index("angle_x")]),
+            color=color,
+            label=words,
+        )
     axis.set_xlim(0.0, 10.0)
     axis.set_xlabel("time [s]")
     axis.set_ylabel("angle about x [deg]")
@@ -190,8 +224,13 @@ def whole_study() -> Figure:
     figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.0))
     for axis, kind in zip(axes, ("joint angle", "joint torque"), strict=True):
         for condition, color in (("run, 2 m/s", BLUE), ("run, 5 m/s", RED)):
-            curve = [row for row in rows if row["condition"] == condition and row["kind"].startswith(kind)]
-            percent, mean = ([float(row[name]) for row in curve] for name in ("percent", "mean"))
+            curve = [
+                row
+                for row in rows
+                if row["condition"] == condition and row["kind"].startswith(kind)
+            ]
+            percent = [float(row["percent"]) for row in curve]
+            mean = [float(row["mean"]) for row in curve]
             axis.plot(percent, mean, color=color, label=condition)
         axis.set_ylabel(curve[0]["kind"])
         axis.set_xlabel("stride of the right foot [%]")
@@ -200,18 +239,27 @@ def whole_study() -> Figure:
 
 
 def live() -> Figure:
-    """Knee torque as it was told while frames arrived, at the instant when it was told, and as computed afterwards."""
+    """Knee torque as it was told while frames arrived, at the instant when it was told, and as
+    computed afterwards.
+    """
     told = xarray.open_dataset("live/live.nc")
     delay = json.loads(Path("live/session.json").read_text(encoding="utf-8"))["filter_delay_s"]
     folder = "rajagopal-walk-emg"
     model = f"{folder}/subject_walk_scaled.osim"
-    run_command(f"myomorph ik --model {model} --markers {folder}/markers_walk.trc --out walk.mot", "live")
+    run_command(
+        f"myomorph ik --model {model} --markers {folder}/markers_walk.trc --out walk.mot", "live"
+    )
     loads = f"--loads {folder}/grf_walk.xml --cutoff 6"
     run_command(f"myomorph id --model {model} --motion walk.mot {loads} --out torques.sto", "live")
     after = mm.read_sto("torques.sto")
     torque = told.generalized_force.sel(coordinate="knee_angle_r").values
     figure, axis = plt.subplots(figsize=(7.0, 2.8))
-    axis.plot(after.time, after.values[:, after.names.index("knee_angle_r_moment")], color=GREY, label="afterwards")
+    axis.plot(
+        after.time,
+        after.values[:, after.names.index("knee_angle_r_moment")],
+        color=GREY,
+        label="afterwards",
+    )
     axis.plot(told.time.values + delay, torque, color=INK, label="live, when it was told")
     axis.set_xlim(0.45, 1.8)
     axis.set_xlabel("time [s]")
@@ -221,32 +269,51 @@ def live() -> Figure:
 
 
 def how_sure() -> Figure:
-    """Moment and force of a knee with their limits, usual and with better joint centers, and what contributes."""
-    columns = (("torques", "knee_angle_l_moment", 1.0), ("joint_contact_forces", "total_walker_knee_l", 1e-3))
+    """Moment and force of a knee with their limits, usual and with better joint centers, and what
+    contributes.
+    """
+    columns = (
+        ("torques", "knee_angle_l_moment", 1.0),
+        ("joint_contact_forces", "total_walker_knee_l", 1e-3),
+    )
     figure, axes = plt.subplots(2, 2, figsize=(7.0, 4.8), width_ratios=(2, 1))
     for (table, column, scale), (curve, bars) in zip(columns, axes, strict=True):
         for folder, color in (("usual", "#cccccc"), ("images", "#92c5de")):
-            low, high = (mm.read_sto(f"{folder}/{table}_{end}.sto") for end in ("low", "high"))
-            curve.fill_between(low.time, scale * low[column], scale * high[column], color=color, lw=0, label=folder)
-        wanted, names = column.removesuffix("_moment"), list[str]()
+            low = mm.read_sto(f"{folder}/{table}_low.sto")
+            high = mm.read_sto(f"{folder}/{table}_high.sto")
+            curve.fill_between(
+                low.time, scale * low[column], scale * high[column], color=color, lw=0, label=folder
+            )
+        wanted = column.removesuffix("_moment")
+        names = list[str]()
         if table == "torques":
             trial = xarray.open_dataset("usual/tension.nc")
-            curve.plot(trial.time.values, trial.generalized_force.sel(coordinate=wanted).values, color=INK)
+            curve.plot(
+                trial.time.values, trial.generalized_force.sel(coordinate=wanted).values, color=INK
+            )
         else:
             found = mm.read_sto(f"usual/{table}.sto")
             curve.plot(found.time, scale * found[column], color=INK)
         for folder, color, beside in (("usual", "#999999", -0.2), ("images", BLUE, 0.2)):
             with open(f"{folder}/uncertainty.csv", encoding="utf-8") as stream:
-                row = next(one for one in csv.DictReader(stream) if (one["table"], one["column"]) == (table, wanted))
+                row = next(
+                    one
+                    for one in csv.DictReader(stream)
+                    if (one["table"], one["column"]) == (table, wanted)
+                )
             if folder == "usual":
                 names = [key for key in row if key.endswith("_total") and float(row[key]) > 0.01]
-                bars.set_yticks(np.arange(len(names)), [key.removesuffix("_total") for key in names])
+                bars.set_yticks(
+                    np.arange(len(names)), [key.removesuffix("_total") for key in names]
+                )
                 bars.invert_yaxis()
             values = [100.0 * float(row[key]) for key in names]
             bars.barh(np.arange(len(names)) + beside, values, 0.4, color=color)
         bars.set_xlabel("share of the variance [%]")
     measured = np.loadtxt("knee-implant-walk/walk1_knee_force.csv", delimiter=",", skiprows=1)
-    axes[1, 0].plot(measured[::4, 0], 1e-3 * measured[::4, 3], ".", color=RED, ms=4, label="measured")
+    axes[1, 0].plot(
+        measured[::4, 0], 1e-3 * measured[::4, 3], ".", color=RED, ms=4, label="measured"
+    )
     axes[0, 0].set_ylabel("knee moment [N m]")
     axes[1, 0].set_ylabel("force in the knee [kN]")
     axes[1, 0].set_xlabel("time [s]")
@@ -277,7 +344,14 @@ def main(names: Sequence[str]) -> None:
     for name in names or DRAWN:
         with tempfile.TemporaryDirectory() as folder:
             run_page(DOCS / "tutorials" / f"{name}.md", Path(folder), collection.joinpath)
-            plt.rcParams.update({"svg.hashsalt": name, "svg.fonttype": "none", "font.size": 9, "lines.linewidth": 1.2})
+            plt.rcParams.update(
+                {
+                    "svg.hashsalt": name,
+                    "svg.fonttype": "none",
+                    "font.size": 9,
+                    "lines.linewidth": 1.2,
+                }
+            )
             with working_in(Path(folder)):
                 figure = DRAWN[name]()
             for one in figure.axes:

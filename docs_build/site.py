@@ -1,4 +1,6 @@
-"""Hooks of mkdocs: navigation, tables of results, equations as MathML, a reference of every module, the changelog."""
+"""Hooks of mkdocs: navigation, tables of results, equations as MathML, a reference of every module,
+the changelog.
+"""
 
 from __future__ import annotations
 
@@ -54,8 +56,13 @@ TEX = {r"\arg": r"\operatorname{arg}"}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Make the navigation: the groups of the index, with the reference before the pages on development."""
-    rooms = [{room: [f"reference/{room}/index.md", *(page_of(module) for module in modules(room))]} for room in ROOMS]
+    """Make the navigation: the groups of the index, with the reference before the pages on
+    development.
+    """
+    rooms = [
+        {room: [f"reference/{room}/index.md", *(page_of(module) for module in modules(room))]}
+        for room in ROOMS
+    ]
     groups = navigation()
     at = next(i for i, group in enumerate(groups) if "Development" in group)
     config.nav = [*groups[:at], {"Reference": ["reference/index.md", *rooms]}, *groups[at:]]
@@ -63,10 +70,14 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Pages that are made of the package and of files beside `docs/`, and the notebooks of tutorials."""
+    """Pages that are made of the package and of files beside `docs/`, and the notebooks of
+    tutorials.
+    """
     made = {
         # It lies beside docs/, and in the site among its pages.
-        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "]("),
+        "changelog.md": (
+            (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").replace("](docs/", "](")
+        ),
         "reference/index.md": reference_index(),
     }
     for room in ROOMS:
@@ -92,7 +103,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Equations as MathML, which browsers show without a script."""
-    return re.sub(r'<(span|div) class="arithmatex">(.*?)</\1>', _equation, html_text, flags=re.DOTALL)
+    return re.sub(
+        r'<(span|div) class="arithmatex">(.*?)</\1>', _equation, html_text, flags=re.DOTALL
+    )
 
 
 def _equation(found: re.Match[str]) -> str:
@@ -145,8 +158,11 @@ def reference_index() -> str:
     lines = [
         "# Reference",
         "",
-        "What every module offers, taken from its docstrings. A room imports only from rooms below it; "
-        "[Architecture](../architecture.md) has the map and the values that pass between rooms.",
+        (
+            "What every module offers, taken from its docstrings. A room imports only from rooms"
+            " below it; [Architecture](../architecture.md) has the map and the values that pass"
+            " between rooms."
+        ),
         "Names that begin with an underscore are nobody else's business and are left out.",
         "",
         "| room | what it is for | modules |",

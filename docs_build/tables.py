@@ -1,14 +1,16 @@
 """Tables and numbers of results in pages: what commands wrote as CSV files under docs/results.
 
-A line that is a link to such a file stands for its table, with a choice of rows behind the address if need be:
+A line that is a link to such a file stands for its table, with a choice of rows behind the address
+if need be:
 
     [Results: models](../results/validation/models.csv)
     [Results: morph](results/performance/morph.csv "rows with map")
     [Results: elastic](results/performance/elastic.csv "rows with frames = 1500")
     [Results: masspoints](results/performance/masspoints.csv "rows without links")
 
-Where pages are read as they are, it is a link that can be followed. Columns that are empty in all rows shown are
-left out. A number within a sentence names its table, row and column; a row is known by one cell or several:
+Where pages are read as they are, it is a link that can be followed. Columns that are empty in all
+rows shown are left out. A number within a sentence names its table, row and column; a row is known
+by one cell or several:
 
     {{ knee | default | total, mean }}
     {{ performance/start | myomorph demo, later | seconds }}
@@ -26,7 +28,8 @@ from benchmarks.results import LOG, Table, load
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SHOWN = re.compile(
-    r"^\[(?P<text>[^\]]+)\]\((?P<path>[\w./-]*results/(?P<table>[\w/-]+)\.csv)(?: \"(?P<choice>[^\"]*)\")?\)$",
+    r"^\[(?P<text>[^\]]+)\]\((?P<path>[\w./-]*results/(?P<table>[\w/-]+)\.csv)(?:"
+    r" \"(?P<choice>[^\"]*)\")?\)$",
     re.MULTILINE,
 )
 NUMBER = re.compile(r"\{\{ (?P<words>[^{}]+?) \}\}")
@@ -83,12 +86,17 @@ def _shown(line: re.Match[str], page: str) -> str:
         rows = [_linked(row, page) for row in rows]
     made = next(row for row in load(LOG) if row["table"] == table)
     parts = [f"[{table.rpartition('/')[2]}.csv]({line['path']})", f"`{made['command']}`"]
-    parts += [made["date"], f"commit {made['commit']}", *([made["machine"]] if made["machine"] else [])]
+    parts += [
+        made["date"],
+        f"commit {made['commit']}",
+        *([made["machine"]] if made["machine"] else []),
+    ]
     return f"{as_markdown(rows)}\n{', '.join(parts)}\n{{ .results }}\n"
 
 
 def chosen(rows: Table, choice: str) -> Table:
-    """Rows "with COLUMN", "with COLUMN = CELL" or "without COLUMN", without columns that are empty in all of them.
+    """Rows "with COLUMN", "with COLUMN = CELL" or "without COLUMN", without columns that are empty
+    in all of them.
 
     Raises
     ------
@@ -98,10 +106,17 @@ def chosen(rows: Table, choice: str) -> Table:
     if choice:
         _, kind, rest = choice.split(" ", 2)
         column, _, cell = rest.partition(" = ")
-        rows = [row for row in rows if (row[column] == cell if cell else bool(row[column])) == (kind == "with")]
+        rows = [
+            row
+            for row in rows
+            if (row[column] == cell if cell else bool(row[column])) == (kind == "with")
+        ]
     if not rows:
         raise ValueError(f"no rows '{choice}'")
-    return [{column: cell for column, cell in row.items() if any(each[column] for each in rows)} for row in rows]
+    return [
+        {column: cell for column, cell in row.items() if any(each[column] for each in rows)}
+        for row in rows
+    ]
 
 
 def as_markdown(rows: Table) -> str:

@@ -33,7 +33,9 @@ def command(capfd: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]
 
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Studies of the command line do their jobs in this process, where the processes are not what is tested."""
+    """Studies of the command line do their jobs in this process, where the processes are not what
+    is tested.
+    """
     from myomorph.study.workers import local_workers
 
     monkeypatch.setattr(local_workers, "local_workers", lambda *_: local_workers.InProcess())

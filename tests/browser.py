@@ -1,4 +1,6 @@
-"""A real browser without a window, driven through its DevTools: opens a page, types, clicks, and takes pictures."""
+"""A real browser without a window, driven through its DevTools: opens a page, types, clicks, and
+takes pictures.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,9 @@ OPTIONS = (
     "--disable-renderer-backgrounding",
 )
 LATE_UPDATE = "Tried to update non-existent component"
-"""How `viser`'s page complains where one drawing of it gets both a change of a control and its removal: it takes the
-removal first, and leaves out the change. Nothing is lost, and which messages share a drawing is chance.
+"""How `viser`'s page complains where one drawing of it gets both a change of a control and its
+removal: it takes the removal first, and leaves out the change. Nothing is lost, and which messages
+share a drawing is chance.
 """
 
 
@@ -57,9 +60,16 @@ class Browser:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
-        command = [program, *OPTIONS, f"--user-data-dir={folder}", f"--window-size={width},{height}"]
+        command = [
+            program,
+            *OPTIONS,
+            f"--user-data-dir={folder}",
+            f"--window-size={width},{height}",
+        ]
         command += [f"--remote-debugging-port={port}", "about:blank"]
-        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         self._count = 0
         self.errors: list[str] = []
         try:
@@ -102,7 +112,10 @@ class Browser:
             self.errors.append(_told(given["exceptionDetails"]))
         elif told.get("method") == "Log.entryAdded" and given["entry"]["level"] == "error":
             self.errors.append(f"{given['entry']['text']} {given['entry'].get('url', '')}")
-        elif told.get("method") == "Runtime.consoleAPICalled" and given["type"] in ("error", "assert"):
+        elif told.get("method") == "Runtime.consoleAPICalled" and given["type"] in (
+            "error",
+            "assert",
+        ):
             text = " ".join(str(one.get("value", one.get("description"))) for one in given["args"])
             if not text.startswith(LATE_UPDATE):
                 self.errors.append(text)
@@ -113,7 +126,9 @@ class Browser:
 
     def run(self, script: str) -> Any:
         """The value of an expression of JavaScript in the page."""
-        told = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        told = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         if "exceptionDetails" in told:
             raise RuntimeError(_told(told["exceptionDetails"]))
         return told["result"].get("value")
@@ -125,11 +140,19 @@ class Browser:
 
     def press(self, key: str) -> None:
         """Press a key by its name, as "ArrowRight" or "Enter"."""
-        code = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Enter": 13, "End": 35, "Home": 36, "Backspace": 8}[
-            key
-        ]
+        code = {
+            "ArrowRight": 39,
+            "ArrowLeft": 37,
+            "ArrowDown": 40,
+            "Enter": 13,
+            "End": 35,
+            "Home": 36,
+            "Backspace": 8,
+        }[key]
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code
+            )
 
     def type(self, text: str) -> None:
         """Type a text into what has the focus."""
@@ -164,7 +187,9 @@ def wait(told: Callable[[], Any], seconds: float, what: str) -> Any:
 def _told(details: dict[str, Any]) -> str:
     """What an exception says and where it was thrown, the message first."""
     said = details.get("exception", {})
-    return f"{said.get('description') or said.get('value') or details.get('text')} {json.dumps(details)}"[:2000]
+    return f"{said.get('description') or said.get('value') or details.get('text')} {json.dumps(details)}"[
+        :2000
+    ]
 
 
 def _page_address(port: int) -> str:

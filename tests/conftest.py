@@ -1,4 +1,6 @@
-"""Where the recordings are: `MYOMORPH_DATA`, or the folder that lies beside the checkout; which tests run first."""
+"""Where the recordings are: `MYOMORPH_DATA`, or the folder that lies beside the checkout; which
+tests run first.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ import pytest
 
 from data_collection import data_folder
 
-# The matrices of tests are small: threads of BLAS get into each other's way, and into that of what runs beside.
+# The matrices of tests are small: threads of BLAS get into each other's way, and into that of what
+# runs beside.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # What tests take on a busy machine teaches no dry run.
 os.environ["MYOMORPH_STEP_TIMES"] = ""
@@ -35,11 +38,15 @@ COMPILING = (
     "cli/test_live_command.py",
     "cli/test_passive_commands.py",
 )
-"""Files that compile most of the kernels where there are none on disk; neighbors compile different ones."""
+"""Files that compile most of the kernels where there are none on disk; neighbors compile different
+ones.
+"""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let pytest-xdist take files in their order; by itself it would begin with those that have most tests."""
+    """Let pytest-xdist take files in their order; by itself it would begin with those that have
+    most tests.
+    """
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
 
@@ -47,13 +54,21 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """First the files that compile, then those that take long, those of few short tests last.
 
-    So two processes do not compile the same kernels at once, and no long file is left for one of them at the end.
+    So two processes do not compile the same kernels at once, and no long file is left for one of
+    them at the end.
     """
     here = Path(__file__).parent
     count = Counter(item.path for item in items)
     long = Counter(item.path for item in items if item.get_closest_marker("long"))
     first = {here / name: len(COMPILING) - k for k, name in enumerate(COMPILING)}
-    items.sort(key=lambda item: (-first.get(item.path, 0), -bool(long[item.path]), -count[item.path], str(item.path)))
+    items.sort(
+        key=lambda item: (
+            -first.get(item.path, 0),
+            -bool(long[item.path]),
+            -count[item.path],
+            str(item.path),
+        )
+    )
 
 
 @pytest.fixture(scope="session")
@@ -63,7 +78,10 @@ def data() -> Callable[[str], Path]:
     def find(name: str) -> Path:
         path = DATA / name
         if not path.exists():
-            pytest.skip(f"needs the data set '{name.split('/')[0]}': set MYOMORPH_DATA to the folder that holds it")
+            pytest.skip(
+                f"needs the data set '{name.split('/')[0]}': set MYOMORPH_DATA to the folder that"
+                " holds it"
+            )
         return path
 
     return find

@@ -9,11 +9,14 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 PINOCCHIO_ORDER = np.array([0, 1, 2, 3, 4, 9, 5, 8, 7, 6])
-"""Which of our ten parameters each of Pinocchio's is: m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz."""
+"""Which of our ten parameters each of Pinocchio's is: m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.
+"""
 
 
 def root_rates(model, motion):
-    """Rotation, origin, angular velocity and acceleration, velocity and acceleration of the first body, in ground."""
+    """Rotation, origin, angular velocity and acceleration, velocity and acceleration of the first
+    body, in ground.
+    """
     c, cdot, cddot = motion_arrays(compile_tree(model), motion)
     poses = forward_kinematics(compile_tree(model), c)
     axes = poses.axis_directions[:, 3:6]
@@ -32,7 +35,11 @@ def pinocchio_states(model, motion):
     import pinocchio as pin
 
     R, p, omega, alpha, speed, acceleration = root_rates(model, motion)
-    rest = np.array(motion.values[:, 6:]), np.array(motion.velocities[:, 6:]), np.array(motion.accelerations[:, 6:])
+    rest = (
+        np.array(motion.values[:, 6:]),
+        np.array(motion.velocities[:, 6:]),
+        np.array(motion.accelerations[:, 6:]),
+    )
     for f in range(len(motion)):
         turn = R[f].T
         q = np.concatenate([p[f], pin.Quaternion(np.ascontiguousarray(R[f])).coeffs(), rest[0][f]])

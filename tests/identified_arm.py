@@ -25,7 +25,9 @@ UPPER = 2.4
 
 
 def put_on_plate(arm: SimpleNamespace) -> None:
-    """Write forces and loads in the place of the arm's own: what a plate measures under the true arm."""
+    """Write forces and loads in the place of the arm's own: what a plate measures under the true
+    arm.
+    """
     model = read_osim(arm.model)
     motion = differentiate(motion_from_table(read_sto(arm.motion), model))
     parameters = inertial_parameters(model) * np.array([[UPPER / 2.0], [(4.0 - UPPER) / 2.0]])
@@ -33,6 +35,8 @@ def put_on_plate(arm: SimpleNamespace) -> None:
     places = reference_points(model, motion)
     columns = {"time": motion.time}
     for kind, values in (("v", wrench[:, 3:]), ("p", places), ("m", wrench[:, :3])):
-        columns |= {f"plate_{kind}{axis}": column for axis, column in zip("xyz", values.T, strict=True)}
+        columns |= {
+            f"plate_{kind}{axis}": column for axis, column in zip("xyz", values.T, strict=True)
+        }
     arm.forces.write_text(table_text(columns))
     arm.loads.write_text(LOADS.format(table=arm.forces.name))

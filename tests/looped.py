@@ -34,24 +34,41 @@ def looped_tree(seed, kinds=("PointConstraint", "WeldConstraint"), functional=Fa
     poses = forward_kinematics(tree, closed)
     loops = []
     for i, kind in enumerate(kinds):
-        one, two = len(model.bodies) - i, 2 + i
+        one = len(model.bodies) - i
+        two = 2 + i
         world = Transform(random_rotation(rng), rng.normal(size=3))
-        ends = [Transform(poses.rotations[0, b], poses.origins[0, b]).inverse() @ world for b in (one, two)]
-        loops.append(Loop(f"loop{i}", kind, model.bodies[one - 1].name, model.bodies[two - 1].name, *ends))
+        ends = [
+            Transform(poses.rotations[0, b], poses.origins[0, b]).inverse() @ world
+            for b in (one, two)
+        ]
+        loops.append(
+            Loop(f"loop{i}", kind, model.bodies[one - 1].name, model.bodies[two - 1].name, *ends)
+        )
     return replace(model, loops=tuple(loops)), closed[0]
 
 
 def four_bar(crank=0.3, coupler=0.7, rocker=0.6, ground=0.8, kind="PointConstraint"):
-    """A planar linkage: the crank and the rocker turn on the ground, the coupler's end is tied to the rocker's.
+    """A planar linkage: the crank and the rocker turn on the ground, the coupler's end is tied to
+    the rocker's.
 
-    Turns about z; coordinates crank, coupler (relative to the crank) and rocker; four markers a body.
+    Turns about z; coordinates crank, coupler (relative to the crank) and rocker; four markers a
+    body.
     """
     still = Transform.identity()
     z = np.eye(3)[2]
 
     def hinge(name, parent, at):
-        axis = Axis("rotation", z, linear(1.0), (name,))
-        return Joint(name, "PinJoint", parent, f"{name}_bar", Transform(np.eye(3), at), still, (axis,), (name,))
+        axis = Axis(kind="rotation", vector=z, function=linear(1.0), coordinates=(name,))
+        return Joint(
+            name=name,
+            kind="PinJoint",
+            parent=parent,
+            child=f"{name}_bar",
+            parent_frame=Transform(np.eye(3), at),
+            child_frame=still,
+            axes=(axis,),
+            coordinates=(name,),
+        )
 
     joints = (
         hinge("crank", GROUND, np.zeros(3)),
@@ -61,24 +78,45 @@ def four_bar(crank=0.3, coupler=0.7, rocker=0.6, ground=0.8, kind="PointConstrai
     lengths = (crank, coupler, rocker)
     names = ("crank", "coupler", "rocker")
     bodies = tuple(
-        Body(f"{name}_bar", 1.0, np.array([0.5 * length, 0.0, 0.0]), 0.01 * np.eye(3))
+        Body(
+            name=f"{name}_bar",
+            mass=1.0,
+            mass_center=np.array([0.5 * length, 0.0, 0.0]),
+            inertia=0.01 * np.eye(3),
+        )
         for name, length in zip(names, lengths, strict=True)
     )
     tie = Loop(
-        "pin", kind, "coupler_bar", "rocker_bar",
-        Transform(np.eye(3), np.array([coupler, 0.0, 0.0])), Transform(np.eye(3), np.array([rocker, 0.0, 0.0])),
-    )  # fmt: skip
+        name="pin",
+        kind=kind,
+        body_1="coupler_bar",
+        body_2="rocker_bar",
+        pose_1=Transform(np.eye(3), np.array([coupler, 0.0, 0.0])),
+        pose_2=Transform(np.eye(3), np.array([rocker, 0.0, 0.0])),
+    )
     markers = tuple(
         Marker(f"{body.name}_{i}", body.name, np.array([0.1 * i, 0.05 * (-1) ** i, 0.02]))
         for body in bodies
         for i in (1, 2, 3)
     )
-    coordinates = tuple(Coordinate(name, default=value) for name, value in zip(names, (1.0, -0.5, 1.5), strict=True))
-    return Model("four bars", bodies, joints, coordinates, np.array([0, -9.81, 0]), markers, loops=(tie,))
+    coordinates = tuple(
+        Coordinate(name, default=value) for name, value in zip(names, (1.0, -0.5, 1.5), strict=True)
+    )
+    return Model(
+        name="four bars",
+        bodies=bodies,
+        joints=joints,
+        coordinates=coordinates,
+        gravity=np.array([0, -9.81, 0]),
+        markers=markers,
+        loops=(tie,),
+    )
 
 
 def four_bar_angles(turn, crank=0.3, coupler=0.7, rocker=0.6, ground=0.8):
-    """(frames, 3) coordinates of `four_bar` by the law of cosines, for crank angles (frames,); elbow up."""
+    """(frames, 3) coordinates of `four_bar` by the law of cosines, for crank angles (frames,);
+    elbow up.
+    """
     end = crank * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     away = np.array([ground, 0.0]) - end
     distance = np.linalg.norm(away, axis=1)
@@ -90,7 +128,9 @@ def four_bar_angles(turn, crank=0.3, coupler=0.7, rocker=0.6, ground=0.8):
 
 
 def mujoco_constraints(model, coordinates):
-    """MuJoCo's errors (rows,) of connects and welds at coordinates (n,), and their derivatives (rows, n)."""
+    """MuJoCo's errors (rows,) of connects and welds at coordinates (n,), and their derivatives
+    (rows, n).
+    """
     import mujoco
 
     spec = to_mujoco(replace(model, loops=()), compiled=False)
@@ -104,8 +144,10 @@ def mujoco_constraints(model, coordinates):
             added.type = mujoco.mjtEq.mjEQ_WELD
             quaternion = np.empty(4)
             mujoco.mju_mat2Quat(quaternion, (loop.pose_1 @ loop.pose_2.inverse()).rotation.ravel())
-            added.data[:3], added.data[3:6] = loop.pose_2.translation, loop.pose_1.translation
-            added.data[6:10], added.data[10] = quaternion, 1.0
+            added.data[:3] = loop.pose_2.translation
+            added.data[3:6] = loop.pose_1.translation
+            added.data[6:10] = quaternion
+            added.data[10] = 1.0
     theirs = spec.compile()
     for i, loop in enumerate(model.loops):
         if loop.kind == "connect":
@@ -119,14 +161,21 @@ def mujoco_constraints(model, coordinates):
 
 
 def pinocchio_rates(model, coordinates, velocities, accelerations):
-    """What a point or a weld ties, by Pinocchio: pairs of velocities, then of accelerations, of both ends."""
+    """What a point or a weld ties, by Pinocchio: pairs of velocities, then of accelerations, of
+    both ends.
+    """
     import pinocchio as pin
 
     theirs, ids = to_pinocchio(model)
     ends = [
         [
             theirs.addFrame(
-                pin.Frame(loop.name + body, ids[body], pin.SE3(pose.rotation, pose.translation), pin.OP_FRAME)
+                pin.Frame(
+                    loop.name + body,
+                    ids[body],
+                    pin.SE3(pose.rotation, pose.translation),
+                    pin.OP_FRAME,
+                )
             )
             for body, pose in ((loop.body_1, loop.pose_1), (loop.body_2, loop.pose_2))
         ]
@@ -137,14 +186,21 @@ def pinocchio_rates(model, coordinates, velocities, accelerations):
     for rate in (pin.getFrameVelocity, pin.getFrameClassicalAcceleration):
         for loop, frames in zip(model.loops, ends, strict=True):
             rows = 6 if loop.kind == "WeldConstraint" else 3
-            one, two = (rate(theirs, data, end, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).vector[:rows] for end in frames)
+            one, two = (
+                rate(theirs, data, end, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).vector[:rows]
+                for end in frames
+            )
             yield one, two
 
 
 def markers_of(model, values, noise=0.0, seed=0):
-    """What cameras see of a model's markers at coordinates (frames, coordinates), 100 frames a second."""
+    """What cameras see of a model's markers at coordinates (frames, coordinates), 100 frames a
+    second.
+    """
     tree = compile_tree(model)
     bodies = np.array([tree.body_index[one.body] for one in model.markers])
-    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in model.markers]))
+    places = forward_kinematics(tree, values).points(
+        bodies, np.array([one.location for one in model.markers])
+    )
     places = places + np.random.default_rng(seed).normal(scale=noise, size=places.shape)
     return Markers(np.arange(len(values)) * 0.01, model.marker_names, places)

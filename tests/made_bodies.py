@@ -21,27 +21,50 @@ def filled(spacing: float, place: tuple[float, float, float] = (0.3, 1.0, -0.2))
     return grid[((grid / AXES) ** 2).sum(axis=1) < 1.0] + place
 
 
-def random_links(count: int, place: tuple[float, float, float] = (0.3, 1.0, -0.2), seed: int = 0) -> Links:
+def random_links(
+    count: int, place: tuple[float, float, float] = (0.3, 1.0, -0.2), seed: int = 0
+) -> Links:
     """Links along the body with random axes, and a bone of 20 cm in each."""
     random = np.random.default_rng(seed)
     centers = np.zeros((count, 3))
     centers[:, 1] = np.linspace(-0.9, 0.9, count) * AXES[1]
     centers += 0.05 * random.normal(size=(count, 3)) + place
     rotations = Rotation.random(count, rng=random).as_matrix()
-    bones = np.stack([centers - 0.1 * rotations[:, :, 0], centers + 0.1 * rotations[:, :, 0]], axis=1)
+    bones = np.stack(
+        [centers - 0.1 * rotations[:, :, 0], centers + 0.1 * rotations[:, :, 0]], axis=1
+    )
     names = tuple(f"link{i}" for i in range(count))
     origins = centers + 0.05 * random.normal(size=(count, 3))
-    return Links(names, rotations, origins, centers, bones, np.arange(count))
+    return Links(
+        names=names,
+        rotations=rotations,
+        origins=origins,
+        centers=centers,
+        bones=bones,
+        bone_links=np.arange(count),
+    )
 
 
-def made_body(spacing: float, count: int = 5, weights: WeightMap = bone_weights, seed: int = 0) -> MassPoints:
+def made_body(
+    spacing: float, count: int = 5, weights: WeightMap = bone_weights, seed: int = 0
+) -> MassPoints:
     """Mass points of 70 kg in all."""
-    points, links = filled(spacing), random_links(count, seed=seed)
+    points = filled(spacing)
+    links = random_links(count, seed=seed)
     reference = np.full(len(points), MASS / len(points))
-    return MassPoints(points, reference, weights(points, links), links, spacing, "an ellipsoid")
+    return MassPoints(
+        points=points,
+        reference=reference,
+        weights=weights(points, links),
+        links=links,
+        spacing=spacing,
+        source="an ellipsoid",
+    )
 
 
-def measured(body: MassPoints, rows: int, truth: np.ndarray, noise: float = 1.0, seed: int = 1) -> tuple:
+def measured(
+    body: MassPoints, rows: int, truth: np.ndarray, noise: float = 1.0, seed: int = 1
+) -> tuple:
     """Random combinations of the true parameters (links, 10) in units of their noise: A and b."""
     random = np.random.default_rng(seed)
     typical = np.abs(body.parameters(body.reference)).mean(axis=0)

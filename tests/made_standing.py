@@ -11,13 +11,28 @@ from myomorph.motion.protocols import protocols
 from myomorph.study.analyze.generic_model import generic_model
 
 LABELS = (
-    "LASI", "RASI", "LPSI", "RPSI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "LTOE", "RTOE", "C7",
-    "LSHO", "RSHO",
-)  # fmt: skip
+    "LASI",
+    "RASI",
+    "LPSI",
+    "RPSI",
+    "LKNE",
+    "RKNE",
+    "LANK",
+    "RANK",
+    "LHEE",
+    "RHEE",
+    "LTOE",
+    "RTOE",
+    "C7",
+    "LSHO",
+    "RSHO",
+)
 
 
 def standing(shift: float = 0.0) -> Markers:
-    """Markers (20, 15, 3) of the model as it stands [m], y up and x forward; they go `shift` forward."""
+    """Markers (20, 15, 3) of the model as it stands [m], y up and x forward; they go `shift`
+    forward.
+    """
     pytest.importorskip("myo_sim")
     sites = {label: protocols().protocols["plug_in_gait"].labels[label] for label in LABELS}
     model, _ = generic_model(sites)

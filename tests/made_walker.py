@@ -1,4 +1,6 @@
-"""A made walker for tests of studies: a pelvis that slides in the plane, two legs with a hip and a knee."""
+"""A made walker for tests of studies: a pelvis that slides in the plane, two legs with a hip and a
+knee.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-PERIOD, CYCLES, RATE = 0.5, 5, 50.0
+PERIOD = 0.5
+CYCLES = 5
+RATE = 50.0
 HERE = Transform.identity()
 
 
@@ -23,51 +27,87 @@ def at(x, y, z):
 def walker():
     """A pelvis that slides in the plane, and two legs with a hip and a knee."""
     slides = ("pelvis_tx", "pelvis_ty")
-    root = tuple(Axis("translation", np.eye(3)[i], linear(1.0), (name,)) for i, name in enumerate(slides))
-    bodies, joints, names = (
-        ["pelvis"],
-        [Joint("root", "CustomJoint", GROUND, "pelvis", HERE, HERE, root, slides)],
-        [*slides],
+    root = tuple(
+        Axis(kind="translation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(name,))
+        for i, name in enumerate(slides)
     )
-    markers, muscles = [Marker(f"P{k}", "pelvis", np.eye(3)[k] * 0.1) for k in range(3)], []
+    bodies = ["pelvis"]
+    joints = [
+        Joint(
+            name="root",
+            kind="CustomJoint",
+            parent=GROUND,
+            child="pelvis",
+            parent_frame=HERE,
+            child_frame=HERE,
+            axes=root,
+            coordinates=slides,
+        )
+    ]
+    names = [*slides]
+    markers = [Marker(f"P{k}", "pelvis", np.eye(3)[k] * 0.1) for k in range(3)]
+    muscles = []
     for side, z in (("r", 0.1), ("l", -0.1)):
         for parent, child, place, angle in (
             ("pelvis", f"thigh_{side}", at(0.0, 0.0, z), f"hip_flexion_{side}"),
             (f"thigh_{side}", f"foot_{side}", at(0.0, -0.4, 0.0), f"knee_angle_{side}"),
         ):
-            hinge = (Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), (angle,)),)
+            hinge = (
+                Axis(
+                    kind="rotation",
+                    vector=np.array([0.0, 0.0, 1.0]),
+                    function=linear(1.0),
+                    coordinates=(angle,),
+                ),
+            )
             joints.append(
                 Joint(
-                    f"to_{child}",
-                    "CustomJoint",
-                    parent,
-                    child,
-                    place,
-                    at(0.0, 0.4 * child.startswith("foot"), 0.0),
-                    hinge,
-                    (angle,),
+                    name=f"to_{child}",
+                    kind="CustomJoint",
+                    parent=parent,
+                    child=child,
+                    parent_frame=place,
+                    child_frame=at(0.0, 0.4 * child.startswith("foot"), 0.0),
+                    axes=hinge,
+                    coordinates=(angle,),
                 )
             )
             bodies.append(child)
             names.append(angle)
             markers += [
-                Marker(f"{child}_{k}", child, np.array(p)) for k, p in enumerate(((0.1, 0.0, 0.0), (0.0, -0.1, 0.05)))
+                Marker(f"{child}_{k}", child, np.array(p))
+                for k, p in enumerate(((0.1, 0.0, 0.0), (0.0, -0.1, 0.05)))
             ]
         points = (
             PathPoint("a", "pelvis", np.array([0.1, 0.0, z])),
             PathPoint("b", f"foot_{side}", np.array([0.05, 0.3, 0.0])),
         )
-        muscles.append(Muscle(f"rectus_{side}", "Thelen2003Muscle", Path(points), 500.0, 0.1, 0.3))
+        muscles.append(
+            Muscle(
+                name=f"rectus_{side}",
+                kind="Thelen2003Muscle",
+                path=Path(points),
+                max_isometric_force=500.0,
+                optimal_fiber_length=0.1,
+                tendon_slack_length=0.3,
+            )
+        )
     return Model(
-        "walker",
-        tuple(Body(name, 10.0, np.zeros(3), 0.1 * np.eye(3)) for name in bodies),
-        tuple(joints),
-        tuple(
-            Coordinate(name, "translational" if name in slides else "rotational", range=(-10.0, 10.0)) for name in names
+        name="walker",
+        bodies=tuple(
+            Body(name=name, mass=10.0, mass_center=np.zeros(3), inertia=0.1 * np.eye(3))
+            for name in bodies
         ),
-        np.array([0.0, -9.81, 0.0]),
-        tuple(markers),
-        tuple(muscles),
+        joints=tuple(joints),
+        coordinates=tuple(
+            Coordinate(
+                name, "translational" if name in slides else "rotational", range=(-10.0, 10.0)
+            )
+            for name in names
+        ),
+        gravity=np.array([0.0, -9.81, 0.0]),
+        markers=tuple(markers),
+        muscles=tuple(muscles),
     )
 
 
@@ -85,4 +125,8 @@ def recording(model, rng, extra):
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     numbers = np.array([tree.body_index[one.body] for one in model.markers])
-    return Markers(time, model.marker_names, poses.points(numbers, np.array([one.location for one in model.markers])))
+    return Markers(
+        time,
+        model.marker_names,
+        poses.points(numbers, np.array([one.location for one in model.markers])),
+    )

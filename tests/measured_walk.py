@@ -1,4 +1,6 @@
-"""A walk whose ground forces plates measured: `rajagopal-walk-emg` at 100 Hz, filtered at 6 Hz, feet on the floor."""
+"""A walk whose ground forces plates measured: `rajagopal-walk-emg` at 100 Hz, filtered at 6 Hz,
+feet on the floor.
+"""
 
 from __future__ import annotations
 
@@ -36,4 +38,10 @@ def measured_walk(data: Callable[[str], Path]) -> MeasuredWalk:
     whole = motion_from_table(read_sto(data(f"{WALK}/coordinates.sto")), model)
     motion = differentiate(Motion(whole.time[::10], whole.names, whole.values[::10]), 6.0)
     sites, floor = rest_on_floor(model, motion, foot_sites(model), 0.0)
-    return MeasuredWalk(model, motion, sites, floor, read_external_loads(data(f"{WALK}/grf_walk.xml")))
+    return MeasuredWalk(
+        model=model,
+        motion=motion,
+        sites=sites,
+        floor=floor,
+        loads=read_external_loads(data(f"{WALK}/grf_walk.xml")),
+    )

@@ -19,14 +19,24 @@ mujoco = pytest.importorskip("mujoco")
 # MuJoCo writes its warnings into a file in the current folder, unless somebody else takes them.
 mujoco.set_mju_user_warning(lambda text: None)
 
-MYO_SIM = ("myolegs", "myolegs26", "myoarm_r", "myotorso", "myotorso_abdomen", "myofullbody", "myoelbow", "osl")
+MYO_SIM = (
+    "myolegs",
+    "myolegs26",
+    "myoarm_r",
+    "myotorso",
+    "myotorso_abdomen",
+    "myofullbody",
+    "myoelbow",
+    "osl",
+)
 FILES = {
     "mouse arm": "mouse-arm-muscles/akira_muscle.xml",
     "mouse skeleton": "mouse-skeleton-keypoints/mouse_with_meshes.xml",
     "rat": "rat-keypoints/rodent.xml",
 }
 MODELS = (*MYO_SIM, "MyoFullBody", *FILES)
-# Ball, slide and hinge joints in one body, off their origins, with a reference position and a free root.
+# Ball, slide and hinge joints in one body, off their origins, with a reference position and a free
+# root.
 MIXED = """
 <mujoco>
   <compiler angle="radian"/>
@@ -88,16 +98,28 @@ def meshes_exist(path: object) -> bool:
 def random_motion(model: Model, frames: int, seed: int = 0, spread: float = 1.0) -> Motion:
     """Coordinates inside their ranges (angles within +-`spread` where there is none), any rates."""
     rng = np.random.default_rng(seed)
-    low = np.array([c.range[0] if np.isfinite(c.range[0]) else c.default - spread for c in model.coordinates])
-    high = np.array([c.range[1] if np.isfinite(c.range[1]) else c.default + spread for c in model.coordinates])
+    low = np.array(
+        [c.range[0] if np.isfinite(c.range[0]) else c.default - spread for c in model.coordinates]
+    )
+    high = np.array(
+        [c.range[1] if np.isfinite(c.range[1]) else c.default + spread for c in model.coordinates]
+    )
     n = len(model.coordinates)
     values = low + (high - low) * rng.random((frames, n))
     rates = rng.standard_normal((2, frames, n))
-    return Motion(np.arange(frames) * 0.01, model.coordinate_names, values, rates[0], rates[1])
+    return Motion(
+        time=np.arange(frames) * 0.01,
+        names=model.coordinate_names,
+        values=values,
+        velocities=rates[0],
+        accelerations=rates[1],
+    )
 
 
 def qpos_from_coordinates(model: Model, coordinates) -> np.ndarray:
-    """MuJoCo's `qpos` (..., nq) for values of all coordinates (..., coordinates), w of quaternions not negative."""
+    """MuJoCo's `qpos` (..., nq) for values of all coordinates (..., coordinates), w of quaternions
+    not negative.
+    """
     c = np.asarray(coordinates, dtype=np.float64)
     rows = []
     for row in c.reshape(-1, c.shape[-1]):
@@ -122,7 +144,8 @@ class State:
         c, cdot, cddot = (one[frame] for one in motion_arrays(compile_tree(model), motion))
         self.qpos = qpos_from_coordinates(model, c)
         n = len(c)
-        blocks, shifts = [], []
+        blocks = []
+        shifts = []
         at = 0
         for joint in model.joints:
             for kind in joint.kind.split("+"):
@@ -137,7 +160,9 @@ class State:
                     turn = xy @ axis_rotation((0, 0, 1), c[at + 2]) @ start
                     w = np.column_stack([[1.0, 0, 0], x[:, 1], xy[:, 2]])
                     rates = w * cdot[at : at + 3]
-                    bias = np.cross(rates[:, 0], rates[:, 1]) + np.cross(rates[:, 0] + rates[:, 1], rates[:, 2])
+                    bias = np.cross(rates[:, 0], rates[:, 1]) + np.cross(
+                        rates[:, 0] + rates[:, 1], rates[:, 2]
+                    )
                     rows = np.zeros((3, n))
                     rows[:, at : at + 3] = turn.T @ w
                     blocks += list(rows)

@@ -7,7 +7,9 @@ import pytest
 
 
 def opensim_torques(path, model, c, cdot, cddot):
-    """(frames, coordinates) [N m or N] in the model's order, for states (frames, coordinates) in that order."""
+    """(frames, coordinates) [N m or N] in the model's order, for states (frames, coordinates) in
+    that order.
+    """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
     theirs = opensim.Model(str(path))
@@ -15,7 +17,8 @@ def opensim_torques(path, model, c, cdot, cddot):
     state = theirs.initSystem()
     solver = opensim.InverseDynamicsSolver(theirs)
     coordinates = theirs.getCoordinateSet()
-    # OpenSim's vectors are in the order of its multibody tree: a speed of its own for each tells which.
+    # OpenSim's vectors are in the order of its multibody tree: a speed of its own for each tells
+    # which.
     for j, name in enumerate(model.coordinate_names):
         coordinates.get(name).setLocked(state, False)
         coordinates.get(name).setSpeedValue(state, j + 1.0)
@@ -26,5 +29,7 @@ def opensim_torques(path, model, c, cdot, cddot):
             coordinates.get(name).setValue(state, float(c[frame, j]), False)
             coordinates.get(name).setSpeedValue(state, float(cdot[frame, j]))
         theirs.realizeVelocity(state)
-        torques[frame, order] = solver.solve(state, opensim.Vector.createFromMat(cddot[frame, order])).to_numpy()
+        torques[frame, order] = solver.solve(
+            state, opensim.Vector.createFromMat(cddot[frame, order])
+        ).to_numpy()
     return torques

@@ -1,7 +1,7 @@
 """What OpenSim says of model files: run as a script, each file in a process of its own.
 
-OpenSim keeps the `defaults` section of a file for all files read after it, so files must not share a
-process; forking spares the two seconds that importing OpenSim takes.
+OpenSim keeps the `defaults` section of a file for all files read after it, so files must not share
+a process; forking spares the two seconds that importing OpenSim takes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ def ask(files: dict[str, Path], folder: Path) -> dict[str, dict[str, Any] | str]
     """Facts by name, or the error text, of every file."""
     work = folder / "oracle.pickle"
     work.write_bytes(pickle.dumps(files))
-    subprocess.run([sys.executable, __file__, str(work)], check=True, capture_output=True, cwd=folder)
+    subprocess.run(
+        [sys.executable, __file__, str(work)], check=True, capture_output=True, cwd=folder
+    )
     return pickle.loads(work.read_bytes())  # type: ignore[no-any-return]
 
 
@@ -55,7 +57,8 @@ def _all(collection: Any) -> list[Any]:
 
 def _mass(body: Any) -> tuple[float, Any, Any]:
     inertia = body.getInertia()
-    (xx, yy, zz), (xy, xz, yz) = inertia.getMoments().to_numpy(), inertia.getProducts().to_numpy()
+    (xx, yy, zz) = inertia.getMoments().to_numpy()
+    (xy, xz, yz) = inertia.getProducts().to_numpy()
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return body.getMass(), body.getMassCenter().to_numpy(), matrix
 
@@ -79,7 +82,15 @@ def _muscle(opensim: Any, one: Any) -> dict[str, Any]:
     for wrap in _all(path.getWrapSet()):
         surface = wrap.getWrapObject()
         body = surface.getFrame().findBaseFrame().getName()
-        wraps.append((surface.getName(), body, wrap.getMethodName(), wrap.getStartPoint(), wrap.getEndPoint()))
+        wraps.append(
+            (
+                surface.getName(),
+                body,
+                wrap.getMethodName(),
+                wrap.getStartPoint(),
+                wrap.getEndPoint(),
+            )
+        )
     own = getattr(opensim, one.getConcreteClassName(), None)
     return {
         "kind": one.getConcreteClassName(),
@@ -112,18 +123,30 @@ def _parameters(one: Any, prefix: str = "") -> dict[str, str]:
 def _pose(opensim: Any, model: Any, state: Any, random: Any, default: bool) -> dict[str, Any]:
     coordinates = _all(model.getCoordinateSet())
     for one in coordinates:
-        low, high = max(one.getRangeMin(), -1.5), min(one.getRangeMax(), 1.5)
+        low = max(one.getRangeMin(), -1.5)
+        high = min(one.getRangeMax(), 1.5)
         value = one.getDefaultValue() if default else random.uniform(min(low, high), high)
         one.setLocked(state, False)
         one.setValue(state, value, False)
     model.realizePosition(state)
-    paths = {one.getName(): opensim.GeometryPath.safeDownCast(one.getPath()) for one in _all(model.getMuscles())}
+    paths = {
+        one.getName(): opensim.GeometryPath.safeDownCast(one.getPath())
+        for one in _all(model.getMuscles())
+    }
     return {
         "coordinates": {one.getName(): one.getValue(state) for one in coordinates},
-        "bodies": {one.getName(): _transform(one.getTransformInGround(state)) for one in _all(model.getBodySet())},
-        "markers": {one.getName(): one.getLocationInGround(state).to_numpy() for one in _all(model.getMarkerSet())},
+        "bodies": {
+            one.getName(): _transform(one.getTransformInGround(state))
+            for one in _all(model.getBodySet())
+        },
+        "markers": {
+            one.getName(): one.getLocationInGround(state).to_numpy()
+            for one in _all(model.getMarkerSet())
+        },
         "points": {
-            name: [one.getLocationInGround(state).to_numpy() for one in _all(path.getPathPointSet())]
+            name: [
+                one.getLocationInGround(state).to_numpy() for one in _all(path.getPathPointSet())
+            ]
             for name, path in paths.items()
         },
         "lengths": {name: path.getLength(state) for name, path in paths.items()},

@@ -83,5 +83,7 @@ def point_place(point: PathPoint | MovingPathPoint, values: Mapping[str, float])
 def random_values(model: Model, seed: int) -> dict[str, float]:
     """Coordinates somewhere in their ranges."""
     random = np.random.default_rng(seed)
-    ends = ((one.name, max(one.range[0], -1.5), min(one.range[1], 1.5)) for one in model.coordinates)
+    ends = (
+        (one.name, max(one.range[0], -1.5), min(one.range[1], 1.5)) for one in model.coordinates
+    )
     return {name: random.uniform(min(low, high), high) for name, low, high in ends}

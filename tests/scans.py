@@ -1,4 +1,6 @@
-"""A made CT of a bone: turned, shifted, resized, refined or coarsened, cut off, with noise; and balls as markers."""
+"""A made CT of a bone: turned, shifted, resized, refined or coarsened, cut off, with noise; and
+balls as markers.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +14,33 @@ from myomorph.morph.maps.linear import Similarity
 
 
 def made_scan(
-    bone: Surface, seed: int = 1, scale: float = 1.02, noise: float = 3e-4, cut: float = 0.0, refine: int = 2
+    bone: Surface,
+    seed: int = 1,
+    scale: float = 1.02,
+    noise: float = 3e-4,
+    cut: float = 0.0,
+    refine: int = 2,
 ) -> tuple[Surface, Similarity]:
-    """A scan of a bone that is `scale` times smaller than the model's, and the similarity from scan to bone."""
+    """A scan of a bone that is `scale` times smaller than the model's, and the similarity from scan
+    to bone.
+    """
     random = np.random.default_rng(seed)
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=True)
     for _ in range(refine):
         mesh = mesh.subdivide()
-    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    vertices = np.array(mesh.vertices)
+    faces = np.array(mesh.faces)
     if cut:
         long = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2][0]
         along = vertices @ long
         kept = along < np.quantile(along, 1 - cut)
         used, index = np.unique(faces[kept[faces].all(axis=1)], return_inverse=True)
-        vertices, faces = vertices[used], index.reshape(-1, 3)
+        vertices = vertices[used]
+        faces = index.reshape(-1, 3)
     vertices = vertices + noise * random.normal(size=vertices.shape)
-    back = Similarity(rotation_from_euler_xyz(random.uniform(-3, 3, 3)), random.uniform(-0.3, 0.3, 3), 1 / scale)
+    back = Similarity(
+        rotation_from_euler_xyz(random.uniform(-3, 3, 3)), random.uniform(-0.3, 0.3, 3), 1 / scale
+    )
     return Surface(back.apply(vertices), faces), back.inverse()
 
 
@@ -36,16 +49,23 @@ def sharper(bone: Surface) -> Surface:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     points = np.array(mesh.vertices)
     size = np.ones(len(points))
-    for direction, height in (((1, 0.2, 0.3), 0.5), ((-0.8, 0.5, 0.1), 0.35), ((0.1, -0.9, 0.4), 0.4)):
+    for direction, height in (
+        ((1, 0.2, 0.3), 0.5),
+        ((-0.8, 0.5, 0.1), 0.35),
+        ((0.1, -0.9, 0.4), 0.4),
+    ):
         away = points @ (np.array(direction) / np.linalg.norm(direction))
         size += height * np.exp(20 * (away - 1))
     return Surface(points * size[:, None] * [0.15, 0.03, 0.02], mesh.faces)
 
 
-def ball(center: np.ndarray, diameter: float, random: np.random.Generator, noise: float, keep=None) -> Surface:
+def ball(
+    center: np.ndarray, diameter: float, random: np.random.Generator, noise: float, keep=None
+) -> Surface:
     """A noisy sphere, of which `keep(points)` chooses what is seen."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.5 * diameter)
-    points, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    points = np.array(mesh.vertices)
+    faces = np.array(mesh.faces)
     if keep is not None:
         faces = faces[keep(points)[faces].all(axis=1)]
     return Surface(points + noise * random.normal(size=points.shape) + center, faces)
@@ -58,14 +78,19 @@ def joined(parts: list[Surface]) -> Surface:
     return Surface(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
-def cluster(centers: np.ndarray, diameter: float = 0.009, seed: int = 0, noise: float = 5e-5) -> Surface:
+def cluster(
+    centers: np.ndarray, diameter: float = 0.009, seed: int = 0, noise: float = 5e-5
+) -> Surface:
     """Balls at centers, apart from each other, with a plate and a pin that hold them."""
     random = np.random.default_rng(seed)
     plate = trimesh.creation.box(extents=(0.06, 0.05, 0.003))
     pin = trimesh.creation.cylinder(radius=0.001, height=0.08)
     below = centers.mean(axis=0) + [0, 0, -0.02]
     held = [
-        Surface(np.array(mesh.subdivide().subdivide().vertices) + below, mesh.subdivide().subdivide().faces)
+        Surface(
+            np.array(mesh.subdivide().subdivide().vertices) + below,
+            mesh.subdivide().subdivide().faces,
+        )
         for mesh in (plate, pin)
     ]
     return joined([ball(center, diameter, random, noise) for center in centers] + held)
@@ -80,9 +105,12 @@ def grown_together(centers: np.ndarray, diameter: float = 0.009) -> Surface:
     shape = np.ceil((centers.max(axis=0) + 0.02 - low) / grid).astype(int)
     axes = [low[k] + grid * np.arange(shape[k]) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    away = np.min([np.linalg.norm(points - center, axis=-1) - 0.5 * diameter for center in centers], axis=0)
+    away = np.min(
+        [np.linalg.norm(points - center, axis=-1) - 0.5 * diameter for center in centers], axis=0
+    )
     box = np.abs(points - solid.centroid) - np.array([0.035, 0.03, 0.002])
     field = np.minimum(away, box.max(axis=-1))
-    flat, values = points.transpose(2, 1, 0, 3).reshape(-1, 3), field.transpose(2, 1, 0).reshape(-1)
+    flat = points.transpose(2, 1, 0, 3).reshape(-1, 3)
+    values = field.transpose(2, 1, 0).reshape(-1)
     vertices, faces = igl.marching_cubes(values, flat, *(int(one) for one in shape), 0.0)[:2]
     return Surface(vertices, faces)

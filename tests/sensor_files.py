@@ -9,8 +9,18 @@ from myomorph.model.inertial_sensors import InertialSensors
 
 def write_orientations(path: Path, sensors: InertialSensors) -> None:
     """A table of quaternions as OpenSim's readers write it."""
-    lines = ["DataRate=100.000000", "DataType=Quaternion", "version=3", "OpenSimVersion=4.5", "endheader"]
+    lines = [
+        "DataRate=100.000000",
+        "DataType=Quaternion",
+        "version=3",
+        "OpenSimVersion=4.5",
+        "endheader",
+    ]
     lines.append("\t".join(("time", *sensors.names)))
     for time, row in zip(sensors.time, sensors.orientations, strict=True):
-        lines.append("\t".join([f"{time:.6f}", *(",".join(f"{number:.15g}" for number in one) for one in row)]))
+        lines.append(
+            "\t".join(
+                [f"{time:.6f}", *(",".join(f"{number:.15g}" for number in one) for one in row)]
+            )
+        )
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

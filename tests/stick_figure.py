@@ -1,4 +1,6 @@
-"""A small body with two legs and a trunk, persons of other lengths and markers, and what cameras see of them."""
+"""A small body with two legs and a trunk, persons of other lengths and markers, and what cameras
+see of them.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +29,31 @@ PLACES = {
 
 def stick_figure() -> Model:
     """Pelvis that floats, trunk and legs: 16 coordinates, 30 markers."""
-    bodies, joints, coordinates, markers = [], [], [], []
+    bodies = []
+    joints = []
+    coordinates = []
+    markers = []
 
     def add(name, parent, at, turns, mass, place, slides=()):
         kinds = [("translation", one) for one in slides] + [("rotation", one) for one in turns]
         names = tuple(f"{name}_{kind[0]}{i}" for i, (kind, _) in enumerate(kinds))
-        axes = tuple(Axis(kind, u, linear(1.0), (c,)) for (kind, u), c in zip(kinds, names, strict=True))
+        axes = tuple(
+            Axis(kind=kind, vector=u, function=linear(1.0), coordinates=(c,))
+            for (kind, u), c in zip(kinds, names, strict=True)
+        )
         frame = Transform(np.eye(3), np.array(at, dtype=float))
-        joints.append(Joint(f"to_{name}", "custom", parent, name, frame, Transform.identity(), axes, names))
+        joints.append(
+            Joint(
+                name=f"to_{name}",
+                kind="custom",
+                parent=parent,
+                child=name,
+                parent_frame=frame,
+                child_frame=Transform.identity(),
+                axes=axes,
+                coordinates=names,
+            )
+        )
         for c, (kind, _) in zip(names, kinds, strict=True):
             bent = c == f"{name}_r0" and name.startswith("tibia")
             coordinates.append(
@@ -45,7 +64,14 @@ def stick_figure() -> Model:
                     clamped=bent,
                 )
             )
-        bodies.append(Body(name, mass, np.array([0.0, -0.1, 0.0]), 0.01 * mass * np.eye(3)))
+        bodies.append(
+            Body(
+                name=name,
+                mass=mass,
+                mass_center=np.array([0.0, -0.1, 0.0]),
+                inertia=0.01 * mass * np.eye(3),
+            )
+        )
         side = 1.0 if not name.endswith("_l") else -1.0
         for i, location in enumerate(PLACES[place]):
             markers.append(Marker(f"{name}{i}", name, np.array(location) * [1.0, 1.0, side]))
@@ -57,7 +83,12 @@ def stick_figure() -> Model:
         add(f"tibia_{side}", f"femur_{side}", (0, -0.4, 0), (Z,), 3.5, "tibia")
         add(f"foot_{side}", f"tibia_{side}", (0, -0.41, 0), (Z, X), 1.2, "foot")
     return Model(
-        "figure", tuple(bodies), tuple(joints), tuple(coordinates), np.array([0, -9.81, 0]), markers=tuple(markers)
+        name="figure",
+        bodies=tuple(bodies),
+        joints=tuple(joints),
+        coordinates=tuple(coordinates),
+        gravity=np.array([0, -9.81, 0]),
+        markers=tuple(markers),
     )
 
 
@@ -81,17 +112,28 @@ def person(seed: int = 0, frames: int = 200, noise: float = 3e-4, symmetric: boo
     generic = stick_figure()
     lengths = lengths_of(generic, symmetric)
     along = {one.segment: 1.04 * (1.0 + 0.05 * rng.normal()) for one in lengths if one.along}
-    values = np.array([along[one.segment] * (1.0 if one.along else 1.0 + 0.04 * rng.normal()) for one in lengths])
+    values = np.array(
+        [along[one.segment] * (1.0 if one.along else 1.0 + 0.04 * rng.normal()) for one in lengths]
+    )
     model = scale(generic, factors_of(lengths, values))
     model = model.with_markers(
-        tuple(replace(one, location=one.location + 0.01 * rng.normal(size=3)) for one in model.markers)
+        tuple(
+            replace(one, location=one.location + 0.01 * rng.normal(size=3)) for one in model.markers
+        )
     )
     tree = compile_tree(model)
     time = np.arange(frames) / 50.0
-    q = 0.4 * np.sin(np.outer(time, rng.uniform(1, 7, len(tree.defaults))) + rng.uniform(0, 6, len(tree.defaults)))
+    q = 0.4 * np.sin(
+        np.outer(time, rng.uniform(1, 7, len(tree.defaults)))
+        + rng.uniform(0, 6, len(tree.defaults))
+    )
     bent = [j for j, one in enumerate(model.coordinates) if one.clamped]
     q[:, bent] -= 0.6
     poses = forward_kinematics(tree, q)
     bodies = np.array([tree.body_index[one.body] for one in model.markers])
     places = poses.points(bodies, np.array([one.location for one in model.markers]))
-    return Person(generic, model, Markers(time, model.marker_names, places + noise * rng.normal(size=places.shape)))
+    return Person(
+        generic,
+        model,
+        Markers(time, model.marker_names, places + noise * rng.normal(size=places.shape)),
+    )

@@ -55,7 +55,10 @@ def test_quick_start_is_two_commands():
     lines = [line for block in blocks(start) for line in block.splitlines() if line.strip()]
     assert lines == [
         "python -m pip install . && myomorph demo",
-        'python -m pip install ".[test,oracles]" && python -m pytest -n 2 --dist loadfile -m "not long"',
+        (
+            'python -m pip install ".[test,oracles]" && python -m pytest -n 2 --dist loadfile -m'
+            ' "not long"'
+        ),
     ]
     assert "`python -m pytest -n 2 --dist loadfile -m long`" in start
 
@@ -68,17 +71,32 @@ def test_extras_and_program_exist():
 
 
 def test_study_files_in_the_docs_are_valid(tmp_path):
-    """Every study file that is printed would be accepted, given its files; those that examples write run with them."""
+    """Every study file that is printed would be accepted, given its files; those that examples
+    write run with them.
+    """
     from docs_build.examples import parts_of
 
     from myomorph.study.plan.plan import read_plan
     from myomorph.viscosity.study.plan import read_viscosity_plan
 
     run = {part.text.strip() for page in PAGES for part in parts_of(page) if part.kind == "file"}
-    studies = [one for page in PAGES for one in blocks(page.read_text(encoding="utf-8")) if "[study]" in one]
+    studies = [
+        one
+        for page in PAGES
+        for one in blocks(page.read_text(encoding="utf-8"))
+        if "[study]" in one
+    ]
     studies = [one for one in studies if one.strip() not in run]
     assert len(studies) >= 2
-    names = ("generic.osim", "detailed.osim", "walk1.trc", "walk1_grf.xml", "tasks.xml", "reserves.xml", "pairs.csv")
+    names = (
+        "generic.osim",
+        "detailed.osim",
+        "walk1.trc",
+        "walk1_grf.xml",
+        "tasks.xml",
+        "reserves.xml",
+        "pairs.csv",
+    )
     (tmp_path / "scan").mkdir()
     for name in (*names, "arm.osim", "bare1.trc", "bare1.mot", "full1.trc", "full1.mot"):
         (tmp_path / name).write_text("")
@@ -86,7 +104,10 @@ def test_study_files_in_the_docs_are_valid(tmp_path):
         (tmp_path / "study.toml").write_text(text, encoding="utf-8")
         if "[[specimen]]" in text:
             (one,) = read_viscosity_plan(tmp_path / "study.toml").specimens
-            assert [swing.loads.name for swing in (*one.without, *one.intact)] == ["bare1.mot", "full1.mot"]
+            assert [swing.loads.name for swing in (*one.without, *one.intact)] == [
+                "bare1.mot",
+                "full1.mot",
+            ]
             continue
         plan = read_plan(tmp_path / "study.toml")
         assert [trial.name for trial in plan.trials] == ["walk1"]
@@ -111,5 +132,9 @@ def test_modules_that_a_page_names_exist(page):
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     named = set(re.findall(r"`((?:\w+/)+[\w*]+\.py)`", text))
     assert named
-    missing = [one for one in named if not list((ROOT / "src" / "myomorph").glob(one)) and not (ROOT / one).is_file()]
+    missing = [
+        one
+        for one in named
+        if not list((ROOT / "src" / "myomorph").glob(one)) and not (ROOT / one).is_file()
+    ]
     assert missing == []

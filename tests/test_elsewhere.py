@@ -1,4 +1,5 @@
-"""The main chain as on another system: spawned processes, cp1252, open files that stay, an odd path.
+"""The main chain as on another system: spawned processes, cp1252, open files that stay, an odd
+path.
 
 All of it on Linux at once, in child processes that `tests/elsewhere/sitecustomize.py` changes.
 """
@@ -43,7 +44,9 @@ if __name__ == "__main__":
             sys.exit(status)
 """
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="imitates on Linux what differs elsewhere")
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="imitates on Linux what differs elsewhere"
+)
 
 
 @pytest.fixture
@@ -60,7 +63,11 @@ def elsewhere(there: SimpleNamespace) -> Callable[..., subprocess.CompletedProce
 
     def run(*lines: list[object]) -> subprocess.CompletedProcess[bytes]:
         environment = {
-            **{key: value for key, value in os.environ.items() if not key.startswith(("LC_", "LANG"))},
+            **{
+                key: value
+                for key, value in os.environ.items()
+                if not key.startswith(("LC_", "LANG"))
+            },
             "PYTHONPATH": os.pathsep.join([str(ELSEWHERE), *sys.path[1:]]),
             "LC_ALL": "C.UTF-8",
             "PYTHONUTF8": "0",
@@ -95,7 +102,12 @@ def test_it_is_another_system(elsewhere, there):
         "print(multiprocessing.get_start_method(), sys.stdout.encoding)\n"
         "print(importlib.util.find_spec('fcntl'), hasattr(os, 'fork'))\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(ELSEWHERE), "PYTHONUTF8": "0", "PYTHONIOENCODING": "cp1252"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ELSEWHERE),
+        "PYTHONUTF8": "0",
+        "PYTHONIOENCODING": "cp1252",
+    }
     ended = subprocess.run(
         [sys.executable, "-c", "import sys\n" + program],
         cwd=there.folder,
@@ -103,7 +115,14 @@ def test_it_is_another_system(elsewhere, there):
         capture_output=True,
         check=False,
     )
-    assert ended.stdout.decode("cp1252").split() == ["é", r"b'\xe9'", "spawn", "cp1252", "None", "False"], ended.stderr
+    assert ended.stdout.decode("cp1252").split() == [
+        "é",
+        r"b'\xe9'",
+        "spawn",
+        "cp1252",
+        "None",
+        "False",
+    ], ended.stderr
 
 
 @pytest.mark.long
@@ -113,13 +132,34 @@ def test_the_main_chain(elsewhere, there):
     (home / "reach1.trc").write_bytes(there.markers.read_bytes())
     (home / "reach2.trc").write_bytes(there.markers.read_bytes())
     (home / "study.toml").write_text(STUDY, encoding="utf-8")
-    motion, model = home / "gefunden ü.mot", there.model
+    motion = home / "gefunden ü.mot"
+    model = there.model
     chain: list[list[object]] = [
         ["info", model],
         ["info", home / "été.c3d"],
         ["ik", "--model", model, "--markers", home / "été.c3d", "--out", motion],
-        ["id", "--model", model, "--motion", motion, "--loads", there.loads, "--out", home / "Momente.sto"],
-        ["tension", "--model", model, "--motion", motion, "--loads", there.loads, "--out", home / "tension"],
+        [
+            "id",
+            "--model",
+            model,
+            "--motion",
+            motion,
+            "--loads",
+            there.loads,
+            "--out",
+            home / "Momente.sto",
+        ],
+        [
+            "tension",
+            "--model",
+            model,
+            "--motion",
+            motion,
+            "--loads",
+            there.loads,
+            "--out",
+            home / "tension",
+        ],
         ["report", home / "tension"],
         ["run", home / "study.toml", "--workers", "2", "--out", home / "résultats"],
     ]
@@ -127,7 +167,8 @@ def test_the_main_chain(elsewhere, there):
         # The second time, all results are there already and are replaced.
         ended = elsewhere(*chain)
         assert ended.returncode == 0, ended.stderr.decode("cp1252")
-    found, known = read_sto(motion), read_sto(there.motion)
+    found = read_sto(motion)
+    known = read_sto(there.motion)
     for name in known.names:
         np.testing.assert_allclose(np.deg2rad(found[name]), known[name], atol=1e-4)
     assert (home / "tension" / "report.html").is_file()

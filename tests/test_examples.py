@@ -42,8 +42,14 @@ def test_every_tutorial_runs():
 
 def test_parts_are_found(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text("# A\n\n<!-- data: walk -->\n\n<!-- file: a.toml -->\n```toml\nx = 1\n```\n", encoding="utf-8")
-    assert parts_of(page) == [Part("data", "walk", "", "", 3), Part("file", "a.toml", "toml", "x = 1\n", 5)]
+    page.write_text(
+        "# A\n\n<!-- data: walk -->\n\n<!-- file: a.toml -->\n```toml\nx = 1\n```\n",
+        encoding="utf-8",
+    )
+    assert parts_of(page) == [
+        Part(kind="data", name="walk", language="", text="", line=3),
+        Part(kind="file", name="a.toml", language="toml", text="x = 1\n", line=5),
+    ]
 
 
 def test_marks_without_a_block_are_told(tmp_path):
@@ -69,7 +75,9 @@ def test_a_command_that_fails_is_told(tmp_path):
 
 @functools.cache
 def package_names():
-    """Public functions and classes of the package by name: the names of their arguments, None where it takes any."""
+    """Public functions and classes of the package by name: the names of their arguments, None where
+    it takes any.
+    """
     found: dict[str, list[set[str] | None]] = {}
     for file in (DOCS.parent / "src" / "myomorph").rglob("*.py"):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
@@ -79,18 +87,27 @@ def package_names():
                 found.setdefault(node.name, []).append(None if given.kwarg else named)
             elif isinstance(node, ast.ClassDef):
                 fields = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign)}
-                made = [one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == "__init__"]
-                fields |= {one.arg for init in made for one in (*init.args.args, *init.args.kwonlyargs)}
+                made = [
+                    one
+                    for one in node.body
+                    if isinstance(one, ast.FunctionDef) and one.name == "__init__"
+                ]
+                fields |= {
+                    one.arg for init in made for one in (*init.args.args, *init.args.kwonlyargs)
+                }
                 found.setdefault(node.name, []).append(None if node.bases and not made else fields)
     return found
 
 
 def python_blocks():
     for page in [DOCS.parent / "README.md", *sorted(DOCS.rglob("*.md"))]:
-        text, above = page.read_text(encoding="utf-8"), frozenset[str]()
+        text = page.read_text(encoding="utf-8")
+        above = frozenset[str]()
         for block in re.finditer(r"^( *)```python\n(.*?)^\1```", text, re.MULTILINE | re.DOTALL):
             own = textwrap.dedent(block[2])
-            yield pytest.param(own, above, id=f"{page.name}:{text.count(chr(10), 0, block.start()) + 1}")
+            yield pytest.param(
+                own, above, id=f"{page.name}:{text.count(chr(10), 0, block.start()) + 1}"
+            )
             for node in ast.parse(own).body:
                 if isinstance(node, ast.FunctionDef | ast.ClassDef):
                     above |= {node.name}
@@ -100,18 +117,29 @@ def python_blocks():
 
 @pytest.mark.parametrize(("text", "above"), list(python_blocks()))
 def test_python_calls_what_exists(text, above):
-    """Also blocks that are parts of a program: what they import is there, what they call takes those arguments.
+    """Also blocks that are parts of a program: what they import is there, what they call takes
+    those arguments.
 
     Functions, classes and imports of blocks above on the same page (`above`) are there, too.
     """
-    known, tree, wrong = package_names(), ast.parse(text), []
-    bound = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
-    bound |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    known = package_names()
+    tree = ast.parse(text)
+    wrong = []
+    bound = {
+        name.id
+        for name in ast.walk(tree)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+    }
+    bound |= {
+        node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)
+    }
     imported = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("myomorph"):
             module = importlib.import_module(node.module)
-            wrong += [f"{node.module}.{one.name}" for one in node.names if not hasattr(module, one.name)]
+            wrong += [
+                f"{node.module}.{one.name}" for one in node.names if not hasattr(module, one.name)
+            ]
         elif isinstance(node, ast.ImportFrom | ast.Import):
             imported |= {(one.asname or one.name).split(".")[0] for one in node.names}
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):

@@ -1,4 +1,6 @@
-"""The public names: each is there, says what it takes and gives, and its example runs as it is printed."""
+"""The public names: each is there, says what it takes and gives, and its example runs as it is
+printed.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,9 @@ LONG = {
 """Their examples swing a virtual limb in MuJoCo."""
 MAX_NAMES = {"mm": 140, "mm.model": 30}
 MAX_NAMES_INSIDE = 20
-"""A namespace is to be read on one screen. The top has about forty functions, each with its options and its result;
-`mm.model` has a class for each kind of part that a file of OpenSim's may hold."""
+"""A namespace is to be read on one screen. The top has about forty functions, each with its options
+and its result; `mm.model` has a class for each kind of part that a file of OpenSim's may hold.
+"""
 
 
 def sections(text: str) -> dict[str, str]:
@@ -76,14 +79,20 @@ def signature_types():
 
 
 def test_types_of_public_functions_are_public():
-    assert {definition: where for definition, where in signature_types().items() if definition not in DEFINITIONS} == {}
+    assert {
+        definition: where
+        for definition, where in signature_types().items()
+        if definition not in DEFINITIONS
+    } == {}
 
 
 def test_types_in_the_fields_of_what_public_functions_take_and_give_are_public():
     private = {
         f"{name}.{field}": definition
         for module, name in signature_types()
-        for field, definitions in types_in_fields(getattr(importlib.import_module(module), name)).items()
+        for field, definitions in types_in_fields(
+            getattr(importlib.import_module(module), name)
+        ).items()
         for definition in definitions
         if definition not in DEFINITIONS
     }
@@ -115,7 +124,10 @@ def test_functions_describe_every_parameter(name):
     function = FACE[name]
     parts = sections(function.__doc__)
     assert described(parts.get("Parameters", "")) == set(inspect.signature(function).parameters)
-    assert parts.get("Returns", "").strip() or inspect.signature(function).return_annotation in (None, "None")
+    assert parts.get("Returns", "").strip() or inspect.signature(function).return_annotation in (
+        None,
+        "None",
+    )
     assert "Raises" in parts
 
 
@@ -125,9 +137,15 @@ def test_classes_describe_their_fields(name):
     assert (kind.__doc__ or "").strip()
     if not issubclass(kind, Exception) and "Attributes" in sections(kind.__doc__):
         inherited = (
-            {field.name for field in dataclasses.fields(kind.__mro__[1])} if is_dataclass(kind.__mro__[1]) else set()
+            {field.name for field in dataclasses.fields(kind.__mro__[1])}
+            if is_dataclass(kind.__mro__[1])
+            else set()
         )
-        wanted = {field.name for field in dataclasses.fields(kind)} - inherited if is_dataclass(kind) else set()
+        wanted = (
+            {field.name for field in dataclasses.fields(kind)} - inherited
+            if is_dataclass(kind)
+            else set()
+        )
         assert wanted - {"stored"} <= described(sections(kind.__doc__)["Attributes"])
 
 
@@ -137,8 +155,8 @@ def worked_example(tmp_path_factory):
     folder = tmp_path_factory.mktemp("example")
     files = mm.example_files(folder)
     (folder / "study.toml").write_text(
-        f'[study]\nname = "reaching"\n[[subject]]\nname = "s01"\nmodel = "{files.model.name}"\nmass = 4.0\n'
-        f'trials = ["{files.markers.name}"]\nsteps = ["ik", "id", "muscles", "tension"]\n',
+        f'[study]\nname = "reaching"\n[[subject]]\nname = "s01"\nmodel = "{files.model.name}"\nmass'
+        f' = 4.0\ntrials = ["{files.markers.name}"]\nsteps = ["ik", "id", "muscles", "tension"]\n',
         encoding="utf-8",
     )
     mm.run_study(mm.read_plan(folder / "study.toml"), folder / "results")
@@ -146,7 +164,8 @@ def worked_example(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in FUNCTIONS]
+    "name",
+    [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in FUNCTIONS],
 )
 def test_examples_run(name, worked_example, monkeypatch):
     monkeypatch.chdir(worked_example)
@@ -184,7 +203,10 @@ def test_every_variable_has_its_unit_and_the_mass_is_a_number(worked_example):
     (result,) = mm.load(worked_example / "results").values()
     values = (result.fit, result.motion, result.torques, result.tension, result.markers)
     muscles = mm.muscle_kinematics(mm.read_model(worked_example / "arm.osim"), result.motion)
-    datasets = [result.to_xarray(), *(one.to_xarray() for one in (*values, muscles) if one is not None)]
+    datasets = [
+        result.to_xarray(),
+        *(one.to_xarray() for one in (*values, muscles) if one is not None),
+    ]
     assert len(datasets) >= 6
     for dataset in datasets:
         numbers = {name: one for name, one in dataset.variables.items() if one.dtype.kind in "fib"}

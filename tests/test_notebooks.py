@@ -1,4 +1,6 @@
-"""Tutorials are notebooks too: made of the pages, complete, and run in a kernel. `.ci/run` runs the quick ones."""
+"""Tutorials are notebooks too: made of the pages, complete, and run in a kernel. `.ci/run` runs the
+quick ones.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,15 @@ import re
 
 import pytest
 from docs_build.examples import DOCS, commands, parts_of
-from docs_build.notebooks import LONG, main, missing_data, notebook_of, notebook_text, run_notebook, tutorials
+from docs_build.notebooks import (
+    LONG,
+    main,
+    missing_data,
+    notebook_of,
+    notebook_text,
+    run_notebook,
+    tutorials,
+)
 
 PAGES = [pytest.param(page, id=page.stem) for page in tutorials()]
 
@@ -88,13 +98,20 @@ def test_a_notebook_that_goes_wrong_fails(tmp_path, text, why):
 
 def test_without_recordings_the_reason_is_given(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("MYOMORPH_DATA", raising=False)
-    assert "needs the data set 'mouse-gait-c3d-force'" in missing_data(DOCS / "tutorials" / "mouse.md")
+    assert "needs the data set 'mouse-gait-c3d-force'" in missing_data(
+        DOCS / "tutorials" / "mouse.md"
+    )
     assert main(["run", os.fspath(tmp_path), "mouse"]) == 0
     assert "mouse: left out: needs the data set" in capsys.readouterr().out
 
 
 def test_the_collection_is_not_written_into(tmp_path):
     """Each notebook copies what it reads."""
-    cells = [one for page in tutorials() for one in notebook_of(page)["cells"] if one["metadata"].get("data")]
+    cells = [
+        one
+        for page in tutorials()
+        for one in notebook_of(page)["cells"]
+        if one["metadata"].get("data")
+    ]
     assert cells
     assert all("shutil.copytree" in one["source"] for one in cells)

@@ -1,4 +1,6 @@
-"""The package runs on every system: nothing that only POSIX has, no encoding of the machine's, no fork."""
+"""The package runs on every system: nothing that only POSIX has, no encoding of the machine's, no
+fork.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +21,57 @@ FILES = sorted(SOURCE.rglob("*.py"))
 
 ONLY_POSIX = {
     "os": {
-        "fork", "forkpty", "kill", "killpg", "getuid", "geteuid", "getgid", "setsid", "mkfifo", "uname", "wait", "nice",
-        "getpgid", "statvfs", "sched_getaffinity", "getloadavg", "chown", "rename", "system",
+        "fork",
+        "forkpty",
+        "kill",
+        "killpg",
+        "getuid",
+        "geteuid",
+        "getgid",
+        "setsid",
+        "mkfifo",
+        "uname",
+        "wait",
+        "nice",
+        "getpgid",
+        "statvfs",
+        "sched_getaffinity",
+        "getloadavg",
+        "chown",
+        "rename",
+        "system",
     },
-    "signal": {"SIGKILL", "SIGHUP", "SIGALRM", "SIGUSR1", "SIGUSR2", "SIGCHLD", "alarm", "setitimer", "pause"},
+    "signal": {
+        "SIGKILL",
+        "SIGHUP",
+        "SIGALRM",
+        "SIGUSR1",
+        "SIGUSR2",
+        "SIGCHLD",
+        "alarm",
+        "setitimer",
+        "pause",
+    },
     "socket": {"AF_UNIX"},
     "time": {"tzset"},
-}  # fmt: skip
-"""Names that Windows lacks, or that do something else there: `os.rename` fails where the target exists."""
+}
+"""Names that Windows lacks, or that do something else there: `os.rename` fails where the target
+exists.
+"""
 
-MODULES = {"fcntl", "resource", "pwd", "grp", "termios", "tty", "pty", "syslog", "posix", "curses", "readline"}
+MODULES = {
+    "fcntl",
+    "resource",
+    "pwd",
+    "grp",
+    "termios",
+    "tty",
+    "pty",
+    "syslog",
+    "posix",
+    "curses",
+    "readline",
+}
 TEXTUAL = {"open", "read_text", "write_text", "fdopen", "TextIOWrapper", "NamedTemporaryFile"}
 STARTED = {"Process", "Pool", "Pipe", "Queue", "Event", "Lock", "Manager", "SimpleQueue"}
 FOLDERS = ("/tmp", "/dev/", "/proc/", "/usr/", "/etc/", "/home/", "~/", "C:\\")
@@ -44,7 +87,10 @@ def findings(tree: ast.AST) -> Iterator[tuple[int, str]]:
         for inner in ast.walk(part)
     }
     known = {
-        part for node in ast.walk(tree) if isinstance(node, ast.If) and _asks(node.test) for part in ast.walk(node)
+        part
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and _asks(node.test)
+        for part in ast.walk(node)
     }
     words = {
         inner
@@ -54,15 +100,35 @@ def findings(tree: ast.AST) -> Iterator[tuple[int, str]]:
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom) and node not in guarded:
-            names = [one.name for one in node.names] if isinstance(node, ast.Import) else [node.module or ""]
+            names = (
+                [one.name for one in node.names]
+                if isinstance(node, ast.Import)
+                else [node.module or ""]
+            )
             for name in names:
                 if name.split(".")[0] in MODULES:
-                    yield node.lineno, f"import of {name}, which not every system has, outside try/except ImportError"
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node not in known:
+                    yield (
+                        node.lineno,
+                        (
+                            f"import of {name}, which not every system has, outside try/except"
+                            " ImportError"
+                        ),
+                    )
+        if (
+            isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node not in known
+        ):
             if node.attr in ONLY_POSIX.get(node.value.id, ()):
                 yield node.lineno, f"{node.value.id}.{node.attr} is POSIX's"
             if node.value.id in ("multiprocessing", "mp") and node.attr in STARTED:
-                yield node.lineno, f"multiprocessing.{node.attr} starts as the system likes: take get_context('spawn')"
+                yield (
+                    node.lineno,
+                    (
+                        f"multiprocessing.{node.attr} starts as the system likes: take"
+                        " get_context('spawn')"
+                    ),
+                )
         if isinstance(node, ast.Call):
             yield from _call(node)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in words:
@@ -77,20 +143,31 @@ def findings(tree: ast.AST) -> Iterator[tuple[int, str]]:
 def _call(node: ast.Call) -> Iterator[tuple[int, str]]:
     name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
     given = {one.arg: one.value for one in node.keywords}
-    owner = node.func.value.id if isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name) else ""
+    owner = (
+        node.func.value.id
+        if isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name)
+        else ""
+    )
     if name in TEXTUAL and owner not in ("webbrowser", "wave", "Image", "zipfile"):
-        mode = given.get("mode") or (node.args[1] if name in ("open", "fdopen") and len(node.args) > 1 else None)
+        mode = given.get("mode") or (
+            node.args[1] if name in ("open", "fdopen") and len(node.args) > 1 else None
+        )
         if name == "open" and owner == "os":
             return
         if name == "open" and isinstance(node.func, ast.Attribute):
             mode = given.get("mode") or (node.args[0] if node.args else None)
             no_mode = isinstance(mode, ast.expr) and not isinstance(mode, ast.Constant)
-            if (no_mode or not (node.args or given)) and not owner.endswith(("path", "file", "name")):
-                # Other things than files are opened, too: a model that waits to be made, an input of a trial, ...
+            if (no_mode or not (node.args or given)) and not owner.endswith(
+                ("path", "file", "name")
+            ):
+                # Other things than files are opened, too: a model that waits to be made, an input
+                # of a trial, ...
                 return
         binary = isinstance(mode, ast.Constant) and "b" in str(mode.value)
         # The first positional argument of read_text, and the second of write_text, is the encoding.
-        told = "encoding" in given or len(node.args) > {"read_text": 0, "write_text": 1}.get(name, 99)
+        told = "encoding" in given or len(node.args) > {"read_text": 0, "write_text": 1}.get(
+            name, 99
+        )
         if not binary and not told and not (name == "NamedTemporaryFile" and mode is None):
             yield node.lineno, f"{name}() without encoding takes the machine's"
     if name == "get_context":
@@ -101,7 +178,11 @@ def _call(node: ast.Call) -> Iterator[tuple[int, str]]:
         yield node.lineno, "ProcessPoolExecutor without mp_context forks on some systems"
     if {"preexec_fn", "start_new_session", "process_group"} & set(given):
         yield node.lineno, "a child's session is POSIX's"
-    if name in ("run", "Popen", "check_call", "check_output") and owner == "subprocess" and "shell" in given:
+    if (
+        name in ("run", "Popen", "check_call", "check_output")
+        and owner == "subprocess"
+        and "shell" in given
+    ):
         yield node.lineno, "a shell is another one elsewhere"
 
 
@@ -111,12 +192,21 @@ def _joined(node: ast.JoinedStr) -> Iterator[tuple[int, str]]:
         if isinstance(before, ast.FormattedValue) and isinstance(after, ast.Constant):
             held = before.value
             name = held.attr if isinstance(held, ast.Attribute) else getattr(held, "id", "")
-            if str(after.value).startswith("/") and name.lower() in ("folder", "out", "parent", "directory"):
+            if str(after.value).startswith("/") and name.lower() in (
+                "folder",
+                "out",
+                "parent",
+                "directory",
+            ):
                 yield node.lineno, f"{name}/... as a text: join paths with pathlib"
 
 
 def _catches_import(handler: ast.ExceptHandler) -> bool:
-    names = [one.id for one in ast.walk(handler.type) if isinstance(one, ast.Name)] if handler.type else []
+    names = (
+        [one.id for one in ast.walk(handler.type) if isinstance(one, ast.Name)]
+        if handler.type
+        else []
+    )
     return "ImportError" in names or "ModuleNotFoundError" in names
 
 
@@ -185,14 +275,25 @@ def test_the_search_lets_the_rest_pass(text: str) -> None:
 
 
 def test_the_runners_do_what_the_readme_says():
-    """Three systems, the Pythons that the package names, and the commands of the quick start, letter by letter."""
-    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))["jobs"]
+    """Three systems, the Pythons that the package names, and the commands of the quick start,
+    letter by letter.
+    """
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))[
+        "jobs"
+    ]
     matrix = jobs["readme"]["strategy"]["matrix"]
     assert [one.split("-")[0] for one in matrix["os"]] == ["ubuntu", "windows", "macos"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    named = [one.rpartition(" ")[2] for one in project["classifiers"] if re.search(r":: 3\.\d+$", one)]
+    named = [
+        one.rpartition(" ")[2] for one in project["classifiers"] if re.search(r":: 3\.\d+$", one)
+    ]
     assert matrix["python"] == named
-    start = (ROOT / "README.md").read_text(encoding="utf-8").split("## Quick start")[1].split("\n## ")[0]
+    start = (
+        (ROOT / "README.md")
+        .read_text(encoding="utf-8")
+        .split("## Quick start")[1]
+        .split("\n## ")[0]
+    )
     commands = re.findall(r"^python -m pip .*$|(?<=`)python -m pytest [^`]*", start, re.MULTILINE)
     assert [step["run"] for step in jobs["readme"]["steps"] if "run" in step] == commands
     assert len(commands) == 3

@@ -1,4 +1,6 @@
-"""Pages of results hold no number that nobody measures anew, and the documentation stays readable in an afternoon."""
+"""Pages of results hold no number that nobody measures anew, and the documentation stays readable
+in an afternoon.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +8,15 @@ import pytest
 from docs_build.examples import DOCS
 from docs_build.prose import numbers_beside_results, numbers_of
 
-PAGES = [*sorted((DOCS / "validation").glob("*.md")), DOCS / "performance.md", DOCS / "shortfalls.md"]
+PAGES = [
+    *sorted((DOCS / "validation").glob("*.md")),
+    DOCS / "performance.md",
+    DOCS / "shortfalls.md",
+]
 GUIDES = [
-    page for page in sorted(DOCS.rglob("*.md")) if page.parent.name != "decisions" and page.name != "references.md"
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if page.parent.name != "decisions" and page.name != "references.md"
 ]
 """Decisions are records of their date, and references hold numbers of pages."""
 
@@ -44,18 +52,28 @@ def test_numbers_are_found(text):
 
 
 def test_numbers_beside_results_are_found():
-    text = "Skin moves by 5 mm. The error is\n3 mm ([validation](validation/models.md)). Here is none."
-    assert numbers_beside_results(text) == ["The error is 3 mm ([validation](validation/models.md))."]
+    text = (
+        "Skin moves by 5 mm. The error is\n3 mm ([validation](validation/models.md)). Here is none."
+    )
+    assert numbers_beside_results(text) == [
+        "The error is 3 mm ([validation](validation/models.md))."
+    ]
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "Against OpenSim 4.6 and MuJoCo 4.0, Rajagopal et al. 2016, by [D] eq. 3.12 and decision 7.",
+        (
+            "Against OpenSim 4.6 and MuJoCo 4.0, Rajagopal et al. 2016, by [D] eq. 3.12 and"
+            " decision 7."
+        ),
         "**Setup:** 60 draws,\n200 Hz.",
         "A femur. **Target:** 60 s.",
         "- **Published:** 0.89 body weights.",
-        "The error is {{ knee | default | total, mean }} body weights (`--draws 200`, gait2354, arm26.osim).",
+        (
+            "The error is {{ knee | default | total, mean }} body weights (`--draws 200`, gait2354,"
+            " arm26.osim)."
+        ),
         "```\n1.5\n```",
         "[Table](table_2.csv) of the third motion; x^2; the first half-space.",
     ],

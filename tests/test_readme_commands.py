@@ -23,7 +23,9 @@ def readme_commands():
 
 @pytest.fixture
 def laboratory(data, tmp_path):
-    """A folder with a walk, its forces and EMG under the names of the README; the walk stands for the squat too."""
+    """A folder with a walk, its forces and EMG under the names of the README; the walk stands for
+    the squat too.
+    """
     walk = data("rajagopal-walk-emg")
     shutil.copy(first_c3d(data("c3d-gait-plugingait")), tmp_path / "walk1.c3d")
     for source, name in (
@@ -67,11 +69,20 @@ def test_readme_commands_run(laboratory):
     with working_in(laboratory):
         for line in readme_commands():
             if line.startswith("myomorph identify"):
-                run_command("myomorph ik --model subject.osim --markers squat1.trc --out squat1.mot", "README.md")
+                run_command(
+                    "myomorph ik --model subject.osim --markers squat1.trc --out squat1.mot",
+                    "README.md",
+                )
                 # A coarse grid of mass points: the command is tried, not its numbers.
                 line += " --spacing 0.02"
             print(run_command(line, "README.md"))
-    for name in ("subject.osim", "walk1.mot", "walk1_torques.sto", "walk1_tension/report.html", "identified.osim"):
+    for name in (
+        "subject.osim",
+        "walk1.mot",
+        "walk1_torques.sto",
+        "walk1_tension/report.html",
+        "identified.osim",
+    ):
         assert (laboratory / name).is_file()
     assert (laboratory / "walk1").is_dir()
     assert (laboratory / "walk1_contacts" / "contact_forces.xml").is_file()

@@ -14,9 +14,16 @@ DRAWERS = {"utils", "util", "common", "helpers", "core", "misc"}
 
 def test_imports_go_down_only():
     pytest.importorskip("importlinter", reason="needs the extra 'lint'")
-    program = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
+    program = (
+        "import sys; from importlinter.cli import lint_imports_command;"
+        " sys.exit(lint_imports_command())"
+    )
     done = subprocess.run(
-        [sys.executable, "-c", program, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program, "--no-cache"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -27,19 +34,28 @@ def test_no_drawers():
 
 
 def test_import_is_light():
-    """`import myomorph` loads nothing that takes time, and neither does the root of the command line."""
+    """`import myomorph` loads nothing that takes time, and neither does the root of the command
+    line.
+    """
     program = "import sys, myomorph, myomorph.cli; print(*sorted(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     loaded = set(done.stdout.split())
     assert not loaded & {"numba", "scipy", "mujoco", "xarray", "matplotlib", "pydantic"}
 
 
 def test_commands_begin_without_what_few_of_them_need():
-    """SciPy's filters and statistics take half a second each; steps that use them import them there."""
+    """SciPy's filters and statistics take half a second each; steps that use them import them
+    there.
+    """
     program = (
-        "import sys, myomorph.cli.step_command, myomorph.study.run.run, myomorph.study.plan.plan; print(*sys.modules)"
+        "import sys, myomorph.cli.step_command, myomorph.study.run.run, myomorph.study.plan.plan;"
+        " print(*sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     loaded = set(done.stdout.split())
     assert "numpy" in loaded
     assert not loaded & {"scipy.signal", "scipy.stats", "pandas", "xarray", "matplotlib", "mujoco"}

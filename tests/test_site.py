@@ -19,7 +19,9 @@ LARGEST = 300_000
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory):
-    """The built site: that which MYOMORPH_SITE names, as where it was built just before, or a new one."""
+    """The built site: that which MYOMORPH_SITE names, as where it was built just before, or a new
+    one.
+    """
     if "MYOMORPH_SITE" in os.environ:
         return Path(os.environ["MYOMORPH_SITE"])
     for module in ("material", "mkdocstrings", "latex2mathml"):
@@ -27,7 +29,9 @@ def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
@@ -78,8 +82,12 @@ def test_pictures_are_shown_somewhere():
 
 
 def test_links_that_lead_nowhere_are_found(tmp_path):
-    (tmp_path / "a.html").write_text('<a href="b.html#there">x</a><a href="c.html">y</a><h1 id="here">', "utf-8")
-    (tmp_path / "b.html").write_text('<a href="a.html#here">x</a><script src="https://elsewhere.org/a.js">', "utf-8")
+    (tmp_path / "a.html").write_text(
+        '<a href="b.html#there">x</a><a href="c.html">y</a><h1 id="here">', "utf-8"
+    )
+    (tmp_path / "b.html").write_text(
+        '<a href="a.html#here">x</a><script src="https://elsewhere.org/a.js">', "utf-8"
+    )
     assert broken_links(tmp_path) == [
         "a.html: b.html#there: there is no such anchor",
         "a.html: c.html: there is no such file",
@@ -92,6 +100,14 @@ def test_descriptions_of_fields_stand_below_their_names():
     from docs_build.fields import told_below
 
     told = told_below(
-        "Length.\n\nParameters\n----------\nl : of the tendon, see x[i](t) [m]\n\nReturns\n-------\n(n,) [m]\n"
+        "Length.\n\nParameters\n----------\nl : of the tendon, see x[i](t)"
+        " [m]\n\nReturns\n-------\n(n,) [m]\n"
     )
-    assert told.splitlines()[4:] == ["l", r"    of the tendon, see x[i\](t) [m]", "", "**Returns**", "", "(n,) [m]"]
+    assert told.splitlines()[4:] == [
+        "l",
+        r"    of the tendon, see x[i\](t) [m]",
+        "",
+        "**Returns**",
+        "",
+        "(n,) [m]",
+    ]

@@ -27,34 +27,79 @@ def random_tree(seed, bodies=12):
     """One hinge or slide a body, random axes, frames and inertias."""
     rng = np.random.default_rng(seed)
     names = [f"body{i}" for i in range(bodies)]
-    made, joints, coordinates = [], [], []
+    made = []
+    joints = []
+    coordinates = []
     for i, name in enumerate(names):
         parent = GROUND if i == 0 else names[rng.integers(max(0, i - 3), i)]
         mass = rng.uniform(0.1, 5.0)
-        made.append(Body(name, mass, rng.normal(scale=0.1, size=3), random_inertia(rng, mass)))
+        made.append(
+            Body(
+                name=name,
+                mass=mass,
+                mass_center=rng.normal(scale=0.1, size=3),
+                inertia=random_inertia(rng, mass),
+            )
+        )
         vector = rng.normal(size=3)
         kind = "rotation" if rng.random() < 0.7 else "translation"
-        axis = Axis(kind, vector / np.linalg.norm(vector), linear(1.0), (f"c{i}",))
+        axis = Axis(
+            kind=kind,
+            vector=vector / np.linalg.norm(vector),
+            function=linear(1.0),
+            coordinates=(f"c{i}",),
+        )
         pose = Transform(random_rotation(rng), rng.normal(scale=0.3, size=3))
-        joints.append(Joint(f"j{i}", kind, parent, name, pose, Transform.identity(), (axis,), (f"c{i}",)))
+        joints.append(
+            Joint(
+                name=f"j{i}",
+                kind=kind,
+                parent=parent,
+                child=name,
+                parent_frame=pose,
+                child_frame=Transform.identity(),
+                axes=(axis,),
+                coordinates=(f"c{i}",),
+            )
+        )
         coordinates.append(Coordinate(f"c{i}"))
-    return Model(f"tree{seed}", tuple(made), tuple(joints), tuple(coordinates), np.array([0.3, -9.5, 0.7]))
+    return Model(
+        name=f"tree{seed}",
+        bodies=tuple(made),
+        joints=tuple(joints),
+        coordinates=tuple(coordinates),
+        gravity=np.array([0.3, -9.5, 0.7]),
+    )
 
 
 def floating_tree(seed, bodies=12):
-    """A random tree whose first body moves freely: three slides, then body-fixed turns about x, y, z."""
+    """A random tree whose first body moves freely: three slides, then body-fixed turns about x, y,
+    z.
+    """
     model = random_tree(seed, bodies)
     names = tuple(f"root_{motion}{axis}" for motion in "tr" for axis in "xyz")
     kinds = ("translation",) * 3 + ("rotation",) * 3
     axes = tuple(
-        Axis(kind, np.eye(3)[i % 3], linear(1.0), (name,))
+        Axis(kind=kind, vector=np.eye(3)[i % 3], function=linear(1.0), coordinates=(name,))
         for i, (kind, name) in enumerate(zip(kinds, names, strict=True))
     )
-    root = Joint("free", "free", GROUND, "body0", Transform.identity(), Transform.identity(), axes, names)
-    coordinates = tuple(
-        Coordinate(name, kind) for name, kind in zip(names, ("translational",) * 3 + ("rotational",) * 3, strict=True)
+    root = Joint(
+        name="free",
+        kind="free",
+        parent=GROUND,
+        child="body0",
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+        axes=axes,
+        coordinates=names,
     )
-    return replace(model, joints=(root, *model.joints[1:]), coordinates=coordinates + model.coordinates[1:])
+    coordinates = tuple(
+        Coordinate(name, kind)
+        for name, kind in zip(names, ("translational",) * 3 + ("rotational",) * 3, strict=True)
+    )
+    return replace(
+        model, joints=(root, *model.joints[1:]), coordinates=coordinates + model.coordinates[1:]
+    )
 
 
 def functional_tree(seed, bodies=12):
@@ -65,18 +110,43 @@ def functional_tree(seed, bodies=12):
     for i in (2, 5, 8):
         spline = simm_spline(np.linspace(-2, 2, 7), rng.normal(size=7))
         extra = (
-            Axis("translation", np.eye(3)[0], spline, (f"c{i}",)),
+            Axis(kind="translation", vector=np.eye(3)[0], function=spline, coordinates=(f"c{i}",)),
             Axis("translation", np.eye(3)[1], constant(0.1)),
-            Axis("rotation", np.eye(3)[2], polynomial(rng.normal(size=4)), (f"c{i}",), rng.normal(size=3)),
             Axis(
-                "translation", np.eye(3)[2], SineProduct(0.3, np.array([1.0, 2.0]), rng.normal(size=2)), (f"c{i}", "c1")
+                kind="rotation",
+                vector=np.eye(3)[2],
+                function=polynomial(rng.normal(size=4)),
+                coordinates=(f"c{i}",),
+                origin=rng.normal(size=3),
             ),
-            Axis("rotation", np.array([0.6, 0.0, 0.8]), constant(0.4), (), rng.normal(size=3)),
+            Axis(
+                kind="translation",
+                vector=np.eye(3)[2],
+                function=SineProduct(0.3, np.array([1.0, 2.0]), rng.normal(size=2)),
+                coordinates=(f"c{i}", "c1"),
+            ),
+            Axis(
+                kind="rotation",
+                vector=np.array([0.6, 0.0, 0.8]),
+                function=constant(0.4),
+                coordinates=(),
+                origin=rng.normal(size=3),
+            ),
         )
         joints[i] = replace(joints[i], axes=joints[i].axes + extra)
     couplers = (
-        Coupler("first", "c6", simm_spline(np.linspace(-2, 2, 5), rng.normal(size=5)), ("c3",)),
-        Coupler("second", "c9", SineProduct(1.2, np.ones(2), np.array([0.3, 0.1])), ("c6", "c4")),
+        Coupler(
+            name="first",
+            dependent="c6",
+            function=simm_spline(np.linspace(-2, 2, 5), rng.normal(size=5)),
+            independents=("c3",),
+        ),
+        Coupler(
+            name="second",
+            dependent="c9",
+            function=SineProduct(1.2, np.ones(2), np.array([0.3, 0.1])),
+            independents=("c6", "c4"),
+        ),
     )
     return replace(model, joints=tuple(joints), couplers=couplers)
 
@@ -85,14 +155,16 @@ def swinging(model, frames, step, seed=0):
     """A smooth motion with exact derivatives of the independent coordinates."""
     rng = np.random.default_rng(seed)
     n = len(model.coordinates)
-    amplitude, rate, phase = rng.uniform(0.2, 0.8, n), rng.uniform(1, 4, n), rng.uniform(0, 6, n)
+    amplitude = rng.uniform(0.2, 0.8, n)
+    rate = rng.uniform(1, 4, n)
+    phase = rng.uniform(0, 6, n)
     t = np.arange(frames)[:, None] * step
     return Motion(
-        t[:, 0],
-        model.coordinate_names,
-        amplitude * np.sin(rate * t + phase),
-        amplitude * rate * np.cos(rate * t + phase),
-        -amplitude * rate**2 * np.sin(rate * t + phase),
+        time=t[:, 0],
+        names=model.coordinate_names,
+        values=amplitude * np.sin(rate * t + phase),
+        velocities=amplitude * rate * np.cos(rate * t + phase),
+        accelerations=-amplitude * rate**2 * np.sin(rate * t + phase),
     )
 
 
@@ -113,14 +185,23 @@ def to_mujoco(model, compiled=True):
             quat=quaternion,
             mass=body.mass,
             ipos=body.mass_center,
-            fullinertia=[inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
+            fullinertia=[
+                inertia[0, 0],
+                inertia[1, 1],
+                inertia[2, 2],
+                inertia[0, 1],
+                inertia[0, 2],
+                inertia[1, 2],
+            ],
             explicitinertial=True,
         )
         if joint.kind == "free":
             added.add_freejoint(name=joint.name)
             placed[body.name] = added
             continue
-        kind = mujoco.mjtJoint.mjJNT_HINGE if joint.kind == "rotation" else mujoco.mjtJoint.mjJNT_SLIDE
+        kind = (
+            mujoco.mjtJoint.mjJNT_HINGE if joint.kind == "rotation" else mujoco.mjtJoint.mjJNT_SLIDE
+        )
         added.add_joint(name=joint.name, type=kind, axis=joint.axes[0].vector)
         placed[body.name] = added
     return spec.compile() if compiled else spec
@@ -134,11 +215,17 @@ def to_pinocchio(model):
     made.gravity = pin.Motion(model.gravity, np.zeros(3))
     ids = {GROUND: 0}
     for body, joint in zip(model.bodies, model.joints, strict=True):
-        pose = pin.SE3(np.array(joint.parent_frame.rotation), np.array(joint.parent_frame.translation))
+        pose = pin.SE3(
+            np.array(joint.parent_frame.rotation), np.array(joint.parent_frame.translation)
+        )
         if joint.kind == "free":
             moves = pin.JointModelFreeFlyer()
         else:
-            kind = pin.JointModelRevoluteUnaligned if joint.kind == "rotation" else pin.JointModelPrismaticUnaligned
+            kind = (
+                pin.JointModelRevoluteUnaligned
+                if joint.kind == "rotation"
+                else pin.JointModelPrismaticUnaligned
+            )
             moves = kind(np.array(joint.axes[0].vector))
         ids[body.name] = made.addJoint(ids[joint.parent], moves, pose, joint.name)
         inertia = pin.Inertia(body.mass, np.array(body.mass_center), np.array(body.inertia))

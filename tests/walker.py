@@ -1,4 +1,6 @@
-"""A small body that walks: pelvis with three translations and a turn, two legs, a muscle or two on each."""
+"""A small body that walks: pelvis with three translations and a turn, two legs, a muscle or two on
+each.
+"""
 
 from __future__ import annotations
 
@@ -26,56 +28,115 @@ def _at(*point: float) -> Transform:
 
 
 def _axis(kind: str, vector: tuple[float, float, float], name: str) -> Axis:
-    return Axis(kind, np.array(vector), linear(1.0), (name,))  # type: ignore[arg-type]
+    return Axis(kind=kind, vector=np.array(vector), function=linear(1.0), coordinates=(name,))  # type: ignore[arg-type]
 
 
 def model(size: float = 1.0, mass: float = 60.0) -> Model:
     """Pelvis 0.9 m above the ground, y up, right along z; `size` scales lengths."""
     inertia = 0.01 * mass * size**2 * np.eye(3)
-    bodies = [Body("pelvis", 0.6 * mass, np.array([0.0, 0.2, 0.0]) * size, inertia)]
+    bodies = [
+        Body(
+            name="pelvis",
+            mass=0.6 * mass,
+            mass_center=np.array([0.0, 0.2, 0.0]) * size,
+            inertia=inertia,
+        )
+    ]
     translations = [
         _axis("translation", axis, name)
-        for axis, name in (((1, 0, 0), "pelvis_tx"), ((0, 1, 0), "pelvis_ty"), ((0, 0, 1), "pelvis_tz"))
+        for axis, name in (
+            ((1, 0, 0), "pelvis_tx"),
+            ((0, 1, 0), "pelvis_ty"),
+            ((0, 0, 1), "pelvis_tz"),
+        )
     ]
     names = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt")
     root = (*translations, _axis("rotation", (0, 0, 1), "pelvis_tilt"))
-    joints = [Joint("root", "CustomJoint", "ground", "pelvis", _at(0, 0, 0), _at(0, 0, 0), root, names)]
+    joints = [
+        Joint(
+            name="root",
+            kind="CustomJoint",
+            parent="ground",
+            child="pelvis",
+            parent_frame=_at(0, 0, 0),
+            child_frame=_at(0, 0, 0),
+            axes=root,
+            coordinates=names,
+        )
+    ]
     coordinates = [Coordinate(name, "translational") for name in names[:3]]
     coordinates += [Coordinate("pelvis_tilt", "rotational", range=(-1.5, 1.5))]
     coordinates[1] = Coordinate("pelvis_ty", "translational", default=0.9 * size)
     muscles = []
     for side, z in (("r", 0.1 * size), ("l", -0.1 * size)):
-        thigh, shank = f"femur_{side}", f"tibia_{side}"
+        thigh = f"femur_{side}"
+        shank = f"tibia_{side}"
         bodies += [
-            Body(thigh, 0.15 * mass, np.array([0.0, -0.2 * size, 0.0]), inertia),
-            Body(shank, 0.05 * mass, np.array([0.0, -0.2 * size, 0.0]), inertia),
+            Body(
+                name=thigh,
+                mass=0.15 * mass,
+                mass_center=np.array([0.0, -0.2 * size, 0.0]),
+                inertia=inertia,
+            ),
+            Body(
+                name=shank,
+                mass=0.05 * mass,
+                mass_center=np.array([0.0, -0.2 * size, 0.0]),
+                inertia=inertia,
+            ),
         ]
         for name, parent, child, place in (
             (f"hip_flexion_{side}", "pelvis", thigh, _at(0, 0, z)),
             (f"knee_angle_{side}", thigh, shank, _at(0, -0.4 * size, 0)),
         ):
             axes = (_axis("rotation", (0, 0, 1), name),)
-            joints.append(Joint(name, "PinJoint", parent, child, place, _at(0, 0, 0), axes, (name,)))
+            joints.append(
+                Joint(
+                    name=name,
+                    kind="PinJoint",
+                    parent=parent,
+                    child=child,
+                    parent_frame=place,
+                    child_frame=_at(0, 0, 0),
+                    axes=axes,
+                    coordinates=(name,),
+                )
+            )
             coordinates.append(Coordinate(name, "rotational", range=(-2.0, 2.0)))
         for name, points, force in (
-            ("recfem", ((0.05, 0.1, 0.0, "pelvis"), (0.05, -0.3, 0.0, thigh), (0.04, -0.05, 0.0, shank)), 1200.0),
+            (
+                "recfem",
+                ((0.05, 0.1, 0.0, "pelvis"), (0.05, -0.3, 0.0, thigh), (0.04, -0.05, 0.0, shank)),
+                1200.0,
+            ),
             ("bflh", ((-0.05, 0.0, 0.0, "pelvis"), (-0.04, -0.05, 0.0, shank)), 900.0),
             ("glmax1", ((-0.08, 0.1, 0.0, "pelvis"), (-0.03, -0.1, 0.0, thigh)), 500.0),
             ("glmax2", ((-0.08, 0.05, 0.0, "pelvis"), (-0.03, -0.12, 0.0, thigh)), 1500.0),
         ):
             path = tuple(
                 PathPoint(
-                    f"{name}-{i}", body, np.array([x, y, zz + (z if body == "pelvis" else 0.0)]) * [size, size, 1]
+                    f"{name}-{i}",
+                    body,
+                    np.array([x, y, zz + (z if body == "pelvis" else 0.0)]) * [size, size, 1],
                 )
                 for i, (x, y, zz, body) in enumerate(points)
             )
-            muscles.append(Muscle(f"{name}_{side}", "Thelen2003Muscle", Path(path), force * size**2, 0.1, 0.2))
+            muscles.append(
+                Muscle(
+                    name=f"{name}_{side}",
+                    kind="Thelen2003Muscle",
+                    path=Path(path),
+                    max_isometric_force=force * size**2,
+                    optimal_fiber_length=0.1,
+                    tendon_slack_length=0.2,
+                )
+            )
     return Model(
-        "walker",
-        tuple(bodies),
-        tuple(joints),
-        tuple(coordinates),
-        np.array([0.0, -GRAVITY, 0.0]),
+        name="walker",
+        bodies=tuple(bodies),
+        joints=tuple(joints),
+        coordinates=tuple(coordinates),
+        gravity=np.array([0.0, -GRAVITY, 0.0]),
         muscles=tuple(muscles),
     )
 
@@ -96,13 +157,22 @@ def motion(body: Model, frames: int = 200, size: float = 1.0) -> Motion:
 
 
 def steps(time: np.ndarray, weight: float) -> Wrenches:
-    """Right stance from 0.2 s to 0.9 s, left from 0.7 s to 1.4 s, half sine waves of one body weight."""
+    """Right stance from 0.2 s to 0.9 s, left from 0.7 s to 1.4 s, half sine waves of one body
+    weight.
+    """
     forces = np.zeros((len(time), 2, 3))
     for k, start in enumerate((0.2, 0.7)):
         inside = (time >= start) & (time <= start + 0.7)
         forces[inside, k, 1] = weight * np.sin(np.pi * (time[inside] - start) / 0.7)
     points = np.where(forces[..., 1:2] > 0, np.array([0.1, 0.0, 0.1]), np.nan)
-    return Wrenches(time, ("plate 1", "plate 2"), ("tibia_r", "tibia_l"), forces, points, np.zeros_like(forces))
+    return Wrenches(
+        time=time,
+        names=("plate 1", "plate 2"),
+        bodies=("tibia_r", "tibia_l"),
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
 
 
 class Tension:
@@ -118,7 +188,8 @@ class Tension:
         self.optimal = np.ones(len(time), dtype=bool)
         self.asked = np.ones(len(time), dtype=bool)
         self.overstretched: tuple[str, ...] = ()
-        self.options, self.large_passive = TensionOptions(), ()
+        self.options = TensionOptions()
+        self.large_passive = ()
         self.fibers = None
 
 
@@ -128,7 +199,14 @@ def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
     errors = np.tile([size, 3 * size], (frames, 1))
     flags = np.ones(frames, dtype=bool)
     return KinematicsFit(
-        movement, ("RASI", "RKNE"), errors, np.ones(2), flags, np.ones(frames, np.int64), ("extra",), ()
+        motion=movement,
+        marker_names=("RASI", "RKNE"),
+        errors=errors,
+        weights=np.ones(2),
+        converged=flags,
+        iterations=np.ones(frames, np.int64),
+        unused_markers=("extra",),
+        missing_markers=(),
     )
 
 
@@ -140,7 +218,9 @@ def having(given: ReportInput, **values: Any) -> ReportInput:
             given = replace(given, **{name: value})
             continue
         kinds = ("head", "recorded", "kinematics", "dynamics", "muscles", "contacts", "analysis")
-        kind = next(one for one in kinds if name in {each.name for each in fields(getattr(given, one))})
+        kind = next(
+            one for one in kinds if name in {each.name for each in fields(getattr(given, one))}
+        )
         given = replace(given, **{kind: replace(getattr(given, kind), **{name: value})})
     return given
 
@@ -164,7 +244,11 @@ def everything(frames: int = 200) -> ReportInput:
         version="1.2.3",
         notes=(Note("simulated", "everything here is made up"),),
         sources=(SourceFile("model", "walker.osim", "ab" * 32),),
-        steps=(Step("inverse kinematics", {"tolerance": "1e-6"}, 0.5, frames),),
+        steps=(
+            Step(
+                name="inverse kinematics", options={"tolerance": "1e-6"}, seconds=0.5, frames=frames
+            ),
+        ),
         model=body,
         markers=markers,
         fit=fitted(movement),

@@ -1,1 +1,3 @@
-"""Comparisons of accuracy, a module a subject; each returns the rows of the tables in docs/validation."""
+"""Comparisons of accuracy, a module a subject; each returns the rows of the tables in
+docs/validation.
+"""

@@ -1,4 +1,5 @@
-"""What the front page of docs/validation claims: for each claim the number, the target, the comparison and its table.
+"""What the front page of docs/validation claims: for each claim the number, the target, the
+comparison and its table.
 
 Every number is computed from the other tables of results; none is typed.
 """
@@ -18,8 +19,8 @@ LIKE_OURS = "OpenSim 4.6, coordinates and loads filtered as by our default"
 class Claim:
     """One line of the front page.
 
-    `text`: what is claimed; `table`: of results that has the rows; `number`: from the rows to what is printed;
-    `target`: "" where none was set; `against`: what it is compared with.
+    `text`: what is claimed; `table`: of results that has the rows; `number`: from the rows to what
+    is printed; `target`: "" where none was set; `against`: what it is compared with.
     """
 
     text: str
@@ -37,50 +38,68 @@ def claims() -> tuple[Claim, ...]:
 def _of_programs() -> tuple[Claim, ...]:
     """Claims that other programs decide."""
     return (
-        Claim("Models that open", "models", _share("opened", lambda cell: cell == "yes"), "all", "the data collection"),
-        Claim("Kernels, largest difference", "kernels", _largest("largest difference"), "1e-9", "Pinocchio, MuJoCo"),
         Claim(
-            "Models whose muscle lengths agree [mm]",
-            "muscles",
-            _within("length 99 % [mm]", 0.1, {"compared with": "OpenSim"}),
-            "0.1 in all",
-            "OpenSim 4.6",
+            text="Models that open",
+            table="models",
+            number=_share("opened", lambda cell: cell == "yes"),
+            target="all",
+            against="the data collection",
         ),
         Claim(
-            "Models whose moment arms agree at the 99th percentile [mm]",
-            "muscles",
-            _within("moment arm 99 % [mm]", 0.1, {"compared with": "OpenSim"}),
-            "0.1 in all",
-            "OpenSim 4.6",
+            text="Kernels, largest difference",
+            table="kernels",
+            number=_largest("largest difference"),
+            target="1e-9",
+            against="Pinocchio, MuJoCo",
         ),
         Claim(
-            "Moment arms over a closed loop [mm]",
-            "loop_arms",
-            _largest("difference [mm]"),
-            "0.001",
-            "OpenSim 4.6",
+            text="Models whose muscle lengths agree [mm]",
+            table="muscles",
+            number=_within("length 99 % [mm]", 0.1, {"compared with": "OpenSim"}),
+            target="0.1 in all",
+            against="OpenSim 4.6",
         ),
         Claim(
-            "Inverse kinematics: marker error at most 0.5 % above the peer's",
-            "inverse_kinematics",
-            _pairs("RMSE ours [mm]", "RMSE OpenSim [mm]", 1.005),
-            "all cases",
-            "OpenSim 4.6",
+            text="Models whose moment arms agree at the 99th percentile [mm]",
+            table="muscles",
+            number=_within("moment arm 99 % [mm]", 0.1, {"compared with": "OpenSim"}),
+            target="0.1 in all",
+            against="OpenSim 4.6",
         ),
         Claim(
-            "Inverse dynamics: recordings with every coordinate within 1 % of its range",
-            "inverse_dynamics",
-            _within("worst RMS / range [%]", 1.0),
-            "all",
-            "OpenSim 4.6",
+            text="Moment arms over a closed loop [mm]",
+            table="loop_arms",
+            number=_largest("difference [mm]"),
+            target="0.001",
+            against="OpenSim 4.6",
         ),
-        Claim("Static optimization, activations RMS", "tension", _largest("RMS of activations"), "0.02", "OpenSim 4.6"),
         Claim(
-            "Joint reactions, same tensions in [N]",
-            "reaction",
-            _largest("forces apart, at most [N]", {"against": "OpenSim 4.6"}),
-            "0.1",
-            "OpenSim 4.6",
+            text="Inverse kinematics: marker error at most 0.5 % above the peer's",
+            table="inverse_kinematics",
+            number=_pairs("RMSE ours [mm]", "RMSE OpenSim [mm]", 1.005),
+            target="all cases",
+            against="OpenSim 4.6",
+        ),
+        Claim(
+            text="Inverse dynamics: recordings with every coordinate within 1 % of its range",
+            table="inverse_dynamics",
+            number=_within("worst RMS / range [%]", 1.0),
+            target="all",
+            against="OpenSim 4.6",
+        ),
+        Claim(
+            text="Static optimization, activations RMS",
+            table="tension",
+            number=_largest("RMS of activations"),
+            target="0.02",
+            against="OpenSim 4.6",
+        ),
+        Claim(
+            text="Joint reactions, same tensions in [N]",
+            table="reaction",
+            number=_largest("forces apart, at most [N]", {"against": "OpenSim 4.6"}),
+            target="0.1",
+            against="OpenSim 4.6",
         ),
     )
 
@@ -88,93 +107,109 @@ def _of_programs() -> tuple[Claim, ...]:
 def _of_persons() -> tuple[Claim, ...]:
     """Claims that recordings of persons decide."""
     return (
-        Claim("Live activations, RMS", "live", _span("activations: rms"), "", "the whole recording"),
         Claim(
-            "Calibrated models with lower marker error on unseen motion",
-            "calibration",
-            _share("lower", lambda cell: cell == "True"),
-            "all",
-            "an expert's or OpenSim's scaling",
+            text="Live activations, RMS",
+            table="live",
+            number=_span("activations: rms"),
+            target="",
+            against="the whole recording",
         ),
         Claim(
-            "Identified masses: ground force on unseen motion, ratio to the generic body",
-            "identification",
-            _ratios("points, own link"),
-            "below 1",
-            "measured plates",
+            text="Calibrated models with lower marker error on unseen motion",
+            table="calibration",
+            number=_share("lower", lambda cell: cell == "True"),
+            target="all",
+            against="an expert's or OpenSim's scaling",
         ),
         Claim(
-            "Mass points: farthest mass [kg]", "masspoints", _largest("farthest mass from NNLS [kg]"), "", "exact NNLS"
+            text="Identified masses: ground force on unseen motion, ratio to the generic body",
+            table="identification",
+            number=_ratios("points, own link"),
+            target="below 1",
+            against="measured plates",
         ),
         Claim(
-            "Hidden plates: vertical force [% of range]",
-            "hidden_plates",
-            _span("vertical [% range]", {"formulation": "simultaneous"}),
-            "8 in walks",
-            "measured plates",
+            text="Mass points: farthest mass [kg]",
+            table="masspoints",
+            number=_largest("farthest mass from NNLS [kg]"),
+            target="",
+            against="exact NNLS",
         ),
         Claim(
-            "Share of frames with the plate inside the interval of the vertical force",
-            "certificates",
-            _span("plates inside, vertical"),
-            "",
-            "measured plates",
+            text="Hidden plates: vertical force [% of range]",
+            table="hidden_plates",
+            number=_span("vertical [% range]", {"formulation": "simultaneous"}),
+            target="8 in walks",
+            against="measured plates",
         ),
         Claim(
-            "Force in an instrumented knee, default settings [body weights RMS]",
-            "knee",
-            _largest("total, mean", {"RMS of the force [BW]": "default"}),
-            "0.35",
-            "measured force",
+            text="Share of frames with the plate inside the interval of the vertical force",
+            table="certificates",
+            number=_span("plates inside, vertical"),
+            target="",
+            against="measured plates",
         ),
         Claim(
-            "The same by OpenSim's static optimization with the same filter",
-            "knee",
-            _largest("total, mean", {"RMS of the force [BW]": LIKE_OURS}),
-            "ours 10 % below",
-            "measured force",
+            text="Force in an instrumented knee, default settings [body weights RMS]",
+            table="knee",
+            number=_largest("total, mean", {"RMS of the force [BW]": "default"}),
+            target="0.35",
+            against="measured force",
         ),
         Claim(
-            "EMG channels left out: mean correlation without EMG",
-            "emg_held_out",
-            _span("correlation, mean", {"others": "without EMG"}),
-            "",
-            "measured EMG",
+            text="The same by OpenSim's static optimization with the same filter",
+            table="knee",
+            number=_largest("total, mean", {"RMS of the force [BW]": LIKE_OURS}),
+            target="ours 10 % below",
+            against="measured force",
         ),
         Claim(
-            "The same with the other channels as targets, by default",
-            "emg_held_out",
-            _span("correlation, mean", {"others": "default"}),
-            "above the line before",
-            "measured EMG",
+            text="EMG channels left out: mean correlation without EMG",
+            table="emg_held_out",
+            number=_span("correlation, mean", {"others": "without EMG"}),
+            target="",
+            against="measured EMG",
         ),
         Claim(
-            "Limits of 90 %: share of samples of a measured knee force inside [%]",
-            "uncertainty_knee",
-            _span("total, inside [%]"),
-            "85 to 95",
-            "measured force",
+            text="The same with the other channels as targets, by default",
+            table="emg_held_out",
+            number=_span("correlation, mean", {"others": "default"}),
+            target="above the line before",
+            against="measured EMG",
         ),
         Claim(
-            "Limits of 90 %: vertical forces of feet whose plates are hidden inside, walks by recording [%]",
-            "uncertainty_plates",
-            _span("vertical, inside [%]"),
-            "85 to 95",
-            "measured force",
+            text="Limits of 90 %: share of samples of a measured knee force inside [%]",
+            table="uncertainty_knee",
+            number=_span("total, inside [%]"),
+            target="85 to 95",
+            against="measured force",
         ),
         Claim(
-            "Limits of 90 %: the force that lifts a box of known mass inside, by lift [%]",
-            "uncertainty_box",
-            _span("up, inside [%]"),
-            "85 to 95",
-            "measured force",
+            text=(
+                "Limits of 90 %: vertical forces of feet whose plates are hidden inside, walks by"
+                " recording [%]"
+            ),
+            table="uncertainty_plates",
+            number=_span("vertical, inside [%]"),
+            target="85 to 95",
+            against="measured force",
         ),
         Claim(
-            "Raw recordings by one command: correlation of flexion moments of the hip, where a set has its own",
-            "analyze",
-            _span("hip, r"),
-            "",
-            "each set's own moments",
+            text="Limits of 90 %: the force that lifts a box of known mass inside, by lift [%]",
+            table="uncertainty_box",
+            number=_span("up, inside [%]"),
+            target="85 to 95",
+            against="measured force",
+        ),
+        Claim(
+            text=(
+                "Raw recordings by one command: correlation of flexion moments of the hip, where a"
+                " set has its own"
+            ),
+            table="analyze",
+            number=_span("hip, r"),
+            target="",
+            against="each set's own moments",
         ),
     )
 
@@ -182,59 +217,75 @@ def _of_persons() -> tuple[Claim, ...]:
 def _of_known_truths() -> tuple[Claim, ...]:
     """Claims that simulated truths, undisturbed runs and wrong files decide."""
     return (
-        Claim("Faults put into external forces: missed", "force_faults", _total("missed"), "0", "clean recordings"),
         Claim(
-            "90 % intervals of fiber and slack lengths that hold the truth [%]",
-            "personal_truth",
-            _span("within the 90 % interval [%]", {"identifiable": "all"}),
-            "87 to 95",
-            "simulated people",
+            text="Faults put into external forces: missed",
+            table="force_faults",
+            number=_total("missed"),
+            target="0",
+            against="clean recordings",
         ),
         Claim(
-            "Limits of 90 %: joint torques of simulated persons inside [%]",
-            "uncertainty_assumed",
-            _span("torques, widened"),
-            "87 to 93",
-            "simulated recordings",
+            text="90 % intervals of fiber and slack lengths that hold the truth [%]",
+            table="personal_truth",
+            number=_span("within the 90 % interval [%]", {"identifiable": "all"}),
+            target="87 to 95",
+            against="simulated people",
         ),
         Claim(
-            "The same with errors that the limits do not assume [%]",
-            "uncertainty_other",
-            _span("torques, widened"),
-            "80 to 95",
-            "simulated recordings",
+            text="Limits of 90 %: joint torques of simulated persons inside [%]",
+            table="uncertainty_assumed",
+            number=_span("torques, widened"),
+            target="87 to 93",
+            against="simulated recordings",
         ),
         Claim(
-            "Viscosity of a joint: runs within 3 %",
-            "virtual_joints",
-            _counted("within target", {"quantity": "viscosity"}),
-            "all",
-            "simulated in MuJoCo",
+            text="The same with errors that the limits do not assume [%]",
+            table="uncertainty_other",
+            number=_span("torques, widened"),
+            target="80 to 95",
+            against="simulated recordings",
         ),
         Claim(
-            "Its 95 % intervals that hold the truth",
-            "virtual_joints",
-            _counted("95 % intervals that hold the truth", {"quantity": "viscosity"}),
-            "95 %",
-            "simulated in MuJoCo",
+            text="Viscosity of a joint: runs within 3 %",
+            table="virtual_joints",
+            number=_counted("within target", {"quantity": "viscosity"}),
+            target="all",
+            against="simulated in MuJoCo",
         ),
         Claim(
-            "Leg in deformed bones: muscle points, median error [mm]",
-            "morph_demo",
-            _smallest("point error, median [mm]"),
-            "",
-            "known deformation",
+            text="Its 95 % intervals that hold the truth",
+            table="virtual_joints",
+            number=_counted("95 % intervals that hold the truth", {"quantity": "viscosity"}),
+            target="95 %",
+            against="simulated in MuJoCo",
         ),
         Claim(
-            "The same by scaling [mm]",
-            "morph_demo",
-            _largest("point error, median [mm]", {"method": "scaling, 12 landmarks"}),
-            "",
-            "known deformation",
+            text="Leg in deformed bones: muscle points, median error [mm]",
+            table="morph_demo",
+            number=_smallest("point error, median [mm]"),
+            target="",
+            against="known deformation",
         ),
-        Claim("Interrupted studies: files that differ", "interrupted", _total("not equal"), "0", "an undisturbed run"),
         Claim(
-            "Wrong files: faults found in all inputs", "wrong_files", _total("found"), "0", "coverage-guided fuzzing"
+            text="The same by scaling [mm]",
+            table="morph_demo",
+            number=_largest("point error, median [mm]", {"method": "scaling, 12 landmarks"}),
+            target="",
+            against="known deformation",
+        ),
+        Claim(
+            text="Interrupted studies: files that differ",
+            table="interrupted",
+            number=_total("not equal"),
+            target="0",
+            against="an undisturbed run",
+        ),
+        Claim(
+            text="Wrong files: faults found in all inputs",
+            table="wrong_files",
+            number=_total("found"),
+            target="0",
+            against="coverage-guided fuzzing",
         ),
     )
 
@@ -268,7 +319,9 @@ def _largest(column: str, only: Mapping[str, str] | None = None) -> Callable[[Ta
     return lambda rows: f"{max(_values(rows, column, only)):.3g}"
 
 
-def _within(column: str, limit: float, only: Mapping[str, str] | None = None) -> Callable[[Table], str]:
+def _within(
+    column: str, limit: float, only: Mapping[str, str] | None = None
+) -> Callable[[Table], str]:
     def text(rows: Table) -> str:
         values = _values(rows, column, only)
         return f"{sum(one <= limit for one in values)} of {len(values)} (worst {max(values):.3g})"
@@ -319,7 +372,9 @@ def _counted(column: str, only: Mapping[str, str]) -> Callable[[Table], str]:
     """Sum of cells like "97 of 100"."""
 
     def text(rows: Table) -> str:
-        cells = [row[column] for row in rows if all(row[name] == cell for name, cell in only.items())]
+        cells = [
+            row[column] for row in rows if all(row[name] == cell for name, cell in only.items())
+        ]
         pairs = [[int(one) for one in re.findall(r"(\d+) of (\d+)", cell)[0]] for cell in cells]
         return f"{sum(a for a, _ in pairs)} of {sum(b for _, b in pairs)}"
 

@@ -48,7 +48,10 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
             "muscles": len(model.muscles),
             "markers": len(model.markers),
             "loops": ", ".join(loop.kind for loop in model.loops) or "-",
-            "kept, not modelled": ", ".join(f"{count} {kind}" for kind, count in sorted(kept.items())) or "-",
+            "kept, not modelled": ", ".join(
+                f"{count} {kind}" for kind, count in sorted(kept.items())
+            )
+            or "-",
         }
 
 
@@ -67,12 +70,16 @@ def measure_kernels() -> Iterator[dict[str, object]]:
         model = random_tree(seed)
         rng = np.random.default_rng(seed)
         q, v, a = rng.normal(size=(3, 1, len(model.coordinates)))
-        tau = mm.inverse_dynamics(model, mm.Motion(np.zeros(1), model.coordinate_names, q, v, a)).values[0]
+        tau = mm.inverse_dynamics(
+            model, mm.Motion(np.zeros(1), model.coordinate_names, q, v, a)
+        ).values[0]
         largest = max(largest, float(np.abs(tau).max()))
         theirs, ids = to_pinocchio(model)
         data = theirs.createData()
         expected = pin.rnea(theirs, data, q[0], v[0], a[0])
-        differences["inverse dynamics against Pinocchio [N m, N]"].append(np.abs(tau - expected).max())
+        differences["inverse dynamics against Pinocchio [N m, N]"].append(
+            np.abs(tau - expected).max()
+        )
         pin.forwardKinematics(theirs, data, q[0])
         origins = forward_kinematics(compile_tree(model), q).origins[0, 1:]
         placed = np.array([data.oMi[ids[body.name]].translation for body in model.bodies])
@@ -82,13 +89,21 @@ def measure_kernels() -> Iterator[dict[str, object]]:
         order = [compiled.joint(joint.name).dofadr[0] for joint in model.joints]
         state.qpos[order], state.qvel[order], state.qacc[order] = q[0], v[0], a[0]
         mujoco.mj_inverse(compiled, state)
-        differences["inverse dynamics against MuJoCo [N m, N]"].append(np.abs(tau - state.qfrc_inverse[order]).max())
+        differences["inverse dynamics against MuJoCo [N m, N]"].append(
+            np.abs(tau - state.qfrc_inverse[order]).max()
+        )
     for name, values in differences.items():
-        yield {"quantity": name, "trees": TREES, "largest difference": float(max(values)), "largest torque": largest}
+        yield {
+            "quantity": name,
+            "trees": TREES,
+            "largest difference": float(max(values)),
+            "largest torque": largest,
+        }
 
 
 def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
-    """Power of inverse dynamics against the rate of energy in a real walk, OpenSim's torques and ours.
+    """Power of inverse dynamics against the rate of energy in a real walk, OpenSim's torques and
+    ours.
 
     No external loads: they would add the same to both. OpenSim computes the energy.
     """
@@ -112,7 +127,8 @@ def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
     order = [round(speed) - 1 for speed in state.getU().to_numpy()]
 
     def place(time: float) -> None:
-        q, v = spline(time), spline.derivative()(time)
+        q = spline(time)
+        v = spline.derivative()(time)
         for i, name in enumerate(names):
             coordinates.get(name).setValue(state, float(q[i]), False)
             coordinates.get(name).setSpeedValue(state, float(v[i]))
@@ -123,14 +139,26 @@ def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
         return float(theirs.calcKineticEnergy(state) + theirs.calcPotentialEnergy(state))
 
     times = given.time[100:-100:50]
-    moving = mm.Motion(times, names, spline(times), spline.derivative()(times), spline.derivative(2)(times))
+    moving = mm.Motion(
+        times, names, spline(times), spline.derivative()(times), spline.derivative(2)(times)
+    )
     # Without couplers each coordinate keeps the derivatives that OpenSim is given.
     tau = mm.inverse_dynamics(replace(model, couplers=()), moving)
-    h, off_theirs, off_ours, apart = 1e-4, [], [], []
+    h = 1e-4
+    off_theirs = []
+    off_ours = []
+    apart = []
     for frame, time in enumerate(times):
-        rate = (energy(time - 2 * h) - 8 * energy(time - h) + 8 * energy(time + h) - energy(time + 2 * h)) / (12 * h)
+        rate = (
+            energy(time - 2 * h)
+            - 8 * energy(time - h)
+            + 8 * energy(time + h)
+            - energy(time + 2 * h)
+        ) / (12 * h)
         place(time)
-        found = solver.solve(state, opensim.Vector.createFromMat(moving.accelerations[frame][order]))
+        found = solver.solve(
+            state, opensim.Vector.createFromMat(moving.accelerations[frame][order])
+        )
         torques = np.empty(len(names))
         torques[order] = found.to_numpy()
         off_theirs.append(torques @ moving.velocities[frame] - rate)
@@ -138,8 +166,12 @@ def measure_curved_knee(folder: Path) -> Iterator[dict[str, object]]:
         apart.append(np.abs(torques - tau.values[frame]).max())
     yield {
         "frames": len(times),
-        "OpenSim's power minus its rate of energy, RMS [W]": float(np.sqrt(np.mean(np.square(off_theirs)))),
-        "our power minus OpenSim's rate of energy, RMS [W]": float(np.sqrt(np.mean(np.square(off_ours)))),
+        "OpenSim's power minus its rate of energy, RMS [W]": float(
+            np.sqrt(np.mean(np.square(off_theirs)))
+        ),
+        "our power minus OpenSim's rate of energy, RMS [W]": float(
+            np.sqrt(np.mean(np.square(off_ours)))
+        ),
         "largest difference of a generalized force [N m, N]": float(np.max(apart)),
     }
 

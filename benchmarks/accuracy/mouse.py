@@ -1,4 +1,6 @@
-"""Recordings of mice: marker residuals, strides, muscle lengths, plate and tensions; `validation` tabulates them."""
+"""Recordings of mice: marker residuals, strides, muscle lengths, plate and tensions; `validation`
+tabulates them.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +90,14 @@ def measure_strides(folder: Path) -> Iterator[Row]:
             own = strides.of(limb)
             if not own:
                 continue
-            other = next((values for key, values in strides.phases.items() if key != next(iter(strides.phases))), None)
+            other = next(
+                (
+                    values
+                    for key, values in strides.phases.items()
+                    if key != next(iter(strides.phases))
+                ),
+                None,
+            )
             yield {
                 "recording": name,
                 "limb": "right hind" if limb.endswith("_r") else "left hind",
@@ -98,7 +107,9 @@ def measure_strides(folder: Path) -> Iterator[Row]:
                 "speed [m/s]": _spread([one.speed for one in own]),
                 "duty factor": _spread([one.duty for one in own]),
                 "width [mm]": _spread([1e3 * one.width for one in own]),
-                "left after right": "" if other is None or limb.endswith("_r") else _spread(list(other)),
+                "left after right": (
+                    "" if other is None or limb.endswith("_r") else _spread(list(other))
+                ),
             }
 
 
@@ -116,12 +127,18 @@ def measure_lengths(folder: Path) -> Iterator[Row]:
     """What muscles do in a stride, right and left, over all mice on the plate."""
     found = {name: lengths_of(folder, name) for name in recordings(folder) if name != "treadmill"}
     for muscle in MUSCLES:
-        ranges = [one for each in found.values() for one in each.ranges if one.muscle.removesuffix("_l") == muscle]
+        ranges = [
+            one
+            for each in found.values()
+            for one in each.ranges
+            if one.muscle.removesuffix("_l") == muscle
+        ]
         if not ranges:
             continue
         strides = sum(one.strides for one in ranges)
         scatter = [
-            float(np.nanmean(np.nanstd(each.curves(name), axis=0))) / each.fiber[each.muscles.index(name)]
+            float(np.nanmean(np.nanstd(each.curves(name), axis=0)))
+            / each.fiber[each.muscles.index(name)]
             for each in found.values()
             for name in (muscle, f"{muscle}_l")
             if len(each.curves(name)) > 1
@@ -129,9 +146,13 @@ def measure_lengths(folder: Path) -> Iterator[Row]:
         yield {
             "muscle": muscle,
             "strides": strides,
-            "shortest [% of standing]": _spread([100.0 * one.shortest / one.standing for one in ranges]),
+            "shortest [% of standing]": _spread(
+                [100.0 * one.shortest / one.standing for one in ranges]
+            ),
             "shortest at [% of stride]": _spread([one.shortest_at for one in ranges]),
-            "longest [% of standing]": _spread([100.0 * one.longest / one.standing for one in ranges]),
+            "longest [% of standing]": _spread(
+                [100.0 * one.longest / one.standing for one in ranges]
+            ),
             "longest at [% of stride]": _spread([one.longest_at for one in ranges]),
             "excursion [fiber lengths]": _spread([one.excursion for one in ranges]),
             "fastest shortening [fiber lengths/s]": _spread([one.shortening for one in ranges]),
@@ -144,7 +165,8 @@ def measure_plate(folder: Path) -> Iterator[Row]:
     for name in recordings(folder):
         if name == "treadmill":
             continue
-        one, found = mouse(folder, name), alone(folder, name)
+        one = mouse(folder, name)
+        found = alone(folder, name)
         plate = one.trial.plates[0]
         pressing = plate.forces[:, 1]
         spells = runs(loaded_samples([plate], 1000.0)[0])
@@ -161,7 +183,9 @@ def measure_plate(folder: Path) -> Iterator[Row]:
             knee = f"Knee_extension_{side}"
             tension = found.active
             worst, share = _reserves(found.torques, tension, side)
-            stretched = [one for one in found.passive.overstretched if one.endswith("_l") == (side == "l")]
+            stretched = [
+                one for one in found.passive.overstretched if one.endswith("_l") == (side == "l")
+            ]
             strongest = int(np.argmax(tension.forces.max(axis=0)))
             row |= {
                 "paw alone": "right" if side == "r" else "left",
@@ -169,14 +193,22 @@ def measure_plate(folder: Path) -> Iterator[Row]:
                 "force then [N]": float(found.wrenches.forces[:, 0, 1].max()),
                 "center of pressure to toes [mm]": 1e3 * float(np.median(found.beside)),
                 **{
-                    f"{joint.split('_')[0].lower()} [N mm]": 1e3 * _largest(found.torques[f"{joint}_{side}"])
+                    f"{joint.split('_')[0].lower()} [N mm]": (
+                        1e3 * _largest(found.torques[f"{joint}_{side}"])
+                    )
                     for joint in JOINTS
                 },
-                "knee bent [degrees]": float(np.rad2deg(-np.median(motion_of(folder, name)[knee][found.frames]))),
-                "strongest muscle": f"{tension.muscles[strongest]}: {tension.forces[:, strongest].max():.2g} N",
+                "knee bent [degrees]": float(
+                    np.rad2deg(-np.median(motion_of(folder, name)[knee][found.frames]))
+                ),
+                "strongest muscle": (
+                    f"{tension.muscles[strongest]}: {tension.forces[:, strongest].max():.2g} N"
+                ),
                 "largest reserve [N mm]": worst,
                 "reserves [% of torque]": share,
-                "with passive forces [% of torque]": _reserves(found.torques, found.passive, side)[1],
+                "with passive forces [% of torque]": _reserves(found.torques, found.passive, side)[
+                    1
+                ],
                 "overstretched": ", ".join(stretched),
                 "optimal": f"{int(tension.optimal.sum())} of {len(tension.time)}",
             }
@@ -184,17 +216,23 @@ def measure_plate(folder: Path) -> Iterator[Row]:
 
 
 def measure_commands(folder: Path) -> Iterator[Row]:
-    """Every recording by one study file: how much of each leg is solved, and what reserves give there."""
+    """Every recording by one study file: how much of each leg is solved, and what reserves give
+    there.
+    """
     if not recordings(folder):
         return
     for name, one in by_command(folder).items():
-        tension, posed = one.tension, ~np.isnan(one.tension.torques).all(axis=1)
+        tension = one.tension
+        posed = ~np.isnan(one.tension.torques).all(axis=1)
         row: Row = {"recording": name, "frames with a pose": int(posed.sum())}
         for side, word in (("r", "right"), ("l", "left")):
             muscle = tension.muscles.index("SOL" if side == "r" else "SOL_l")
             solved = posed & np.isfinite(tension.forces[:, muscle])
             bodies = [body == f"Foot_{side}" for body in one.wrenches.bodies]
-            pushed = np.nan_to_num(one.wrenches.forces[:, bodies, 1]).sum(axis=1) > 0.1 * one.model.weight
+            pushed = (
+                np.nan_to_num(one.wrenches.forces[:, bodies, 1]).sum(axis=1)
+                > 0.1 * one.model.weight
+            )
             torques = mm.Series(tension.time, tension.coordinates, tension.torques)
             row |= {
                 f"{word} leg solved [% of frames]": 100.0 * solved.sum() / posed.sum(),
@@ -202,14 +240,19 @@ def measure_commands(folder: Path) -> Iterator[Row]:
                 f"{word}, reserves [% of torque]": _reserves(torques, tension, side)[1],
             }
         yield row | {
-            "not optimal": int((posed & ~tension.optimal & (tension.status != NOT_DETERMINED)).sum()),
+            "not optimal": int(
+                (posed & ~tension.optimal & (tension.status != NOT_DETERMINED)).sum()
+            ),
             "first line": one.line,
         }
 
 
 def _beside_markers(one: Mouse) -> Row:
-    """How far the center of pressure is from the markers' middle, as used and as the file counts the corners."""
-    plate, markers = one.trial.plates[0], one.trial.markers
+    """How far the center of pressure is from the markers' middle, as used and as the file counts
+    the corners.
+    """
+    plate = one.trial.plates[0]
+    markers = one.trial.markers
     assert markers is not None
     told = first_corner(plate, one.trial.plate_time, markers)
     assert told is not None
@@ -226,12 +269,20 @@ def measure_masses(folder: Path) -> Iterator[Row]:
     if not (folder / KEYPOINTS).is_file():
         return
     masses = part_masses(folder)
-    other = with_other_side(mouse_hindlimb_model(folder / FILE)) if (folder / FILE).is_file() else None
+    other = (
+        with_other_side(mouse_hindlimb_model(folder / FILE)) if (folder / FILE).is_file() else None
+    )
     for part, mass in masses.items():
         row: Row = {"part": part, "in the file [%]": 100.0 * mass / sum(masses.values())}
-        legs = 0.0 if other is None else sum(one.mass for one in other.bodies if one.name[-2:] in ("_r", "_l"))
+        legs = (
+            0.0
+            if other is None
+            else sum(one.mass for one in other.bodies if one.name[-2:] in ("_r", "_l"))
+        )
         told = other is not None and part == "hindlimbs"
-        row["an anatomist's table [%]"] = 100.0 * legs / other.mass if told and other is not None else ""
+        row["an anatomist's table [%]"] = (
+            100.0 * legs / other.mass if told and other is not None else ""
+        )
         yield row
 
 
@@ -241,9 +292,13 @@ def _largest(values: np.ndarray) -> float:
 
 
 def _reserves(torques: mm.Series, tension: Tension, side: str) -> tuple[float, float]:
-    """Largest reserve of the leg's joints [N mm], and root mean square of reserves over that of torques [%]."""
+    """Largest reserve of the leg's joints [N mm], and root mean square of reserves over that of
+    torques [%].
+    """
     joints = [f"{joint}_{side}" for joint in JOINTS]
-    given = np.stack([tension.reserves[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints])
+    given = np.stack(
+        [tension.reserves[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints]
+    )
     asked = np.where(np.isfinite(given), np.stack([torques[one] for one in joints]), np.nan)
     share = float(np.sqrt(np.nanmean(given**2)) / np.sqrt(np.nanmean(asked**2)))
     return 1e3 * float(np.nanmax(np.abs(given))), 100.0 * share

@@ -1,4 +1,6 @@
-"""The morphed mouse: its fibers and forces against an anatomist's, and what it does on recordings of mice."""
+"""The morphed mouse: its fibers and forces against an anatomist's, and what it does on recordings
+of mice.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ def measure_architecture(folder: Path) -> Iterator[Row]:
     """Forces and fibers by what they come from, against the anatomist's table in its own size."""
     if not _there(folder):
         return
-    source, target, truth = man(folder), mouse(folder), mouse_hindlimb_model(folder / FILE)
+    source = man(folder)
+    target = mouse(folder)
+    truth = mouse_hindlimb_model(folder / FILE)
     table = read_species("human-mouse")
     first = table.architecture[0]
     every = sized_architecture(source, target)
@@ -67,11 +71,16 @@ def measure_architecture(folder: Path) -> Iterator[Row]:
 
 
 def _against(found: Mapping[str, Architecture], pairs: Pairs, truth: mm.Model) -> Row:
-    """Ranks, medians and ranges of force and fiber length over the anatomist's, and how often intervals hold."""
+    """Ranks, medians and ranges of force and fiber length over the anatomist's, and how often
+    intervals hold.
+    """
     theirs = {one.name: one for one in truth.muscles}
     forces = np.array(
         [
-            (sum(found[n].force for n in one.sources), sum(theirs[n].max_isometric_force for n in one.targets))
+            (
+                sum(found[n].force for n in one.sources),
+                sum(theirs[n].max_isometric_force for n in one.targets),
+            )
             for one in pairs
         ]
     )
@@ -85,7 +94,10 @@ def _against(found: Mapping[str, Architecture], pairs: Pairs, truth: mm.Model) -
         ]
     )
     row: Row = {"muscles": len(pairs)}
-    for what, values, key in (("force", forces, "force_interval"), ("fiber", fibers, "fiber_interval")):
+    for what, values, key in (
+        ("force", forces, "force_interval"),
+        ("fiber", fibers, "fiber_interval"),
+    ):
         ratio = values[:, 0] / values[:, 1]
         row[f"{what}, rank correlation"] = float(spearmanr(*values.T).statistic)
         row[f"{what}, ratio: median (least to most)"] = (
@@ -122,7 +134,9 @@ def measure_follows(folder: Path) -> Iterator[Row]:
             row["strides"] = sum(len(own) for own in found.strides.values())
             for muscle in ("vaslat", "gasmed", "tibant"):
                 own = [each.excursion for each in found.ranges if each.muscle[:-2] == muscle]
-                row[f"{muscle}, excursion [fiber lengths]"] = float(np.mean(own)) if own else float("nan")
+                row[f"{muscle}, excursion [fiber lengths]"] = (
+                    float(np.mean(own)) if own else float("nan")
+                )
         yield row
 
 
@@ -145,18 +159,25 @@ def measure_tension(folder: Path) -> Iterator[Row]:
             "paw": "right" if found.side == "R" else "left",
             "frames": len(found.motion),
             **{
-                f"{joint.lower()} [N mm]": 1e3 * float(np.abs(found.torques[found.coordinate(joint)]).max())
+                f"{joint.lower()} [N mm]": (
+                    1e3 * float(np.abs(found.torques[found.coordinate(joint)]).max())
+                )
                 for joint in JOINTS
             },
             "reserves [% of torque]": 100.0 * found.share(),
             **{f"{joint.lower()} [%]": 100.0 * shares[joint] for joint in JOINTS},
-            "strongest": f"{found.tension.muscles[strongest]}: {found.tension.forces[:, strongest].max():.2g} N",
+            "strongest": (
+                f"{found.tension.muscles[strongest]}:"
+                f" {found.tension.forces[:, strongest].max():.2g} N"
+            ),
             "fully active (fiber length)": ", ".join(found.full(one.model)),
         }
 
 
 def measure_reserves(folder: Path) -> Iterator[Row]:
-    """A row a joint of the recordings whose reserves are large: what the muscles lack there, muscle by muscle."""
+    """A row a joint of the recordings whose reserves are large: what the muscles lack there, muscle
+    by muscle.
+    """
     if not _there(folder):
         return
     for path in recordings(folder):
@@ -166,13 +187,16 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
             continue
         toes = on_one_paw(one, at_toes=True)
         assert toes is not None
-        worst, full = found.worst, found.moments(one.model)
+        worst = found.worst
+        full = found.moments(one.model)
         free = mm.inverse_dynamics(one.model, found.motion)
         active = found.tension.activations[worst]
         for joint, moments in zip(JOINTS, full.T, strict=True):
             name = found.coordinate(joint)
             torque = float(found.torques[name][worst])
-            reserve = float(found.tension.reserves[worst, found.tension.reserve_names.index(f"reserve_{name}")])
+            reserve = float(
+                found.tension.reserves[worst, found.tension.reserve_names.index(f"reserve_{name}")]
+            )
             way = moments * np.sign(torque)
             pulling = [k for k in np.argsort(-way) if way[k] > 0.05 * way.max()]
             against = float(np.minimum(way, 0.0) @ active)
@@ -183,13 +207,18 @@ def measure_reserves(folder: Path) -> Iterator[Row]:
                 "without the plate's force [N mm]": 1e3 * float(free[name][worst]),
                 "acceleration [rad/s²]": float(found.acceleration(joint)[worst]),
                 "reserve [N mm]": 1e3 * reserve,
-                "muscles could, fully active [N mm]": 1e3 * float(np.maximum(way, 0.0).sum()) * np.sign(torque),
+                "muscles could, fully active [N mm]": (
+                    1e3 * float(np.maximum(way, 0.0).sum()) * np.sign(torque)
+                ),
                 "of it taken by others' pull against it [N mm]": 1e3 * against * np.sign(torque),
                 "muscles that pull this way: moment fully active [N mm], activation": ", ".join(
-                    f"{one.model.muscles[k].name} {1e3 * way[k]:.2f}, {active[k]:.2f}" for k in pulling[:8]
+                    f"{one.model.muscles[k].name} {1e3 * way[k]:.2f}, {active[k]:.2f}"
+                    for k in pulling[:8]
                 ),
                 "reserves, all frames [% of torque]": 100.0 * found.shares()[joint],
-                "were the force at the toes' joint: torque [N mm]": 1e3 * float(toes.torques[name][worst]),
+                "were the force at the toes' joint: torque [N mm]": (
+                    1e3 * float(toes.torques[name][worst])
+                ),
                 "reserves then [% of torque]": 100.0 * toes.shares()[joint],
             }
 
@@ -199,22 +228,36 @@ LARGE = 0.1
 
 
 def measure_groups(folder: Path) -> Iterator[Row]:
-    """Real strides in two groups: of two animals, of one animal's earlier and later strides, of two sessions."""
+    """Real strides in two groups: of two animals, of one animal's earlier and later strides, of two
+    sessions.
+    """
     if not _there(folder):
         return
-    each = {one.name: stride_units(one) for path in recordings(folder) if (one := followed(folder, path)).trial.plates}
+    each = {
+        one.name: stride_units(one)
+        for path in recordings(folder)
+        if (one := followed(folder, path)).trial.plates
+    }
     first, second = (each[name] for name in TWO_MICE)
     half = len(first) // 2
-    yield _difference(f"{TWO_MICE[0]} and {TWO_MICE[1]}, by strides", Group("first", first), Group("second", second))
     yield _difference(
-        f"{TWO_MICE[0]}, earlier and later strides", Group("earlier", first[:half]), Group("later", first[half:])
+        f"{TWO_MICE[0]} and {TWO_MICE[1]}, by strides",
+        Group("first", first),
+        Group("second", second),
+    )
+    yield _difference(
+        f"{TWO_MICE[0]}, earlier and later strides",
+        Group("earlier", first[:half]),
+        Group("later", first[half:]),
     )
     sessions: dict[str, list[Animal]] = {}
     for name, strides in each.items():
         sessions.setdefault(name.split("_", 1)[1], []).append(whole_animal(name, strides))
     (one, animals), (other, others) = sorted(sessions.items())
     yield _difference(
-        f"sessions of {one} and {other}, by animals", Group(one, tuple(animals)), Group(other, tuple(others))
+        f"sessions of {one} and {other}, by animals",
+        Group(one, tuple(animals)),
+        Group(other, tuple(others)),
     )
 
 
@@ -231,17 +274,23 @@ def _difference(what: str, first: Group, second: Group) -> Row:
         "units": f"{len(first.animals)}, {len(second.animals)}",
         "least p possible": found.floor,
         "parameters": len(found.scalars),
-        "that differ (Hedges' g)": ", ".join(f"{one.name} ({one.g:.1f})" for one in scalars) or "none",
+        "that differ (Hedges' g)": (
+            ", ".join(f"{one.name} ({one.g:.1f})" for one in scalars) or "none"
+        ),
         "curves": len(found.curves),
-        "that differ, at [% of stride]": ", ".join(
-            f"{one.name} ({'; '.join(f'{a:.0f} to {b:.0f}' for a, b in one.regions)})" for one in curves
-        )
-        or "none",
+        "that differ, at [% of stride]": (
+            ", ".join(
+                f"{one.name} ({'; '.join(f'{a:.0f} to {b:.0f}' for a, b in one.regions)})"
+                for one in curves
+            )
+            or "none"
+        ),
         "notes": "; ".join(found.notes),
     }
 
 
-LEG, ARM = ("vaslat", "bflh", "gasmed", "tibant"), ("TRIlong", "TRIlat", "BIClong", "BRA")
+LEG = ("vaslat", "bflh", "gasmed", "tibant")
+ARM = ("TRIlong", "TRIlat", "BIClong", "BRA")
 """Muscles whose lengths over keypoints are told, of both sides."""
 
 
@@ -259,11 +308,18 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
             "another clip [mm]": 1e3 * one.other,
         }
         standing = dict(zip(one.model.muscle_names, default_path_lengths(one.model), strict=True))
-        found = mm.muscle_kinematics(one.model, one.fit.motion, moment_arms=False, velocities=False).lengths
+        found = mm.muscle_kinematics(
+            one.model, one.fit.motion, moment_arms=False, velocities=False
+        ).lengths
         finite = np.isfinite(found).all(axis=1)
         row["frames with all muscle lengths"] = int(finite.sum())
-        for both in (*((f"{one}_r", f"{one}_l") for one in LEG), *((one, f"{one}_l") for one in ARM)):
-            own = [found[finite, one.model.muscle_names.index(name)] / standing[name] for name in both]
+        for both in (
+            *((f"{one}_r", f"{one}_l") for one in LEG),
+            *((one, f"{one}_l") for one in ARM),
+        ):
+            own = [
+                found[finite, one.model.muscle_names.index(name)] / standing[name] for name in both
+            ]
             row[f"{both[0].removesuffix('_r')}, least and greatest [% of standing]"] = (
                 f"{100 * np.min(own):.0f} to {100 * np.max(own):.0f}"
             )
@@ -271,31 +327,44 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
 
 
 TOES = {"edl_r": ("EDL", 3), "fdl_r": ("FDL", 3), "ehl_r": ("EHL", 5), "fhl_r": ("FDL", 5)}
-"""Muscles of the toes: the anatomist's, and the ray of the skeleton, which counts from the outer side."""
+"""Muscles of the toes: the anatomist's, and the ray of the skeleton, which counts from the outer
+side.
+"""
 
 
 def measure_toes(folder: Path) -> Iterator[Row]:
     """Moment arms of the toes' muscles about the joint of their own ray and about the ankle."""
     if not _there(folder):
         return
-    model, truth = from_man(folder, "SSD").model, mouse_hindlimb_model(folder / FILE)
+    model = from_man(folder, "SSD").model
+    truth = mouse_hindlimb_model(folder / FILE)
     for name, (theirs, ray) in TOES.items():
         own = _arms(model, name, f"mouse__RBPhalange{ray}_flexion")
         yield {
             "of man": name,
             "of the mouse": theirs,
-            "on": ", ".join(dict.fromkeys(p.body[7:] for p in model.muscle(name).path.points if "Tibia" not in p.body)),
+            "on": ", ".join(
+                dict.fromkeys(
+                    p.body[7:] for p in model.muscle(name).path.points if "Tibia" not in p.body
+                )
+            ),
             "toe, least and greatest [mm]": f"{1e3 * own.min():.2f} to {1e3 * own.max():.2f}",
             "the anatomist's [mm]": f"{1e3 * _arms(truth, theirs, 'MTP_flexion_r').mean():.2f}",
             "ankle [mm]": 1e3 * float(_arms(model, name, "mouse__RAnkle_flexion").mean()),
-            "the anatomist's at the ankle [mm]": 1e3 * float(_arms(truth, theirs, "Ankle_flexion_r").mean()),
+            "the anatomist's at the ankle [mm]": (
+                1e3 * float(_arms(truth, theirs, "Ankle_flexion_r").mean())
+            ),
         }
 
 
 def _arms(model: mm.Model, muscle: str, coordinate: str, count: int = 9) -> np.ndarray:
     """(count,) moment arms over a coordinate's range [m]; positive lifts the toes or the foot."""
     low, high = model.coordinate(coordinate).range
-    motion = mm.Motion(np.arange(count, dtype=np.float64), (coordinate,), np.linspace(low, high, count)[:, None])
+    motion = mm.Motion(
+        np.arange(count, dtype=np.float64), (coordinate,), np.linspace(low, high, count)[:, None]
+    )
     found = mm.muscle_kinematics(model, motion, velocities=False)
-    arms: np.ndarray = found.moment_arms[:, model.muscle_names.index(muscle), model.coordinate_names.index(coordinate)]
+    arms: np.ndarray = found.moment_arms[
+        :, model.muscle_names.index(muscle), model.coordinate_names.index(coordinate)
+    ]
     return arms

@@ -1,8 +1,9 @@
-"""Recorded walks in MuJoCo under our activations: what its muscles give beside ours, and where its steps lead.
+"""Recorded walks in MuJoCo under our activations: what its muscles give beside ours, and where its
+steps lead.
 
-The steps of a recording give angles, torques and activations; the model is exported. MuJoCo's copy gets the recorded
-ground forces, our reserves and our activations, as they are and without dynamics of its own, and computes the forces of
-its muscles itself.
+The steps of a recording give angles, torques and activations; the model is exported. MuJoCo's copy
+gets the recorded ground forces, our reserves and our activations, as they are and without dynamics
+of its own, and computes the forces of its muscles itself.
 """
 
 from __future__ import annotations
@@ -38,15 +39,26 @@ CUTOFF = 6.0
 WINDOWS = (0.05, 0.1)
 """Steps without correction [s], from starts this far apart."""
 BETWEEN = 0.1
-STIFFNESS, DAMPING = (300.0, 2e4), (15.0, 1e3)
-"""Of the correction, for angles and for the pelvis' place [N m/rad], [N m s/rad] and [N/m], [N s/m]."""
+STIFFNESS = (300.0, 2e4)
+DAMPING = (15.0, 1e3)
+"""Of the correction, for angles and for the pelvis' place [N m/rad], [N m s/rad] and [N/m], [N
+s/m].
+"""
 IDLE = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
-COORDINATES = ("hip_flexion_r", "hip_adduction_r", "hip_rotation_r", "knee_angle_r", "ankle_angle_r")
+COORDINATES = (
+    "hip_flexion_r",
+    "hip_adduction_r",
+    "hip_rotation_r",
+    "knee_angle_r",
+    "ankle_angle_r",
+)
 
 
 class Activations(NamedTuple):
-    """Activations of some muscles, and the torques that those muscles give with them, by our formulas."""
+    """Activations of some muscles, and the torques that those muscles give with them, by our
+    formulas.
+    """
 
     of: str
     tension: Tension
@@ -55,8 +67,8 @@ class Activations(NamedTuple):
 
 @dataclass(frozen=True)
 class Walk:
-    """A walk and the model's copy, its coordinates `there` and `rates` (frames, coordinates), our moment arms `arms`
-    (frames, muscles, free).
+    """A walk and the model's copy, its coordinates `there` and `rates` (frames, coordinates), our
+    moment arms `arms` (frames, muscles, free).
     """
 
     motion: mm.Motion
@@ -77,16 +89,25 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def measure_torques(folder: Path) -> Iterator[Row]:
-    """A row a walk and coordinate: torques of MuJoCo's muscles less those of ours, by the choice of activations."""
+    """A row a walk and coordinate: torques of MuJoCo's muscles less those of ours, by the choice of
+    activations.
+    """
     for name, walk in _walks(folder):
         theirs = [_mujoco_torques(walk, choice.tension) for choice in walk.activations]
         for coordinate in COORDINATES:
             column = walk.copy.free.index(coordinate)
             ours = walk.activations[0].torques[:, column]
-            row: Row = {"walk": name, "coordinate": coordinate, "ours, range [N m]": float(np.ptp(ours))}
+            row: Row = {
+                "walk": name,
+                "coordinate": coordinate,
+                "ours, range [N m]": float(np.ptp(ours)),
+            }
             for choice, torques in zip(walk.activations, theirs, strict=True):
                 off = _rms(torques[:, column] - choice.torques[:, column])
-                row |= {f"{choice.of}, RMS [N m]": off, f"{choice.of} [% of range]": 100.0 * off / float(np.ptp(ours))}
+                row |= {
+                    f"{choice.of}, RMS [N m]": off,
+                    f"{choice.of} [% of range]": 100.0 * off / float(np.ptp(ours)),
+                }
             yield row
 
 
@@ -100,7 +121,9 @@ def _walks(folder: Path) -> Iterator[tuple[str, Walk]]:
 def _walk(folder: Path, name: str) -> Walk:
     files = RECORDINGS[name]
     model = mm.read_model(folder / files.model)
-    whole = mm.differentiate(mm.inverse_kinematics(model, read_markers(folder / files.markers)).motion, CUTOFF)
+    whole = mm.differentiate(
+        mm.inverse_kinematics(model, read_markers(folder / files.markers)).motion, CUTOFF
+    )
     motion = whole.frames((whole.time >= WALKS[name][0]) & (whole.time <= WALKS[name][1]))
     wrenches = mm.resample_wrenches(read_external_loads(folder / files.loads), motion.time, CUTOFF)
     torques = mm.inverse_dynamics(model, motion, wrenches)
@@ -113,7 +136,9 @@ def _walk(folder: Path, name: str) -> Walk:
     there = in_copy(copied, model, coordinates)
     rates = np.zeros_like(there)
     rates[:, [copied.coordinate_names.index(column) for column in model.coordinate_names]] = speeds
-    rates = rates_of(compile_tree(copied), mm.Motion(motion.time, copied.coordinate_names, there, rates))[1]
+    rates = rates_of(
+        compile_tree(copied), mm.Motion(motion.time, copied.coordinate_names, there, rates)
+    )[1]
     paths = compile_paths(model)
     _, _, pairs = paths.evaluate(coordinates)
     arms = np.zeros((len(motion), len(model.muscles), len(model.coordinates)))
@@ -125,14 +150,25 @@ def _walk(folder: Path, name: str) -> Walk:
         ("of our muscles with passive force", model.muscles, True),
         ("of MuJoCo's muscles", mujoco_muscles(model), True),
     ):
-        tension = mm.solve_tension(replace(model, muscles=muscles), motion, torques, TensionOptions(passive=passive))
+        tension = mm.solve_tension(
+            replace(model, muscles=muscles), motion, torques, TensionOptions(passive=passive)
+        )
         choices.append(Activations(of, tension, np.einsum("fmc,fm->fc", arms, tension.forces)))
-    return Walk(motion, wrenches, tuple(choices), copy, there, rates, arms)
+    return Walk(
+        motion=motion,
+        wrenches=wrenches,
+        activations=tuple(choices),
+        copy=copy,
+        there=there,
+        rates=rates,
+        arms=arms,
+    )
 
 
 def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
     """(frames, free) what MuJoCo's muscles give in the recorded states [N m or N]."""
-    copy, torques = walk.copy, np.empty(walk.arms.shape[::2])
+    copy = walk.copy
+    torques = np.empty(walk.arms.shape[::2])
     arms = copy.lengths_and_arms(walk.there)[1]
     for frame in range(len(walk.motion)):
         _start(walk, frame)
@@ -143,7 +179,9 @@ def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
 
 
 def _start(walk: Walk, frame: int, muscles: bool = True) -> None:
-    """Put MuJoCo's copy into the recorded state of a frame, its muscles idle where they are not wanted."""
+    """Put MuJoCo's copy into the recorded state of a frame, its muscles idle where they are not
+    wanted.
+    """
     copy = walk.copy
     flags = copy.m.opt.disableflags & ~IDLE
     copy.m.opt.disableflags = flags if muscles else flags | IDLE
@@ -158,16 +196,22 @@ def _row(walk: Walk, name: str, title: str, choice: Activations, muscles: bool) 
     if muscles:
         off = _mujoco_torques(walk, choice.tension) - choice.torques
         row["muscle torques, RMS [N m]"] = _rms(off[:, joints])
-        row["of our muscle torques [%]"] = 100.0 * _rms(off[:, joints]) / _rms(choice.torques[:, joints])
+        row["of our muscle torques [%]"] = (
+            100.0 * _rms(off[:, joints]) / _rms(choice.torques[:, joints])
+        )
     time = walk.motion.time
     for seconds in WINDOWS:
         starts = np.searchsorted(time, np.arange(time[0], time[-1] - seconds, BETWEEN))
-        ends = [_forward(walk, choice, muscles, int(start), seconds, False)[0][-1] for start in starts]
+        ends = [
+            _forward(walk, choice, muscles, int(start), seconds, False)[0][-1] for start in starts
+        ]
         row[f"after {1e3 * seconds:.0f} ms, RMS [deg]"] = _rms(np.array(ends))
     angles, corrections = _forward(walk, choice, muscles, 0, float(time[-1] - time[0]), True)
     row["corrected, RMS [deg]"] = _rms(angles)
     row["correction, RMS [N m]"] = _rms(corrections)
-    row["correction [% of muscle torques]"] = 100.0 * _rms(corrections) / _rms(choice.torques[:, joints])
+    row["correction [% of muscle torques]"] = (
+        100.0 * _rms(corrections) / _rms(choice.torques[:, joints])
+    )
     return row
 
 
@@ -176,10 +220,14 @@ def _forward(
 ) -> tuple[Array, Array]:
     """Errors of angles [deg] and corrections (steps, joints) of MuJoCo's steps from a frame on.
 
-    `muscles`: whether MuJoCo's pull; else our muscles' torques act; `corrected`: whether springs and dampers help.
+    `muscles`: whether MuJoCo's pull; else our muscles' torques act; `corrected`: whether springs
+    and dampers help.
     """
-    copy, time, tension = walk.copy, walk.motion.time, choice.tension
-    m, d = copy.m, copy.d
+    copy = walk.copy
+    time = walk.motion.time
+    tension = choice.tension
+    m = copy.m
+    d = copy.d
     columns = [copy.model.coordinate_names.index(name) for name in copy.free]
     asked = tension.torques[:, [tension.coordinates.index(name) for name in copy.free]]
     path = CubicHermiteSpline(time, walk.there[:, columns], walk.rates[:, columns])
@@ -192,9 +240,11 @@ def _forward(
     bodies = [mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_BODY, body) for body in loads.bodies]
     _start(walk, start, muscles)
     free = [copy.simple[name][0] for name in copy.free]
-    errors, corrections = [], []
+    errors = []
+    corrections = []
     translating = np.array([name in TRANSLATIONS for name in copy.free])
-    stiffness, damping = (corrected * np.where(translating, values[1], values[0]) for values in (STIFFNESS, DAMPING))
+    stiffness = corrected * np.where(translating, STIFFNESS[1], STIFFNESS[0])
+    damping = corrected * np.where(translating, DAMPING[1], DAMPING[0])
     # Taken implicitly by MuJoCo's integrator, as feet are light.
     m.dof_damping[copy.free_dofs] = damping
     with silent_mujoco():
@@ -202,9 +252,12 @@ def _forward(
             now = time[start] + step * m.opt.timestep
             # Loads act at points of the laboratory: bodies are where this step finds them.
             mujoco.mj_step1(m, d)
-            gap, rate = path(now) - d.qpos[free], speed(now) - d.qvel[copy.free_dofs]
+            gap = path(now) - d.qpos[free]
+            rate = speed(now) - d.qvel[copy.free_dofs]
             corrections.append(stiffness * gap + damping * rate)
-            d.qfrc_applied[copy.free_dofs] = applied(now) + corrections[-1] + damping * d.qvel[copy.free_dofs]
+            d.qfrc_applied[copy.free_dofs] = (
+                applied(now) + corrections[-1] + damping * d.qvel[copy.free_dofs]
+            )
             d.act[:] = np.clip(active(now), 0.0, 1.0)
             d.ctrl[: len(d.act)] = d.act
             d.xfrc_applied[:] = 0.0

@@ -30,15 +30,20 @@ Row = dict[str, object]
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a model: muscles within the tolerance, the largest differences and where, torques and masses."""
+    """A row a model: muscles within the tolerance, the largest differences and where, torques and
+    masses.
+    """
     for name in MODELS:
         composed = name.startswith(COMPOSED)
         if not composed and not (folder / name).exists():
             continue
         with tempfile.TemporaryDirectory() as temporary:
-            certificate = mm.write_mjcf(mm.read_model(name if composed else folder / name), Path(temporary) / "a.xml")
+            certificate = mm.write_mjcf(
+                mm.read_model(name if composed else folder / name), Path(temporary) / "a.xml"
+            )
         every = certificate.differences
-        length, arm = max(every, key=lambda one: one.length), max(every, key=lambda one: one.arm)
+        length = max(every, key=lambda one: one.length)
+        arm = max(every, key=lambda one: one.arm)
         yield {
             "model": name if composed else f"{name.split('/')[0]} {Path(name).stem}",
             "MuJoCo": certificate.version,
@@ -50,7 +55,9 @@ def measure(folder: Path) -> Iterator[Row]:
             "length of": f"{length.muscle}, {length.length_at[0]} {length.length_at[1]:.2f}",
             "median moment arm [mm]": 1e3 * float(np.median([one.arm for one in every])),
             "moment arm [mm]": 1e3 * arm.arm,
-            "moment arm of": f"{arm.muscle} about {arm.arm_about}, {arm.arm_at[0]} {arm.arm_at[1]:.2f}",
+            "moment arm of": (
+                f"{arm.muscle} about {arm.arm_about}, {arm.arm_at[0]} {arm.arm_at[1]:.2f}"
+            ),
             "own [mm]": 1e3 * max(one.own for one in every),
             "poses within, all together [%]": 100.0 * float(np.mean([one.share for one in every])),
             "force at rest [% of strength]": 100.0 * max(one.force for one in every),

@@ -134,7 +134,9 @@ PAGES: dict[str, dict[str, str]] = {
         "marker_faults_clean": "accuracy.faults.marker_faults:clean_markers",
         "marker_faults_mended": "accuracy.faults.marker_faults:mended_angles",
         "marker_faults_unseen": "accuracy.faults.unseen_marker_faults:injected_after_calibration",
-        "marker_faults_unseen_clean": "accuracy.faults.unseen_marker_faults:clean_after_calibration",
+        "marker_faults_unseen_clean": (
+            "accuracy.faults.unseen_marker_faults:clean_after_calibration"
+        ),
         "marker_faults_raw": "accuracy.faults.unseen_marker_faults:injected_marker_faults",
         "marker_faults_raw_clean": "accuracy.faults.unseen_marker_faults:clean_markers",
     },
@@ -185,7 +187,9 @@ PAGES: dict[str, dict[str, str]] = {
         "weight_maps": "accuracy.identification.masspoints:measure_maps",
         "identification": "accuracy.identification.identification:measure",
         "identification_runners": "accuracy.identification.identification_runners:measure",
-        "identification_intervals": "accuracy.identification.identification_runners:measure_intervals",
+        "identification_intervals": (
+            "accuracy.identification.identification_runners:measure_intervals"
+        ),
         "identification_segments": "accuracy.identification.identification:measure_segments",
         "chapter3_wrenches": "accuracy.identification.chapter3:measure_wrenches",
         "chapter3_masses": "accuracy.identification.chapter3:measure_masses",
@@ -315,8 +319,12 @@ def measurement(table: str) -> Callable[[], Iterable[Row]]:
 
     Raises KeyError where no page has the table.
     """
-    module, function = next(tables[table] for tables in PAGES.values() if table in tables).split(":")
+    module, function = next(tables[table] for tables in PAGES.values() if table in tables).split(
+        ":"
+    )
     measure = getattr(importlib.import_module(f"benchmarks.{module}"), function)
     # What has no default is the folder of the data collection.
-    needs_data = any(part.default is part.empty for part in inspect.signature(measure).parameters.values())
+    needs_data = any(
+        part.default is part.empty for part in inspect.signature(measure).parameters.values()
+    )
     return (lambda: measure(data_folder())) if needs_data else measure

@@ -26,7 +26,9 @@ def draw(file: Path) -> None:
     with page(file, 3, 2, (9.0, 6.0), sharex=True) as (figure, axes):
         for axis, (component, unit) in zip(axes.T.ravel(), COMPONENTS.items(), strict=True):
             for column, (name, color, width) in LINES.items():
-                values = np.array([float(row[f"{component} {column} [{unit}]"] or "nan") for row in rows])
+                values = np.array(
+                    [float(row[f"{component} {column} [{unit}]"] or "nan") for row in rows]
+                )
                 axis.plot(time[part], values[part], color=color, lw=width, label=name)
             axis.set_ylabel(f"{component[0]}$_{component[1]}$ [{unit}]")
         for axis in axes[-1]:

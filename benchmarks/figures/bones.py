@@ -29,8 +29,12 @@ POSTURES = {
 MAN = ("pelvis", "femur_r", "tibia_r", "patella_r", "talus_r", "calcn_r", "toes_r")
 MOUSE = ("mouse", "mouse__RFemur", "mouse__RTibia", "mouse__RTarsus")
 FEET = tuple(f"mouse__R{part}{i}" for part in ("Metatarsus", "BPhalange") for i in range(1, 6))
-SIDES = {"man": np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]), "mouse": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])}
-"""Rows across and up the page, in the pelvis's frame: both are on all fours and look to the left."""
+SIDES = {
+    "man": np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "mouse": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
+}
+"""Rows across and up the page, in the pelvis's frame: both are on all fours and look to the left.
+"""
 SHOWN = {
     "glmed2_r": "gluteus medius",
     "iliacus_r": "iliacus",
@@ -51,8 +55,10 @@ SHOWN = {
 def draw(file: Path) -> None:
     """Man's own leg, the mouse's with the man's muscles, and with the anatomist's."""
     data = data_folder()
-    ours, theirs = man(data), mouse(data)
-    moved, anatomist = from_man(data, METHOD).model, anatomist_on_skeleton(data).model
+    ours = man(data)
+    theirs = mouse(data)
+    moved = from_man(data, METHOD).model
+    anatomist = anatomist_on_skeleton(data).model
     homologues = {name: read_species("human-mouse").homologous(name) for name in SHOWN}
     colors = dict(zip(SHOWN, plt.get_cmap("tab20").colors, strict=False))
     with page(file, 1, 3, (9.6, 4.6), below=0.14, above=1.0) as (figure, axes):
@@ -61,12 +67,16 @@ def draw(file: Path) -> None:
         _leg(axes[1], theirs, moved, (*MOUSE, *FEET), "mouse", one, colors)
         _leg(axes[2], theirs, anatomist, (*MOUSE, *FEET), "mouse", homologues, colors)
         for shown, title in zip(
-            axes, ("man", f"mouse, the man's muscles ({METHOD})", "mouse, the anatomist's"), strict=True
+            axes,
+            ("man", f"mouse, the man's muscles ({METHOD})", "mouse, the anatomist's"),
+            strict=True,
         ):
             shown.set_title(title, fontsize=9)
             shown.set_aspect("equal")
             shown.axis("off")
-        handles = [plt.Line2D([], [], color=colors[name], lw=2, label=word) for name, word in SHOWN.items()]
+        handles = [
+            plt.Line2D([], [], color=colors[name], lw=2, label=word) for name, word in SHOWN.items()
+        ]
         figure.legend(handles=handles, loc="lower center", ncols=5, frameon=False, fontsize=8)
 
 
@@ -79,13 +89,17 @@ def _leg(
     wanted: Mapping[str, tuple[str, ...]],
     colors: Mapping[str, tuple[float, float, float]],
 ) -> None:
-    posture, side, root = POSTURES[species], SIDES[species], bodies[0]
+    posture = POSTURES[species]
+    side = SIDES[species]
+    root = bodies[0]
     posed = Posed(model, posture)
     for body in bodies:
         if body in bones.surfaces:
             surface = bones.surfaces[body]
             flat = posed.within(body, root).apply(surface.vertices) @ side.T
-            axes.add_collection(PolyCollection(flat[surface.faces], facecolor="#e3ddd0", rasterized=True))
+            axes.add_collection(
+                PolyCollection(flat[surface.faces], facecolor="#e3ddd0", rasterized=True)
+            )
     names = tuple(posture)
     at = mm.Motion(np.zeros(1), names, np.array([[posture[one] for one in names]]))
     paths = compile_paths(model)
@@ -114,13 +128,32 @@ def draw_errors(file: Path) -> None:
         makers = every_map()
         for axis, (where, landmarks) in zip(axes, PLACES.items(), strict=True):
             for name, (words, color, style) in MAPS.items():
-                errors = [carried(makers[name], partial(landmarks, count=n), cases("mean")).on.mean() for n in COUNTS]
-                axis.plot(COUNTS, 1e3 * np.array(errors), style, color=color, marker="o", ms=3, lw=1.4, label=words)
+                errors = [
+                    carried(makers[name], partial(landmarks, count=n), cases("mean")).on.mean()
+                    for n in COUNTS
+                ]
+                axis.plot(
+                    COUNTS,
+                    1e3 * np.array(errors),
+                    style,
+                    color=color,
+                    marker="o",
+                    ms=3,
+                    lw=1.4,
+                    label=words,
+                )
                 if words == "per-axis scaling":
-                    axis.plot(COUNTS, 5e2 * np.array(errors), ":", color=color, lw=1.0, label="half of it")
+                    axis.plot(
+                        COUNTS, 5e2 * np.array(errors), ":", color=color, lw=1.0, label="half of it"
+                    )
             told = [1e3 * foreseen(partial(landmarks, count=n)) for n in COUNTS]
-            axis.plot(COUNTS, told, "--", color="#1b7837", lw=1.2, label="regression on other persons")
-            axis.set_title(f"landmarks {where}" if where.startswith("at") else f"landmarks at {where}", fontsize=9)
+            axis.plot(
+                COUNTS, told, "--", color="#1b7837", lw=1.2, label="regression on other persons"
+            )
+            axis.set_title(
+                f"landmarks {where}" if where.startswith("at") else f"landmarks at {where}",
+                fontsize=9,
+            )
             axis.set_xlabel("landmarks on each bone")
             axis.set_xticks(COUNTS, [str(n) for n in COUNTS])
         axes[0].set_ylabel("mean error of attachments [mm]")

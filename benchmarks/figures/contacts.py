@@ -1,4 +1,6 @@
-"""Figures of contact forces: `python -m benchmarks.figures hidden-plates`, `contact-intervals`, `hands-lift`."""
+"""Figures of contact forces: `python -m benchmarks.figures hidden-plates`, `contact-intervals`,
+`hands-lift`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ ROWS = ((1, "vertical [weight]"), (0, "fore-aft [weight]"))
 def draw(file: Path) -> None:
     """Measured and estimated force of each foot over its weight: vertical above, fore-aft below."""
     folder = data_folder()
-    with page(file, len(ROWS), len(SHOWN), (11.0, 4.8), sharex="col", sharey="row") as (figure, axes):
+    with page(file, len(ROWS), len(SHOWN), (11.0, 4.8), sharex="col", sharey="row") as (
+        figure,
+        axes,
+    ):
         for column, number in enumerate(SHOWN):
             hidden = opened(folder, CASES[number])
             _panels(axes[:, column], hidden)
@@ -43,14 +48,38 @@ def _panels(axes: np.ndarray, hidden: Hidden) -> None:
     for side, force, _ in feet_of(hidden):
         found = foot_wrench(tension, side)[0]
         for panel, (axis, _) in zip(axes, ROWS, strict=True):
-            _line(panel, time, force[:, axis] / hidden.weight, use, COLORS[side], "-", f"{side}, measured")
-            _line(panel, time, found[:, axis] / hidden.weight, use, COLORS[side], "--", f"{side}, estimated")
+            _line(
+                panel,
+                time,
+                force[:, axis] / hidden.weight,
+                use,
+                COLORS[side],
+                "-",
+                f"{side}, measured",
+            )
+            _line(
+                panel,
+                time,
+                found[:, axis] / hidden.weight,
+                use,
+                COLORS[side],
+                "--",
+                f"{side}, estimated",
+            )
 
 
 def _line(
-    panel: Axes, time: np.ndarray, values: np.ndarray, use: np.ndarray, color: str, style: str, label: str
+    panel: Axes,
+    time: np.ndarray,
+    values: np.ndarray,
+    use: np.ndarray,
+    color: str,
+    style: str,
+    label: str,
 ) -> None:
-    panel.plot(time[use], values[use], style, color=color, lw=1.3 if style == "-" else 1.6, label=label)
+    panel.plot(
+        time[use], values[use], style, color=color, lw=1.3 if style == "-" else 1.6, label=label
+    )
 
 
 SHOWN_INTERVALS = (0, 3)
@@ -59,9 +88,14 @@ SPAN = 1.4
 
 
 def draw_intervals(file: Path) -> None:
-    """Measured and estimated force of each foot, what the data leave open around it, and solutions near the optimum."""
+    """Measured and estimated force of each foot, what the data leave open around it, and solutions
+    near the optimum.
+    """
     folder = data_folder()
-    with page(file, len(ROWS), len(SHOWN_INTERVALS), (11.0, 4.8), sharex="col", sharey="row") as (figure, axes):
+    with page(file, len(ROWS), len(SHOWN_INTERVALS), (11.0, 4.8), sharex="col", sharey="row") as (
+        figure,
+        axes,
+    ):
         for column, number in enumerate(SHOWN_INTERVALS):
             hidden, problem, tension = solved_case(folder, CASES[number])
             time = hidden.motion.time
@@ -78,10 +112,18 @@ def draw_intervals(file: Path) -> None:
                     for low, high, strength, label in bands:
                         ends = (one[:, group, axis] / hidden.weight for one in (low, high))
                         panel.fill_between(
-                            found.time, *ends, color=COLORS[side], alpha=strength, lw=0.0, label=f"{side}, {label}"
+                            found.time,
+                            *ends,
+                            color=COLORS[side],
+                            alpha=strength,
+                            lw=0.0,
+                            label=f"{side}, {label}",
                         )
                     panel.plot(
-                        found.time, force[frames, axis] / hidden.weight, color=COLORS[side], label=f"{side}, measured"
+                        found.time,
+                        force[frames, axis] / hidden.weight,
+                        color=COLORS[side],
+                        label=f"{side}, measured",
                     )
                     panel.plot(
                         found.time,
@@ -109,19 +151,30 @@ WAYS = {
 def draw_lift(file: Path) -> None:
     """Vertical force of the hands and bending moment at L5/S1 over both lifts."""
     folder = data_folder()
-    with page(file, 2, len(LIFTS), (8.4, 6.0), sharex="col", sharey="row", below=0.09, above=0.90) as (figure, axes):
+    with page(
+        file, 2, len(LIFTS), (8.4, 6.0), sharex="col", sharey="row", below=0.09, above=0.90
+    ) as (figure, axes):
         for column, lift in enumerate(LIFTS):
-            time, off = recorded(folder, lift).markers.time, left_floor(folder, lift)
+            time = recorded(folder, lift).markers.time
+            off = left_floor(folder, lift)
             below, above = of_laboratory(recorded(folder, lift))
             passing = spine(folder, lift)
             force, moment = axes[:, column]
             force.axhline(BOX_MASS * 9.80665, color="#999999", lw=0.8, ls=":")
-            force.text(0.05, BOX_MASS * 9.80665 + 3.0, "weight of the box", color="#777777", fontsize=8)
-            force.plot(time, hands_measured(folder, lift)[:, 1], color=TRUTH, lw=2.2, label="measured")
+            force.text(
+                0.05, BOX_MASS * 9.80665 + 3.0, "weight of the box", color="#777777", fontsize=8
+            )
+            force.plot(
+                time, hands_measured(folder, lift)[:, 1], color=TRUTH, lw=2.2, label="measured"
+            )
             moment.plot(time, -below[:, 2], color=TRUTH, lw=2.2, label="laboratory, from below")
             late = time >= off
-            moment.plot(time[late], -above[late, 2], color="#777777", lw=1.4, label="laboratory, from above")
-            moment.plot(time, -passing.from_below[:, 2], color="#e08214", lw=1.4, label="ours, from below")
+            moment.plot(
+                time[late], -above[late, 2], color="#777777", lw=1.4, label="laboratory, from above"
+            )
+            moment.plot(
+                time, -passing.from_below[:, 2], color="#e08214", lw=1.4, label="ours, from below"
+            )
             for way, (words, color, style) in WAYS.items():
                 one = found(folder, lift, way)
                 force.plot(time, one.hands[:, 1], color=color, ls=style, lw=1.2, label=words)
@@ -132,9 +185,16 @@ def draw_lift(file: Path) -> None:
             held = np.flatnonzero(holding(folder, lift)[1].any(axis=1))[::2]
             intervals = left_open(task(folder, lift, "hidden"), held.tolist())
             hands = intervals.groups.index("hands")
-            greatest, least = (-part[:, hands, 1] for part in (intervals.low, intervals.high))
+            greatest = -intervals.low[:, hands, 1]
+            least = -intervals.high[:, hands, 1]
             force.fill_between(
-                time[held], least, greatest, color="#b2182b", alpha=0.12, lw=0, label="left open, no plate"
+                time[held],
+                least,
+                greatest,
+                color="#b2182b",
+                alpha=0.12,
+                lw=0,
+                label="left open, no plate",
             )
             for axis in (force, moment):
                 axis.axvline(off, color="#bbbbbb", lw=0.8)
@@ -145,4 +205,11 @@ def draw_lift(file: Path) -> None:
         axes[1, 0].set_ylabel("extending moment at L5/S1 [N m]")
         for row, (place, columns) in enumerate(((0.95, 3), (0.045, 3))):
             handles, labels = axes[row, 0].get_legend_handles_labels()
-            figure.legend(handles, labels, loc="center", bbox_to_anchor=(0.5, place), ncols=columns, frameon=False)
+            figure.legend(
+                handles,
+                labels,
+                loc="center",
+                bbox_to_anchor=(0.5, place),
+                ncols=columns,
+                frameon=False,
+            )

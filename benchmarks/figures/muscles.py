@@ -1,4 +1,6 @@
-"""Figures of muscles: `python -m benchmarks.figures knee-force`, `passive-tensions`, `mouse-lengths`."""
+"""Figures of muscles: `python -m benchmarks.figures knee-force`, `passive-tensions`,
+`mouse-lengths`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.tension.knee import BODY_WEIGHT, PARTS, STRIDES, WAYS, at_times, measured, our_loads
+from benchmarks.accuracy.tension.knee import (
+    BODY_WEIGHT,
+    PARTS,
+    STRIDES,
+    WAYS,
+    at_times,
+    measured,
+    our_loads,
+)
 from benchmarks.accuracy.tension.passive import solved
 from benchmarks.figures.page import legend, page
 from data_collection import data_folder
@@ -21,15 +31,29 @@ def draw(file: Path) -> None:
     """Total, medial and lateral force over the strides: measured, and as found."""
     ways = {way.name: way for way in WAYS}
     folder = data_folder()
-    with page(file, len(STRIDES), len(PARTS), (9.0, 4.8), sharex=True, sharey="col") as (figure, axes):
+    with page(file, len(STRIDES), len(PARTS), (9.0, 4.8), sharex=True, sharey="col") as (
+        figure,
+        axes,
+    ):
         percent = np.arange(101)
         for row, stride in zip(axes, STRIDES, strict=True):
             truth, clock = measured(folder, stride)
-            found = {name: at_times(our_loads(folder, stride, ways[name]), clock) for name, _, _ in SHOWN}
+            found = {
+                name: at_times(our_loads(folder, stride, ways[name]), clock) for name, _, _ in SHOWN
+            }
             for k, (one, part) in enumerate(zip(row, PARTS, strict=True)):
-                one.plot(percent, truth[:, k] / BODY_WEIGHT, color="#222222", lw=1.8, label="measured")
+                one.plot(
+                    percent, truth[:, k] / BODY_WEIGHT, color="#222222", lw=1.8, label="measured"
+                )
                 for name, color, line in SHOWN:
-                    one.plot(percent, found[name][:, k] / BODY_WEIGHT, color=color, ls=line, lw=1.2, label=name)
+                    one.plot(
+                        percent,
+                        found[name][:, k] / BODY_WEIGHT,
+                        color=color,
+                        ls=line,
+                        lw=1.2,
+                        label=name,
+                    )
                 one.axhline(0.0, color="#999999", lw=0.6)
                 if one in axes[0]:
                     one.set_title(part, fontsize=9)
@@ -39,7 +63,10 @@ def draw(file: Path) -> None:
         legend(figure, axes[0, 0], 3)
 
 
-PASSIVE_MUSCLES = (("DeltoideusScapula_M", "deltoid, acromial part"), ("TRIlong", "triceps, long head"))
+PASSIVE_MUSCLES = (
+    ("DeltoideusScapula_M", "deltoid, acromial part"),
+    ("TRIlong", "triceps, long head"),
+)
 COLORS = ("#222222", "#2166ac", "#b2182b")
 
 
@@ -56,7 +83,9 @@ def draw_passive(file: Path) -> None:
         for column, (name, words) in enumerate(PASSIVE_MUSCLES):
             m = plain.muscles.index(name)
             for (label, tension), color in zip(found, COLORS, strict=True):
-                axes[0, column].plot(tension.time[every], tension.forces[every, m], color=color, lw=1.2, label=label)
+                axes[0, column].plot(
+                    tension.time[every], tension.forces[every, m], color=color, lw=1.2, label=label
+                )
                 if tension is not plain:
                     change = (tension.forces - plain.forces)[every, m]
                     axes[1, column].plot(tension.time[every], change, color=color, lw=1.2)
@@ -70,10 +99,16 @@ def draw_passive(file: Path) -> None:
 
 RECORDING = "1R_12_01_26"
 MUSCLES = {
-    "ILI": "iliacus", "BFP_cranial": "biceps femoris, cranial", "SM": "semimembranosus", "ST": "semitendinosus",
-    "RF": "rectus femoris", "VL": "vastus lateralis", "TA": "tibialis anterior", "MG": "medial gastrocnemius",
+    "ILI": "iliacus",
+    "BFP_cranial": "biceps femoris, cranial",
+    "SM": "semimembranosus",
+    "ST": "semitendinosus",
+    "RF": "rectus femoris",
+    "VL": "vastus lateralis",
+    "TA": "tibialis anterior",
+    "MG": "medial gastrocnemius",
     "SOL": "soleus",
-}  # fmt: skip
+}
 SIDES = {"": ("right", "#2166ac"), "_l": ("left", "#b2182b")}
 
 
@@ -88,7 +123,9 @@ def draw_lengths(file: Path) -> None:
                 curves = 100.0 * analysis.curves(f"{muscle}{ending}") / standing
                 axis.plot(percent[::4], curves.T[::4], color=color, lw=0.5, alpha=0.35)
                 mean = band(curves)
-                axis.fill_between(percent[::2], mean.low[::2], mean.high[::2], color=color, alpha=0.18, lw=0)
+                axis.fill_between(
+                    percent[::2], mean.low[::2], mean.high[::2], color=color, alpha=0.18, lw=0
+                )
                 count = int(np.isfinite(curves).all(axis=1).sum())
                 axis.plot(percent, mean.mean, color=color, lw=1.8, label=f"{side}, {count} strides")
             axis.set_title(f"{words} ({muscle.split('_')[0]})", fontsize=9)

@@ -1,4 +1,6 @@
-"""How every figure is drawn: `python -m benchmarks.figures NAME [FILE]` writes docs/images/NAME.svg, or the file."""
+"""How every figure is drawn: `python -m benchmarks.figures NAME [FILE]` writes
+docs/images/NAME.svg, or the file.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +32,9 @@ def page(
 ) -> Iterator[tuple[Figure, np.ndarray]]:
     """A figure and its axes as `plt.subplots` gives them; at the end laid out and written.
 
-    `file`: whose name seeds the identifiers in it, so that the same numbers give the same bytes; `size`: width and
-    height [in]; `below`, `above`: where the axes begin and end, as shares of the height; `shared`: further ones of
-    `plt.subplots`.
+    `file`: whose name seeds the identifiers in it, so that the same numbers give the same bytes;
+    `size`: width and height [in]; `below`, `above`: where the axes begin and end, as shares of the
+    height; `shared`: further ones of `plt.subplots`.
     """
     plt.rcParams.update({"svg.hashsalt": file.stem, "svg.fonttype": "none", "font.size": 9})
     figure, axes = plt.subplots(rows, columns, figsize=size, **shared)
@@ -47,7 +49,9 @@ def page(
 
 def legend(figure: Figure, axes: Axes, columns: int, **more: Any) -> None:
     """The legend of one of the axes, above all of them."""
-    figure.legend(*axes.get_legend_handles_labels(), loc="upper center", ncols=columns, frameon=False, **more)
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="upper center", ncols=columns, frameon=False, **more
+    )
 
 
 def zero_lines(axes: np.ndarray) -> None:

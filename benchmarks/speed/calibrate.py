@@ -1,4 +1,6 @@
-"""Kinematic identification of 50, 500 and 2,000 simulated frames of a 39-coordinate model: seconds and peak memory."""
+"""Kinematic identification of 50, 500 and 2,000 simulated frames of a 39-coordinate model: seconds
+and peak memory.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def _rows() -> list[dict[str, object]]:
     rows = []
     for frames in SIZES:
         part = markers.frames(slice(frames))
-        taken = clocked(lambda part=part: mm.calibrate(generic, [part], mm.CalibrationOptions(frames=len(part))))
+        taken = clocked(
+            lambda part=part: mm.calibrate(generic, [part], mm.CalibrationOptions(frames=len(part)))
+        )
         found = taken.result
         used = sum(map(len, found.frames))
         rows.append(
@@ -64,12 +68,15 @@ def simulated(generic: mm.Model, frames: int) -> mm.Markers:
         if coordinate.locked:
             continue
         low, high = coordinate.range if coordinate.clamped else (-np.inf, np.inf)
-        middle, swing = tree.defaults[j], 0.4 if coordinate.motion == "rotational" else 0.2
+        middle = tree.defaults[j]
+        swing = 0.4 if coordinate.motion == "rotational" else 0.2
         if np.isfinite(high - low):
             swing = min(swing, 0.45 * (high - low))
             middle = min(max(middle, low + swing), high - swing)
         values[:, j] = middle + swing * np.sin(rng.uniform(0.5, 5) * clock + rng.uniform(0, 6))
     couple_frames(tree.arrays, values)
     bodies = np.array([tree.body_index[one.body] for one in person.markers])
-    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in person.markers]))
+    places = forward_kinematics(tree, values).points(
+        bodies, np.array([one.location for one in person.markers])
+    )
     return mm.Markers(clock, person.marker_names, places + NOISE * rng.normal(size=places.shape))

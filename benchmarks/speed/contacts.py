@@ -1,7 +1,9 @@
-"""Speed of muscle tensions and contact forces in one problem, and of maintained QP solvers on the same problems.
+"""Speed of muscle tensions and contact forces in one problem, and of maintained QP solvers on the
+same problems.
 
-`python -m benchmarks contacts`: frames a second of the QP step alone and of everything from coordinates to tensions, on
-all cores, then milliseconds a frame on one core beside other solvers. Walks are recorded, their plates hidden.
+`python -m benchmarks contacts`: frames a second of the QP step alone and of everything from
+coordinates to tensions, on all cores, then milliseconds a frame on one core beside other solvers.
+Walks are recorded, their plates hidden.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ PATIENCE = 20.0
 
 @dataclass(frozen=True, eq=False)
 class ContactCase:
-    """A motion without measured forces, what may touch, frames a second asked for, frames that all solvers solve."""
+    """A motion without measured forces, what may touch, frames a second asked for, frames that all
+    solvers solve.
+    """
 
     name: str
     model: mm.Model
@@ -44,7 +48,9 @@ class ContactCase:
     compared: int = 30
 
 
-def at_rate(motion: mm.Motion, rate: float, start: float = -np.inf, stop: float = np.inf) -> mm.Motion:
+def at_rate(
+    motion: mm.Motion, rate: float, start: float = -np.inf, stop: float = np.inf
+) -> mm.Motion:
     """Every n-th frame of a motion between two times, so that about `rate` are left a second."""
     step = max(1, round(motion.rate / rate))
     keep = np.flatnonzero((motion.time >= start) & (motion.time <= stop))[::step]
@@ -69,7 +75,13 @@ def one_walker(folder: Path) -> ContactCase:
     """Two feet of six sites each."""
     model, motion = walk(folder)
     sites, values = on_feet(model, motion)
-    return ContactCase("walk, 80 muscles, 12 sites", model, motion, _task(motion, sites, values), 1000.0)
+    return ContactCase(
+        name="walk, 80 muscles, 12 sites",
+        model=model,
+        motion=motion,
+        task=_task(motion, sites, values),
+        asked=1000.0,
+    )
 
 
 def two_walkers(folder: Path) -> ContactCase:
@@ -80,35 +92,64 @@ def two_walkers(folder: Path) -> ContactCase:
     joined = join_models(parts)
     together = join_motions(dict.fromkeys(parts, motion))
     sites = [
-        replace(site, name=f"{part}_{site.name}", body=f"{part}_{site.body}", group=f"{part}_{site.group}")
+        replace(
+            site,
+            name=f"{part}_{site.name}",
+            body=f"{part}_{site.body}",
+            group=f"{part}_{site.group}",
+        )
         for part in parts
         for site in feet
     ]
     hold = Cone(direction=None, grip=0.05)
-    sites += [Site(f"hold_{side}", f"one_hand_{side}", [[0.0, -0.08, 0.0]], hold, f"two_hand_{side}") for side in "rl"]
+    sites += [
+        Site(
+            name=f"hold_{side}",
+            body=f"one_hand_{side}",
+            points=[[0.0, -0.08, 0.0]],
+            cone=hold,
+            against=f"two_hand_{side}",
+        )
+        for side in "rl"
+    ]
     ready = np.hstack([values, values, np.ones((len(motion), 2))])
     case = "two walkers, 160 muscles, 24 sites, 2 holds"
-    return ContactCase(case, joined, together, _task(motion, tuple(sites), ready), 200.0, 15)
+    return ContactCase(
+        name=case,
+        model=joined,
+        motion=together,
+        task=_task(motion, tuple(sites), ready),
+        asked=200.0,
+        compared=15,
+    )
 
 
 def cyclist(folder: Path) -> ContactCase:
-    """The largest model on eight patches of four points, swinging slowly about its recorded static pose."""
+    """The largest model on eight patches of four points, swinging slowly about its recorded static
+    pose.
+    """
     model = mm.read_model(folder / "fullbody-many-muscles/cyclistFullBodyMuscle.osim")
     recorded = read_markers(folder / "fullbody-many-muscles/s01_static.trc")
     pose = mm.inverse_kinematics(model, recorded).motion.values[0]
     motion = mm.differentiate(simulated(model, pose, 60)[1])
     bodies = ("calcn_r", "calcn_l", "toes_r", "toes_l", "hand_r", "hand_l", "pelvis", "thoracic5")
     corners = [[x, 0.0, z] for x in (-0.03, 0.03) for z in (-0.03, 0.03)]
-    sites = tuple(Site(body, body, corners, Cone(torsion=0.01)) for body in bodies)
+    sites = tuple(
+        Site(name=body, body=body, points=corners, cone=Cone(torsion=0.01)) for body in bodies
+    )
     # Some of its muscles are stretched so far in this pose that their passive forces mean nothing.
     task = _task(motion, sites, np.ones((len(motion), len(sites))), passive=False)
     name = "simulated swing, 520 muscles, 171 coordinates, 8 patches of 4 points"
-    return ContactCase(name, model, motion, task, 50.0, 10)
+    return ContactCase(name=name, model=model, motion=motion, task=task, asked=50.0, compared=10)
 
 
-def _task(motion: mm.Motion, sites: tuple[Site, ...], values: np.ndarray, passive: bool = True) -> ContactTask:
+def _task(
+    motion: mm.Motion, sites: tuple[Site, ...], values: np.ndarray, passive: bool = True
+) -> ContactTask:
     ready = mm.Series(motion.time, tuple(site.name for site in sites), values)
-    return ContactTask(sites, ready, options=ContactOptions(smoothness=0.0, contact_passive=passive))
+    return ContactTask(
+        sites, ready, options=ContactOptions(smoothness=0.0, contact_passive=passive)
+    )
 
 
 def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> QuadraticFrames:
@@ -116,24 +157,35 @@ def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> Quad
     S = problem.separable
     root = np.sqrt(S.weight)
     columns = np.repeat(np.arange(len(root)), np.diff(S.start))
-    values, right = given.values[keep] / root[columns], np.ascontiguousarray(given.right[keep])
+    values = given.values[keep] / root[columns]
+    right = np.ascontiguousarray(given.right[keep])
     A = np.zeros((len(keep), right.shape[1], len(root)))
     A[:, S.row, columns] = values
     unit = S._replace(weight=np.ones_like(root), lower=S.lower * root, upper=S.upper * root)
-    return QuadraticFrames(unit, values, right, A, unit.lower, unit.upper)
+    return QuadraticFrames(
+        separable=unit, values=values, right=right, A=A, lower=unit.lower, upper=unit.upper
+    )
 
 
 def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
-    """Frames a second on all cores: the QP step alone, everything, and everything with forces smoothed."""
+    """Frames a second on all cores: the QP step alone, everything, and everything with forces
+    smoothed.
+    """
     torques = mm.inverse_dynamics(case.model, case.motion)
-    smooth = replace(case.task, options=ContactOptions(contact_passive=case.task.options.contact_passive))
+    smooth = replace(
+        case.task, options=ContactOptions(contact_passive=case.task.options.contact_passive)
+    )
     problem = tension_problem(TensionInputs(case.model, case.motion, torques, contacts=case.task))
     frames = len(case.motion)
-    parts = {start: problem.balance(start, min(start + 16, frames)) for start in range(0, frames, 16)}
+    parts = {
+        start: problem.balance(start, min(start + 16, frames)) for start in range(0, frames, 16)
+    }
     status: list[np.ndarray] = []
 
     def qp() -> None:
-        over_frames(lambda start, stop: status.append(problem.solved(parts[start])[4]), frames, chunk=16)
+        over_frames(
+            lambda start, stop: status.append(problem.solved(parts[start])[4]), frames, chunk=16
+        )
 
     seconds = alternate(
         {
@@ -165,7 +217,10 @@ def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, obj
     frames = quadratic(problem, problem.balance(0, len(case.motion)), keep)
     solvers = solvers_of(frames)
     found = {name: solver() for name, solver in solvers.items()}
-    times = {name: 1e3 * taken / len(keep) for name, taken in alternate(solvers, rounds, PATIENCE).items()}
+    times = {
+        name: 1e3 * taken / len(keep)
+        for name, taken in alternate(solvers, rounds, PATIENCE).items()
+    }
     least = np.sum(found["ours, warm"] ** 2, axis=1)
     for name, taken in times.items():
         yield {
@@ -173,7 +228,8 @@ def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, obj
             "solver": name,
             "ms/frame, one core": taken,
             "times ours": taken / times["ours, warm"],
-            "cost beyond ours [%], greatest": 100.0 * float(np.max(np.sum(found[name] ** 2, axis=1) / least - 1.0)),
+            "cost beyond ours [%], greatest": 100.0
+            * float(np.max(np.sum(found[name] ** 2, axis=1) / least - 1.0)),
         }
 
 

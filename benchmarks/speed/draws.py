@@ -1,6 +1,8 @@
-"""What limits of results cost: a walk of 10 s with 92 muscles, its tensions alone and with 200 draws.
+"""What limits of results cost: a walk of 10 s with 92 muscles, its tensions alone and with 200
+draws.
 
-Each is a process of its own with kernels compiled before; memory is that of the process and those that it starts.
+Each is a process of its own with kernels compiled before; memory is that of the process and those
+that it starts.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(draws: int) -> list[dict[str, object]]:
-    """Rows: what is computed, its time, processor time and memory, and times over those without draws."""
+    """Rows: what is computed, its time, processor time and memory, and times over those without
+    draws.
+    """
     count = ("--draws", str(draws))
     ways = {
         "without draws": (),
@@ -40,7 +44,12 @@ def run(draws: int) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for name, words in ways.items():
         wall, processor, memory = _measured(words)
-        row: dict[str, object] = {"way": name, "time [s]": wall, "processor time [s]": processor, "memory [MB]": memory}
+        row: dict[str, object] = {
+            "way": name,
+            "time [s]": wall,
+            "processor time [s]": processor,
+            "memory [MB]": memory,
+        }
         first = rows[0] if rows else row
         row["time over that without draws"] = wall / float(str(first["time [s]"]))
         row["memory above [MB]"] = memory - float(str(first["memory [MB]"]))
@@ -53,8 +62,26 @@ def _measured(words: tuple[str, ...]) -> tuple[float, float, float]:
     home = data_folder() / HOME
     files = ("--model", home / "model/gait2392.osim", "--motion", home / "walk36/ik.sto")
     with tempfile.TemporaryDirectory() as work:
-        files += ("--loads", home / "walk36/XLD.mot", "--time", *SPAN, "--cutoff", "6", "--reactions", "child")
-        command = [sys.executable, "-m", "myomorph", "tension", *map(str, files), *words, "--out", f"{work}/out"]
+        files += (
+            "--loads",
+            home / "walk36/XLD.mot",
+            "--time",
+            *SPAN,
+            "--cutoff",
+            "6",
+            "--reactions",
+            "child",
+        )
+        command = [
+            sys.executable,
+            "-m",
+            "myomorph",
+            "tension",
+            *map(str, files),
+            *words,
+            "--out",
+            f"{work}/out",
+        ]
         begun = time.perf_counter()
         child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         watch = _Watch(child.pid)

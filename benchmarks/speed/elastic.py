@@ -1,6 +1,8 @@
-"""Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles; seconds, memory, programs.
+"""Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles; seconds,
+memory, programs.
 
-The long recording is the stride of rajagopal-walk-emg again and again, made to close, with the torques of the stride.
+The long recording is the stride of rajagopal-walk-emg again and again, made to close, with the
+torques of the stride.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ import myomorph as mm
 from benchmarks.speed.timing import clocked
 from data_collection import data_folder
 
-FRAMES, FIRST, RATE = 110, 0.4, 100.0
+FRAMES = 110
+FIRST = 0.4
+RATE = 100.0
 LONG = 60.0
 ROUNDS = 7
 
@@ -24,7 +28,9 @@ ROUNDS = 7
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the command line."""
     parser.add_argument(
-        "--degroote", action="store_true", help="De Groote's muscles in the place of the model's Millard"
+        "--degroote",
+        action="store_true",
+        help="De Groote's muscles in the place of the model's Millard",
     )
 
 
@@ -43,12 +49,17 @@ def stride() -> tuple[mm.Model, mm.Motion, mm.Series]:
 def with_degroote(model: mm.Model) -> mm.Model:
     """The model with De Groote's muscles of the same parameters."""
     kind = "DeGrooteFregly2016Muscle"
-    return replace(model, muscles=tuple(replace(one, kind=kind, parameters={}) for one in model.muscles))
+    return replace(
+        model, muscles=tuple(replace(one, kind=kind, parameters={}) for one in model.muscles)
+    )
 
 
 def tiled(motion: mm.Motion, torques: mm.Series, seconds: float) -> tuple[mm.Motion, mm.Series]:
-    """The stride again and again, made to close: what the last frame differs from the first is taken off evenly."""
-    count, frames = len(motion), int(seconds * RATE)
+    """The stride again and again, made to close: what the last frame differs from the first is
+    taken off evenly.
+    """
+    count = len(motion)
+    frames = int(seconds * RATE)
 
     def closed(values: np.ndarray) -> np.ndarray:
         drift = np.linspace(0.0, 1.0, count)[:, None] * (values[-1] - values[0])
@@ -71,7 +82,8 @@ def run(degroote: bool = False) -> list[dict[str, object]]:
         given = (motion, torques) if seconds < 2.0 else tiled(motion, torques, seconds)
         work = partial(mm.solve_tension, model, *given, options)
         taken = [clocked(work) for _ in range(ROUNDS if seconds < 2.0 else 1)]
-        found, median = taken[-1].result, statistics.median(one.seconds for one in taken)
+        found = taken[-1].result
+        median = statistics.median(one.seconds for one in taken)
         assert found.fibers is not None
         certificate = found.fibers.certificate
         rows.append(

@@ -1,6 +1,8 @@
-"""Base parameters of 36,000 simulated frames: seconds and peak memory of the batch, frames a second of the recursion.
+"""Base parameters of 36,000 simulated frames: seconds and peak memory of the batch, frames a second
+of the recursion.
 
-The bodies are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real one of 80 bodies.
+The bodies are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real
+one of 80 bodies.
 """
 
 from __future__ import annotations
@@ -65,16 +67,20 @@ def measure(name: str, frames: int = FRAMES) -> dict[str, object]:
 
 
 def recursion(model: mm.Model, base, given: Recording, frames: int) -> tuple[float, float]:
-    """Frames folded in a second, by the clock and by the processor; the regressor's rows are there already."""
+    """Frames folded in a second, by the clock and by the processor; the regressor's rows are there
+    already.
+    """
     fit = SequentialFit(model, base, NOISE)
     wrench = np.concatenate([given.wrenches.torques[:, 0], given.wrenches.forces[:, 0]], axis=1)
     seconds = busy = 0.0
     for block in regressor_blocks(model, given.motion, np.zeros(3), 500):
         measured = wrench[block.frames]
-        began, used = time.perf_counter(), time.process_time()
+        began = time.perf_counter()
+        used = time.process_time()
         for rows, one in zip(block.rows, measured, strict=True):
             fit.update(rows, one)
-        seconds, busy = seconds + time.perf_counter() - began, busy + time.process_time() - used
+        seconds = seconds + time.perf_counter() - began
+        busy = busy + time.process_time() - used
         if fit.frames >= frames:
             break
     return fit.frames / seconds, fit.frames / busy
@@ -83,10 +89,14 @@ def recursion(model: mm.Model, base, given: Recording, frames: int) -> tuple[flo
 def of_the_papers_size() -> mm.Model:
     """53 links and 155 degrees of freedom: 6 of the base, 45 joints of three, 7 of two."""
     model = floating_tree(0, 53)
-    joints, coordinates = [model.joints[0]], list(model.coordinates[:6])
+    joints = [model.joints[0]]
+    coordinates = list(model.coordinates[:6])
     for i, joint in enumerate(model.joints[1:]):
         names = tuple(f"{joint.name}_{k}" for k in range(3 if i < 45 else 2))
-        axes = tuple(Axis("rotation", np.eye(3)[k], linear(1.0), (name,)) for k, name in enumerate(names))
+        axes = tuple(
+            Axis(kind="rotation", vector=np.eye(3)[k], function=linear(1.0), coordinates=(name,))
+            for k, name in enumerate(names)
+        )
         joints.append(replace(joint, axes=axes, coordinates=names))
         coordinates += [Coordinate(name) for name in names]
     return replace(model, joints=tuple(joints), coordinates=tuple(coordinates))
@@ -99,7 +109,9 @@ def real_model() -> mm.Model:
 
 def other_masses(model: mm.Model) -> np.ndarray:
     """(bodies, 10) the body that moves: the model's parameters changed by up to a fifth."""
-    return inertial_parameters(model) * np.random.default_rng(1).uniform(0.8, 1.2, (len(model.bodies), 10))
+    return inertial_parameters(model) * np.random.default_rng(1).uniform(
+        0.8, 1.2, (len(model.bodies), 10)
+    )
 
 
 def simulated(model: mm.Model, frames: int) -> Recording:
@@ -108,11 +120,15 @@ def simulated(model: mm.Model, frames: int) -> Recording:
     tree = compile_tree(model)
     t = np.arange(frames) / RATE
     shape = (frames, len(model.coordinates))
-    values, velocities, accelerations = np.tile(tree.defaults, (frames, 1)), np.zeros(shape), np.zeros(shape)
+    values = np.tile(tree.defaults, (frames, 1))
+    velocities = np.zeros(shape)
+    accelerations = np.zeros(shape)
     for j in tree.independent:
         if model.coordinates[j].locked:
             continue
-        size, rate, phase = rng.uniform(0.1, 0.4), rng.uniform(1.0, 9.0), rng.uniform(0.0, 6.0)
+        size = rng.uniform(0.1, 0.4)
+        rate = rng.uniform(1.0, 9.0)
+        phase = rng.uniform(0.0, 6.0)
         values[:, j] += size * np.sin(rate * t + phase)
         velocities[:, j] = size * rate * np.cos(rate * t + phase)
         accelerations[:, j] = -size * rate**2 * np.sin(rate * t + phase)
@@ -125,5 +141,7 @@ def simulated(model: mm.Model, frames: int) -> Recording:
         wrench[block.frames] = block.rows @ truth
     wrench += NOISE * rng.normal(size=wrench.shape)
     zero = np.zeros((frames, 1, 3))
-    plate = mm.Wrenches(t, ("plate",), (model.body_names[0],), wrench[:, None, 3:], zero, wrench[:, None, :3])
+    plate = mm.Wrenches(
+        t, ("plate",), (model.body_names[0],), wrench[:, None, 3:], zero, wrench[:, None, :3]
+    )
     return Recording(motion, plate)

@@ -1,7 +1,9 @@
-"""How late `live` is, on recordings played at their own speed, and frames a second that live identification takes.
+"""How late `live` is, on recordings played at their own speed, and frames a second that live
+identification takes.
 
-`python -m benchmarks live-delay`: a walk and two runs at 100 and 200 Hz (frames between by lines), then the walk over
-streams from another process, and with the page open. The filter's delay comes on top. `live` plays as fast as it goes.
+`python -m benchmarks live-delay`: a walk and two runs at 100 and 200 Hz (frames between by lines),
+then the walk over streams from another process, and with the page open. The filter's delay comes on
+top. `live` plays as fast as it goes.
 """
 
 from __future__ import annotations
@@ -33,9 +35,24 @@ SECONDS = 12.0
 """Time that each recording is played for, at least [s]."""
 
 CASES = (
-    ("walk", "rajagopal-walk-emg/subject_walk_scaled.osim", "rajagopal-walk-emg/markers_walk.trc", "grf_walk.xml"),
-    ("run, 2 m/s", "hamner-run-subject04/unscaled_generic.osim", "hamner-run-subject04/run200/markers.trc", "grf.mot"),
-    ("run, 5 m/s", "hamner-run-subject04/unscaled_generic.osim", "hamner-run-subject04/run500/markers.trc", "grf.mot"),
+    (
+        "walk",
+        "rajagopal-walk-emg/subject_walk_scaled.osim",
+        "rajagopal-walk-emg/markers_walk.trc",
+        "grf_walk.xml",
+    ),
+    (
+        "run, 2 m/s",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run200/markers.trc",
+        "grf.mot",
+    ),
+    (
+        "run, 5 m/s",
+        "hamner-run-subject04/unscaled_generic.osim",
+        "hamner-run-subject04/run500/markers.trc",
+        "grf.mot",
+    ),
 )
 PORT = 8189
 DRAWS = 40
@@ -89,15 +106,22 @@ def measured(
     """Play all sources, each with a new chain, and put their delays together."""
     sessions = []
     for source in sources:
-        chain = LiveChain(model, source, ChainOptions(), limits=LimitOptions(draws), mounting=mounting)
+        chain = LiveChain(
+            model, source, ChainOptions(), limits=LimitOptions(draws), mounting=mounting
+        )
         sessions.append(follow(chain, source, outputs, late))
-    return row_of(name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay)
+    return row_of(
+        name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay
+    )
 
 
-def row_of(name: str, model: mm.Model, rate: float, delays: Sequence[Delays], filter_delay: float) -> Row:
+def row_of(
+    name: str, model: mm.Model, rate: float, delays: Sequence[Delays], filter_delay: float
+) -> Row:
     """What some plays say."""
     table = np.concatenate([one.table for one in delays])
-    ages, busy = Spread.of(table[:, 2]), Spread.of(table[:, 3])
+    ages = Spread.of(table[:, 2])
+    busy = Spread.of(table[:, 3])
     return {
         "recording": name,
         "frames a second": rate,
@@ -134,7 +158,9 @@ def run_sensors() -> list[Row]:
     assert isinstance(markers, mm.Markers)
     rows = []
     for recording in (markers, doubled(markers)):
-        made = simulated_sensors(model, mm.inverse_kinematics(model, recording).motion, BODIES, NO_ERRORS)
+        made = simulated_sensors(
+            model, mm.inverse_kinematics(model, recording).motion, BODIES, NO_ERRORS
+        )
         mounting = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose)).mounting
         plays = max(1, round(SECONDS / (recording.time[-1] - recording.time[0])))
         sources = [Replay(made.sensors, wrenches) for _ in range(plays)]
@@ -154,7 +180,9 @@ def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Ro
 
 
 def over_streams(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:
-    """The walk sent from another process, results sent on: from the sender's time stamp to the result's being sent."""
+    """The walk sent from another process, results sent on: from the sender's time stamp to the
+    result's being sent.
+    """
     name = f"myomorph-benchmark-{time.time_ns()}"
     context = multiprocessing.get_context("spawn")
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
@@ -178,18 +206,27 @@ def _send(name: str, markers: mm.Markers, wrenches: mm.Wrenches, plays: int) -> 
     outlets = []
     layouts = (
         ("markers", markers.rate, [f"{one}_{axis}" for one in markers.names for axis in "xyz"]),
-        ("plates", 2000.0, [f"{plate}_{a}{b}" for plate in ("one", "two") for a in "FM" for b in "xyz"]),
+        (
+            "plates",
+            2000.0,
+            [f"{plate}_{a}{b}" for plate in ("one", "two") for a in "FM" for b in "xyz"],
+        ),
     )
     for what, rate, labels in layouts:
-        info = pylsl.StreamInfo(f"{name}-{what}", "Mocap", len(labels), rate, "double64", f"{name}-{what}")
+        info = pylsl.StreamInfo(
+            f"{name}-{what}", "Mocap", len(labels), rate, "double64", f"{name}-{what}"
+        )
         channels = info.desc().append_child("channels")
         for label in labels:
             channels.append_child("channel").append_child_value("label", label)
         outlets.append(pylsl.StreamOutlet(info))
     while not all(one.have_consumers() for one in outlets):
         time.sleep(0.01)
-    first, length = float(markers.time[0]), float(markers.time[-1] - markers.time[0]) + 1.0 / markers.rate
-    each = total_wrench(*(one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques)))
+    first = float(markers.time[0])
+    length = float(markers.time[-1] - markers.time[0]) + 1.0 / markers.rate
+    each = total_wrench(
+        *(one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    )
     played = (wrenches.time >= first) & (wrenches.time < first + length)
     force_time = wrenches.time[played]
     rows = each[played][:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 12)
@@ -243,7 +280,8 @@ def measured_identification(name: str, model: mm.Model, recording: LiveRecording
             began = time.perf_counter()
             plays[-1].identification.state()
             looks.append(time.perf_counter() - began)
-    view, state = BodyView(model), plays[-1].state
+    view = BodyView(model)
+    state = plays[-1].state
     began = time.perf_counter()
     view.pixels(state.pose, state.levels, 40, 60)
     return {
@@ -263,8 +301,12 @@ def made(model: mm.Model) -> LiveRecording:
     random = np.random.default_rng(0)
     clock = np.arange(0.0, ALL_SECONDS, 0.01)
     rest = np.array([coordinate.default for coordinate in model.coordinates])
-    size = np.where([coordinate.motion == "rotational" for coordinate in model.coordinates], 0.2, 0.01)
-    values = rest + size * np.sin(2.0 * np.pi * clock[:, None] + random.uniform(0.0, 6.0, len(rest)))
+    size = np.where(
+        [coordinate.motion == "rotational" for coordinate in model.coordinates], 0.2, 0.01
+    )
+    values = rest + size * np.sin(
+        2.0 * np.pi * clock[:, None] + random.uniform(0.0, 6.0, len(rest))
+    )
     ticks = np.arange(0.0, ALL_SECONDS, 0.001)
     zero = np.zeros((len(ticks), 1, 3))
     weight = model.mass * float(np.linalg.norm(model.gravity))

@@ -1,7 +1,9 @@
-"""The mass-point problem of [D] eq. 3.10 at full size, general QP solvers as far as they get, and grids of points.
+"""The mass-point problem of [D] eq. 3.10 at full size, general QP solvers as far as they get, and
+grids of points.
 
-A made body: an ellipsoid of 70 kg, 53 links, 430 rows of random combinations of their parameters with noise. Every
-solver has a process of its own, and is given up where one size takes more than a minute or `MEMORY`.
+A made body: an ellipsoid of 70 kg, 53 links, 430 rows of random combinations of their parameters
+with noise. Every solver has a process of its own, and is given up where one size takes more than a
+minute or `MEMORY`.
 """
 
 from __future__ import annotations
@@ -22,14 +24,22 @@ from data_collection import data_folder
 from myomorph.identify.body.fit_pose import pose_model_to_skin
 from myomorph.identify.body.points import SPACING, Links, MassPoints, fill, links_of, point_moments
 from myomorph.identify.body.shape import body_shape
-from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
+from myomorph.identify.body.weights import (
+    WeightMap,
+    bone_weights,
+    cog_weights,
+    links_with_mass,
+    nearest_weights,
+)
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.pseudo_inertia import solve_pseudo_inertia
 
 AXES = np.array([0.2, 0.85, 0.155])
 """Semi-axes of the body [m]."""
 
-MASS, LINKS, ROWS = 70.0, 53, 430
+MASS = 70.0
+LINKS = 53
+ROWS = 430
 FULL = 530_000
 SIZES = (1_000, 2_000, 4_000, 8_000, 16_000, 32_000)
 PATIENCE = 60.0
@@ -46,10 +56,19 @@ Row = dict[str, object]
 def made_body(points: int, weights: WeightMap) -> MassPoints:
     """About so many mass points in the ellipsoid, and links along it."""
     spacing = float((4.0 / 3.0 * np.pi * AXES.prod() / points) ** (1.0 / 3.0))
-    grid = np.stack(np.meshgrid(*(np.arange(-a, a, spacing) for a in AXES), indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = np.stack(
+        np.meshgrid(*(np.arange(-a, a, spacing) for a in AXES), indexing="ij"), axis=-1
+    ).reshape(-1, 3)
     x = grid[((grid / AXES) ** 2).sum(axis=1) < 1.0]
     links = made_links()
-    return MassPoints(x, np.full(len(x), MASS / len(x)), weights(x, links), links, spacing, "an ellipsoid")
+    return MassPoints(
+        points=x,
+        reference=np.full(len(x), MASS / len(x)),
+        weights=weights(x, links),
+        links=links,
+        spacing=spacing,
+        source="an ellipsoid",
+    )
 
 
 def made_links() -> Links:
@@ -57,12 +76,23 @@ def made_links() -> Links:
     random = np.random.default_rng(0)
     centers = 0.8 * random.uniform(-1.0, 1.0, (LINKS, 3)) * AXES
     rotations = Rotation.random(LINKS, rng=random).as_matrix()
-    bones = np.stack([centers - 0.1 * rotations[:, :, 0], centers + 0.1 * rotations[:, :, 0]], axis=1)
-    return Links(tuple(f"link{i}" for i in range(LINKS)), rotations, centers, centers, bones, np.arange(LINKS))
+    bones = np.stack(
+        [centers - 0.1 * rotations[:, :, 0], centers + 0.1 * rotations[:, :, 0]], axis=1
+    )
+    return Links(
+        names=tuple(f"link{i}" for i in range(LINKS)),
+        rotations=rotations,
+        origins=centers,
+        centers=centers,
+        bones=bones,
+        bone_links=np.arange(LINKS),
+    )
 
 
 def measured(body: MassPoints) -> tuple[np.ndarray, np.ndarray]:
-    """A and b in units of noise: a true body whose points weigh 0 to 2 times the reference, unevenly."""
+    """A and b in units of noise: a true body whose points weigh 0 to 2 times the reference,
+    unevenly.
+    """
     random = np.random.default_rng(1)
     A = 30.0 * random.normal(size=(ROWS, 10 * LINKS))
     A /= np.tile(np.abs(body.parameters(body.reference)).mean(axis=0), LINKS)
@@ -85,7 +115,9 @@ def run() -> list[Row]:
     return rows
 
 
-def alone(work: Callable[..., Iterator[Row | None]], arguments: tuple, patience: float = np.inf) -> Row:
+def alone(
+    work: Callable[..., Iterator[Row | None]], arguments: tuple, patience: float = np.inf
+) -> Row:
     """The row of some work in a process of its own, or one that says why there is none.
 
     The work first yields None, when its problem is set up: patience [s] runs from there.
@@ -114,7 +146,9 @@ def _send(pipe: Connection, work: Callable[..., Iterator[Row | None]], arguments
         for row in work(*arguments):
             pipe.send(row)
     except MemoryError:
-        pipe.send({**dict(zip(("solver", "points"), arguments, strict=False)), "gave up": "out of memory"})
+        pipe.send(
+            {**dict(zip(("solver", "points"), arguments, strict=False)), "gave up": "out of memory"}
+        )
 
 
 def full_size(name: str) -> Iterator[Row | None]:
@@ -140,7 +174,10 @@ def full_size(name: str) -> Iterator[Row | None]:
         "on the bound": fit.on_bound,
         "converged": fit.converged,
         "optimality residual": fit.optimality.worst,
-        "peak beyond start, points included [MB]": max(part.before + part.peak for part in (made, solved)) - before,
+        "peak beyond start, points included [MB]": max(
+            part.before + part.peak for part in (made, solved)
+        )
+        - before,
     }
 
 
@@ -182,13 +219,16 @@ def general_size(name: str, points: int) -> Iterator[Row | None]:
         "points": len(body.points),
         "seconds": taken.seconds,
         "peak beyond start [MB]": taken.peak,
-        "farthest from ours [of a mean mass]": float(np.abs(taken.result - ours.masses).max() / body.reference.mean()),
+        "farthest from ours [of a mean mass]": float(
+            np.abs(taken.result - ours.masses).max() / body.reference.mean()
+        ),
     }
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """minimise |B u - t|^2 / 2 + |u|^2 / 2 subject to u >= low, u the masses from the reference over their prior SD.
+    """minimise |B u - t|^2 / 2 + |u|^2 / 2 subject to u >= low, u the masses from the reference
+    over their prior SD.
 
     `B`: (rows, points) a column for each point; `t`: (rows,); `low`, `sd`: (points,).
     """
@@ -199,7 +239,9 @@ class Program:
     sd: np.ndarray
 
     @staticmethod
-    def of(body: MassPoints, A: np.ndarray, b: np.ndarray, options: MassPointOptions | None = None) -> Program:
+    def of(
+        body: MassPoints, A: np.ndarray, b: np.ndarray, options: MassPointOptions | None = None
+    ) -> Program:
         """The problem with all that ours never forms."""
         options = options or MassPointOptions()
         sd = np.sqrt(prior_variances(body, options))
@@ -209,7 +251,9 @@ class Program:
         for link, rows in enumerate(by_link):
             B += (rows @ moments) * body.weights[:, [link]].toarray()[:, 0]
         t = b - B @ body.reference
-        return Program(B * sd, t, (options.floor * body.reference.mean() - body.reference) / sd, sd)
+        return Program(
+            B=B * sd, t=t, low=(options.floor * body.reference.mean() - body.reference) / sd, sd=sd
+        )
 
     @property
     def matrix(self) -> np.ndarray:
@@ -226,11 +270,19 @@ def by_piqp(program: Program) -> np.ndarray:
     """PIQP with the dense matrix."""
     import piqp
 
-    n, solver = len(program.sd), piqp.DenseSolver()
+    n = len(program.sd)
+    solver = piqp.DenseSolver()
     solver.setup(
-        np.asfortranarray(program.matrix), -program.B.T @ program.t, None, None, None, None, None, program.low,
+        np.asfortranarray(program.matrix),
+        -program.B.T @ program.t,
+        None,
+        None,
+        None,
+        None,
+        None,
+        program.low,
         np.full(n, 1e30),
-    )  # fmt: skip
+    )
     solver.solve()
     return np.array(solver.result.x)
 
@@ -243,9 +295,16 @@ def by_piqp_rows(program: Program) -> np.ndarray:
     A = sparse.csc_matrix(sparse.hstack([sparse.csc_matrix(program.B), -sparse.eye(rows)]))
     solver = piqp.SparseSolver()
     solver.setup(
-        sparse.csc_matrix(sparse.eye(n + rows)), np.zeros(n + rows), A, program.t, None, None, None,
-        np.concatenate([program.low, np.full(rows, -1e30)]), np.full(n + rows, 1e30),
-    )  # fmt: skip
+        sparse.csc_matrix(sparse.eye(n + rows)),
+        np.zeros(n + rows),
+        A,
+        program.t,
+        None,
+        None,
+        None,
+        np.concatenate([program.low, np.full(rows, -1e30)]),
+        np.full(n + rows, 1e30),
+    )
     solver.solve()
     return np.array(solver.result.x)[:n]
 
@@ -265,9 +324,13 @@ def by_clarabel_rows(program: Program) -> np.ndarray:
     settings.verbose = False
     cones = [clarabel.ZeroConeT(rows), clarabel.NonnegativeConeT(n)]
     solver = clarabel.DefaultSolver(
-        sparse.csc_matrix(sparse.eye(n + rows)), np.zeros(n + rows), sparse.csc_matrix(A),
-        np.concatenate([program.t, -program.low]), cones, settings,
-    )  # fmt: skip
+        sparse.csc_matrix(sparse.eye(n + rows)),
+        np.zeros(n + rows),
+        sparse.csc_matrix(A),
+        np.concatenate([program.t, -program.low]),
+        cones,
+        settings,
+    )
     return np.array(solver.solve().x)[:n]
 
 
@@ -278,8 +341,19 @@ def by_proxqp(program: Program) -> np.ndarray:
     n = len(program.sd)
     qp = proxsuite.proxqp.dense.QP(n, 0, 0, True)
     qp.settings.eps_abs = 1e-8
-    none, rows = np.zeros(0), np.zeros((0, n))
-    qp.init(program.matrix, -program.B.T @ program.t, rows, none, rows, none, none, program.low, np.full(n, 1e20))
+    none = np.zeros(0)
+    rows = np.zeros((0, n))
+    qp.init(
+        program.matrix,
+        -program.B.T @ program.t,
+        rows,
+        none,
+        rows,
+        none,
+        none,
+        program.low,
+        np.full(n, 1e20),
+    )
     qp.solve()
     return np.array(qp.results.x)
 
@@ -303,7 +377,8 @@ def run_grid() -> list[dict[str, object]]:
 def _steps() -> list[dict[str, object]]:
     model = mm.read_model(data_folder() / GRID_MODEL)
     posed = pose_model_to_skin(model, body_shape(1.822, 0.870, 66.8, "male"))
-    links, taking = links_of(model, posed.motion), links_with_mass(model)
+    links = links_of(model, posed.motion)
+    taking = links_with_mass(model)
     # What is compiled and loaded on first use is not timed.
     bone_weights(fill(posed.skin, 0.05), links, taking=taking)
     grid = clocked(lambda: fill(posed.skin, SPACING))

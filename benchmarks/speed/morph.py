@@ -1,6 +1,8 @@
-"""Maps of 53 synthetic bones with 2,000 features, a real model's muscles through them, a scanned femur, a mouse.
+"""Maps of 53 synthetic bones with 2,000 features, a real model's muscles through them, a scanned
+femur, a mouse.
 
-3,000 points of 997 elements are carried with Jacobians. The femur is a man's of `bones-mri-two-adults` onto a woman's.
+3,000 points of 997 elements are carried with Jacobians. The femur is a man's of
+`bones-mri-two-adults` onto a woman's.
 """
 
 from __future__ import annotations
@@ -17,7 +19,15 @@ from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
 from benchmarks.speed.timing import clocked, in_own_process
 from data_collection import data_folder
 from myomorph.model.arrays import Array
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map, inverted
+from myomorph.morph.maps.fields import (
+    BoneMap,
+    FeaturePoints,
+    MapKind,
+    MapOptions,
+    PointMap,
+    fit_map,
+    inverted,
+)
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.registration.nonrigid import match_surfaces, place_bone
 from myomorph.morph.registration.smooth import MatchOptions
@@ -25,15 +35,22 @@ from myomorph.morph.species.maps import species_bones, species_morph
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
 from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files
 
-SYNTHETIC_BONES, ELEMENTS, POINTS, FEATURES = 53, 997, 3000, 2000
+SYNTHETIC_BONES = 53
+ELEMENTS = 997
+POINTS = 3000
+FEATURES = 2000
 REPEATS = 5
-EACH, ALL = (FEATURES, "on each bone"), (FEATURES // SYNTHETIC_BONES, "on all bones")
+EACH = (FEATURES, "on each bone")
+ALL = (FEATURES // SYNTHETIC_BONES, "on all bones")
 
 
 def run() -> list[dict[str, object]]:
     """A row a kind of map and number of features."""
     kinds: tuple[MapKind, ...] = ("ssd", "rbf", "affine")
-    return [*(measure(kind, *features) for kind in kinds for features in (EACH, ALL)), measure_transfer()]
+    return [
+        *(measure(kind, *features) for kind in kinds for features in (EACH, ALL)),
+        measure_transfer(),
+    ]
 
 
 def measure(kind: MapKind, features: int, where: str) -> dict[str, object]:
@@ -64,7 +81,14 @@ def measure_transfer() -> dict[str, object]:
     for number, body in enumerate(model.body_names):
         given = made_bone(number, FEATURES)
         whole = procrustes(given.source, given.target, True)
-        bones[body] = BoneMap(body, body, fit_map(given), whole, "given", features=given)
+        bones[body] = BoneMap(
+            body=body,
+            target_body=body,
+            map=fit_map(given),
+            whole=whole,
+            basis="given",
+            features=given,
+        )
     morph = mm.morph_model(model, bones)
     times = [clocked(lambda: mm.morph_model(model, bones)) for _ in range(REPEATS)]
     return {
@@ -85,7 +109,9 @@ def apply(maps: list[PointMap], places: list[Array]) -> list[Array]:
 def carry(maps: list[PointMap], places: list[Array]) -> list[tuple[Array, Array, np.ndarray]]:
     """Points, what turns directions there, and where space is inside out."""
     pairs = zip(maps, places, strict=True)
-    return [(one.apply(points), one.jacobian(points), inverted(one, points)) for one, points in pairs]
+    return [
+        (one.apply(points), one.jacobian(points), inverted(one, points)) for one, points in pairs
+    ]
 
 
 def made_bone(seed: int, features: int) -> FeaturePoints:
@@ -94,13 +120,16 @@ def made_bone(seed: int, features: int) -> FeaturePoints:
     around = random.normal(size=(features, 3))
     radii = random.uniform([0.01, 0.05, 0.01], [0.05, 0.22, 0.05])
     source = radii * around / np.linalg.norm(around, axis=1, keepdims=True)
-    target = source * random.uniform(0.8, 1.2, 3) + random.uniform(-0.5, 0.5, 3) * source[:, [1]] ** 2
+    target = (
+        source * random.uniform(0.8, 1.2, 3) + random.uniform(-0.5, 0.5, 3) * source[:, [1]] ** 2
+    )
     return FeaturePoints(tuple(str(k) for k in range(features)), source, target)
 
 
 def muscle_points(bones: list[FeaturePoints]) -> list[Array]:
     """Points (k, 3) on and beside each bone, 3,000 in all."""
-    random, places = np.random.default_rng(0), []
+    random = np.random.default_rng(0)
+    places = []
     for share, one in zip(np.array_split(np.arange(POINTS), SYNTHETIC_BONES), bones, strict=True):
         near = one.source[random.integers(0, len(one), len(share))]
         places.append(near + 0.02 * random.normal(size=near.shape))
@@ -118,7 +147,8 @@ def run_registration() -> list[dict[str, object]]:
 def measure_registration() -> dict[str, object]:
     """Both femurs at 20,000 vertices or more."""
     folder = data_folder() / "bones-mri-two-adults"
-    source, target = (fine(folder / who / "femur_r.ply") for who in ("ICL_MRI", "MC22"))
+    source = fine(folder / "ICL_MRI" / "femur_r.ply")
+    target = fine(folder / "MC22" / "femur_r.ply")
     placed = clocked(lambda: place_bone(source, target))
     matched = clocked(lambda: match_surfaces(source, target, None, None, placed.result))
     mapped = clocked(lambda: mm.map_bone("femur_r", source, target))
@@ -140,7 +170,9 @@ def measure_registration() -> dict[str, object]:
 def fine(path) -> mm.Surface:
     """A bone [m] with its longest edges cut until it has enough vertices."""
     bone = mm.read_mesh(path)
-    vertices, faces, edge = 1e-3 * np.array(bone.vertices), np.array(bone.faces), 0.01
+    vertices = 1e-3 * np.array(bone.vertices)
+    faces = np.array(bone.faces)
+    edge = 0.01
     while len(vertices) < VERTICES:
         edge *= 0.9
         vertices, faces = trimesh.remesh.subdivide_to_size(vertices, faces, edge)
@@ -151,9 +183,13 @@ ALLOWED = 300.0
 
 
 def run_species() -> list[dict[str, object]]:
-    """A row for the maps of the bones, one for bones and muscles, one for the whole way from files to files."""
-    data, table = data_folder(), read_species("human-mouse")
-    source, target = man(data), mouse(data)
+    """A row for the maps of the bones, one for bones and muscles, one for the whole way from files
+    to files.
+    """
+    data = data_folder()
+    table = read_species("human-mouse")
+    source = man(data)
+    target = mouse(data)
     given = source.model, source.surfaces, target.model, target.surfaces, table
     # Kernels compile first, with the few features of landmarks.
     species_morph(*given, match=MatchOptions(features="landmarks"))

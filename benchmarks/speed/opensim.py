@@ -33,12 +33,15 @@ PLAIN = "gait2354, 23 coordinates, 54 muscles, no couplers"
 def run() -> list[dict[str, object]]:
     """Rows of ms a frame and ratios for each step."""
     folder = data_folder()
-    rajagopal, bone_pins = RECORDINGS["rajagopal"], RECORDINGS["bone-pins"]
+    rajagopal = RECORDINGS["rajagopal"]
+    bone_pins = RECORDINGS["bone-pins"]
     scaled = "Rajagopal, scaled, 33 coordinates"
     return [
         inverse_kinematics_row(f"{scaled}, coupled knees", folder, rajagopal),
         inverse_kinematics_row(PLAIN, folder, RECORDINGS["gait2354"]),
-        inverse_kinematics_row("bone-pin shoulder, 17 coordinates, a closed loop, first 3 s", folder, bone_pins, 3.0),
+        inverse_kinematics_row(
+            "bone-pin shoulder, 17 coordinates, a closed loop, first 3 s", folder, bone_pins, 3.0
+        ),
         inverse_dynamics_row(scaled, folder, rajagopal),
         inverse_dynamics_row(PLAIN, folder, RECORDINGS["gait2354-dynamics"]),
         muscle_row(COUPLED, folder / rajagopal.generic, folder / rajagopal.motion),
@@ -46,10 +49,14 @@ def run() -> list[dict[str, object]]:
     ]
 
 
-def inverse_kinematics_row(name: str, folder: Path, files: Recording, end: float = np.inf) -> dict[str, object]:
+def inverse_kinematics_row(
+    name: str, folder: Path, files: Recording, end: float = np.inf
+) -> dict[str, object]:
     """A marker recording to its end, or to that time [s]; weights of OpenSim's task set."""
-    model_path, markers_path = folder / files.model, folder / files.markers
-    model, markers = mm.read_model(model_path), read_markers(markers_path)
+    model_path = folder / files.model
+    markers_path = folder / files.markers
+    model = mm.read_model(model_path)
+    markers = read_markers(markers_path)
     markers = cut(markers, float(markers.time[0]), min(end, float(markers.time[-1])))
     weights = {
         marker: weight
@@ -57,13 +64,19 @@ def inverse_kinematics_row(name: str, folder: Path, files: Recording, end: float
         if marker in markers.names and marker in model.marker_names
     }
     options = mm.InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
-    start, last = float(markers.time[0]), float(markers.time[-1])
+    start = float(markers.time[0])
+    last = float(markers.time[-1])
     taken: list[float] = []
 
     def theirs() -> None:
-        taken.append(opensim_tools.inverse_kinematics(model_path, markers_path, weights, start, last).seconds)
+        taken.append(
+            opensim_tools.inverse_kinematics(model_path, markers_path, weights, start, last).seconds
+        )
 
-    seconds = alternate({"ours": lambda: mm.inverse_kinematics(model, markers, options), "OpenSim": theirs}, rounds=3)
+    seconds = alternate(
+        {"ours": lambda: mm.inverse_kinematics(model, markers, options), "OpenSim": theirs},
+        rounds=3,
+    )
     # Without the reading of the model, which ours has behind it as well.
     seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("inverse kinematics", name, len(markers), seconds)
@@ -72,15 +85,19 @@ def inverse_kinematics_row(name: str, folder: Path, files: Recording, end: float
 def inverse_dynamics_row(name: str, folder: Path, files: Recording) -> dict[str, object]:
     """Derivatives, external loads at the motion's times and generalized forces.
 
-    Neither program's time counts the reading of the two tables: OpenSim's is measured and taken off.
+    Neither program's time counts the reading of the two tables: OpenSim's is measured and taken
+    off.
     """
-    model_path, loads = folder / files.model, folder / files.loads
+    model_path = folder / files.model
+    loads = folder / files.loads
     model = mm.read_model(model_path)
     wrenches = read_external_loads(loads)
     taken: list[float] = []
     frames: list[int] = []
     with tempfile.TemporaryDirectory() as work:
-        motion, whole = written_whole(model, mm.read_motion(folder / files.motion, model), Path(work))
+        motion, whole = written_whole(
+            model, mm.read_motion(folder / files.motion, model), Path(work)
+        )
         tables = [whole, read_load_entries(loads)[0].data]
 
         def ours() -> None:
@@ -119,7 +136,8 @@ def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Ca
     """A loop over frames, muscles and coordinates, as OpenSim's users write it."""
     theirs = opensim.Model(str(model_path))
     state = theirs.initSystem()
-    muscles, coordinates = theirs.getMuscles(), theirs.getCoordinateSet()
+    muscles = theirs.getMuscles()
+    coordinates = theirs.getCoordinateSet()
 
     def loop() -> None:
         for row in values:
@@ -137,11 +155,15 @@ def opensim_muscles(model_path: Path, model: mm.Model, values: np.ndarray) -> Ca
 
 
 def static_optimization_row(folder: Path) -> dict[str, object]:
-    """From coordinates to activations: derivatives, inverse dynamics, muscles and the tension problem.
+    """From coordinates to activations: derivatives, inverse dynamics, muscles and the tension
+    problem.
 
-    Both read the same complete motion, loads and reserves; OpenSim stops at its own default criterion.
+    Both read the same complete motion, loads and reserves; OpenSim stops at its own default
+    criterion.
     """
-    case = next(case for case in accuracy_tension.CASES if case.name == "walk, Rajagopal, 80 muscles")
+    case = next(
+        case for case in accuracy_tension.CASES if case.name == "walk, Rajagopal, 80 muscles"
+    )
     with tempfile.TemporaryDirectory() as work:
         prepared = accuracy_tension.prepare(folder, case, Path(work))
         taken: list[float] = []
@@ -161,7 +183,9 @@ def static_optimization_row(folder: Path) -> dict[str, object]:
             frames.append(len(result.time))
 
         count = len(accuracy_tension.ours(prepared))
-        seconds = alternate({"ours": lambda: accuracy_tension.ours(prepared), "OpenSim": theirs}, rounds=3)
+        seconds = alternate(
+            {"ours": lambda: accuracy_tension.ours(prepared), "OpenSim": theirs}, rounds=3
+        )
         seconds["OpenSim"] = float(np.median(taken[1:]))
     return compared("static optimization, from coordinates", case.name, count, seconds, frames[-1])
 
@@ -189,7 +213,9 @@ def run_mujoco() -> list[dict[str, object]]:
     for j, coordinate in enumerate(model.coordinates):
         if np.isfinite(coordinate.range).all():
             values[:, j] = rng.uniform(*coordinate.range, FRAMES)
-    values = tree.coordinates_of(mm.Motion(np.arange(FRAMES) * 0.01, model.coordinate_names, values))
+    values = tree.coordinates_of(
+        mm.Motion(np.arange(FRAMES) * 0.01, model.coordinate_names, values)
+    )
 
     def ours() -> None:
         paths.evaluate(values, None)
@@ -210,5 +236,8 @@ def run_mujoco() -> list[dict[str, object]]:
             del os.environ["MYOMORPH_THREADS"]
         else:
             os.environ["MYOMORPH_THREADS"] = before
-    name = f"MyoFullBody, {len(model.muscles)} muscles, {len(model.coordinates)} coordinates, one thread"
+    name = (
+        f"MyoFullBody, {len(model.muscles)} muscles, {len(model.coordinates)} coordinates, one"
+        " thread"
+    )
     return [compared("lengths and moment arms", name, FRAMES, seconds)]

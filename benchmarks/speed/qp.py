@@ -1,4 +1,5 @@
-"""The tension problem by our dual Newton and by maintained QP solvers: same frames, one process, alternating.
+"""The tension problem by our dual Newton and by maintained QP solvers: same frames, one process,
+alternating.
 
 Set-up of matrices is not timed; every solver gets the matrices in the form it likes best.
 """
@@ -24,7 +25,9 @@ from myomorph.tension.terms.actuators import free_coordinates
 
 @dataclass(frozen=True)
 class QpCase:
-    """A model and a motion ("" for a made one), every `step`-th frame of [start, end] seconds, filter [Hz]."""
+    """A model and a motion ("" for a made one), every `step`-th frame of [start, end] seconds,
+    filter [Hz].
+    """
 
     name: str
     model: str
@@ -36,9 +39,19 @@ class QpCase:
     cutoff: float | None = 6.0
 
 
-def _case(name: str, recording: str, start: float, end: float, step: int, loads: bool = True) -> QpCase:
+def _case(
+    name: str, recording: str, start: float, end: float, step: int, loads: bool = True
+) -> QpCase:
     files = RECORDINGS[recording]
-    return QpCase(name, files.model, files.motion, files.loads if loads else "", start, end, step)
+    return QpCase(
+        name=name,
+        model=files.model,
+        motion=files.motion,
+        loads=files.loads if loads else "",
+        start=start,
+        end=end,
+        step=step,
+    )
 
 
 CASES = (
@@ -68,8 +81,13 @@ def made_motion(model: mm.Model, frames: int) -> mm.Motion:
     for k, name in enumerate(names):
         coordinate = model.coordinate(name)
         reach = 0.5 if coordinate.motion == "rotational" else 0.01
-        low, high = np.clip(coordinate.range, coordinate.default - reach, coordinate.default + reach)
-        columns.append(coordinate.default + 0.03 * (high - low) * np.sin(2.0 * np.pi * (0.7 + 0.01 * k) * time + k))
+        low, high = np.clip(
+            coordinate.range, coordinate.default - reach, coordinate.default + reach
+        )
+        columns.append(
+            coordinate.default
+            + 0.03 * (high - low) * np.sin(2.0 * np.pi * (0.7 + 0.01 * k) * time + k)
+        )
     return mm.Motion(time, names, np.column_stack(columns))
 
 
@@ -85,22 +103,33 @@ def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
     motion = whole.frames(keep)
     torques = read_torques(folder / case.loads if case.loads else None, model, motion)
     problem = tension_problem(
-        TensionInputs(model, motion, torques, mm.TensionOptions(passive=False, reserve=10.0, residual=100.0))
+        TensionInputs(
+            model=model,
+            motion=motion,
+            torques=torques,
+            options=mm.TensionOptions(passive=False, reserve=10.0, residual=100.0),
+        )
     )
     values, right = problem.balance(0, len(motion))[:2]
     S = problem.separable
     columns = np.repeat(np.arange(len(S.weight)), np.diff(S.start))
     A = np.zeros((len(motion), right.shape[1], len(S.weight)))
     A[:, S.row, columns] = values
-    return QuadraticFrames(S, values, right, A, S.lower, S.upper)
+    return QuadraticFrames(
+        separable=S, values=values, right=right, A=A, lower=S.lower, upper=S.upper
+    )
 
 
 def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
     """Ours; warm-started from frame to frame, or each frame cold."""
-    count, n = len(frames.values), len(frames.separable.weight)
+    count = len(frames.values)
+    n = len(frames.separable.weight)
     rows = frames.right.shape[1]
-    x, y = np.empty((count, n)), np.empty((count, rows))
-    residual, iterations, status = np.empty(count), np.empty(count, np.int64), np.empty(count, np.int8)
+    x = np.empty((count, n))
+    y = np.empty((count, rows))
+    residual = np.empty(count)
+    iterations = np.empty(count, np.int64)
+    status = np.empty(count, np.int8)
     targets = np.zeros((count, n))
     parts = [slice(0, count)] if warm else [slice(k, k + 1) for k in range(count)]
     for part in parts:
@@ -143,12 +172,16 @@ def by_piqp(frames: QuadraticFrames, sparse: bool) -> Callable[[], np.ndarray]:
 
 
 def by_proxqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
-    """ProxQP, dense (augmented Lagrangian); a new object each frame, as updating one crashes in 0.8.0."""
+    """ProxQP, dense (augmented Lagrangian); a new object each frame, as updating one crashes in
+    0.8.0.
+    """
     import proxsuite
 
-    n, rows = len(frames.lower), frames.right.shape[1]
+    n = len(frames.lower)
+    rows = frames.right.shape[1]
     H = 2.0 * np.eye(n)
-    low, high = np.maximum(frames.lower, -1e20), np.minimum(frames.upper, 1e20)
+    low = np.maximum(frames.lower, -1e20)
+    high = np.minimum(frames.upper, 1e20)
 
     def run() -> np.ndarray:
         found = []
@@ -168,9 +201,11 @@ def by_clarabel(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
     """Clarabel (interior point)."""
     import clarabel
 
-    n, rows = len(frames.lower), frames.right.shape[1]
+    n = len(frames.lower)
+    rows = frames.right.shape[1]
     P = sp.csc_matrix(2.0 * sp.eye(n))
-    bounded_below, bounded_above = np.isfinite(frames.lower), np.isfinite(frames.upper)
+    bounded_below = np.isfinite(frames.lower)
+    bounded_above = np.isfinite(frames.upper)
     eye = sp.eye(n, format="csr")
     bounds = sp.vstack([-eye[bounded_below], eye[bounded_above]])
     limits = np.concatenate([-frames.lower[bounded_below], frames.upper[bounded_above]])
@@ -182,7 +217,9 @@ def by_clarabel(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
     def run() -> np.ndarray:
         found = []
         for A, b in zip(matrices, frames.right, strict=True):
-            solver = clarabel.DefaultSolver(P, np.zeros(n), A, np.concatenate([b, limits]), cones, settings)
+            solver = clarabel.DefaultSolver(
+                P, np.zeros(n), A, np.concatenate([b, limits]), cones, settings
+            )
             found.append(np.array(solver.solve().x))
         return np.array(found)
 
@@ -195,16 +232,21 @@ def by_daqp(frames: QuadraticFrames) -> Callable[[], np.ndarray]:
 
     import daqp
 
-    n, rows = len(frames.lower), frames.right.shape[1]
-    H, f = 2.0 * np.eye(n), np.zeros(n)
-    low, high = np.maximum(frames.lower, -1e30), np.minimum(frames.upper, 1e30)
+    n = len(frames.lower)
+    rows = frames.right.shape[1]
+    H = 2.0 * np.eye(n)
+    f = np.zeros(n)
+    low = np.maximum(frames.lower, -1e30)
+    high = np.minimum(frames.upper, 1e30)
     kind = np.concatenate([np.zeros(n), np.full(rows, 5)]).astype(ctypes.c_int)
     matrices = [np.ascontiguousarray(A) for A in frames.A]
 
     def run() -> np.ndarray:
         found = []
         for A, b in zip(matrices, frames.right, strict=True):
-            x, _, _, _ = daqp.solve(H, f, A, np.concatenate([high, b]), np.concatenate([low, b]), kind.copy())
+            x, _, _, _ = daqp.solve(
+                H, f, A, np.concatenate([high, b]), np.concatenate([low, b]), kind.copy()
+            )
             found.append(np.array(x))
         return np.array(found)
 
@@ -228,7 +270,9 @@ def measure_case(folder: Path, case: QpCase, rounds: int = 5) -> Iterator[dict[s
     frames = frames_of(folder, case)
     solvers = solvers_of(frames) | {"daqp": by_daqp(frames)}
     found = {name: solver() for name, solver in solvers.items()}
-    times = {name: 1e3 * taken / len(frames.values) for name, taken in alternate(solvers, rounds).items()}
+    times = {
+        name: 1e3 * taken / len(frames.values) for name, taken in alternate(solvers, rounds).items()
+    }
     ours = times["ours, warm"]
     for name, spent in times.items():
         apart = np.abs(found[name] - found["ours, warm"])

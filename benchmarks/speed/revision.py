@@ -1,8 +1,10 @@
-"""Is this checkout as fast as a revision? Functions and whole commands of both in turns, by processor time.
+"""Is this checkout as fast as a revision? Functions and whole commands of both in turns, by
+processor time.
 
-`python -m benchmarks revision --before REVISION [--rounds N] [--save]`. The revision is unpacked into a temporary
-folder. Functions run on one thread in a process of each, the least of six times counting, commands in a process each
-with kernels compiled before; then medians over the rounds. What a command does by default may have changed.
+`python -m benchmarks revision --before REVISION [--rounds N] [--save]`. The revision is unpacked
+into a temporary folder. Functions run on one thread in a process of each, the least of six times
+counting, commands in a process each with kernels compiled before; then medians over the rounds.
+What a command does by default may have changed.
 """
 
 from __future__ import annotations
@@ -31,21 +33,27 @@ COMMANDS = {
     "tension --tendons elastic": f"tension {WALK} --tendons elastic --out OUT",
     "tension --draws 20": f"tension {WALK} --draws 20 --out OUT",
     "identify": f"identify {WALK} --mass 85.27 --out OUT/identified.osim",
-    "refine": "refine --model subject_walk_scaled.osim --markers markers_walk.trc --loads grf_walk.xml --mass 85.27 "
-    "--out OUT/refined.osim",
+    "refine": (
+        "refine --model subject_walk_scaled.osim --markers markers_walk.trc --loads grf_walk.xml"
+        " --mass 85.27 --out OUT/refined.osim"
+    ),
 }
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
-    parser.add_argument("--before", required=True, metavar="REVISION", help="the revision to compare with")
+    parser.add_argument(
+        "--before", required=True, metavar="REVISION", help="the revision to compare with"
+    )
     parser.add_argument("--rounds", type=int, default=3, help="turns of each")
 
 
 def run(before: str, rounds: int = 3) -> list[dict[str, object]]:
     """A row a function and a command: processor seconds before and now, and now over before."""
     with tempfile.TemporaryDirectory() as folder:
-        archive = subprocess.run(["git", "archive", before, "src"], cwd=ROOT, capture_output=True, check=True).stdout
+        archive = subprocess.run(
+            ["git", "archive", before, "src"], cwd=ROOT, capture_output=True, check=True
+        ).stdout
         Path(folder, "archive.tar").write_bytes(archive)
         with tarfile.open(Path(folder, "archive.tar")) as files:
             files.extractall(folder, filter="data")
@@ -53,7 +61,8 @@ def run(before: str, rounds: int = 3) -> list[dict[str, object]]:
         for turn in range(rounds + 1):
             for which, tree in (("before", Path(folder)), ("now", ROOT)):
                 seconds = _functions(tree, Path(folder)) | {
-                    f"myomorph {name}": _command(command, tree, Path(folder)) for name, command in COMMANDS.items()
+                    f"myomorph {name}": _command(command, tree, Path(folder))
+                    for name, command in COMMANDS.items()
                 }
                 for what, value in seconds.items():
                     taken[what, which] += [value] if turn else []  # The first turn compiles.
@@ -71,7 +80,9 @@ def run(before: str, rounds: int = 3) -> list[dict[str, object]]:
 
 
 def _environment(tree: Path, folder: Path) -> dict[str, str]:
-    """The variables under which a tree runs, with its own kernels and compiled modules, and on one thread."""
+    """The variables under which a tree runs, with its own kernels and compiled modules, and on one
+    thread.
+    """
     threads = dict.fromkeys(("MYOMORPH_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
     kernels = str(folder / ("kernels now" if tree == ROOT else "kernels before"))
     places = {"NUMBA_CACHE_DIR": kernels, "PYTHONPYCACHEPREFIX": str(folder / "modules")}
@@ -86,7 +97,11 @@ def _environment(tree: Path, folder: Path) -> dict[str, str]:
 
 def _functions(tree: Path, folder: Path) -> dict[str, float]:
     program = [sys.executable, __file__, str(data_folder() / "rajagopal-walk-emg")]
-    return json.loads(subprocess.run(program, env=_environment(tree, folder), check=True, capture_output=True).stdout)
+    return json.loads(
+        subprocess.run(
+            program, env=_environment(tree, folder), check=True, capture_output=True
+        ).stdout
+    )
 
 
 def _command(command: str, tree: Path, folder: Path) -> float:
@@ -95,7 +110,9 @@ def _command(command: str, tree: Path, folder: Path) -> float:
         program = [sys.executable, "-m", "myomorph.cli", *command.replace("OUT", out).split()]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         walk = data_folder() / "rajagopal-walk-emg"
-        done = subprocess.run(program, cwd=walk, env=_environment(tree, folder), capture_output=True, text=True)
+        done = subprocess.run(
+            program, cwd=walk, env=_environment(tree, folder), capture_output=True, text=True
+        )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         raise RuntimeError(f"myomorph {command}: {(done.stderr or done.stdout)[-400:]}")
@@ -103,7 +120,9 @@ def _command(command: str, tree: Path, folder: Path) -> float:
 
 
 def functions(folder: Path) -> dict[str, float]:
-    """Least processor seconds of public functions that every revision has, by the package on the path."""
+    """Least processor seconds of public functions that every revision has, by the package on the
+    path.
+    """
     import myomorph as mm
 
     model = mm.read_model(folder / "subject_walk_scaled.osim")
@@ -112,7 +131,8 @@ def functions(folder: Path) -> dict[str, float]:
     motion = mm.differentiate(raw, cutoff=6.0)
     loads = mm.resample_wrenches(mm.read_loads(folder / "grf_walk.xml", model, motion), motion.time)
     torques = mm.inverse_dynamics(model, motion, loads)
-    rigid, elastic = mm.TensionOptions(passive=False), mm.TensionOptions(passive=False, tendons="elastic")
+    rigid = mm.TensionOptions(passive=False)
+    elastic = mm.TensionOptions(passive=False, tendons="elastic")
     tension = mm.solve_tension(model, motion, torques, rigid)
     works = {
         "inverse_kinematics": lambda: mm.inverse_kinematics(model, markers),

@@ -1,4 +1,6 @@
-"""36,000 frames of the 520-muscle, 171-coordinate model, simulated: milliseconds a frame of each step, memory."""
+"""36,000 frames of the 520-muscle, 171-coordinate model, simulated: milliseconds a frame of each
+step, memory.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def simulated(model: mm.Model, pose: np.ndarray, frames: int) -> tuple[mm.Marker
     time_ = np.arange(frames) / RATE
     free = [j for j in tree.independent if not model.coordinates[j].locked]
     values = np.tile(pose, (frames, 1))
-    values[:, free] += 0.03 * np.sin(time_[:, None] * rng.uniform(1, 6, len(free)) + rng.uniform(0, 6, len(free)))
+    values[:, free] += 0.03 * np.sin(
+        time_[:, None] * rng.uniform(1, 6, len(free)) + rng.uniform(0, 6, len(free))
+    )
     motion = mm.Motion(time_, model.coordinate_names, values)
     values = tree.coordinates_of(motion)
     bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
@@ -56,7 +60,9 @@ def _whole(model: mm.Model, markers: mm.Markers, _: mm.Motion | None) -> list[di
     rows: list[dict[str, object]] = []
     frames = len(markers)
 
-    def step(name: str, work: Callable[[], object], result_bytes: Callable[[object], int]) -> object:
+    def step(
+        name: str, work: Callable[[], object], result_bytes: Callable[[object], int]
+    ) -> object:
         taken = clocked(work)
         size = result_bytes(taken.result) / MEGABYTE
         rows.append(
@@ -71,12 +77,18 @@ def _whole(model: mm.Model, markers: mm.Markers, _: mm.Motion | None) -> list[di
         return taken.result
 
     fit = step(
-        "inverse kinematics", lambda: mm.inverse_kinematics(model, markers), lambda r: nbytes(r.motion.values, r.errors)
+        "inverse kinematics",
+        lambda: mm.inverse_kinematics(model, markers),
+        lambda r: nbytes(r.motion.values, r.errors),
     )
     moving = step(
-        "derivatives", lambda: mm.differentiate(fit.motion), lambda r: nbytes(r.values, r.velocities, r.accelerations)
+        "derivatives",
+        lambda: mm.differentiate(fit.motion),
+        lambda r: nbytes(r.values, r.velocities, r.accelerations),
     )
-    torques = step("inverse dynamics", lambda: mm.inverse_dynamics(model, moving), lambda r: nbytes(r.values))
+    torques = step(
+        "inverse dynamics", lambda: mm.inverse_dynamics(model, moving), lambda r: nbytes(r.values)
+    )
     paths = compile_paths(model)
 
     def lengths_and_arms() -> None:
@@ -91,7 +103,9 @@ def _whole(model: mm.Model, markers: mm.Markers, _: mm.Motion | None) -> list[di
         lambda: mm.solve_tension(model, moving, torques, mm.TensionOptions(passive=False)),
         lambda r: nbytes(r.activations, r.forces, r.reserves, r.torques),
     )
-    total = sum(float(row["ms/frame"]) for row in rows if not str(row["step"]).startswith("lengths"))
+    total = sum(
+        float(row["ms/frame"]) for row in rows if not str(row["step"]).startswith("lengths")
+    )
     rows.append({"step": "whole chain", "frames": frames, "ms/frame": total})
     return rows
 

@@ -1,4 +1,6 @@
-"""How long a user waits: import, the first command on a new machine with compilation, later commands; size on disk."""
+"""How long a user waits: import, the first command on a new machine with compilation, later
+commands; size on disk.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,16 @@ import myomorph
 
 def installed_size(name: str) -> float:
     """Size of a package's files and of all that it requires without extras [bytes]."""
-    left, sizes = [(name, "")], {}
+    left = [(name, "")]
+    sizes = {}
     while left:
         one, extra = left.pop()
         if (one.lower(), extra) not in sizes:
             package = importlib.metadata.distribution(one)
             files = [Path(str(package.locate_file(file))) for file in package.files or ()]
-            sizes[one.lower(), extra] = 0 if extra else sum(file.stat().st_size for file in files if file.is_file())
+            sizes[one.lower(), extra] = (
+                0 if extra else sum(file.stat().st_size for file in files if file.is_file())
+            )
             for needed in map(Requirement, package.requires or ()):
                 if needed.marker is None or needed.marker.evaluate({"extra": extra}):
                     left += [(needed.name, also) for also in ("", *needed.extras)]
@@ -34,16 +39,24 @@ def installed_size(name: str) -> float:
 def seconds(arguments: list[str], environment: dict[str, str]) -> float:
     """Wall time of one command."""
     began = time.perf_counter()
-    subprocess.run([sys.executable, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL
+    )
     return time.perf_counter() - began
 
 
 def run() -> list[dict[str, object]]:
     """Rows of what was waited for and how long."""
-    rows: list[dict[str, object]] = [{"what": "packages without extras", "MB": 1e-6 * installed_size("myomorph")}]
+    rows: list[dict[str, object]] = [
+        {"what": "packages without extras", "MB": 1e-6 * installed_size("myomorph")}
+    ]
     with tempfile.TemporaryDirectory() as folder:
-        # An empty cache of kernels is what a new machine has; pip compiled the modules when it installed them.
-        places = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache"), "PYTHONPYCACHEPREFIX": str(Path(folder) / "modules")}
+        # An empty cache of kernels is what a new machine has; pip compiled the modules when it
+        # installed them.
+        places = {
+            "NUMBA_CACHE_DIR": str(Path(folder) / "cache"),
+            "PYTHONPYCACHEPREFIX": str(Path(folder) / "modules"),
+        }
         environment = {**os.environ, **places, "PYTHONDONTWRITEBYTECODE": ""}
         seconds(["-m", "compileall", "-q", str(Path(myomorph.__file__).parent)], environment)
         imports = [seconds(["-c", "import myomorph"], environment) for _ in range(5)]

@@ -1,7 +1,8 @@
-"""A study of 1,000 short trials: workers side by side, memory over the run, and what a trial costs beside its steps.
+"""A study of 1,000 short trials: workers side by side, memory over the run, and what a trial costs
+beside its steps.
 
-A recorded walk is cut into short recordings, each a little different; by one worker, by two, once more where nothing
-has changed, and by two workers of a Dask cluster on the same machine.
+A recorded walk is cut into short recordings, each a little different; by one worker, by two, once
+more where nothing has changed, and by two workers of a Dask cluster on the same machine.
 """
 
 from __future__ import annotations
@@ -51,8 +52,11 @@ def run(trials: int = TRIALS) -> list[Row]:
         home = Path(made)
         study = write_study(home, trials)
         measured(study, home / "warm", LocalWorkers(1), few=True)
-        one, two = (measured(study, home / f"by {count}", LocalWorkers(count)) for count in (1, 2))
-        again = measured(study, home / "by 2", LocalWorkers(2)) | {"run": "2 workers, nothing has changed"}
+        one = measured(study, home / f"by {1}", LocalWorkers(1))
+        two = measured(study, home / f"by {2}", LocalWorkers(2))
+        again = measured(study, home / "by 2", LocalWorkers(2)) | {
+            "run": "2 workers, nothing has changed"
+        }
         with cluster_in(home / "cluster") as cluster:
             cluster.scheduler()
             for name in ("one", "two"):
@@ -61,11 +65,19 @@ def run(trials: int = TRIALS) -> list[Row]:
             with closing(DaskWorkers(cluster.address)) as hands:
                 dask = measured(study, home / "by Dask", hands) | {"run": "2 workers of Dask"}
         ratio = float(str(two["trials/s"])) / float(str(one["trials/s"]))
-        return [one, two, again, dask, {"throughput of 2 workers over 1": ratio, "cores": os.cpu_count()}]
+        return [
+            one,
+            two,
+            again,
+            dask,
+            {"throughput of 2 workers over 1": ratio, "cores": os.cpu_count()},
+        ]
 
 
 def write_study(home: Path, trials: int, few: int = 4) -> Path:
-    """A study of short recordings, and beside it one of only a few of them; returns the file of the first."""
+    """A study of short recordings, and beside it one of only a few of them; returns the file of the
+    first.
+    """
     data = data_folder() / "opensim-gait-subject01"
     recorded = mm.read_recording(data / "experiment/subject01_walk1.trc").markers
     assert recorded is not None
@@ -93,7 +105,9 @@ class Memory:
     workers: list[int] = field(default_factory=list)
 
     def rows(self, last: float) -> Row:
-        """Memory when a fifth and when all of the trials had ended [MB], before the tables of the study are made."""
+        """Memory when a fifth and when all of the trials had ended [MB], before the tables of the
+        study are made.
+        """
         count = sum(1 for time in self.times if time <= last)
         told: Row = {}
         for name, taken in (("this process", self.own[:count]), ("a worker", self.workers[:count])):
@@ -107,7 +121,8 @@ class Memory:
 @contextmanager
 def watched(hands: LocalWorkers | DaskWorkers) -> Iterator[Memory]:
     """Look at memory while a study runs; of a cluster only at that of this process."""
-    memory, over = Memory(), threading.Event()
+    memory = Memory()
+    over = threading.Event()
 
     def look() -> None:
         while not over.wait(LOOK):
@@ -139,7 +154,8 @@ def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: boo
     def said(outcome: Outcome) -> None:
         ends.append(time.perf_counter())
 
-    own, began = time.process_time(), time.perf_counter()
+    own = time.process_time()
+    began = time.perf_counter()
     with watched(hands) as memory:
         outcomes = mm.run_study(plan, out, workers=hands, report=said)
     failures = [one.error for one in outcomes if one.error]
@@ -148,7 +164,8 @@ def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: boo
     parent = time.process_time() - own
     # The first trials wait for the processes to begin and to load their kernels.
     skipped = 2 * count
-    took, left = ends[-1] - ends[skipped - 1], len(ends) - skipped
+    took = ends[-1] - ends[skipped - 1]
+    left = len(ends) - skipped
     steps = sum(seconds for one in outcomes for _, seconds in one.timed) / len(outcomes)
     return {
         "run": f"{count} worker{'s' if count > 1 else ''}",

@@ -15,7 +15,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Taken(Generic[T]):
-    """A result, seconds by the clock and by the processor, and memory [MB]: before, and its peak beyond that."""
+    """A result, seconds by the clock and by the processor, and memory [MB]: before, and its peak
+    beyond that.
+    """
 
     result: T
     seconds: float
@@ -26,10 +28,19 @@ class Taken(Generic[T]):
 
 def clocked(work: Callable[[], T]) -> Taken[T]:
     """What some work gives and takes."""
-    before, began, used = resident(), time.perf_counter(), time.process_time()
+    before = resident()
+    began = time.perf_counter()
+    used = time.process_time()
     result = work()
-    seconds, cpu = time.perf_counter() - began, time.process_time() - used
-    return Taken(result, seconds, cpu, before / MEGABYTE, (peak() - before) / MEGABYTE)
+    seconds = time.perf_counter() - began
+    cpu = time.process_time() - used
+    return Taken(
+        result=result,
+        seconds=seconds,
+        cpu=cpu,
+        before=before / MEGABYTE,
+        peak=(peak() - before) / MEGABYTE,
+    )
 
 
 def in_own_process(work: Callable[..., T], *arguments: Any) -> T:

@@ -1,4 +1,5 @@
-"""Seconds from the command to the first pose in a browser, and frames a second while the demo's jump plays.
+"""Seconds from the command to the first pose in a browser, and frames a second while the demo's
+jump plays.
 
 The browser has no window and no graphics card. Without a browser its rows are left out.
 """
@@ -46,7 +47,16 @@ def run() -> list[Row]:
     """Rows of what was waited for, and of what plays."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "demo"
-        command = [sys.executable, "-m", "myomorph.cli", "demo", "--study", "jump", "--out", str(result)]
+        command = [
+            sys.executable,
+            "-m",
+            "myomorph.cli",
+            "demo",
+            "--study",
+            "jump",
+            "--out",
+            str(result),
+        ]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         program = browser_program()
         if program is None:
@@ -58,7 +68,9 @@ def run() -> list[Row]:
 
 
 def started(result: Path, browser: Browser | None) -> list[Row]:
-    """Seconds from a fresh process to its address, to its page, and to the body in a browser that is open already."""
+    """Seconds from a fresh process to its address, to its page, and to the body in a browser that
+    is open already.
+    """
     waits: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         began = time.perf_counter()
@@ -72,7 +84,9 @@ def started(result: Path, browser: Browser | None) -> list[Row]:
             if browser is not None:
                 browser.open(address)
                 browser.until("window.bodyFrames > 0", 60)
-                waits.setdefault("first pose in the browser", []).append(time.perf_counter() - began)
+                waits.setdefault("first pose in the browser", []).append(
+                    time.perf_counter() - began
+                )
             process.terminate()
     return [{"what": name, "seconds": statistics.median(found)} for name, found in waits.items()]
 
@@ -91,7 +105,11 @@ def played(result: Path, browser: Browser | None) -> Row:
         before = _state(browser)
         sent, used, began = replay.drawn, time.process_time(), time.perf_counter()
         time.sleep(SECONDS)
-        passed, used, sent = time.perf_counter() - began, time.process_time() - used, replay.drawn - sent
+        passed, used, sent = (
+            time.perf_counter() - began,
+            time.process_time() - used,
+            replay.drawn - sent,
+        )
         after = _state(browser)
         row: Row = {
             "what": "playback at full speed",
@@ -104,7 +122,9 @@ def played(result: Path, browser: Browser | None) -> Row:
             drawn = max(after["frames"] - before["frames"], 1.0)
             row |= {
                 "frames drawn a second, without a graphics card": drawn / passed,
-                "page's own thread [ms/frame drawn]": 1e3 * (after["busy"] - before["busy"]) / drawn,
+                "page's own thread [ms/frame drawn]": (
+                    1e3 * (after["busy"] - before["busy"]) / drawn
+                ),
             }
         row |= _traffic(replay)
         return row | {"cores": os.cpu_count() or 0, "load": os.getloadavg()[0]}
@@ -128,7 +148,8 @@ def _traffic(replay: Replay) -> Row:
 
     counts = {"bytes": 0, "packets": 0}
     over = threading.Event()
-    address, protocol = f"ws://127.0.0.1:{replay.port}", Subprotocol(f"viser-v{viser.__version__}")
+    address = f"ws://127.0.0.1:{replay.port}"
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
     with connect(address, subprotocols=[protocol], max_size=None) as page:
 
         def listen() -> None:
@@ -143,9 +164,11 @@ def _traffic(replay: Replay) -> Row:
         thread = threading.Thread(target=listen, daemon=True)
         thread.start()
         time.sleep(2.0)
-        before, drawn = dict(counts), replay.drawn
+        before = dict(counts)
+        drawn = replay.drawn
         time.sleep(4.0)
-        after, frames = dict(counts), replay.drawn - drawn
+        after = dict(counts)
+        frames = replay.drawn - drawn
         over.set()
         thread.join()
     each = {name: (after[name] - before[name]) / max(frames, 1) for name in counts}

@@ -1,7 +1,9 @@
-"""One specimen of the shoulder experiment from raw recordings to its row of tables, and runs of virtual joints.
+"""One specimen of the shoulder experiment from raw recordings to its row of tables, and runs of
+virtual joints.
 
-The specimen is simulated in MuJoCo (not timed). Timed are tracking with the clocks, the cutoff, the equations of the
-swings with moment arms, and the identification with a bootstrap of 500; then 16 virtual joints, in one process and two.
+The specimen is simulated in MuJoCo (not timed). Timed are tracking with the clocks, the cutoff, the
+equations of the swings with moment arms, and the identification with a bootstrap of 500; then 16
+virtual joints, in one process and two.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.tracking.tracked import swing_recordings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 
-SECONDS, TRIALS, DRAWS = 30.0, 4, 500
+SECONDS = 30.0
+TRIALS = 4
+DRAWS = 500
 RUNS = 16
 
 
@@ -24,10 +28,14 @@ def run() -> list[dict[str, object]]:
     """A row for the specimen, a row for the runs."""
     specimen_steps(virtual_specimen(1, seconds=6.0, trials=1))
     steps = specimen_steps(virtual_specimen(1, seconds=SECONDS, trials=TRIALS))
-    one, two = joint_seconds(1), joint_seconds(2)
+    one = joint_seconds(1)
+    two = joint_seconds(2)
     return [
         {
-            "specimen": f"{TRIALS} trials of {SECONDS:g} s without muscles and {TRIALS} with, bootstrap of {DRAWS}",
+            "specimen": (
+                f"{TRIALS} trials of {SECONDS:g} s without muscles and {TRIALS} with, bootstrap of"
+                f" {DRAWS}"
+            ),
             **steps,
             "total [s]": sum(steps.values()),
             "target [s]": 60.0,
@@ -49,12 +57,17 @@ def specimen_steps(made: VirtualSpecimen) -> dict[str, float]:
     marks.append(time.perf_counter())
     cutoff = choose_cutoff(tracked).cutoff
     marks.append(time.perf_counter())
-    without, intact = (swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked))
+    without, intact = (
+        swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked)
+    )
     marks.append(time.perf_counter())
     identify_specimen("virtual", without, intact, options=ViscosityOptions(draws=DRAWS))
     marks.append(time.perf_counter())
     names = ("bones and clocks [s]", "cutoff [s]", "equations [s]", "identification [s]")
-    return {name: after - before for name, before, after in zip(names, marks[:-1], marks[1:], strict=True)}
+    return {
+        name: after - before
+        for name, before, after in zip(names, marks[:-1], marks[1:], strict=True)
+    }
 
 
 def joint_seconds(workers: int) -> float:

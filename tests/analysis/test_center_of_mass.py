@@ -23,7 +23,9 @@ def test_it_moves_along_with_the_root() -> None:
     for name, by in zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), shift, strict=True):
         shifted[:, movement.names.index(name)] += by
     there = centroid(body, Motion(movement.time, movement.names, shifted)).values
-    assert there - centroid(body, movement).values == pytest.approx(np.tile(shift, (len(movement), 1)), abs=1e-12)
+    assert there - centroid(body, movement).values == pytest.approx(
+        np.tile(shift, (len(movement), 1)), abs=1e-12
+    )
 
 
 def test_a_frame_without_a_pose_has_none() -> None:
@@ -36,8 +38,11 @@ def test_a_frame_without_a_pose_has_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gravity", "up"), [((0, -9.81, 0), (0, 1, 0)), ((0, 0, -9.81), (0, 0, 1)), ((0, 0, 0), (0, 1, 0))]
+    ("gravity", "up"),
+    [((0, -9.81, 0), (0, 1, 0)), ((0, 0, -9.81), (0, 0, 1)), ((0, 0, 0), (0, 1, 0))],
 )
 def test_up_is_against_gravity(gravity: tuple[float, ...], up: tuple[float, ...]) -> None:
-    one = Model("m", (), (), (), np.array(gravity, dtype=float))
+    one = Model(
+        name="m", bodies=(), joints=(), coordinates=(), gravity=np.array(gravity, dtype=float)
+    )
     assert one.up == pytest.approx(up)

@@ -9,10 +9,14 @@ from myomorph.model.series import Series
 TIME = np.arange(1001) / 50.0
 
 
-def noise(random: np.random.Generator, columns: int, cutoff: float, time: np.ndarray = TIME) -> np.ndarray:
+def noise(
+    random: np.random.Generator, columns: int, cutoff: float, time: np.ndarray = TIME
+) -> np.ndarray:
     """Columns of noise below a frequency [Hz]."""
     numerator, denominator = butter(2, cutoff / 25.0)
-    return lfilter(numerator, denominator, random.standard_normal((5 * len(time), columns)), axis=0)[-len(time) :]
+    return lfilter(
+        numerator, denominator, random.standard_normal((5 * len(time), columns)), axis=0
+    )[-len(time) :]
 
 
 def series(values: np.ndarray, time: np.ndarray = TIME) -> Series:
@@ -40,7 +44,10 @@ def test_sign_follows_and_scale_does_not_matter() -> None:
 def test_slow_signals_are_not_called_significant_by_chance(cutoff: float) -> None:
     """Of unrelated signals one in twenty has a chance under 0.05, however slow."""
     random = np.random.default_rng(int(10 * cutoff))
-    results = [correlate(series(noise(random, 4, cutoff)), series(noise(random, 6, cutoff))) for _ in range(60)]
+    results = [
+        correlate(series(noise(random, 4, cutoff)), series(noise(random, 6, cutoff)))
+        for _ in range(60)
+    ]
     assert 0.01 < np.mean([result.chance < 0.05 for result in results]) < 0.085
     assert np.mean([result.significant.any() for result in results]) < 0.2
 
@@ -48,15 +55,19 @@ def test_slow_signals_are_not_called_significant_by_chance(cutoff: float) -> Non
 def test_chance_is_that_of_students_t() -> None:
     random = np.random.default_rng(5)
     result = correlate(series(noise(random, 4, 3.0)), series(noise(random, 3, 3.0)))
-    r, d = result.values, result.freedom
+    r = result.values
+    d = result.freedom
     expected = 2.0 * stats.t.sf(np.abs(r) * np.sqrt((d - 1.0) / (1.0 - r**2)), d - 1.0)
     np.testing.assert_allclose(result.chance, expected, rtol=1e-9)
 
 
 def test_plain_correlation_would_call_them_significant() -> None:
-    """Why degrees of freedom matter: as if all frames were independent, most slow pairs would stand out."""
+    """Why degrees of freedom matter: as if all frames were independent, most slow pairs would stand
+    out.
+    """
     result = correlate(
-        series(noise(np.random.default_rng(0), 20, 0.3)), series(noise(np.random.default_rng(1), 20, 0.3))
+        series(noise(np.random.default_rng(0), 20, 0.3)),
+        series(noise(np.random.default_rng(1), 20, 0.3)),
     )
     naive = np.abs(result.values) * np.sqrt(len(TIME)) > 1.96
     assert naive.mean() > 0.7
@@ -65,7 +76,8 @@ def test_plain_correlation_would_call_them_significant() -> None:
 
 def test_flat_and_unknown_columns_have_no_correlation() -> None:
     x = noise(np.random.default_rng(2), 3, 1.0)
-    x[:, 1], x[:, 2] = 4.0, np.nan
+    x[:, 1] = 4.0
+    x[:, 2] = np.nan
     result = correlate(series(x), series(x[:, :1]))
     assert np.isnan(result.values[1:, 0]).all()
     assert not result.significant[1:].any()

@@ -1,4 +1,6 @@
-"""The direction of a body in place on a belt: where its feet swing fastest, whatever units lengths are in."""
+"""The direction of a body in place on a belt: where its feet swing fastest, whatever units lengths
+are in.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,18 @@ TIME = np.arange(0.0, 4.0, 0.01)
 
 
 def directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
-    """Direction of feet whose speed is cos + b cos 2, of skewness (3/4) b / ((1 + b^2) / 2)^1.5, and its note."""
+    """Direction of feet whose speed is cos + b cos 2, of skewness (3/4) b / ((1 + b^2) / 2)^1.5,
+    and its note.
+    """
     phases = (2.0 * np.pi * TIME, 2.0 * np.pi * TIME + np.pi)
-    feet = [size * np.outer(np.sin(phase) + 0.5 * unevenness * np.sin(2.0 * phase), X) for phase in phases]
+    feet = [
+        size * np.outer(np.sin(phase) + 0.5 * unevenness * np.sin(2.0 * phase), X)
+        for phase in phases
+    ]
     notes: list[str] = []
-    direction, travels = direction_of(TIME, np.zeros((len(TIME), 3)), feet, Z, None, notes, facing=-X)
+    direction, travels = direction_of(
+        TIME, np.zeros((len(TIME), 3)), feet, Z, None, notes, facing=-X
+    )
     assert not travels
     return direction, notes[0]
 

@@ -1,4 +1,6 @@
-"""Curves of clinical gait analysis: what they must be whichever way a body walks, and beside another program's."""
+"""Curves of clinical gait analysis: what they must be whichever way a body walks, and beside
+another program's.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ from myomorph.motion.filters import differentiate
 def walk(data):
     home = data("opensim-gait-subject01") / "ref_id"
     model = read_model(home / "subject01.osim")
-    motion = differentiate(motion_from_table(read_sto(home / "subject01_walk1_ik.mot"), model), cutoff=6.0)
+    motion = differentiate(
+        motion_from_table(read_sto(home / "subject01_walk1_ik.mot"), model), cutoff=6.0
+    )
     return model, motion
 
 
@@ -45,9 +49,12 @@ def curves_of(model, motion):
 def test_curves_do_not_know_which_way_the_laboratory_lies(walk, degrees):
     model, motion = walk
     strides, curves = curves_of(model, motion)
-    other = gait_curves(turned(model, degrees), motion, walking_strides(turned(model, degrees), motion))
+    other = gait_curves(
+        turned(model, degrees), motion, walking_strides(turned(model, degrees), motion)
+    )
     assert len(strides.strides) >= 2
-    # On a belt the direction is found from the feet's own ways, whose outer tenth depends on the axes.
+    # On a belt the direction is found from the feet's own ways, whose outer tenth depends on the
+    # axes.
     for side in SIDES:
         np.testing.assert_allclose(other.of(side), curves.of(side), atol=0.2)
 
@@ -59,7 +66,9 @@ def test_right_and_left_change_places_in_a_mirror(walk):
     image = mirrored(model)
     _, other = curves_of(image, mirrored_motion(image, motion))
     for side, opposite in (("right", "left"), ("left", "right")):
-        np.testing.assert_allclose(other.mean(side)[:, :ANGLES], curves.mean(opposite)[:, :ANGLES], atol=0.3)
+        np.testing.assert_allclose(
+            other.mean(side)[:, :ANGLES], curves.mean(opposite)[:, :ANGLES], atol=0.3
+        )
 
 
 def test_angles_are_what_a_clinician_expects(walk):
@@ -81,17 +90,25 @@ def test_parameters_of_a_walk_at_a_known_speed(walk):
     model, motion = walk
     table = gait_parameters(walking_strides(model, motion))
     for side in SIDES:
-        value = {name: estimates[side].value for name, estimates in table.items() if side in estimates}
-        assert value["Walking speed"] == pytest.approx(value["Stride length"] / value["Stride time"], rel=0.05)
+        value = {
+            name: estimates[side].value for name, estimates in table.items() if side in estimates
+        }
+        assert value["Walking speed"] == pytest.approx(
+            value["Stride length"] / value["Stride time"], rel=0.05
+        )
         assert 55.0 < value["Stance"] < 70.0
         assert 10.0 < value["Double support"] < 40.0
     steps = [table["Step length"][side].value for side in SIDES]
-    assert sum(steps) == pytest.approx(np.mean([table["Stride length"][side].value for side in SIDES]), rel=0.1)
+    assert sum(steps) == pytest.approx(
+        np.mean([table["Stride length"][side].value for side in SIDES]), rel=0.1
+    )
 
 
 def test_a_model_without_the_names_of_the_field_has_none(walk):
     model, motion = walk
     other = renamed_model(model, lambda name: name.replace("knee_angle", "kn"))
-    moved = Motion(motion.time, tuple(name.replace("knee_angle", "kn") for name in motion.names), motion.values)
+    moved = Motion(
+        motion.time, tuple(name.replace("knee_angle", "kn") for name in motion.names), motion.values
+    )
     strides = walking_strides(other, moved)
     assert gait_curves(other, moved, strides) is None

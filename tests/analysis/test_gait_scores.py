@@ -1,4 +1,6 @@
-"""Scores of gait: known differences from a norm give known scores, and intervals are of what they say."""
+"""Scores of gait: known differences from a norm give known scores, and intervals are of what they
+say.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ def curves(right, left):
 
 
 def norm(mean=USUAL, **more):
-    return GaitNorm(mean, np.ones_like(mean), 30, "made", **more)
+    return GaitNorm(mean=mean, deviation=np.ones_like(mean), persons=30, source="made", **more)
 
 
 def test_the_norm_itself_scores_nothing():
@@ -35,12 +37,16 @@ def test_offsets_are_their_own_score():
         assert scores.profile["right", key].value == pytest.approx(offsets[index])
     assert scores.score["right"].value == pytest.approx(np.sqrt(np.mean(offsets[:ANGLES] ** 2)))
     # Of both sides the pelvis counts once, by the left: fifteen variables (Baker et al. 2009).
-    assert scores.score["both"].value == pytest.approx(np.sqrt(np.sum(offsets[3:ANGLES] ** 2) / 15.0))
+    assert scores.score["both"].value == pytest.approx(
+        np.sqrt(np.sum(offsets[3:ANGLES] ** 2) / 15.0)
+    )
     assert not scores.scaled
 
 
 def test_offsets_of_other_definitions_do_not_count():
-    there = GaitNorm(USUAL, np.ones_like(USUAL), 30, "made", same_definitions=False)
+    there = GaitNorm(
+        mean=USUAL, deviation=np.ones_like(USUAL), persons=30, source="made", same_definitions=False
+    )
     scores = gait_scores(curves((USUAL + 20.0)[None], (1.2 * USUAL + 20.0)[None]), there)
     assert scores.score["right"].value == pytest.approx(0.0, abs=1e-9)
     assert 2.0 < scores.score["left"].value < 4.0
@@ -61,7 +67,10 @@ def test_intervals_of_strides_and_of_draws():
     scores = gait_scores(curves(strides, strides), norm())
     assert scores.score["right"].low < scores.score["right"].value < scores.score["right"].high
     assert not scores.drawn
-    errors = {side: np.broadcast_to(rng.standard_normal((400, 1, 1)), (400, SAMPLES, len(KEYS))) for side in SIDES}
+    errors = {
+        side: np.broadcast_to(rng.standard_normal((400, 1, 1)), (400, SAMPLES, len(KEYS)))
+        for side in SIDES
+    }
     drawn = gait_scores(curves(strides, strides), norm(), errors)
     half = 1.645  # Of a normal error of one degree that all variables share.
     assert drawn.drawn
@@ -70,7 +79,8 @@ def test_intervals_of_strides_and_of_draws():
 
 
 def test_no_interval_goes_below_zero():
-    # Two strides that differ much: Student's t of their own scores, 1 and 9 degrees, reaches far below 0.
+    # Two strides that differ much: Student's t of their own scores, 1 and 9 degrees, reaches far
+    # below 0.
     strides = USUAL + np.array([1.0, 9.0])[:, None, None]
     group = norm(log_scores=(np.log(4.0), 0.3))
     scores = gait_scores(curves(strides, strides), group)

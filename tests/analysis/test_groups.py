@@ -1,4 +1,6 @@
-"""Two groups: false calls as often as said, differences that are there found, small groups only described."""
+"""Two groups: false calls as often as said, differences that are there found, small groups only
+described.
+"""
 
 from __future__ import annotations
 
@@ -35,27 +37,33 @@ def smooth(rng, count, curves=1):
 def animals(prefix, rng, count, shift=0.0, strides=8):
     found = []
     for k in range(count):
-        own = smooth(rng, 1, 2)[0] + shift * np.exp(-(((PERCENT - 60.0) / 12.0) ** 2)) * np.array([[1.0], [0.0]])
+        own = smooth(rng, 1, 2)[0] + shift * np.exp(-(((PERCENT - 60.0) / 12.0) ** 2)) * np.array(
+            [[1.0], [0.0]]
+        )
         cycles = own[None] + 0.5 * smooth(rng, strides, 2)
-        duty = 0.6 + 0.02 * rng.standard_normal() + 0.01 * rng.standard_normal(strides) + 0.03 * shift
+        duty = (
+            0.6 + 0.02 * rng.standard_normal() + 0.01 * rng.standard_normal(strides) + 0.03 * shift
+        )
         length = 60.0 + 3.0 * rng.standard_normal() + rng.standard_normal(strides)
         found.append(
             Animal(
-                f"{prefix}{k}",
-                {"duty factor": duty, "stride length [mm]": length},
-                {"angle [°]": Cycles(("knee", "ankle"), np.moveaxis(cycles, 1, 2))},
-                strides,
+                name=f"{prefix}{k}",
+                scalars={"duty factor": duty, "stride length [mm]": length},
+                curves={"angle [°]": Cycles(("knee", "ankle"), np.moveaxis(cycles, 1, 2))},
+                strides=strides,
             )
         )
     return tuple(found)
 
 
 def test_exact_p_is_counted_by_hand():
-    one, other = np.array([3.0, 4.0, 5.0, 9.0]), np.array([1.0, 2.0, 2.5])
+    one = np.array([3.0, 4.0, 5.0, 9.0])
+    other = np.array([1.0, 2.0, 2.5])
     both = np.concatenate([one, other])
     observed = abs(stats.ttest_ind(one, other).statistic)
     sizes = [
-        abs(stats.ttest_ind(both[list(rows)], np.delete(both, rows)).statistic) for rows in combinations(range(7), 4)
+        abs(stats.ttest_ind(both[list(rows)], np.delete(both, rows)).statistic)
+        for rows in combinations(range(7), 4)
     ]
     test = permutation_test(one, other)
     assert test.exact
@@ -66,16 +74,22 @@ def test_exact_p_is_counted_by_hand():
 
 def test_against_scipy_with_many_relabellings():
     rng = np.random.default_rng(0)
-    one, other = rng.normal(0.8, 1.0, 12), rng.normal(0.0, 1.0, 12)
+    one = rng.normal(0.8, 1.0, 12)
+    other = rng.normal(0.0, 1.0, 12)
     ours = permutation_test(one, other, most=5000)
     theirs = stats.permutation_test(
-        (one, other), lambda a, b, axis: stats.ttest_ind(a, b, axis=axis).statistic, n_resamples=5000, rng=1
+        (one, other),
+        lambda a, b, axis: stats.ttest_ind(a, b, axis=axis).statistic,
+        n_resamples=5000,
+        rng=1,
     )
     assert not ours.exact
     assert float(ours.p) == pytest.approx(theirs.pvalue, abs=0.01)
 
 
-@pytest.mark.parametrize(("n", "m", "floor"), [(3, 3, 0.1), (3, 4, 1 / 35), (4, 4, 2 / 70), (5, 5, 2 / 252)])
+@pytest.mark.parametrize(
+    ("n", "m", "floor"), [(3, 3, 0.1), (3, 4, 1 / 35), (4, 4, 2 / 70), (5, 5, 2 / 252)]
+)
 def test_no_p_below_what_the_groups_can_reach(n, m, floor):
     assert p_floor(n, m) == pytest.approx(floor)
     test = permutation_test(100.0 + np.arange(n), np.arange(m))
@@ -96,23 +110,32 @@ def test_every_relabelling_once():
 def test_false_calls_along_curves_are_as_rare_as_said():
     rng = np.random.default_rng(4)
     repeats = 250
-    called = sum(np.nanmin(permutation_test(smooth(rng, 5, 3), smooth(rng, 5, 3)).p) < 0.05 for _ in range(repeats))
+    called = sum(
+        np.nanmin(permutation_test(smooth(rng, 5, 3), smooth(rng, 5, 3)).p) < 0.05
+        for _ in range(repeats)
+    )
     # Exact level of 5 against 5: the largest multiple of 2/252 below 0.05.
     assert stats.binomtest(called, repeats, 12 / 252).pvalue > 0.001
 
 
 def test_samples_alone_call_too_often():
     rng = np.random.default_rng(4)
-    called = [np.nanmin(permutation_test(smooth(rng, 5, 3), smooth(rng, 5, 3)).alone) < 0.05 for _ in range(60)]
+    called = [
+        np.nanmin(permutation_test(smooth(rng, 5, 3), smooth(rng, 5, 3)).alone) < 0.05
+        for _ in range(60)
+    ]
     assert np.mean(called) > 0.2
 
 
 def test_a_difference_is_found_where_it_is():
     rng = np.random.default_rng(5)
-    found = compare_groups(Group("mutant", animals("m", rng, 7, 6.0)), Group("control", animals("c", rng, 7)))
+    found = compare_groups(
+        Group("mutant", animals("m", rng, 7, 6.0)), Group("control", animals("c", rng, 7))
+    )
     knee, ankle = found.curves
     assert knee.regions
-    start, stop = knee.regions[0][0], knee.regions[-1][1]
+    start = knee.regions[0][0]
+    stop = knee.regions[-1][1]
     assert 35.0 < start < 60.0 < stop < 90.0
     assert not ankle.regions
     assert knee.difference[60] == pytest.approx(6.0, abs=1.5)
@@ -127,7 +150,8 @@ def test_a_difference_is_found_where_it_is():
 
 def test_more_strides_are_not_more_animals():
     rng = np.random.default_rng(6)
-    few, many = animals("m", rng, 4, 0.0, 4), animals("c", rng, 4, 0.0, 400)
+    few = animals("m", rng, 4, 0.0, 4)
+    many = animals("c", rng, 4, 0.0, 400)
     found = compare_groups(Group("m", few), Group("c", many))
     assert [one.first[2] for one in found.scalars] == [4, 4]
     assert found.floor == pytest.approx(2 / 70)
@@ -155,7 +179,10 @@ def test_gaps_and_what_not_all_have_are_left_out():
     values = np.array(own[0].curves["angle [°]"].values)
     values[:, 20:30, 0] = np.nan
     own[0] = Animal(
-        "m0", {"duty factor": own[0].scalars["duty factor"]}, {"angle [°]": Cycles(("knee", "ankle"), values)}, 8
+        name="m0",
+        scalars={"duty factor": own[0].scalars["duty factor"]},
+        curves={"angle [°]": Cycles(("knee", "ankle"), values)},
+        strides=8,
     )
     found = compare_groups(Group("m", tuple(own)), Group("c", animals("c", rng, 3)))
     assert [one.name for one in found.scalars] == ["duty factor"]
@@ -168,12 +195,15 @@ def test_gaps_and_what_not_all_have_are_left_out():
 def test_corrections():
     p = np.array([0.01, 0.04, 0.03, np.nan, 0.005])
     np.testing.assert_allclose(holm(p), [0.03, 0.06, 0.06, np.nan, 0.02])
-    np.testing.assert_allclose(benjamini_hochberg(p)[[0, 1, 2, 4]], stats.false_discovery_control(p[[0, 1, 2, 4]]))
+    np.testing.assert_allclose(
+        benjamini_hochberg(p)[[0, 1, 2, 4]], stats.false_discovery_control(p[[0, 1, 2, 4]])
+    )
 
 
 def test_effect_size_is_unbiased_and_its_interval_holds():
     rng = np.random.default_rng(9)
-    one, other = rng.normal(0.8, 1.0, (6, 20000)), rng.normal(0.0, 1.0, (5, 20000))
+    one = rng.normal(0.8, 1.0, (6, 20000))
+    other = rng.normal(0.0, 1.0, (5, 20000))
     assert np.mean(hedges_g(one, other)) == pytest.approx(0.8, abs=0.02)
     held = []
     for k in range(200):

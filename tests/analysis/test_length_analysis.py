@@ -37,13 +37,17 @@ def motion(model):
         phase = 2.0 * np.pi * (TIME / PERIOD - lag)
         values[:, columns[f"hip_flexion_{side}"]] = 0.4 * np.cos(phase)
         values[:, columns[f"knee_angle_{side}"]] = 0.4 - 0.3 * np.sin(phase)
-    return Motion(TIME, model.coordinate_names, values, velocities=np.gradient(values, TIME, axis=0))
+    return Motion(
+        TIME, model.coordinate_names, values, velocities=np.gradient(values, TIME, axis=0)
+    )
 
 
 @pytest.fixture(scope="module")
 def lengths(model, motion):
     found = muscle_kinematics(model, motion, moment_arms=False)
-    return Series(TIME, model.muscle_names, found.lengths), Series(TIME, model.muscle_names, found.velocities)
+    return Series(TIME, model.muscle_names, found.lengths), Series(
+        TIME, model.muscle_names, found.velocities
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +68,9 @@ def test_strides_are_those_of_the_motion(analysis):
         lasting = [one.duration for one in analysis.strides[limb]]
         assert len(lasting) >= 3
         np.testing.assert_allclose(lasting, PERIOD, atol=0.02)
-        np.testing.assert_allclose([one.length for one in analysis.strides[limb]], 1.2 * PERIOD, atol=0.03)
+        np.testing.assert_allclose(
+            [one.length for one in analysis.strides[limb]], 1.2 * PERIOD, atol=0.03
+        )
 
 
 def test_every_stride_shows_the_same_curve_and_both_sides_agree(analysis):
@@ -83,7 +89,9 @@ def test_ranges_are_those_of_the_lengths(model, analysis, lengths):
     assert one.limb == "calcn_r"
     assert one.shortest == pytest.approx(column.min(), abs=1e-4)
     assert one.longest == pytest.approx(column.max(), abs=1e-4)
-    assert one.excursion == pytest.approx(np.ptp(column) / model.muscle("recfem_r").optimal_fiber_length, rel=0.01)
+    assert one.excursion == pytest.approx(
+        np.ptp(column) / model.muscle("recfem_r").optimal_fiber_length, rel=0.01
+    )
     assert one.standing == default_path_lengths(model)[model.muscle_names.index("recfem_r")]
     fastest = -lengths[1]["recfem_r"][20:-20].min() / model.muscle("recfem_r").optimal_fiber_length
     assert one.shortening == pytest.approx(fastest, rel=0.03)
@@ -92,23 +100,34 @@ def test_ranges_are_those_of_the_lengths(model, analysis, lengths):
 def test_tables_hold_every_stride(analysis):
     rows = list(curve_rows(analysis))
     per_stride = {limb: len(cycles.names) for limb, cycles in analysis.lengths.items()}
-    assert len(rows) == 1 + sum(per_stride[limb] * len(own) for limb, own in analysis.strides.items())
+    assert len(rows) == 1 + sum(
+        per_stride[limb] * len(own) for limb, own in analysis.strides.items()
+    )
     assert list(rows[0][4:]) == [f"{k} %" for k in range(101)]
     row = next(one for one in rows if one[3] == "soleus_r")
     assert float(row[4]) == pytest.approx(1e3 * analysis.curves("soleus_r")[0, 0], rel=1e-4)
     cells = dict(zip(RANGE_HEAD, range_row(analysis.ranges[0]), strict=True))
-    assert float(cells["standing [mm]"]) == pytest.approx(1e3 * analysis.ranges[0].standing, rel=1e-3)
+    assert float(cells["standing [mm]"]) == pytest.approx(
+        1e3 * analysis.ranges[0].standing, rel=1e-3
+    )
 
 
 def test_the_page_shows_them_for_a_walk_only(model, motion, lengths):
-    given = shown("a walk", model=model, coordinates=motion, lengths=lengths[0], velocities=lengths[1])
+    given = shown(
+        "a walk", model=model, coordinates=motion, lengths=lengths[0], velocities=lengths[1]
+    )
     section = length_cycle_section(prepare(given))
     assert section is not None
     assert len(section.figures) >= 8
     assert "band right" in section.figures[0].svg
     assert len(section.grids[0].rows) == len(model.muscles)
     still = Motion(TIME, motion.names, np.tile(motion.values[:1], (len(TIME), 1)))
-    assert length_cycle_section(prepare(shown("still", model=model, coordinates=still, lengths=lengths[0]))) is None
+    assert (
+        length_cycle_section(
+            prepare(shown("still", model=model, coordinates=still, lengths=lengths[0]))
+        )
+        is None
+    )
     assert walking_strides(model, still) is None
 
 
@@ -130,4 +149,8 @@ def test_no_stride_is_named(model, motion, lengths):
     assert walking_strides(model, short) is None
     strides = walking_strides(model, motion)
     with pytest.raises(BadData, match="no whole stride"):
-        length_analysis(model, lengths[0], type(strides)((), {"calcn_r": np.zeros(0)}, {}, {}, np.eye(3)[0], 0.0))
+        length_analysis(
+            model,
+            lengths[0],
+            type(strides)((), {"calcn_r": np.zeros(0)}, {}, {}, np.eye(3)[0], 0.0),
+        )

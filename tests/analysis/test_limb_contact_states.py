@@ -20,12 +20,19 @@ from walker import GRAVITY, steps
 UP = np.array([0.0, 1.0, 0.0])
 TAP = Contacts(
     ("toe_l", "heel_r", "toe_r"),
-    (Touch("heel_r", 1.0, 2.0), Touch("toe_r", 1.5, 2.5, confidence=0.6), Touch("heel_r", 4.0, 4.5)),
+    (
+        Touch("heel_r", 1.0, 2.0),
+        Touch("toe_r", 1.5, 2.5, confidence=0.6),
+        Touch("heel_r", 4.0, 4.5),
+    ),
 )
 
 
 def test_whose_limb_a_site_is_on() -> None:
-    who = (Subject("tori", "tori_", (), ()), Subject("uke", "uke_", (), ()))
+    who = (
+        Subject(name="tori", prefix="tori_", bodies=(), muscles=()),
+        Subject(name="uke", prefix="uke_", bodies=(), muscles=()),
+    )
     assert limb_of("uke_heel_l", who).label == "uke left foot"
     assert limb_of("tori_sleeve_r", who).label == "tori right hand"
     assert limb_of("seat").label == "seat"
@@ -54,18 +61,29 @@ def test_each_touch_is_in_the_row_of_its_site() -> None:
 def test_contacts_of_plates_and_of_estimated_forces() -> None:
     time = np.arange(0.0, 2.0, 0.002)
     found = measured_contacts(steps(time, 60 * GRAVITY), UP, 60 * GRAVITY)
-    assert [(one.site, one.source) for one in found.intervals] == [("tibia_r", "plates"), ("tibia_l", "plates")]
+    assert [(one.site, one.source) for one in found.intervals] == [
+        ("tibia_r", "plates"),
+        ("tibia_l", "plates"),
+    ]
     assert found.intervals[0].start == pytest.approx(0.2, abs=0.03)
     assert found.intervals[0].stop == pytest.approx(0.9, abs=0.03)
     unknown = replace(steps(time, 60 * GRAVITY), bodies=("", "tibia_l"))
     plates = measured_contacts(unknown, UP, 60 * GRAVITY)
     assert plates.sites == (unknown.names[0], "tibia_l")
-    assert [(one.start, one.stop) for one in plates.intervals] == [(one.start, one.stop) for one in found.intervals]
+    assert [(one.start, one.stop) for one in plates.intervals] == [
+        (one.start, one.stop) for one in found.intervals
+    ]
     strength = np.zeros((50, 1))
-    strength[10:20], strength[30:31] = 0.8, 0.2
+    strength[10:20] = 0.8
+    strength[30:31] = 0.2
     zero = np.zeros((50, 1, 3))
     forces = ContactForces(
-        np.arange(50) / 10.0, (Site("hand_r", "hand_r", np.zeros((1, 3))),), strength, zero, zero, zero
+        time=np.arange(50) / 10.0,
+        sites=(Site("hand_r", "hand_r", np.zeros((1, 3))),),
+        activations=strength,
+        forces=zero,
+        points=zero,
+        torques=zero,
     )
     runs = [(one.start, one.stop, one.confidence) for one in solved_contacts(forces).intervals]
     assert runs == [(1.0, 1.9, 0.8), (3.0, 3.0, 0.2)]

@@ -20,21 +20,37 @@ def test_variance_and_range_over_phases() -> None:
     cutting = cut(Cuttable(SPAN, TIME), (), (Phase("low", 4.0, 10.0), Phase("rest", 0.0, 4.0)))
     assert cutting.by == "given"
     assert [one.name for one in cutting.stages] == ["rest", "low"]
-    rest, low = (measure(one, Series(TIME, ("y", "x", "z"), rows), None, TIME, None) for one in cutting.stages)
+    rest, low = (
+        measure(one, Series(TIME, ("y", "x", "z"), rows), None, TIME, None)
+        for one in cutting.stages
+    )
     assert (rest.mean[0], low.mean[0]) == pytest.approx((0.9, 0.86), abs=1e-6)
     assert (rest.range[0], low.range[0]) == pytest.approx((0.02, 0.1), rel=0.01)
-    assert (rest.variance[0], low.variance[0]) == pytest.approx((0.01**2 / 2, 0.05**2 / 2), rel=0.01)
+    assert (rest.variance[0], low.variance[0]) == pytest.approx(
+        (0.01**2 / 2, 0.05**2 / 2), rel=0.01
+    )
 
 
 def test_phases_of_one_stage_are_measured_one_by_one() -> None:
     """Steps of equal length that lead forward: the range within a step, not that of the whole way."""
     touching = (TIME % 2.0 < 1.0)[:, None]
-    cutting = cut(Cuttable(SPAN, TIME, (), ("right foot",), touching), ("contacts",))
+    cutting = cut(
+        Cuttable(span=SPAN, time=TIME, events=(), contact_names=("right foot",), touching=touching),
+        ("contacts",),
+    )
     assert cutting.by == "contacts"
     assert [one.name for one in cutting.stages] == ["right foot", "no contact"]
     # Names alone tell no contacts, nor do contacts that never come.
     for none in (None, np.zeros_like(touching)):
-        assert cut(Cuttable(SPAN, TIME, (), ("right foot",), none), ("contacts",)).stages == ()
+        assert (
+            cut(
+                Cuttable(
+                    span=SPAN, time=TIME, events=(), contact_names=("right foot",), touching=none
+                ),
+                ("contacts",),
+            ).stages
+            == ()
+        )
     forward = Series(TIME, ("y", "x", "z"), np.stack([0 * TIME, 1.5 * TIME, 0 * TIME], axis=1))
     found = measure(cutting.stages[0], forward, None, TIME, touching)
     assert found.range[1] == pytest.approx(1.5, rel=0.03)
@@ -45,7 +61,16 @@ def test_phases_of_one_stage_are_measured_one_by_one() -> None:
 def test_phases_of_contacts_cover_the_recording_once() -> None:
     random = np.random.default_rng(0)
     touching = random.random((40, 2)).repeat(26, axis=0)[: len(TIME)] > 0.5
-    cutting = cut(Cuttable(SPAN, TIME, (), ("right foot", "left foot"), touching), ("contacts",))
+    cutting = cut(
+        Cuttable(
+            span=SPAN,
+            time=TIME,
+            events=(),
+            contact_names=("right foot", "left foot"),
+            touching=touching,
+        ),
+        ("contacts",),
+    )
     phases = cutting.phases
     assert phases[0].start == 0.0
     assert phases[-1].stop == 10.0
@@ -56,17 +81,43 @@ def test_phases_of_contacts_cover_the_recording_once() -> None:
 def test_what_always_touches_is_not_named() -> None:
     touching = np.stack([TIME % 4.0 < 2.0, np.ones_like(TIME, dtype=bool)], axis=1)
     names = ("right foot", "left hand")
-    assert [one.name for one in cut(Cuttable(SPAN, TIME, (), names, touching), ("contacts",)).stages] == [
+    assert [
+        one.name
+        for one in cut(
+            Cuttable(span=SPAN, time=TIME, events=(), contact_names=names, touching=touching),
+            ("contacts",),
+        ).stages
+    ] == [
         "right foot",
         "nothing else",
     ]
-    assert cut(Cuttable(SPAN, TIME, (), names, np.ones_like(touching)), ("contacts",)).stages == ()
+    assert (
+        cut(
+            Cuttable(
+                span=SPAN,
+                time=TIME,
+                events=(),
+                contact_names=names,
+                touching=np.ones_like(touching),
+            ),
+            ("contacts",),
+        ).stages
+        == ()
+    )
 
 
 def test_a_flicker_is_no_phase() -> None:
     touching = np.ones((len(TIME), 1), dtype=bool)
     touching[500] = False
-    assert cut(Cuttable(SPAN, TIME, (), ("right foot",), touching), ("contacts",)).stages == ()
+    assert (
+        cut(
+            Cuttable(
+                span=SPAN, time=TIME, events=(), contact_names=("right foot",), touching=touching
+            ),
+            ("contacts",),
+        ).stages
+        == ()
+    )
 
 
 def test_cuts_in_order_until_one_cuts() -> None:
@@ -91,18 +142,23 @@ def test_muscles_and_borders() -> None:
     values = np.where(TIME[:, None] < 5.0, [0.2, 0.1], [0.4, 0.8])
     first, last = cut(Cuttable(SPAN, TIME), ("parts",)).stages[1:3]
     activations = Series(TIME, ("a", "b"), values)
-    a, b = (measure(one, None, activations, TIME, None) for one in (first, last))
+    a = measure(first, None, activations, TIME, None)
+    b = measure(last, None, activations, TIME, None)
     assert (a.activity, a.peak, a.strongest) == (pytest.approx(0.15), 0.2, 0)
     assert (b.activity, b.peak, b.strongest) == (pytest.approx(0.6), 0.8, 1)
     assert not (first.inside(TIME) & last.inside(TIME)).any()
-    empty = measure(cut(Cuttable((20.0, 21.0), TIME), ("parts",)).stages[0], None, activations, TIME, None)
+    empty = measure(
+        cut(Cuttable((20.0, 21.0), TIME), ("parts",)).stages[0], None, activations, TIME, None
+    )
     assert np.isnan(empty.activity)
     assert np.isnan(empty.mean).all()
 
 
 def test_words() -> None:
     assert together(["right foot", "left foot"]) == "both feet"
-    assert together(["left foot", "right hand", "right foot", "left hand"]) == "both feet + both hands"
+    assert (
+        together(["left foot", "right hand", "right foot", "left hand"]) == "both feet + both hands"
+    )
     assert together(["right hand", "left foot"]) == "right hand + left foot"
     assert together([], "flight") == "flight"
     with pytest.raises(BadData, match="later end"):

@@ -16,10 +16,14 @@ def slow_noise(random: np.random.Generator, cutoff: float) -> np.ndarray:
 
 @pytest.mark.parametrize("period", [0.5, 1.13, 5.0, 12.0])
 def test_a_period_in_noise_is_found(period: float) -> None:
-    """Figure 5.3 of [D]: about 5 s, 8 times in 40 s; here others too, with a drift and measurement noise."""
+    """Figure 5.3 of [D]: about 5 s, 8 times in 40 s; here others too, with a drift and measurement
+    noise.
+    """
     random = np.random.default_rng(3)
     wave = np.sin(2 * np.pi * TIME / period) + 0.4 * np.cos(4 * np.pi * TIME / period + 1.0)
-    found = find_period(TIME, 0.9 + 0.05 * wave + 0.02 * TIME + 0.01 * random.standard_normal(len(TIME)))
+    found = find_period(
+        TIME, 0.9 + 0.05 * wave + 0.02 * TIME + 0.01 * random.standard_normal(len(TIME))
+    )
     assert found.periodic
     assert found.confidence > 0.95
     assert found.period == pytest.approx(period, rel=0.01)
@@ -28,15 +32,20 @@ def test_a_period_in_noise_is_found(period: float) -> None:
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
 def test_size_place_and_clock_do_not_matter(scale: float) -> None:
-    wave = np.sin(2 * np.pi * TIME / 4.0) + 0.3 * np.random.default_rng(0).standard_normal(len(TIME))
-    one, other = find_period(TIME, wave), find_period(100.0 + TIME / 10.0, 7.0 + scale * wave)
+    wave = np.sin(2 * np.pi * TIME / 4.0) + 0.3 * np.random.default_rng(0).standard_normal(
+        len(TIME)
+    )
+    one = find_period(TIME, wave)
+    other = find_period(100.0 + TIME / 10.0, 7.0 + scale * wave)
     assert other.period == pytest.approx(one.period / 10.0, rel=1e-6)
     assert other.likeness == pytest.approx(one.likeness, abs=1e-6)
 
 
 @pytest.mark.parametrize("cutoff", [0.1, 0.3, 1.0, 5.0])
 def test_what_does_not_repeat_is_told_so(cutoff: float) -> None:
-    """Of noise that wanders at any pace, fewer get a period than one minus the confidence asked for allows."""
+    """Of noise that wanders at any pace, fewer get a period than one minus the confidence asked for
+    allows.
+    """
     random = np.random.default_rng(int(100 * cutoff))
     found = [find_period(TIME, slow_noise(random, cutoff)) for _ in range(120)]
     assert np.mean([one.periodic for one in found]) <= 0.05

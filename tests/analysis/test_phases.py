@@ -11,11 +11,16 @@ UP = np.array([0.0, 1.0, 0.0])
 G = 9.80665
 
 
-def jump(rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0) -> tuple[Wrenches, Series, dict[str, float]]:
-    """A jump whose center of mass is known: stand 1 s, dip, push, fly ballistically, land and stand."""
+def jump(
+    rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0
+) -> tuple[Wrenches, Series, dict[str, float]]:
+    """A jump whose center of mass is known: stand 1 s, dip, push, fly ballistically, land and
+    stand.
+    """
     time = np.arange(0.0, 4.0, 1.0 / rate)
     acceleration = np.zeros_like(time)
-    down, push = (time >= 1.0) & (time < 1.3), (time >= 1.3) & (time < 1.75)
+    down = (time >= 1.0) & (time < 1.3)
+    push = (time >= 1.3) & (time < 1.75)
     acceleration[down] = -5.0 * np.sin(np.pi * (time[down] - 1.0) / 0.3)
     acceleration[push] = 13.0 * np.sin(np.pi * (time[push] - 1.3) / 0.45)
     speed = np.cumsum(acceleration) / rate
@@ -25,7 +30,11 @@ def jump(rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0) -> tuple[
     acceleration[flying] = -G
     landing = (time >= off + flight) & (time < off + flight + 0.3)
     acceleration[landing] = (
-        np.pi / 2 * float(speed[push][-1]) / 0.3 * np.sin(np.pi * (time[landing] - off - flight) / 0.3)
+        np.pi
+        / 2
+        * float(speed[push][-1])
+        / 0.3
+        * np.sin(np.pi * (time[landing] - off - flight) / 0.3)
     )
     speed = np.cumsum(acceleration) / rate
     height = 1.0 + np.cumsum(speed) / rate
@@ -33,7 +42,14 @@ def jump(rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0) -> tuple[
     force += np.random.default_rng(1).normal(0.0, noise, len(time))
     forces = np.zeros((len(time), 1, 3))
     forces[:, 0, 1] = force
-    wrenches = Wrenches(time, ("plate",), ("",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    wrenches = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("",),
+        forces=forces,
+        points=np.zeros_like(forces),
+        torques=np.zeros_like(forces),
+    )
     before = time < off
     known = {
         "Onset": 1.0,
@@ -51,7 +67,9 @@ def jump(rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0) -> tuple[
 @pytest.mark.parametrize("with_weight", [True, False])
 def test_a_jump_has_the_phases_it_was_made_with(with_com: bool, with_weight: bool) -> None:
     wrenches, com, known = jump()
-    found = find_movement(wrenches, UP, 75.0 * G if with_weight else None, com if with_com else None)
+    found = find_movement(
+        wrenches, UP, 75.0 * G if with_weight else None, com if with_com else None
+    )
     assert found.kind == "jump"
     times = {event.label: event.time for event in found.events}
     assert list(times) == ["Onset", "Braking", "Lowest point", "Take-off", "Landing"]
@@ -60,7 +78,9 @@ def test_a_jump_has_the_phases_it_was_made_with(with_com: bool, with_weight: boo
         assert times[label] == pytest.approx(known[label], abs=0.012), label
     measures = {one.name: one.value for one in found.measures}
     assert measures["Body weight on the plates"] == pytest.approx(75.0 * G, rel=0.003)
-    assert measures["Jump height from take-off velocity"] == pytest.approx(known["height"], rel=0.04)
+    assert measures["Jump height from take-off velocity"] == pytest.approx(
+        known["height"], rel=0.04
+    )
     assert measures["Jump height from flight time"] == pytest.approx(known["height"], rel=0.04)
 
 
@@ -69,14 +89,20 @@ def test_steps_become_strikes_and_offs_on_their_sides() -> None:
     found = find_movement(steps(time, 600.0), UP, 600.0)
     assert found.kind == "gait"
     told = [(event.side, event.label) for event in found.events]
-    assert told == [("Right", "Foot Strike"), ("Left", "Foot Strike"), ("Right", "Foot Off"), ("Left", "Foot Off")]
+    assert told == [
+        ("Right", "Foot Strike"),
+        ("Left", "Foot Strike"),
+        ("Right", "Foot Off"),
+        ("Left", "Foot Off"),
+    ]
     assert [event.time for event in found.events] == pytest.approx([0.2, 0.7, 0.9, 1.4], abs=0.012)
 
 
 def test_a_mouse_walks_like_a_man() -> None:
     """Events do not depend on the size of the forces."""
     time = np.arange(0.0, 1.6, 0.001)
-    large, small = find_movement(steps(time, 600.0), UP, 600.0), find_movement(steps(time, 0.3), UP, 0.3)
+    large = find_movement(steps(time, 600.0), UP, 600.0)
+    small = find_movement(steps(time, 0.3), UP, 0.3)
     assert [event.time for event in small.events] == [event.time for event in large.events]
 
 
@@ -87,23 +113,39 @@ def test_running_is_no_jump() -> None:
     for i, start in enumerate(np.arange(0.1, 1.9, 0.4)):
         inside = (time >= start) & (time <= start + 0.22)
         forces[inside, i % 2, 1] = 1500 * np.sin(np.pi * (time[inside] - start) / 0.22)
-    wrenches = Wrenches(time, ("1", "2"), ("foot_r", "foot_l"), forces, 0 * forces, 0 * forces)
+    wrenches = Wrenches(
+        time=time,
+        names=("1", "2"),
+        bodies=("foot_r", "foot_l"),
+        forces=forces,
+        points=0 * forces,
+        torques=0 * forces,
+    )
     assert find_movement(wrenches, UP, 700.0).kind == "gait"
 
 
 @pytest.mark.parametrize(
-    "forces", [np.zeros((5, 1, 3)), np.full((5, 1, 3), np.nan), np.zeros((5, 0, 3)), np.zeros((1, 1, 3))]
+    "forces",
+    [np.zeros((5, 1, 3)), np.full((5, 1, 3), np.nan), np.zeros((5, 0, 3)), np.zeros((1, 1, 3))],
 )
 def test_nothing_is_found_where_nothing_presses(forces: np.ndarray) -> None:
     names = tuple(str(i) for i in range(forces.shape[1]))
-    wrenches = Wrenches(np.arange(float(len(forces))), names, names, forces, 0 * forces, 0 * forces)
+    wrenches = Wrenches(
+        time=np.arange(float(len(forces))),
+        names=names,
+        bodies=names,
+        forces=forces,
+        points=0 * forces,
+        torques=0 * forces,
+    )
     assert find_movement(wrenches, UP, 700.0).events == ()
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 0.5), st.floats(0.1, 0.5)), min_size=1, max_size=5))
 def test_contacts_are_where_they_were_put(parts: list[tuple[float, float]]) -> None:
     rate = 1000.0
-    force, edges = [], []
+    force = []
+    edges = []
     for gap, load in parts:
         force += [0.0] * round(gap * rate)
         edges.append(len(force))
@@ -135,7 +177,14 @@ def test_feet_of_one_who_sits_and_rises_make_no_jump() -> None:
     force = np.where(time < 1.0, 95.0, np.where(time < 1.4, 0.0, 700.0))
     forces = np.zeros((len(time), 1, 3))
     forces[:, 0, 1] = force
-    wrenches = Wrenches(time, ("plate",), ("",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    wrenches = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("",),
+        forces=forces,
+        points=np.zeros_like(forces),
+        torques=np.zeros_like(forces),
+    )
     assert find_movement(wrenches, UP, 700.0).kind != "jump"
 
 

@@ -1,4 +1,6 @@
-"""Contacts of a run from the force that the center of mass shows, and events of several sources in one stride."""
+"""Contacts of a run from the force that the center of mass shows, and events of several sources in
+one stride.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,15 @@ from myomorph.analysis.walking import _dip, running_contacts, vertical_force
 from myomorph.model.series import Event, Motion
 from myomorph.rigid.tree import compile_tree
 
-RATE, CONTACT, FLIGHT = 200.0, 0.25, 0.12
+RATE = 200.0
+CONTACT = 0.25
+FLIGHT = 0.12
 
 
 def bouncing(contact: float, flight: float) -> Motion:
-    """The made walker falls and is thrown up again by half-sine forces, each leg's turn with its foot below."""
+    """The made walker falls and is thrown up again by half-sine forces, each leg's turn with its
+    foot below.
+    """
     model = walker()
     period = contact + flight
     time = np.arange(0.0, 8.0 * period, 1.0 / RATE)
@@ -23,7 +29,9 @@ def bouncing(contact: float, flight: float) -> Motion:
     g = float(np.linalg.norm(model.gravity))
     # The mean force over a period is the weight.
     peak = g * period / contact * np.pi / 2.0
-    force = np.where(phase < contact, peak * np.sin(np.pi * np.minimum(phase, contact) / contact), 0.0)
+    force = np.where(
+        phase < contact, peak * np.sin(np.pi * np.minimum(phase, contact) / contact), 0.0
+    )
     speed = np.cumsum(force - g) / RATE
     height = np.cumsum(speed - speed.mean()) / RATE
     tree = compile_tree(model)
@@ -49,7 +57,9 @@ def test_a_run_shows_when_its_feet_are_on_the_ground() -> None:
     np.testing.assert_allclose(np.diff(middle), 2.0 * period, atol=0.02)
 
 
-@pytest.mark.parametrize(("beyond", "least"), [([0.4, 0.2, 0.1], 0.1), ([0.4, 0.2, 0.6, 0.0], 0.2), ([0.4], 0.4)])
+@pytest.mark.parametrize(
+    ("beyond", "least"), [([0.4, 0.2, 0.1], 0.1), ([0.4, 0.2, 0.6, 0.0], 0.2), ([0.4], 0.4)]
+)
 def test_a_flight_ends_with_the_next_contact_or_with_the_recording(beyond, least) -> None:
     assert _dip(np.array(beyond)) == least
 
@@ -67,8 +77,17 @@ def test_a_walk_has_no_running_contacts() -> None:
 
 def test_events_of_another_kind_are_shifted_by_what_known_ones_are_off() -> None:
     """Strikes seen 50 ms early; one of them is known: the stride stays as long as it was."""
-    track = FootTrack(np.zeros((2, 3)), np.array([1.0, 2.0, 3.0]), np.array([1.6, 2.6]), np.ones(2, bool))
-    events = [Event(2.05, "Foot Strike", "Right"), Event(1.7, "foot off", "right"), Event(2.5, "Foot Strike", "Left")]
+    track = FootTrack(
+        place=np.zeros((2, 3)),
+        strikes=np.array([1.0, 2.0, 3.0]),
+        lifts=np.array([1.6, 2.6]),
+        seen=np.ones(2, bool),
+    )
+    events = [
+        Event(2.05, "Foot Strike", "Right"),
+        Event(1.7, "foot off", "right"),
+        Event(2.5, "Foot Strike", "Left"),
+    ]
     found = on_events(track, Limb("foot_r", ("foot_r",)), events)
     np.testing.assert_allclose(found.strikes, [1.05, 2.05, 3.05])
     np.testing.assert_allclose(found.lifts, [1.7, 2.7])

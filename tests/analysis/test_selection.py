@@ -17,8 +17,11 @@ semimem semiten soleus tfl tibant tibpost vasint vaslat vasmed"""
 _GAIT2392 = """glut_med1 glut_med2 glut_med3 glut_min1 semimem semiten bifemlh bifemsh sar add_long add_brev add_mag1
 add_mag2 add_mag3 tfl pect grac glut_max1 glut_max2 glut_max3 iliacus psoas quad_fem gem peri rect_fem vas_med vas_int
 vas_lat med_gas lat_gas soleus tib_post flex_dig flex_hal tib_ant per_brev per_long per_tert ext_dig ext_hal"""
-RAJAGOPAL, GAIT2392 = _RAJAGOPAL.split(), _GAIT2392.split()
-LARGE = [f"{name}140" if name in ("bflh", "bfsh", "gaslat", "vaslat") else name for name in RAJAGOPAL]
+RAJAGOPAL = _RAJAGOPAL.split()
+GAIT2392 = _GAIT2392.split()
+LARGE = [
+    f"{name}140" if name in ("bflh", "bfsh", "gaslat", "vaslat") else name for name in RAJAGOPAL
+]
 
 
 @pytest.mark.parametrize("family", [RAJAGOPAL, GAIT2392, LARGE])
@@ -79,6 +82,7 @@ def test_the_root_is_what_hangs_free_on_the_ground() -> None:
 def test_coordinates_shown_are_those_that_move() -> None:
     body = model()
     found = coordinate_pairs(
-        body, dict.fromkeys(body.coordinate_names, 0.5) | {"knee_angle_r": 0.0, "knee_angle_l": 0.001}
+        body,
+        dict.fromkeys(body.coordinate_names, 0.5) | {"knee_angle_r": 0.0, "knee_angle_l": 0.001},
     )
     assert [pair.label for pair in found] == ["Hip flexion"]

@@ -1,4 +1,6 @@
-"""Strides: those of made gaits come back, plates agree with markers on a real walk, a mouse's with gaps."""
+"""Strides: those of made gaits come back, plates agree with markers on a real walk, a mouse's with
+gaps.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +15,48 @@ from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Z_UP_TO_Y_UP, Series, Wrenches
 
-Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-LIMBS = (Limb("foot_r", ("paw_r",), bodies=("foot_r",)), Limb("foot_l", ("paw_l",), bodies=("foot_l",)))
+Y = np.array([0.0, 1.0, 0.0])
+Z = np.array([0.0, 0.0, 1.0])
+LIMBS = (
+    Limb("foot_r", ("paw_r",), bodies=("foot_r",)),
+    Limb("foot_l", ("paw_l",), bodies=("foot_l",)),
+)
 
 
-def gait(rate=200.0, period=0.25, duty=0.6, length=0.06, width=0.02, phase=0.5, belt=False, cycles=12, turn=0.0):
-    """Two paws that stand still on the ground (or go with it) and swing evenly; strikes are at whole cycles."""
+def gait(
+    rate=200.0,
+    period=0.25,
+    duty=0.6,
+    length=0.06,
+    width=0.02,
+    phase=0.5,
+    belt=False,
+    cycles=12,
+    turn=0.0,
+):
+    """Two paws that stand still on the ground (or go with it) and swing evenly; strikes are at
+    whole cycles.
+    """
     time = np.arange(0.0, cycles * period, 1.0 / rate)
     speed = length / period
     columns = []
     for side, shift in ((-0.5, 0.0), (0.5, phase)):
         cycle = time / period - shift
-        k, share = np.floor(cycle), cycle % 1.0
+        k = np.floor(cycle)
+        share = cycle % 1.0
         u = np.clip((share - duty) / (1.0 - duty), 0.0, 1.0)
         forward = (k + shift + u) * length
         height = 0.1 * length * np.sin(np.pi * u)
         columns.append(np.stack([forward, np.full_like(time, side * width), height], axis=1))
-    body = np.stack([speed * time + 0.3 * length, np.zeros_like(time), np.full_like(time, length)], axis=1)
+    body = np.stack(
+        [speed * time + 0.3 * length, np.zeros_like(time), np.full_like(time, length)], axis=1
+    )
     points = np.stack([*columns, body], axis=1)
     if belt:
         points[:, :, 0] -= (speed * time)[:, None]
-    turned = points @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    turned = points @ np.array(
+        [[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
+    )
     return Series(time, ("paw_r", "paw_l", "trunk"), turned)
 
 
@@ -47,7 +70,9 @@ def test_a_made_gait_comes_back(belt, rate, period, length):
     assert len(found.of("foot_r")) == 10
     truth = period * np.arange(1, 12)
     np.testing.assert_allclose(found.strikes["foot_r"], truth, atol=1.5 / rate)
-    np.testing.assert_allclose(found.lifts["foot_r"], period * (np.arange(12) + 0.6), atol=1.5 / rate)
+    np.testing.assert_allclose(
+        found.lifts["foot_r"], period * (np.arange(12) + 0.6), atol=1.5 / rate
+    )
     for one in found.strides:
         assert one.duration == pytest.approx(period, abs=1.0 / rate)
         assert one.length == pytest.approx(length, rel=0.03)
@@ -60,9 +85,14 @@ def test_a_made_gait_comes_back(belt, rate, period, length):
 def test_strides_do_not_depend_on_how_the_room_lies():
     made = gait(turn=0.0)
     turned = Series(made.time, made.names, made.values @ Z_UP_TO_Y_UP.T)
-    here, there = find_strides(made, LIMBS, ("trunk",), Z), find_strides(turned, LIMBS, ("trunk",), Y)
-    assert [one.start for one in here.strides] == pytest.approx([one.start for one in there.strides])
-    assert [one.length for one in here.strides] == pytest.approx([one.length for one in there.strides])
+    here = find_strides(made, LIMBS, ("trunk",), Z)
+    there = find_strides(turned, LIMBS, ("trunk",), Y)
+    assert [one.start for one in here.strides] == pytest.approx(
+        [one.start for one in there.strides]
+    )
+    assert [one.length for one in here.strides] == pytest.approx(
+        [one.length for one in there.strides]
+    )
 
 
 def test_what_was_not_seen_is_not_told():
@@ -84,8 +114,13 @@ def test_what_was_not_seen_is_not_told():
 
 def test_noise_of_the_markers_moves_events_little():
     made = gait()
-    noisy = Series(made.time, made.names, made.values + np.random.default_rng(1).normal(0.0, 3e-4, made.values.shape))
-    found, truth = find_strides(noisy, LIMBS, ("trunk",), Z), find_strides(made, LIMBS, ("trunk",), Z)
+    noisy = Series(
+        made.time,
+        made.names,
+        made.values + np.random.default_rng(1).normal(0.0, 3e-4, made.values.shape),
+    )
+    found = find_strides(noisy, LIMBS, ("trunk",), Z)
+    truth = find_strides(made, LIMBS, ("trunk",), Z)
     for limb in ("foot_r", "foot_l"):
         errors = [np.abs(truth.strikes[limb] - one).min() for one in found.strikes[limb]]
         assert len(errors) == len(truth.strikes[limb])
@@ -99,7 +134,14 @@ def test_plates_go_before_markers():
     share = (time - 0.004) / 0.25 % 1.0
     forces = np.zeros((len(time), 1, 3))
     forces[:, 0, 2] = np.where(share < 0.6, 0.25, 0.0)
-    loads = Wrenches(time, ("plate",), ("foot_r",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    loads = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("foot_r",),
+        forces=forces,
+        points=np.zeros_like(forces),
+        torques=np.zeros_like(forces),
+    )
     found = find_strides(made, LIMBS, ("trunk",), Z, wrenches=loads, weight=0.25)
     assert {one.source for one in found.of("foot_r")} == {"plates"}
     assert {one.source for one in found.of("foot_l")} == {"markers"}
@@ -113,7 +155,8 @@ def test_a_real_walk_against_its_plates(data):
     markers = read_trc(data(f"{folder}/markers_walk.trc")).markers
     loads = read_external_loads(data(f"{folder}/grf_walk.xml"))
     limbs = [
-        Limb(f"calcn_{s}", (f"{s.upper()}.Heel",), (f"{s.upper()}.Toe",), bodies=(f"calcn_{s}",)) for s in ("r", "l")
+        Limb(f"calcn_{s}", (f"{s.upper()}.Heel",), (f"{s.upper()}.Toe",), bodies=(f"calcn_{s}",))
+        for s in ("r", "l")
     ]
     seen = find_strides(markers, limbs, ("R.ASIS", "L.ASIS"), Y)
     told = find_strides(markers, limbs, ("R.ASIS", "L.ASIS"), Y, wrenches=loads, weight=735.0)
@@ -159,9 +202,13 @@ def test_curves_over_the_cycle():
     time = np.linspace(0.0, 3.0, 301)
     values = np.stack([np.sin(2 * np.pi * time), time], axis=1)
     values[(time > 1.3) & (time < 1.6), 0] = np.nan
-    cycles = over_cycles(Series(time, ("wave", "line"), values), [(0.0, 1.0), (1.0, 2.0), (2.5, 3.5)])
+    cycles = over_cycles(
+        Series(time, ("wave", "line"), values), [(0.0, 1.0), (1.0, 2.0), (2.5, 3.5)]
+    )
     assert cycles.values.shape == (3, 101, 2)
-    np.testing.assert_allclose(cycles.values[0, :, 0], np.sin(2 * np.pi * np.linspace(0, 1, 101)), atol=1e-3)
+    np.testing.assert_allclose(
+        cycles.values[0, :, 0], np.sin(2 * np.pi * np.linspace(0, 1, 101)), atol=1e-3
+    )
     np.testing.assert_allclose(cycles.values[1, :, 1], np.linspace(1, 2, 101), atol=1e-12)
     assert np.isnan(cycles.values[1, 35:55, 0]).all()
     assert np.isfinite(cycles.values[1, 65:, 0]).all()

@@ -1,4 +1,6 @@
-"""Bad input ends with exit status 2 and one line that helps, within seconds, and leaves nothing behind."""
+"""Bad input ends with exit status 2 and one line that helps, within seconds, and leaves nothing
+behind.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,19 @@ BOMB = """<?xml version="1.0"?>
 
 def steps_of(arm):
     """Every command with good arguments, by the role of the file that a test may spoil."""
-    model, out = ("--model", arm.model), arm.out
+    model = ("--model", arm.model)
+    out = arm.out
     ik = ("ik", *model, "--markers", arm.markers, "--out", arm.folder / "out.mot")
-    inverse = ("id", *model, "--motion", arm.motion, "--loads", arm.loads, "--out", arm.folder / "out.sto")
+    inverse = (
+        "id",
+        *model,
+        "--motion",
+        arm.motion,
+        "--loads",
+        arm.loads,
+        "--out",
+        arm.folder / "out.sto",
+    )
     muscles = ("muscles", *model, "--motion", arm.motion, "--out", out)
     tension = ("tension", *model, "--motion", arm.motion, "--loads", arm.loads, "--out", out)
     return {
@@ -45,7 +57,9 @@ def refused(told, *words):
 
 @pytest.fixture
 def spoilt(arm, command):
-    """Runs all commands that read a file of one role and expects each to refuse; nothing may be left."""
+    """Runs all commands that read a file of one role and expects each to refuse; nothing may be
+    left.
+    """
 
     def check(role, *words):
         before = {path: path.stat().st_mtime_ns for path in arm.folder.rglob("*")}
@@ -125,7 +139,10 @@ def test_markers_never_seen(arm, spoilt):
 def test_no_frames(role, rows, arm, spoilt):
     path = getattr(arm, role)
     lines = path.read_text().splitlines()
-    path.write_text("\n".join(lines[: next(i for i, line in enumerate(lines) if line[:2] in ("1\t", "0\t"))]) + "\n")
+    path.write_text(
+        "\n".join(lines[: next(i for i, line in enumerate(lines) if line[:2] in ("1\t", "0\t"))])
+        + "\n"
+    )
     spoilt(role, path.name)
 
 
@@ -139,7 +156,9 @@ def test_metres_called_millimetres(arm, spoilt):
     head = next(i for i, line in enumerate(lines) if line.startswith("Frame#")) + 2
     for i in range(head, len(lines)):
         cells = lines[i].split("\t")
-        lines[i] = "\t".join(cells[:2] + [f"{float(one) / 1000:.9f}" if one.strip() else one for one in cells[2:]])
+        lines[i] = "\t".join(
+            cells[:2] + [f"{float(one) / 1000:.9f}" if one.strip() else one for one in cells[2:]]
+        )
     arm.markers.write_text("\n".join(lines))
     spoilt("markers", arm.markers.name, "metres", "unit")
 
@@ -170,7 +189,9 @@ def test_loads_on_an_unknown_body(arm, spoilt):
 
 def test_forces_of_another_time(arm, spoilt):
     lines = arm.forces.read_text().splitlines()
-    later = ["\t".join([f"{float(line.split()[0]) + 50:g}", *line.split()[1:]]) for line in lines[7:]]
+    later = [
+        "\t".join([f"{float(line.split()[0]) + 50:g}", *line.split()[1:]]) for line in lines[7:]
+    ]
     # As long as the motion they would be moved: these are a part of them.
     arm.forces.write_text("\n".join([*lines[:7], *later[: len(later) // 2]]))
     spoilt("forces", "50", "--force-shift")
@@ -185,7 +206,9 @@ def test_model_without_mass(arm, command):
 
 def test_entity_bomb(arm, spoilt):
     names = "abcdefghij"
-    entities = "".join(f'<!ENTITY {name} "{10 * f"&{other};"}">\n' for other, name in itertools.pairwise(names))
+    entities = "".join(
+        f'<!ENTITY {name} "{10 * f"&{other};"}">\n' for other, name in itertools.pairwise(names)
+    )
     arm.model.write_text(BOMB.format(entities=entities))
     spoilt("model", arm.model.name)
 
@@ -198,7 +221,10 @@ def test_mesh_outside_of_the_folder(arm, command):
         '<mujoco><asset><mesh name="m" file="../outside.stl"/></asset><worldbody><body><joint/>'
         '<geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
     )
-    refused(command("muscles", "--model", model, "--motion", arm.motion, "--out", arm.out), "outside.stl")
+    refused(
+        command("muscles", "--model", model, "--motion", arm.motion, "--out", arm.out),
+        "outside.stl",
+    )
     assert not arm.out.exists()
 
 
@@ -228,7 +254,9 @@ def test_bad_tension_options(arm, command):
 def test_unknown_command_and_missing_options(arm, command):
     refused(command("ikk"), "ikk", "'ik'")
     refused(command("ik", "--model", arm.model), "--out", "myomorph ik --help")
-    refused(command("ik", "--model", arm.model, "--out", arm.folder / "out.mot"), "--markers", "--imu")
+    refused(
+        command("ik", "--model", arm.model, "--out", arm.folder / "out.mot"), "--markers", "--imu"
+    )
     refused(command("info", arm.folder / "nothing.trc"), "nothing.trc")
     refused(command("info", arm.folder), arm.folder.name)
 

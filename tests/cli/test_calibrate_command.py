@@ -22,7 +22,9 @@ def files(tmp_path_factory):
     one = person(frames=60)
     write_osim(one.generic, folder / "generic.osim")
     write_trc(one.markers, folder / "dance.trc")
-    still = Markers(one.markers.time[:5], one.markers.names, np.repeat(one.markers.values[:1], 5, axis=0))
+    still = Markers(
+        one.markers.time[:5], one.markers.names, np.repeat(one.markers.values[:1], 5, axis=0)
+    )
     write_trc(still, folder / "static.trc")
     return folder, one
 
@@ -38,17 +40,30 @@ def test_a_model_and_its_tables(files, command):
     folder, one = files
     out = folder / "subject.osim"
     told = command(
-        "calibrate", "--model", folder / "generic.osim", "--markers", folder / "dance.trc", "--static",
-        folder / "static.trc", "--mass", 71.5, "--noise", 0, "--frames", 20, "--symmetric", "--out", out,
-    )  # fmt: skip
+        "calibrate",
+        "--model",
+        folder / "generic.osim",
+        "--markers",
+        folder / "dance.trc",
+        "--static",
+        folder / "static.trc",
+        "--mass",
+        71.5,
+        "--noise",
+        0,
+        "--frames",
+        20,
+        "--symmetric",
+        "--out",
+        out,
+    )
     assert told.status == 0, told.err
     assert "root mean square" in told.out
     assert "femur_y" in told.out
     model = read_model(out)
     assert model.mass == pytest.approx(71.5)
-    thigh, true = (
-        next(j for j in m.joints if j.child == "tibia_r").parent_frame.translation for m in (model, one.model)
-    )
+    thigh = next(j for j in model.joints if j.child == "tibia_r").parent_frame.translation
+    true = next(j for j in one.model.joints if j.child == "tibia_r").parent_frame.translation
     assert np.linalg.norm(thigh) == pytest.approx(np.linalg.norm(true), abs=2e-3)
     with (folder / "subject_calibration" / "lengths.csv").open() as stream:
         lengths = {row["length"]: row for row in csv.DictReader(stream)}
@@ -62,19 +77,34 @@ def test_a_model_and_its_tables(files, command):
 
 def test_bad_input_is_named(files, command):
     folder, one = files
-    model, markers = folder / "generic.osim", folder / "dance.trc"
+    model = folder / "generic.osim"
+    markers = folder / "dance.trc"
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     out = folder / "other.osim"
     refused(command("calibrate", "--model", model, "--out", out), "--markers")
-    refused(command("calibrate", "--model", model, "--markers", folder / "no.trc", "--out", out), "no.trc")
-    refused(command("calibrate", "--model", model, "--markers", markers, "--out", folder / "x.mot"), ".osim")
     refused(
-        command("calibrate", "--model", model, "--markers", markers, "--time", 50, 60, "--out", out),
+        command("calibrate", "--model", model, "--markers", folder / "no.trc", "--out", out),
+        "no.trc",
+    )
+    refused(
+        command("calibrate", "--model", model, "--markers", markers, "--out", folder / "x.mot"),
+        ".osim",
+    )
+    refused(
+        command(
+            "calibrate", "--model", model, "--markers", markers, "--time", 50, 60, "--out", out
+        ),
         "has nothing from",
     )
-    refused(command("calibrate", "--model", model, "--markers", markers, "--mass", -3, "--out", out), "mass")
+    refused(
+        command("calibrate", "--model", model, "--markers", markers, "--mass", -3, "--out", out),
+        "mass",
+    )
     large = Markers(one.markers.time, one.markers.names, 1e3 * one.markers.values)
     write_trc(large, folder / "large.trc")
-    refused(command("calibrate", "--model", model, "--markers", folder / "large.trc", "--out", out), "millimetres")
+    refused(
+        command("calibrate", "--model", model, "--markers", folder / "large.trc", "--out", out),
+        "millimetres",
+    )
     (folder / "large.trc").unlink()
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before

@@ -1,4 +1,6 @@
-"""`tension --contact-points`: files, notes, store, report and tables; what is wrong with a file is said."""
+"""`tension --contact-points`: files, notes, store, report and tables; what is wrong with a file is
+said.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ normal = [0.0, -1.0, 0.0]
 
 @pytest.fixture
 def solved(arm, command, tmp_path):
-    points, out = tmp_path / "points.toml", tmp_path / "tension"
+    points = tmp_path / "points.toml"
+    out = tmp_path / "tension"
     points.write_text(POINTS)
     files = ("--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
     told = command("tension", *files, "--contact-points", points, "--out", out)
@@ -53,10 +56,17 @@ def test_points_of_a_file_go_through_tables_store_and_report(solved, command):
     with open(out / "joint_contact_strides.csv") as lines:
         rows = list(csv.DictReader(lines))
     peak = next(one for one in rows if one["load"] == "total_elbow")
-    assert (peak["stride"], float(peak["peak_N"])) == ("recording", pytest.approx(table["total_elbow"].max(), rel=1e-4))
-    assert float(peak["impulse_N_s"]) == pytest.approx(_integral(table["total_elbow"], table.time), rel=1e-4)
+    assert (peak["stride"], float(peak["peak_N"])) == (
+        "recording",
+        pytest.approx(table["total_elbow"].max(), rel=1e-4),
+    )
+    assert float(peak["impulse_N_s"]) == pytest.approx(
+        _integral(table["total_elbow"], table.time), rel=1e-4
+    )
     numbers = {one.quantity: one.value for one in joint_contact_numbers(stored, None)}
-    assert numbers["total_elbow contact force, peak"] == pytest.approx(table["total_elbow"].max() / found.weight)
+    assert numbers["total_elbow contact force, peak"] == pytest.approx(
+        table["total_elbow"].max() / found.weight
+    )
     assert command("report", out).status == 0
     assert 'id="joint_contacts"' in (out / "report.html").read_text()
 
@@ -68,7 +78,10 @@ def _integral(values, time):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[[point]]\njoint = 'knee'\nname = 'a'\npoint = [0.0, 0.0, 0.0]\nnormal = [0, 1, 0]", "knee"),
+        (
+            "[[point]]\njoint = 'knee'\nname = 'a'\npoint = [0.0, 0.0, 0.0]\nnormal = [0, 1, 0]",
+            "knee",
+        ),
         ("[[point]]\njoint = 'elbow'\nname = 'a'\npoint = [0.0, 0.0]", "point"),
         ("[[points]]\njoint = 'elbow'", "points"),
         ("", "point"),
@@ -78,7 +91,16 @@ def _integral(values, time):
 def test_a_wrong_file_is_refused_with_what_is_wrong(arm, command, tmp_path, text, words):
     points = tmp_path / "points.toml"
     points.write_text(text)
-    files = ("--model", arm.model, "--motion", arm.motion, "--contact-points", points, "--out", tmp_path / "out")
+    files = (
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--contact-points",
+        points,
+        "--out",
+        tmp_path / "out",
+    )
     told = command("tension", *files)
     assert told.status == 2
     assert words in told.err
@@ -97,7 +119,16 @@ def _forces(moment, pull):
     zero = np.zeros((3, 1))
     shared = np.array([[900.0, 0.0]] * 3)
     return JointContactForces(
-        np.arange(3.0), ("knee",), ("in", "out"), ("knee",) * 2, shared, one, zero, zero + pull, zero + moment, 700.0
+        time=np.arange(3.0),
+        joints=("knee",),
+        points=("in", "out"),
+        joint_of=("knee",) * 2,
+        forces=shared,
+        totals=one,
+        shear=zero,
+        unbalanced_forces=zero + pull,
+        unbalanced_moments=zero + moment,
+        weight=700.0,
     )
 
 
@@ -113,7 +144,9 @@ def test_notes_tell_of_lift_off_and_of_nothing_else():
 
 
 def test_coordinates_that_couplers_drive_follow_them(data):
-    """A patella's angle in degrees, as OpenSim 3 wrote it, is put right and told; where it is right nothing is said."""
+    """A patella's angle in degrees, as OpenSim 3 wrote it, is put right and told; where it is right
+    nothing is said.
+    """
     model = open_model(data("knee-implant-walk/nominal.osim"))
     names = ("knee_angle_l", "knee_angle_l_beta")
     right = Motion(np.arange(3.0), names, np.array([[0.2, 0.2], [0.6, 0.6], [np.nan, np.nan]]))
@@ -128,15 +161,24 @@ def test_coordinates_that_couplers_drive_follow_them(data):
 
 def test_loads_of_a_leg_are_cut_by_its_own_strides():
     def stride(limb, start, stop):
-        return Stride(limb, start, np.nan, stop, 1.0, 0.1, 1.0, "markers")
+        return Stride(
+            limb=limb,
+            start=start,
+            lift=np.nan,
+            stop=stop,
+            length=1.0,
+            width=0.1,
+            seen=1.0,
+            source="markers",
+        )
 
     strides = Strides(
-        (stride("calcn_r", 0.0, 1.0), stride("calcn_l", 0.5, 1.5)),
-        {"calcn_r": np.array([0.0, 1.0]), "calcn_l": np.array([0.5, 1.5])},
-        {},
-        {},
-        np.array([1.0, 0.0, 0.0]),
-        0.0,
+        strides=(stride("calcn_r", 0.0, 1.0), stride("calcn_l", 0.5, 1.5)),
+        strikes={"calcn_r": np.array([0.0, 1.0]), "calcn_l": np.array([0.5, 1.5])},
+        lifts={},
+        phases={},
+        direction=np.array([1.0, 0.0, 0.0]),
+        ground_speed=0.0,
     )
     time = np.linspace(0.0, 2.0, 201)
     ramp = Series(time, ("total_knee_r", "total_knee_l"), np.column_stack([time, time]))

@@ -34,13 +34,18 @@ def test_torques_of_id_give_the_tensions_that_id_would(arm, command, tmp_path, t
     np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
-def test_other_times_are_resampled_and_names_may_be_those_of_coordinates(arm, command, tmp_path, torques):
+def test_other_times_are_resampled_and_names_may_be_those_of_coordinates(
+    arm, command, tmp_path, torques
+):
     _, expected = forces(command, arm, tmp_path / "own")
     table = read_sto(torques)
     time = np.linspace(table.time[0], table.time[-1], 4 * len(table) - 3)
     values = np.column_stack([np.interp(time, table.time, one) for one in table.values.T])
     plain = tuple(name.removesuffix("_moment") for name in table.names)
-    write_sto(replace(table, time=time, names=plain, values=values, facts=FrozenMap({})), tmp_path / "fine.sto")
+    write_sto(
+        replace(table, time=time, names=plain, values=values, facts=FrozenMap({})),
+        tmp_path / "fine.sto",
+    )
     told, found = forces(command, arm, tmp_path / "given", "--torques", tmp_path / "fine.sto")
     assert told.status == 0, told.err
     assert np.abs(found - expected).max() < 0.02 * np.abs(expected).max()
@@ -58,17 +63,23 @@ def test_what_does_not_fit_is_refused(arm, command, tmp_path, torques):
     told, _ = forces(command, arm, out, "--torques", short)
     assert told.status == 2
     assert "cut the motion" in told.err
-    lacking = changed(torques, tmp_path / "lacking.sto", names=table.names[:1], values=table.values[:, :1])
+    lacking = changed(
+        torques, tmp_path / "lacking.sto", names=table.names[:1], values=table.values[:, :1]
+    )
     told, _ = forces(command, arm, out, "--torques", lacking)
     assert told.status == 2
     assert table.names[1].removesuffix("_moment") in told.err
     names = (table.names[0].replace("_moment", "_force"), *table.names[1:])
-    told, _ = forces(command, arm, out, "--torques", changed(torques, tmp_path / "unit.sto", names=names))
+    told, _ = forces(
+        command, arm, out, "--torques", changed(torques, tmp_path / "unit.sto", names=names)
+    )
     assert told.status == 2
     assert "is rotational" in told.err
     values = np.array(table.values)
     values[5, 0] = np.nan
-    told, _ = forces(command, arm, out, "--torques", changed(torques, tmp_path / "gap.sto", values=values))
+    told, _ = forces(
+        command, arm, out, "--torques", changed(torques, tmp_path / "gap.sto", values=values)
+    )
     assert told.status == 2
     assert "no finite value" in told.err
     for more, words in (

@@ -58,7 +58,15 @@ def test_opensim_opens_what_was_written(plate, command, tmp_path):
 
 
 def test_another_motion_is_compared(plate, command):
-    more = ("--check-motion", plate.motion, "--check-loads", plate.loads, "--mass-sd", 0.5, "--no-compare")
+    more = (
+        "--check-motion",
+        plate.motion,
+        "--check-loads",
+        plate.loads,
+        "--mass-sd",
+        0.5,
+        "--no-compare",
+    )
     told = command(*given(plate, *more))
     assert told.status == 0, told.err
     assert "reach.mot, not used:" in told.out

@@ -10,13 +10,40 @@ from myomorph.io.osim.read import read_osim
 def test_a_recording_is_shown_and_identified(
     data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Played as fast as it goes, with no terminal to draw on: one line on what was seen, then the model."""
+    """Played as fast as it goes, with no terminal to draw on: one line on what was seen, then the
+    model.
+    """
     folder = data("opensim-gait-subject01") / "ref_id"
     out = tmp_path / "identified.osim"
     status = main(
-        ["identify", "--live", "--speed", "0", "--model", str(folder / "subject01.osim"), "--cutoff", "6"]
-        + ["--motion", str(folder / "subject01_walk1_ik.mot"), "--loads", str(folder / "subject01_walk1_grf.xml")]
-        + ["--mass", "72.6", "--mass-sd", "0.2", "--no-compare", "--time", "0.5", "2.3", "--out", str(out)]
+        [
+            "identify",
+            "--live",
+            "--speed",
+            "0",
+            "--model",
+            str(folder / "subject01.osim"),
+            "--cutoff",
+            "6",
+        ]
+        + [
+            "--motion",
+            str(folder / "subject01_walk1_ik.mot"),
+            "--loads",
+            str(folder / "subject01_walk1_grf.xml"),
+        ]
+        + [
+            "--mass",
+            "72.6",
+            "--mass-sd",
+            "0.2",
+            "--no-compare",
+            "--time",
+            "0.5",
+            "2.3",
+            "--out",
+            str(out),
+        ]
     )
     told = capsys.readouterr()
     assert status == 0, told.err
@@ -34,10 +61,16 @@ def test_a_recording_is_shown_and_identified(
     ],
 )
 def test_frames_must_come_from_somewhere(
-    given: list[str], told: str, data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    given: list[str],
+    told: str,
+    data: Callable[[str], Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     model = data("opensim-gait-subject01") / "ref_id/subject01.osim"
-    status = main(["identify", "--live", "--model", str(model), "--out", str(tmp_path / "no.osim"), *given])
+    status = main(
+        ["identify", "--live", "--model", str(model), "--out", str(tmp_path / "no.osim"), *given]
+    )
     error = capsys.readouterr().err
     assert status == 2
     assert told in error

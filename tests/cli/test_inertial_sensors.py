@@ -18,7 +18,11 @@ def sensors(arm):
     """Files of the sensors of the reaching arm, and of its calibration pose."""
     model = mm.read_model(arm.model)
     made = simulated_sensors(
-        model, mm.read_motion(arm.motion, model), BODIES, NO_ERRORS, mounted=np.tile(np.eye(3), (2, 1, 1))
+        model,
+        mm.read_motion(arm.motion, model),
+        BODIES,
+        NO_ERRORS,
+        mounted=np.tile(np.eye(3), (2, 1, 1)),
     )
     files = arm.folder / "walk_imu.sto", arm.folder / "pose_imu.sto"
     for path, part in zip(files, (made.sensors, made.pose), strict=True):
@@ -33,7 +37,17 @@ def angles(path, arm):
 
 def test_sensors_alone_give_the_angles(arm, sensors, command):
     out = arm.folder / "q.mot"
-    start = ("ik", "--model", arm.model, "--imu", sensors[0], "--imu-pose", sensors[1], "--out", out)
+    start = (
+        "ik",
+        "--model",
+        arm.model,
+        "--imu",
+        sensors[0],
+        "--imu-pose",
+        sensors[1],
+        "--out",
+        out,
+    )
     told = command(*start, "--imu-heading", "upper_imu=x")
     assert told.status == 0, told.err
     assert "2 inertial sensors" in told.out
@@ -47,11 +61,22 @@ def test_sensors_alone_give_the_angles(arm, sensors, command):
 def test_sensors_and_markers_together_with_intervals(arm, sensors, command):
     out = arm.folder / "q.mot"
     told = command(
-        "ik", "--model", arm.model, "--markers", arm.markers, "--imu", sensors[0], "--draws", 10, "--out", out
+        "ik",
+        "--model",
+        arm.model,
+        "--markers",
+        arm.markers,
+        "--imu",
+        sensors[0],
+        "--draws",
+        10,
+        "--out",
+        out,
     )
     assert told.status == 0, told.err
     assert "2 sensors explained" in told.out
-    low, high = (angles(out.with_name(f"q_{name}.mot"), arm) for name in ("low", "high"))
+    low = angles(out.with_name("q_low.mot"), arm)
+    high = angles(out.with_name("q_high.mot"), arm)
     assert (high > low).any()
     assert np.mean((low < angles(arm.motion, arm)) & (angles(arm.motion, arm) < high)) > 0.8
 
@@ -60,10 +85,15 @@ def test_intervals_are_wider_where_only_sensors_see(arm, sensors, command):
     widths = []
     for name, recording in (("a", ("--markers", arm.markers)), ("b", ("--imu-pose", sensors[1]))):
         out = arm.folder / f"{name}.mot"
-        told = command("ik", "--model", arm.model, *recording, "--imu", sensors[0], "--draws", 20, "--out", out)
+        told = command(
+            "ik", "--model", arm.model, *recording, "--imu", sensors[0], "--draws", 20, "--out", out
+        )
         assert told.status == 0, told.err
         widths.append(
-            (angles(out.with_name(f"{name}_high.mot"), arm) - angles(out.with_name(f"{name}_low.mot"), arm)).mean()
+            (
+                angles(out.with_name(f"{name}_high.mot"), arm)
+                - angles(out.with_name(f"{name}_low.mot"), arm)
+            ).mean()
         )
     assert widths[1] > 1.2 * widths[0]
 

@@ -11,7 +11,8 @@ WALK = "rajagopal-walk-emg"
 def test_a_recording_is_followed_and_its_delays_told(
     data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder, out = data(WALK), tmp_path / "live"
+    folder = data(WALK)
+    out = tmp_path / "live"
     files = ["--markers", str(folder / "markers_walk.trc"), "--loads", str(folder / "grf_walk.xml")]
     model = ["--model", str(folder / "subject_walk_scaled.osim")]
     status = main(["live", *model, *files, "--speed", "4", "--cutoff", "8", "--out", str(out)])
@@ -40,7 +41,11 @@ def test_a_recording_is_followed_and_its_delays_told(
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
-    given: list[str], told: str, data: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    given: list[str],
+    told: str,
+    data: Callable[[str], Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder = data(WALK)
     places = {"MARKERS": str(folder / "markers_walk.trc"), "TABLE": str(folder / "id_walk.sto")}

@@ -13,7 +13,11 @@ SCREEN = 40
 
 
 def options_of(command: str) -> set[str]:
-    names = [name for argument in new_app()[command].assemble_argument_collection() for name in argument.names]
+    names = [
+        name
+        for argument in new_app()[command].assemble_argument_collection()
+        for name in argument.names
+    ]
     return {name.removeprefix("--") for name in names if not name.startswith(("--no-", "--empty-"))}
 
 
@@ -24,12 +28,15 @@ def test_tension_fits_two_screens(command):
 @pytest.mark.parametrize("name", command_names())
 def test_all_options_are_in_the_long_help(name, command):
     text = command(name, ALL_FLAG).out
-    assert {option for option in options_of(name) if option.islower() and f"--{option}" not in text} == set()
+    assert {
+        option for option in options_of(name) if option.islower() and f"--{option}" not in text
+    } == set()
 
 
 @pytest.mark.parametrize("name", FIRST)
 def test_the_short_help_shows_what_it_promises(name, command):
-    known, text = options_of(name), command(name, "--help").out
+    known = options_of(name)
+    text = command(name, "--help").out
     assert set(FIRST[name]) <= known
     assert all(f"--{option} " in text for option in FIRST[name])
     hidden = len(known) - sum(f"--{option} " in text for option in known)
@@ -42,7 +49,9 @@ def test_panels_name_options_that_exist():
 
 
 def test_every_command_is_in_a_panel():
-    assert sorted(name for names in COMMAND_PANELS.values() for name in names) == sorted(command_names())
+    assert sorted(name for names in COMMAND_PANELS.values() for name in names) == sorted(
+        command_names()
+    )
 
 
 def test_where_an_option_stands():
@@ -54,5 +63,8 @@ def test_where_an_option_stands():
 
 
 def test_first_sentence():
-    assert first_sentence("Low-pass filter [Hz]; 0 for none, e.g. always. More.") == "Low-pass filter [Hz]."
+    assert (
+        first_sentence("Low-pass filter [Hz]; 0 for none, e.g. always. More.")
+        == "Low-pass filter [Hz]."
+    )
     assert first_sentence("Files (.mot, .sto) of forces.") == "Files (.mot, .sto) of forces."

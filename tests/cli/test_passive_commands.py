@@ -39,7 +39,9 @@ def test_net_torques_are_all_less_passive_ones(thick, command, tmp_path):
     path, model, motion_file = thick
     tables = {}
     for name, more in (("all", ()), ("net", ("--net",))):
-        told = command("id", "--model", path, "--motion", motion_file, "--out", tmp_path / f"{name}.sto", *more)
+        told = command(
+            "id", "--model", path, "--motion", motion_file, "--out", tmp_path / f"{name}.sto", *more
+        )
         assert told.status == 0, told.err
         tables[name] = read_sto(tmp_path / f"{name}.sto")
     motion = differentiate(motion_from_table(read_sto(motion_file), model), None)
@@ -64,7 +66,8 @@ def test_a_limit_is_excluded_by_the_name_it_has_in_the_file(data):
 
     model = read_osim(data("shoulder-bonepin/subject1_abdbonepin.osim"))
     motion = differentiate(
-        motion_from_table(read_sto(data("shoulder-bonepin/std_subject1_abdbonepin_IK.mot")), model), 6.0
+        motion_from_table(read_sto(data("shoulder-bonepin/std_subject1_abdbonepin_IK.mot")), model),
+        6.0,
     )
     limit = "ScapulaRoationLimits"
     assert {f"{limit}_upper", f"{limit}_lower"} <= {one.name for one in model.passive_torques}
@@ -86,13 +89,17 @@ def test_a_shoulder_goes_through_every_step(data, command, tmp_path):
     for step, out in (("id", "torques.sto"), ("muscles", "muscles"), ("tension", "tension")):
         told = command(step, *common, "--out", tmp_path / out, *time)
         assert told.status == 0, told.err
-    folded = command("id", *common, "--out", tmp_path / "folded.sto", "--independent-coordinates", *time)
+    folded = command(
+        "id", *common, "--out", tmp_path / "folded.sto", "--independent-coordinates", *time
+    )
     assert folded.status == 0
     model = read_osim(data(SHOULDER))
     assert len(read_sto(tmp_path / "torques.sto").names) == len(model.coordinates)
     table = read_sto(tmp_path / "folded.sto")
     assert len(table.names) == len(model.coordinates) - 3
-    motion, _ = closed_motion(model, differentiate(motion_from_table(read_sto(data(SHRUG)), model), 3.0))
+    motion, _ = closed_motion(
+        model, differentiate(motion_from_table(read_sto(data(SHRUG)), model), 3.0)
+    )
     expected = loop_torques(model, motion, inverse_dynamics(model, motion)).torques
     frames = np.searchsorted(motion.time, table.time - 1e-9)
     np.testing.assert_allclose(table.values, expected.values[frames], atol=1e-6)
@@ -105,12 +112,17 @@ def test_a_shoulder_goes_through_every_step(data, command, tmp_path):
 def test_a_loop_that_stands_open_is_told_or_refused(data, command, tmp_path):
     model = read_osim(data(SHOULDER))
     motion = motion_from_table(read_sto(data(SHRUG)), model)
-    for by, status, said in ((0.01, 0, "loops ('AC') stood open by up to 0.0"), (0.2, 2, "'AC' open by up to 0.0")):
+    for by, status, said in (
+        (0.01, 0, "loops ('AC') stood open by up to 0.0"),
+        (0.2, 2, "'AC' open by up to 0.0"),
+    ):
         values = motion.values.copy()
         values[:, motion.names.index("clav_prot")] += by
         path = tmp_path / "open.mot"
         write_sto(table_from_motion(replace(motion, values=values), model), path)
-        told = command("id", "--model", data(SHOULDER), "--motion", path, "--out", tmp_path / f"{by}.sto")
+        told = command(
+            "id", "--model", data(SHOULDER), "--motion", path, "--out", tmp_path / f"{by}.sto"
+        )
         assert told.status == status
         assert said in " ".join((told.out + told.err).split())
     assert not (tmp_path / "0.2.sto").exists()
@@ -124,7 +136,9 @@ SETUP = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-@pytest.mark.parametrize("excluded", ["Muscles", "ALL", "Muscles flexor_viscosity passive_elbow_flexion bush"])
+@pytest.mark.parametrize(
+    "excluded", ["Muscles", "ALL", "Muscles flexor_viscosity passive_elbow_flexion bush"]
+)
 def test_setups_take_off_what_opensim_takes_off(thick, excluded, tmp_path):
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
@@ -132,14 +146,21 @@ def test_setups_take_off_what_opensim_takes_off(thick, excluded, tmp_path):
 
     path, model, motion = thick
     stiff = Bushing(
-        "bush", "upper", "fore", Transform(np.eye(3), np.array([0.0, -0.3, 0.0])), Transform.identity(),
-        rotational_damping=np.array([0.1, 0.2, 0.3]), translational_stiffness=np.array([50.0, 60.0, 70.0]),
-    )  # fmt: skip
+        name="bush",
+        body_1="upper",
+        body_2="fore",
+        pose_1=Transform(np.eye(3), np.array([0.0, -0.3, 0.0])),
+        pose_2=Transform.identity(),
+        rotational_damping=np.array([0.1, 0.2, 0.3]),
+        translational_stiffness=np.array([50.0, 60.0, 70.0]),
+    )
     write_osim(with_passive_dynamics(model, bushings=(stiff,)), path)
     setup = tmp_path / "setup.xml"
     setup.write_text(SETUP.format(model=path, out="ours", excluded=excluded, motion=motion))
     ours = read_sto(run_tool(setup).written[0])
-    setup.write_text(SETUP.format(model=path, out=tmp_path / "theirs", excluded=excluded, motion=motion))
+    setup.write_text(
+        SETUP.format(model=path, out=tmp_path / "theirs", excluded=excluded, motion=motion)
+    )
     opensim.InverseDynamicsTool(str(setup)).run()
     theirs = read_sto(tmp_path / "theirs" / "id.sto")
     for name in ours.names:
@@ -163,16 +184,23 @@ RESERVE = """<CoordinateActuator name="r_{name}"><coordinate>{name}</coordinate>
 <min_control>-Inf</min_control><max_control>Inf</max_control></CoordinateActuator>"""
 
 
-def test_static_optimization_takes_springs_and_viscosity_into_account_as_opensim(thick, arm, tmp_path):
-    """OpenSim's muscle forces leave its dampers out, for those are forces of their own; so do ours in this tool."""
+def test_static_optimization_takes_springs_and_viscosity_into_account_as_opensim(
+    thick, arm, tmp_path
+):
+    """OpenSim's muscle forces leave its dampers out, for those are forces of their own; so do ours
+    in this tool.
+    """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
     from myomorph.opensim_tools.run import run_tool
 
     path, model, motion = thick
     reserves = tmp_path / "reserves.xml"
-    reserves.write_text(RESERVES.format(all="".join(RESERVE.format(name=name) for name in model.coordinate_names)))
-    setup, tables = tmp_path / "so.xml", []
+    reserves.write_text(
+        RESERVES.format(all="".join(RESERVE.format(name=name) for name in model.coordinate_names))
+    )
+    setup = tmp_path / "so.xml"
+    tables = []
     for out, used in (("ours", path), ("theirs", path), ("bare", arm.model)):
         folder = tmp_path / out
         setup.write_text(STATIC.format(model=used, out=folder, motion=motion, reserves=reserves))

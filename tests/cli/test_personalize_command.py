@@ -1,4 +1,6 @@
-"""`myomorph personalize`: the model it writes, its tables, what it says of bad input, and the step of a study."""
+"""`myomorph personalize`: the model it writes, its tables, what it says of bad input, and the step
+of a study.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +35,18 @@ def given(arm, *more):
 def test_muscles_from_torques_of_loads(plate, command):
     told = command(*given(plate, "--motion", plate.motion, "--loads", plate.loads, "--cutoff", 6.0))
     assert told.status == 0, told.err
-    before, after = read_model(plate.model), read_osim(plate.folder / "own.osim")
+    before = read_model(plate.model)
+    after = read_osim(plate.folder / "own.osim")
     assert after.muscle_names == before.muscle_names
     folder = plate.folder / "own_personalization"
     assert {path.name for path in folder.iterdir()} >= {
-        *("personalized_muscles.csv", "fiber_lengths.csv", "notes.txt", "report.html", "provenance.json"),
+        *(
+            "personalized_muscles.csv",
+            "fiber_lengths.csv",
+            "notes.txt",
+            "report.html",
+            "provenance.json",
+        ),
     }
     rows = list(csv.DictReader((folder / "personalized_muscles.csv").read_text().splitlines()))
     lengths = [row for row in rows if row["parameter"] == "optimal fiber length"]
@@ -47,7 +56,9 @@ def test_muscles_from_torques_of_loads(plate, command):
         assert float(row["low"]) < float(row["person"]) < float(row["high"])
         assert row["identifiable"] in ("yes", "partly", "no")
     said = told.err.splitlines()
-    assert any("of the lengths, which are what was assumed before" in line for line in said[:4]), said
+    assert any("of the lengths, which are what was assumed before" in line for line in said[:4]), (
+        said
+    )
     assert all("_" not in name for name in rows[0])
     assert "Normalized fiber length" in (folder / "report.html").read_text()
 
@@ -55,7 +66,17 @@ def test_muscles_from_torques_of_loads(plate, command):
 def test_torques_of_a_table_give_the_same_as_loads(plate, command):
     table = plate.folder / "tau.sto"
     assert (
-        command("id", "--model", plate.model, "--motion", plate.motion, "--loads", plate.loads, "--out", table).status
+        command(
+            "id",
+            "--model",
+            plate.model,
+            "--motion",
+            plate.motion,
+            "--loads",
+            plate.loads,
+            "--out",
+            table,
+        ).status
         == 0
     )
     assert command(*given(plate, "--motion", plate.motion, "--loads", plate.loads)).status == 0
@@ -93,7 +114,9 @@ def test_measured_passive_torques_alone_serve(plate, command):
 def test_passive_tables_that_cannot_serve(plate, command):
     told = command(*given(plate, "--passive", passive_table(plate, ("torque_a", "torque_b"))))
     assert told.status == 2
-    assert "no column is a torque: name them as 'shoulder_flexion_moment'" in " ".join(told.err.split())
+    assert "no column is a torque: name them as 'shoulder_flexion_moment'" in " ".join(
+        told.err.split()
+    )
     names = ("shoulder_flexion_moment", "elbow_flexion_moment")
     told = command(*given(plate, "--passive", passive_table(plate, names, missing=True)))
     assert told.status == 2
@@ -104,7 +127,9 @@ def test_the_generic_model_alone_serves(plate, command):
     told = command(*given(plate, "--generic", plate.model))
     assert told.status == 0, told.err
     assert "2 muscles mapped from the generic model" in told.out
-    for one, other in zip(read_model(plate.model).muscles, read_osim(plate.folder / "own.osim").muscles, strict=True):
+    for one, other in zip(
+        read_model(plate.model).muscles, read_osim(plate.folder / "own.osim").muscles, strict=True
+    ):
         assert one.optimal_fiber_length == pytest.approx(other.optimal_fiber_length, rel=1e-3)
 
 
@@ -113,7 +138,10 @@ def test_the_generic_model_alone_serves(plate, command):
     [
         ((), "nothing to fit muscles to"),
         (("--motion", "{motion}"), "motions without torques"),
-        (("--motion", "{motion}", "{motion}", "--loads", "{loads}"), "2 motions but 1 files of loads"),
+        (
+            ("--motion", "{motion}", "{motion}", "--loads", "{loads}"),
+            "2 motions but 1 files of loads",
+        ),
         (("--motion", "{motion}", "--loads", "{loads}", "--torques", "{loads}"), "not both"),
         (("--motion", "{motion}", "--loads", "{loads}", "--fiber-spread", "3"), "expected 0 to 1"),
     ],
@@ -129,7 +157,17 @@ def test_bad_input(plate, command, more, what):
 def test_torques_at_other_times_are_refused(plate, command):
     table = plate.folder / "tau.sto"
     assert (
-        command("id", "--model", plate.model, "--motion", plate.motion, "--loads", plate.loads, "--out", table).status
+        command(
+            "id",
+            "--model",
+            plate.model,
+            "--motion",
+            plate.motion,
+            "--loads",
+            plate.loads,
+            "--out",
+            table,
+        ).status
         == 0
     )
     read = read_sto(table)
@@ -158,7 +196,9 @@ def test_a_study_uses_the_person_s_muscles(plate):
     assert trial.done == ("ik", "tension")
     home = plate.out / "s01"
     made = read_result(home / "reach" / "reach.nc").provenance["tension"]
-    assert [one.name for one in made.sources if one.role == "model"] == [str(home / "personalized.osim")]
+    assert [one.name for one in made.sources if one.role == "model"] == [
+        str(home / "personalized.osim")
+    ]
     assert (home / "personalization" / "report.html").is_file()
     again = run_study(read_plan(path), plate.out)
     assert again[0].reused == ("personalize",)
@@ -173,11 +213,15 @@ def test_a_study_takes_measured_passive_torques_and_the_generic_model(plate):
     assert (subject.done, subject.error) == (("personalize",), "")
     made = json.loads((plate.out / "s01" / "personalization" / "provenance.json").read_text())
     assert {"passive torques", "generic model"} <= {one["role"] for one in made["sources"]}
-    rows = list(csv.DictReader((plate.out / "s01" / "personalization" / "personalized_muscles.csv").open()))
+    rows = list(
+        csv.DictReader((plate.out / "s01" / "personalization" / "personalized_muscles.csv").open())
+    )
     alone = plate.folder / "alone.toml"
     alone.write_text(text)
     run_study(read_plan(alone), plate.folder / "alone")
-    without = list(csv.DictReader((plate.folder / "alone/s01/personalization/personalized_muscles.csv").open()))
+    without = list(
+        csv.DictReader((plate.folder / "alone/s01/personalization/personalized_muscles.csv").open())
+    )
     assert [row["person"] for row in rows] != [row["person"] for row in without]
     again = run_study(read_plan(path), plate.out)
     assert again[0].reused == ("personalize",)
@@ -188,8 +232,14 @@ def test_a_study_takes_measured_passive_torques_and_the_generic_model(plate):
 def test_what_a_study_does_not_use_is_reported(plate):
     passive_table(plate, ("shoulder_flexion_moment", "elbow_flexion_moment"))
     path = plate.folder / "study.toml"
-    path.write_text(STUDY.replace('"ik", "personalize", "tension"', '"ik", "tension"') + 'passive = ["passive.sto"]\n')
-    assert any("'passive' is not used: its steps lack 'personalize'" in one for one in read_plan(path).remarks)
+    path.write_text(
+        STUDY.replace('"ik", "personalize", "tension"', '"ik", "tension"')
+        + 'passive = ["passive.sto"]\n'
+    )
+    assert any(
+        "'passive' is not used: its steps lack 'personalize'" in one
+        for one in read_plan(path).remarks
+    )
     path.write_text(STUDY + 'passive = ["none.sto"]\ngeneric = "none.osim"\n')
     with pytest.raises(BadFile, match="passive") as told:
         read_plan(path)
@@ -197,8 +247,23 @@ def test_what_a_study_does_not_use_is_reported(plate):
 
 
 def test_every_file_that_was_read_is_hashed(plate, command):
-    more = ("--motion", plate.motion, "--loads", plate.loads, "--emg", plate.emg, "--emg-mvc", plate.emg)
+    more = (
+        "--motion",
+        plate.motion,
+        "--loads",
+        plate.loads,
+        "--emg",
+        plate.emg,
+        "--emg-mvc",
+        plate.emg,
+    )
     told = command(*given(plate, *more))
     assert told.status == 0, told.err
     made = json.loads((plate.folder / "own_personalization" / "provenance.json").read_text())
-    assert {source["role"] for source in made["sources"]} >= {"model", "motion", "loads", "emg", "emg mvc"}
+    assert {source["role"] for source in made["sources"]} >= {
+        "model",
+        "motion",
+        "loads",
+        "emg",
+        "emg mvc",
+    }

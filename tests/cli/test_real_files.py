@@ -1,4 +1,6 @@
-"""Real files, odd and damaged ones: `info` and the steps end with 0 or 2, quickly, and never with a traceback."""
+"""Real files, odd and damaged ones: `info` and the steps end with 0 or 2, quickly, and never with a
+traceback.
+"""
 
 from __future__ import annotations
 
@@ -64,10 +66,28 @@ def test_chain_on_a_real_walk(data, command, tmp_path):
     loads = data("rajagopal-walk-emg/grf_walk.xml")
     motion = tmp_path / "walk.mot"
     steps = (
-        ("ik", "--markers", data("rajagopal-walk-emg/markers_walk.trc"), "--time", 0.5, 0.8, "--out", motion),
+        (
+            "ik",
+            "--markers",
+            data("rajagopal-walk-emg/markers_walk.trc"),
+            "--time",
+            0.5,
+            0.8,
+            "--out",
+            motion,
+        ),
         ("id", "--motion", motion, "--loads", loads, "--cutoff", 6, "--out", tmp_path / "walk.sto"),
         ("muscles", "--motion", motion, "--out", tmp_path / "walk"),
-        ("tension", "--motion", motion, "--loads", loads, "--no-passive", "--out", tmp_path / "walk"),
+        (
+            "tension",
+            "--motion",
+            motion,
+            "--loads",
+            loads,
+            "--no-passive",
+            "--out",
+            tmp_path / "walk",
+        ),
     )
     for step, *arguments in steps:
         told = command(step, "--model", model, *arguments)

@@ -15,7 +15,16 @@ OPENCAP = "opencap-subject4-multitask"
 
 def test_each_recording_needs_its_forces(command, tmp_path):
     told = command(
-        "refine", "--model", "a.osim", "--markers", "a.trc", "b.trc", "--loads", "a.mot", "--out", tmp_path / "r.osim"
+        "refine",
+        "--model",
+        "a.osim",
+        "--markers",
+        "a.trc",
+        "b.trc",
+        "--loads",
+        "a.mot",
+        "--out",
+        tmp_path / "r.osim",
     )
     assert told.status == 2
     assert "2 recordings of markers and 1 files of forces" in told.err
@@ -26,7 +35,14 @@ def test_a_walk_is_refined(command, data, tmp_path):
     folder = data(OPENCAP)
     out = tmp_path / "refined.osim"
     told = command(
-        *("refine", "--model", folder / "models" / "manually_scaled.osim", "--mass", 62.6, "--no-check"),
+        *(
+            "refine",
+            "--model",
+            folder / "models" / "manually_scaled.osim",
+            "--mass",
+            62.6,
+            "--no-check",
+        ),
         *("--markers", folder / "markers" / "walking1.trc", "--time", 0.2, 1.1, "--iterations", 3),
         *("--loads", folder / "grf" / "walking1_external_forces.xml", "--out", out),
     )
@@ -54,6 +70,13 @@ def test_a_walk_is_refined(command, data, tmp_path):
     assert float(after["markers_mm"]) < 1.1 * float(before["markers_mm"])
     torques = command(
         *("id", "--model", out, "--motion", beside / "motions" / "walking1.mot"),
-        *("--loads", folder / "grf" / "walking1_external_forces.xml", "--cutoff", 6, "--out", tmp_path / "torques.sto"),
+        *(
+            "--loads",
+            folder / "grf" / "walking1_external_forces.xml",
+            "--cutoff",
+            6,
+            "--out",
+            tmp_path / "torques.sto",
+        ),
     )
     assert torques.status == 0, torques.err

@@ -33,7 +33,9 @@ def test_workers_and_again(arm, study, command):
     assert "2 of 2 trials done" in first.out
     assert f"page: {arm.out / 'study.html'}" in first.out
     assert "failed:" not in first.out
-    assert "2 workers, 1.86 GiB of memory each" in (arm.out / "study.log").read_text(encoding="utf-8")
+    assert "2 workers, 1.86 GiB of memory each" in (arm.out / "study.log").read_text(
+        encoding="utf-8"
+    )
     with (arm.out / "results.csv").open(newline="", encoding="utf-8") as stream:
         assert [row["trial"] for row in csv.DictReader(stream)] == ["reach", "again"]
     text = study.read_text() + "[options.ik]\ntolerance = 1e-5\n"

@@ -22,13 +22,25 @@ def leg(thigh, mass):
         "tibia_r": ("femur_r", -thigh, 0.0),
         "calcn_r": ("tibia_r", -0.4, 0.0),
     }
-    bodies = tuple(Body(name, mass, [0.0, -0.1, 0.0], 0.05 * np.eye(3)) for name in parts)
+    bodies = tuple(
+        Body(name=name, mass=mass, mass_center=[0.0, -0.1, 0.0], inertia=0.05 * np.eye(3))
+        for name in parts
+    )
     here = Transform(np.eye(3), np.zeros(3))
     joints = tuple(
-        Joint(f"to_{name}", "WeldJoint", parent, name, Transform(np.eye(3), np.array([0.0, y, z])), here)
+        Joint(
+            name=f"to_{name}",
+            kind="WeldJoint",
+            parent=parent,
+            child=name,
+            parent_frame=Transform(np.eye(3), np.array([0.0, y, z])),
+            child_frame=here,
+        )
         for name, (parent, y, z) in parts.items()
     )
-    return Model("leg", bodies, joints, (), [0.0, -9.80665, 0.0])
+    return Model(
+        name="leg", bodies=bodies, joints=joints, coordinates=(), gravity=[0.0, -9.80665, 0.0]
+    )
 
 
 def test_lengths_and_masses_go_into_the_other_model(command, tmp_path):
@@ -45,7 +57,9 @@ def test_lengths_and_masses_go_into_the_other_model(command, tmp_path):
     assert knee.parent_frame.translation[1] == pytest.approx(-0.44, abs=1e-6)
     tables = tmp_path / "detailed_subject_transfer"
     rows = list(csv.DictReader((tables / "masses.csv").read_text().splitlines()))
-    assert {row["region"]: float(row["mass_kg"]) for row in rows}["right thigh"] == pytest.approx(6.0)
+    assert {row["region"]: float(row["mass_kg"]) for row in rows}["right thigh"] == pytest.approx(
+        6.0
+    )
     assert (tables / "provenance.json").is_file()
 
     into_itself = command("transfer", *files, "--out", tmp_path / "subject.osim")

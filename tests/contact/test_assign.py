@@ -18,7 +18,9 @@ def feet(markers, names=("HEE", "TOE", "ANK")):
     return {side: np.stack([markers[side + name] for name in names], axis=1) for side in "LR"}
 
 
-@pytest.mark.parametrize("name", ["HC030A/Straight/HC030A05", "HC002D/Straight/HC002D06", "HC030A/Turn/HC030A22"])
+@pytest.mark.parametrize(
+    "name", ["HC030A/Straight/HC030A05", "HC002D/Straight/HC002D06", "HC030A/Turn/HC030A22"]
+)
 def test_walks_with_sides_known_to_plug_in_gait(name, data):
     trial = force_plates(read_c3d(data(f"c3d-gait-plugingait/{name}.c3d")))
     wrenches = wrenches_from_plates(trial.plates, trial.plate_time, trial.markers.time)
@@ -32,7 +34,8 @@ def test_walks_with_sides_known_to_plug_in_gait(name, data):
         mine = found.wrenches.forces[:, columns, 2].sum(axis=1)
         firm = theirs > 0.3 * mass * 9.81
         assert firm.sum() > 20
-        # Plug-in Gait averages over a frame, so forces at heel strike differ: the side is what is held.
+        # Plug-in Gait averages over a frame, so forces at heel strike differ: the side is what is
+        # held.
         assert (mine[firm] > 0).all()
         assert np.median(np.abs(mine[firm] - theirs[firm])) < 1.0
 
@@ -55,10 +58,15 @@ def test_a_walk_given_by_its_loads_file(data):
     samples = np.rint(markers.time * 2000).astype(int)
     samples = samples[samples < len(opensim_says)]
     thin = Wrenches(
-        opensim_says.time[samples], opensim_says.names, ("", ""),
+        opensim_says.time[samples],
+        opensim_says.names,
+        ("", ""),
         *(getattr(opensim_says, part)[samples] for part in ("forces", "points", "torques")),
-    )  # fmt: skip
-    positions = {body: np.stack([markers[one] for one in some], axis=1)[: len(samples)] for body, some in names.items()}
+    )
+    positions = {
+        body: np.stack([markers[one] for one in some], axis=1)[: len(samples)]
+        for body, some in names.items()
+    }
     found = assign_bodies(thin, positions)
     firm = [one for one in found.contacts if one.stop - one.start > 0.2]
     assert len(firm) >= 2
@@ -71,9 +79,18 @@ def test_a_plate_that_one_foot_leaves_to_the_other_is_split():
     force = np.zeros((200, 1, 3))
     force[10:190, 0, 1] = 700.0
     point = np.zeros((200, 1, 3))
-    point[:100, 0, 0], point[100:, 0, 0] = 0.1, 0.6
-    wrenches = Wrenches(time, ("belt",), ("",), force, point, np.zeros((200, 1, 3)))
-    left, right = np.zeros((200, 3)) + [0.1, 0.05, 0], np.zeros((200, 3)) + [0.6, 0.05, 0]
+    point[:100, 0, 0] = 0.1
+    point[100:, 0, 0] = 0.6
+    wrenches = Wrenches(
+        time=time,
+        names=("belt",),
+        bodies=("",),
+        forces=force,
+        points=point,
+        torques=np.zeros((200, 1, 3)),
+    )
+    left = np.zeros((200, 3)) + [0.1, 0.05, 0]
+    right = np.zeros((200, 3)) + [0.6, 0.05, 0]
     found = assign_bodies(wrenches, {"left": left, "right": right})
     assert found.wrenches.names == ("belt_left", "belt_right")
     assert found.wrenches.bodies == ("left", "right")
@@ -83,8 +100,16 @@ def test_a_plate_that_one_foot_leaves_to_the_other_is_split():
 
 def test_a_short_flicker_of_the_nearest_foot_is_overruled():
     time = np.arange(200) / 100
-    wrenches = Wrenches(time, ("p",), ("",), np.ones((200, 1, 3)), np.zeros((200, 1, 3)), np.zeros((200, 1, 3)))
-    near, far = np.zeros((200, 3)), np.zeros((200, 3)) + 0.3
+    wrenches = Wrenches(
+        time=time,
+        names=("p",),
+        bodies=("",),
+        forces=np.ones((200, 1, 3)),
+        points=np.zeros((200, 1, 3)),
+        torques=np.zeros((200, 1, 3)),
+    )
+    near = np.zeros((200, 3))
+    far = np.zeros((200, 3)) + 0.3
     far[50:53] = 0.0
     near[50:53] = 0.3
     found = assign_bodies(wrenches, {"near": near, "far": far})
@@ -93,7 +118,14 @@ def test_a_short_flicker_of_the_nearest_foot_is_overruled():
 
 def test_hidden_feet_and_wrong_clocks_are_told():
     time = np.arange(10) / 100
-    wrenches = Wrenches(time, ("p",), ("",), np.ones((10, 1, 3)), np.zeros((10, 1, 3)), np.zeros((10, 1, 3)))
+    wrenches = Wrenches(
+        time=time,
+        names=("p",),
+        bodies=("",),
+        forces=np.ones((10, 1, 3)),
+        points=np.zeros((10, 1, 3)),
+        torques=np.zeros((10, 1, 3)),
+    )
     found = assign_bodies(wrenches, {"foot": np.full((10, 3), np.nan)})
     assert found.wrenches.bodies == ("",)
     assert any("no candidate" in line for line in found.warnings)

@@ -1,4 +1,6 @@
-"""A handle's sensor on a carried object: made recordings come back; a lifted box with one instrumented handle."""
+"""A handle's sensor on a carried object: made recordings come back; a lifted box with one
+instrumented handle.
+"""
 
 from __future__ import annotations
 
@@ -15,25 +17,40 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 SENSOR = rotation_from_euler_xyz((0.3, 1.2, -0.8))
 LINE = np.array([0.1, 1.0, 0.05])
 POINT = np.array([0.02, 0.1, -0.03])
-CORNERS = np.array([[0.1, 0.2, 0], [-0.1, 0.2, 0.05], [0.1, -0.2, 0.1], [-0.1, -0.2, 0]]) - [0, 0, 0.0375]
+CORNERS = np.array([[0.1, 0.2, 0], [-0.1, 0.2, 0.05], [0.1, -0.2, 0.1], [-0.1, -0.2, 0]]) - [
+    0,
+    0,
+    0.0375,
+]
 
 
 def carried(squeeze: bool, offset: float = 0.012, noise: float = 0.0, seconds: float = 4.0):
-    """An object that is lifted, tilted and swung about by hands; markers at 100 Hz, sensor at 2000 Hz."""
+    """An object that is lifted, tilted and swung about by hands; markers at 100 Hz, sensor at 2000
+    Hz.
+    """
     random = np.random.default_rng(0)
 
     def pose(time):
-        angles = np.stack([0.5 * np.sin(2 * time), 0.4 * np.sin(2.9 * time + 1), 0.3 * np.cos(1.7 * time)], axis=1)
-        places = np.stack([0.2 * np.sin(2.3 * time), 0.1 * np.cos(3 * time), 0.2 * np.sin(1.9 * time)], axis=1)
+        angles = np.stack(
+            [0.5 * np.sin(2 * time), 0.4 * np.sin(2.9 * time + 1), 0.3 * np.cos(1.7 * time)], axis=1
+        )
+        places = np.stack(
+            [0.2 * np.sin(2.3 * time), 0.1 * np.cos(3 * time), 0.2 * np.sin(1.9 * time)], axis=1
+        )
         return np.array([rotation_from_euler_xyz(one) for one in angles]), places
 
-    time, own = np.arange(0, seconds, 0.01), np.arange(0, seconds, 0.0005)
+    time = np.arange(0, seconds, 0.01)
+    own = np.arange(0, seconds, 0.0005)
     rotations, places = pose(time)
     markers = places[:, None] + np.einsum("nij,mj->nmi", rotations @ rotations[0].T, CORNERS)
     there = own + offset
-    before, now, after = (pose(there + step) for step in (-1e-3, 0.0, 1e-3))
+    before = pose(there + (-1e-3))
+    now = pose(there + 0.0)
+    after = pose(there + 1e-3)
     tracked = [turn @ rotations[0].T for turn, _ in (before, now, after)]
-    heads = [place + turn @ POINT for turn, (_, place) in zip(tracked, (before, now, after), strict=True)]
+    heads = [
+        place + turn @ POINT for turn, (_, place) in zip(tracked, (before, now, after), strict=True)
+    ]
     push = 2.5 * ((heads[0] - 2 * heads[1] + heads[2]) * 1e6 - GRAVITY)
     force = np.einsum("nji,nj->ni", tracked[1], push)
     if squeeze:
@@ -60,24 +77,43 @@ def test_a_made_handle_comes_back(squeeze):
     )
     assert found.rms < 0.15
     if squeeze:
-        np.testing.assert_allclose(found.squeeze.mean(), 20 + 10 * np.mean(np.sin(1.3 * markers.time[held])), atol=1.0)
+        np.testing.assert_allclose(
+            found.squeeze.mean(), 20 + 10 * np.mean(np.sin(1.3 * markers.time[held])), atol=1.0
+        )
 
 
 def test_one_hand_does_not_explain_what_two_do():
     markers, own, force = carried(True)
     motion = object_motion(markers, markers.names, 12.0)
     held = (markers.time > 0.6) & (markers.time < 3.4)
-    alone, both = (fit_handle(motion, held, own, force, GRAVITY, 12.0, line) for line in (None, LINE))
+    alone = fit_handle(motion, held, own, force, GRAVITY, 12.0, None)
+    both = fit_handle(motion, held, own, force, GRAVITY, 12.0, LINE)
     assert alone.rms > 10 * both.rms
 
 
 def test_an_object_at_rest_shows_no_orientation():
     markers, own, force = carried(False)
-    still = Markers(markers.time, markers.names, np.repeat(markers.values[:1], len(markers), axis=0))
+    still = Markers(
+        markers.time, markers.names, np.repeat(markers.values[:1], len(markers), axis=0)
+    )
     with pytest.raises(BadData, match="neither turns nor is accelerated"):
-        fit_handle(object_motion(still, still.names, 6.0), np.ones(len(still), bool), own, force, GRAVITY, 6.0)
+        fit_handle(
+            object_motion(still, still.names, 6.0),
+            np.ones(len(still), bool),
+            own,
+            force,
+            GRAVITY,
+            6.0,
+        )
     with pytest.raises(BadData, match="held in 5 frames"):
-        fit_handle(object_motion(markers, markers.names, 6.0), np.arange(len(markers)) < 5, own, force, GRAVITY, 6.0)
+        fit_handle(
+            object_motion(markers, markers.names, 6.0),
+            np.arange(len(markers)) < 5,
+            own,
+            force,
+            GRAVITY,
+            6.0,
+        )
 
 
 def test_a_point_of_action_is_found_from_force_and_torque():
@@ -89,16 +125,20 @@ def test_a_point_of_action_is_found_from_force_and_torque():
 
 
 def test_the_handle_of_a_lifted_box(data):
-    """Six voltages through the 6x6 matrix, tared at rest, against the motion of the box's eight markers.
+    """Six voltages through the 6x6 matrix, tared at rest, against the motion of the box's eight
+    markers.
 
-    The lift takes both hands, so one hand's force is explained only across the line between the handles.
+    The lift takes both hands, so one hand's force is explained only across the line between the
+    handles.
     """
     folder = data("c3d-shoulder-emg-handle/markers_analogs.c3d").parent
     trial = read_c3d(folder / "markers_analogs.c3d")
     matrix = np.loadtxt(folder / "forces_calibration_matrix.csv", delimiter=",")
-    markers, own = trial.markers, trial.analog.time
+    markers = trial.markers
+    own = trial.analog.time
     force = (trial.analog.values[:, :6] @ matrix.T)[:, :3]
-    before, after = force[own < 1.0].mean(axis=0), force[own > 4.3].mean(axis=0)
+    before = force[own < 1.0].mean(axis=0)
+    after = force[own > 4.3].mean(axis=0)
     assert np.linalg.norm(after - before) < 0.6
     names = markers.names[:8]
     motion = object_motion(markers, names, 6.0)
@@ -106,7 +146,8 @@ def test_the_handle_of_a_lifted_box(data):
     corners = np.stack([markers[name][0] for name in names])
     line = corners[2:4].mean(axis=0) - corners[0:2].mean(axis=0)
     held = (markers.time > 2.05) & (markers.time < 3.65)
-    two, one = (fit_handle(motion, held, own, force - before, GRAVITY, 6.0, each) for each in (line, None))
+    two = fit_handle(motion, held, own, force - before, GRAVITY, 6.0, line)
+    one = fit_handle(motion, held, own, force - before, GRAVITY, 6.0, None)
     assert two.rms < 1.5
     assert one.rms > 5 * two.rms
     assert 2.0 < two.share < 3.0

@@ -1,4 +1,6 @@
-"""Sites under feet: on the sole of every model, where plates feel the foot, and on the floor after a fit."""
+"""Sites under feet: on the sole of every model, where plates feel the foot, and on the floor after
+a fit.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
 from mujoco_models import compiled
-from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion
+from myomorph.contact.site_motion import (
+    cluster,
+    floor_under,
+    plate_height,
+    rest_on_floor,
+    site_motion,
+)
 from myomorph.contact.sites import body_sites, feet_of, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.io.formats import read_model
@@ -37,19 +45,30 @@ OSIM = (
 
 
 def checked_soles(model: Model) -> None:
-    """Each foot has six sites in convex order, under the ankle, ahead of the heel, and mirrored on the other foot."""
-    sites, poses, up = foot_sites(model), standing_poses(model), model.up
+    """Each foot has six sites in convex order, under the ankle, ahead of the heel, and mirrored on
+    the other foot.
+    """
+    sites = foot_sites(model)
+    poses = standing_poses(model)
+    up = model.up
     placed = {one.name: poses[one.body].apply(one.points[0]) for one in sites}
     assert [one.group for one in sites] == ["foot_r"] * 6 + ["foot_l"] * 6
     for foot in feet_of(model):
-        side, forward = foot.name[-2:], foot.axes[:, 0]
+        side = foot.name[-2:]
+        forward = foot.axes[:, 0]
         ankle = poses[foot.heel].translation
         mine = {name[: -len(side)]: x for name, x in placed.items() if name.endswith(side)}
         assert all((x - ankle) @ up < 0.0 for x in mine.values())
         along = {name: (x - ankle) @ forward for name, x in mine.items()}
-        assert along["heel_medial"] < along["ball_lateral"] < along["ball_medial"] < along["toe_medial"]
+        assert (
+            along["heel_medial"]
+            < along["ball_lateral"]
+            < along["ball_medial"]
+            < along["toe_medial"]
+        )
         for part in ("heel", "ball", "toe"):
-            outer, inner = mine[f"{part}_lateral"], mine[f"{part}_medial"]
+            outer = mine[f"{part}_lateral"]
+            inner = mine[f"{part}_medial"]
             assert (outer - inner) @ foot.axes[:, 2] > 0.02
     for name, x in placed.items():
         if name.endswith("_r"):
@@ -71,13 +90,18 @@ def test_soles_of_mujoco_models(name):
 
 
 def test_a_foot_turned_with_its_model_keeps_its_sites(data):
-    """Sites are fixed to the body: turning the model's ground about the vertical changes none of them."""
+    """Sites are fixed to the body: turning the model's ground about the vertical changes none of
+    them.
+    """
     model = read_model(data(OSIM[0]))
     turn = Transform.from_euler_xyz((0.0, 0.7, 0.0), (0.3, 0.0, -0.2))
     joints = tuple(
-        replace(one, parent_frame=turn @ one.parent_frame) if one.parent == "ground" else one for one in model.joints
+        replace(one, parent_frame=turn @ one.parent_frame) if one.parent == "ground" else one
+        for one in model.joints
     )
-    for one, other in zip(foot_sites(model), foot_sites(replace(model, joints=joints)), strict=True):
+    for one, other in zip(
+        foot_sites(model), foot_sites(replace(model, joints=joints)), strict=True
+    ):
         assert_allclose(one.points, other.points, atol=1e-9)
 
 
@@ -86,7 +110,9 @@ def test_every_subject_of_a_joined_model_has_its_feet(data):
     joined = join_models({"tori": model, "uke": model})
     own = foot_sites(model)
     found = foot_sites(joined)
-    assert {one.group for one in found} == {f"{part}_foot_{side}" for part in ("tori", "uke") for side in "rl"}
+    assert {one.group for one in found} == {
+        f"{part}_foot_{side}" for part in ("tori", "uke") for side in "rl"
+    }
     by_name = {one.name: one for one in found}
     for part in ("tori", "uke"):
         for one in own:
@@ -106,7 +132,10 @@ def test_bones_tell_where_a_sole_is(data):
 
 
 def test_no_foot_is_guessed(data):
-    for name in ("opensim-reference-small/arm26_bounds.osim", "mouse-skeleton-keypoints/mouse_with_meshes.xml"):
+    for name in (
+        "opensim-reference-small/arm26_bounds.osim",
+        "mouse-skeleton-keypoints/mouse_with_meshes.xml",
+    ):
         with pytest.raises(BadData, match="name contact sites"):
             foot_sites(read_model(data(name)))
 
@@ -125,7 +154,9 @@ def test_sites_of_hands_and_seat(data):
 
 
 def test_a_cluster_is_where_most_values_lie():
-    values = np.concatenate([np.linspace(0.3, 1.0, 70), np.full(40, 0.2) + 0.001 * np.arange(40) / 40])
+    values = np.concatenate(
+        [np.linspace(0.3, 1.0, 70), np.full(40, 0.2) + 0.001 * np.arange(40) / 40]
+    )
     assert cluster(values) == pytest.approx(0.2005, abs=1e-3)
 
 
@@ -139,7 +170,9 @@ def walk(data):
     return (
         model,
         motion,
-        resample_wrenches(read_external_loads(data("rajagopal-walk-emg/grf_walk.xml")), motion.time, 20.0),
+        resample_wrenches(
+            read_external_loads(data("rajagopal-walk-emg/grf_walk.xml")), motion.time, 20.0
+        ),
     )
 
 
@@ -156,7 +189,9 @@ def test_soles_rest_on_the_floor_of_the_plates(walk):
 
 
 def test_centers_of_pressure_lie_inside_the_soles(walk):
-    """Measured centers of pressure of a loaded foot are inside the polygon of its sites, or a finger beside it."""
+    """Measured centers of pressure of a loaded foot are inside the polygon of its sites, or a
+    finger beside it.
+    """
     model, motion, wrenches = walk
     sites, _ = rest_on_floor(model, motion, foot_sites(model), 0.0)
     moving = site_motion(model, motion, sites)
@@ -179,7 +214,9 @@ def _outside(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def test_a_foot_that_swings_throughout_has_the_sole_of_the_other(data):
-    """In the swing of one leg alone its lowest frames are no stance: they once put its sole far under the floor."""
+    """In the swing of one leg alone its lowest frames are no stance: they once put its sole far
+    under the floor.
+    """
     walk = measured_walk(data)
     rows = (walk.motion.time > 0.6) & (walk.motion.time < 0.8)
     part = Motion(walk.motion.time[rows], walk.motion.names, walk.motion.values[rows])

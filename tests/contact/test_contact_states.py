@@ -1,4 +1,6 @@
-"""When sites touch: against plates that were not shown, in flight, on a belt, for a mouse, and from several sources."""
+"""When sites touch: against plates that were not shown, in flight, on a belt, for a mouse, and from
+several sources.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,19 @@ from myomorph.motion.sync import resample_wrenches
 @pytest.fixture(scope="module")
 def walk(data):
     one = measured_walk(data)
-    return one.model, one.motion, one.sites, resample_wrenches(one.loads, one.motion.time, 20.0), one.floor
+    return (
+        one.model,
+        one.motion,
+        one.sites,
+        resample_wrenches(one.loads, one.motion.time, 20.0),
+        one.floor,
+    )
 
 
 def test_contacts_of_a_walk_agree_with_plates(walk):
-    """Touchdown and lift-off within 30 ms of the plates, which were not shown, and one foot always down."""
+    """Touchdown and lift-off within 30 ms of the plates, which were not shown, and one foot always
+    down.
+    """
     model, motion, sites, wrenches, _ = walk
     found = find_contacts(model, motion, sites)
     assert not found.warnings
@@ -93,15 +103,21 @@ def test_plates_tell_the_foot_and_come_first(walk):
 
 
 def test_a_body_that_weighs_a_thousandth_is_judged_alike(walk):
-    """Thresholds of plates are shares of the weight: what is too light to feel for a man is a mouse's whole weight."""
+    """Thresholds of plates are shares of the weight: what is too light to feel for a man is a
+    mouse's whole weight.
+    """
     model, motion, sites, wrenches, _ = walk
     light = replace(model, bodies=tuple(replace(one, mass=1e-3 * one.mass) for one in model.bodies))
     small = replace(wrenches, forces=1e-3 * wrenches.forces, torques=1e-3 * wrenches.torques)
-    assert find_contacts(light, motion, sites, plates=small) == find_contacts(model, motion, sites, plates=wrenches)
+    assert find_contacts(light, motion, sites, plates=small) == find_contacts(
+        model, motion, sites, plates=wrenches
+    )
 
 
 def swinging(scale: float, speed: float = 0.0, frames: int = 400) -> SiteMotion:
-    """Two feet of one site each that step in turn, each lifted half of the time; a belt may carry what stands."""
+    """Two feet of one site each that step in turn, each lifted half of the time; a belt may carry
+    what stands.
+    """
     time = np.linspace(0.0, 4.0 * np.sqrt(scale), frames)
     phase = (time / np.sqrt(scale)) % 1.0
     lift = np.stack([_arc(phase, 0.0, 0.5), _arc((phase + 0.5) % 1.0, 0.0, 0.5)], axis=1)
@@ -109,7 +125,15 @@ def swinging(scale: float, speed: float = 0.0, frames: int = 400) -> SiteMotion:
     places[:, :, 1] = 0.1 * scale * lift
     places[:, :, 0] = speed * time[:, None]
     velocities = np.gradient(places, time, axis=0)
-    return SiteMotion(time, np.array([0.0, 1.0, 0.0]), places, places[:, :, 1], velocities, scale, np.ones(frames))
+    return SiteMotion(
+        time=time,
+        up=np.array([0.0, 1.0, 0.0]),
+        places=places,
+        lowest=places[:, :, 1],
+        velocities=velocities,
+        height=scale,
+        carried=np.ones(frames),
+    )
 
 
 def _arc(phase: np.ndarray, start: float, length: float) -> np.ndarray:
@@ -117,13 +141,17 @@ def _arc(phase: np.ndarray, start: float, length: float) -> np.ndarray:
     return np.where(inside, np.sin(np.pi * (phase - start) / length) ** 2, 0.0)
 
 
-TWO = tuple(Site(name, body, np.zeros((1, 3)), group=name) for name, body in (("right", "a"), ("left", "b")))
+TWO = tuple(
+    Site(name, body, np.zeros((1, 3)), group=name) for name, body in (("right", "a"), ("left", "b"))
+)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.025], ids=["adult", "mouse"])
 @pytest.mark.parametrize("speed", [0.0, -5.0], ids=["ground", "belt"])
 def test_size_and_belt_do_not_matter(scale, speed):
-    """The same steps of a mouse, and of a runner on a belt, are the same touches at the same phases."""
+    """The same steps of a mouse, and of a runner on a belt, are the same touches at the same
+    phases.
+    """
     reference = swinging(1.0)
     moving = swinging(scale, speed * np.sqrt(scale))
     floor = floor_under(moving)
@@ -157,7 +185,8 @@ def test_nothing_touches_in_flight_and_something_does_when_carried():
 
 def test_unseen_frames_touch_nothing():
     moving = swinging(1.0)
-    lowest, places = np.array(moving.lowest), np.array(moving.places)
+    lowest = np.array(moving.lowest)
+    places = np.array(moving.places)
     lowest[50:60] = places[50:60] = np.nan
     hidden = replace(moving, lowest=lowest, places=places)
     found = by_kinematics(hidden, floor_under(hidden), TWO)
@@ -170,12 +199,23 @@ def test_a_motion_may_be_short_or_gappy_but_not_empty(walk):
         part = Motion(motion.time[:frames], motion.names, motion.values[:frames])
         assert find_contacts(model, part, sites).sites == tuple(one.name for one in sites)
     with pytest.raises(BadData, match="without gaps"):
-        find_contacts(model, Motion(motion.time, motion.names, np.full(motion.values.shape, np.nan)), sites)
+        find_contacts(
+            model, Motion(motion.time, motion.names, np.full(motion.values.shape, np.nan)), sites
+        )
 
 
 def test_hysteresis_holds_between_its_thresholds():
     x = np.array([0.0, 0.5, 1.0, 0.5, 0.4, 0.1, 0.5, 0.9])
-    assert hysteresis(x > 0.8, x < 0.3).tolist() == [False, False, True, True, True, False, False, True]
+    assert hysteresis(x > 0.8, x < 0.3).tolist() == [
+        False,
+        False,
+        True,
+        True,
+        True,
+        False,
+        False,
+        True,
+    ]
     time = np.arange(10) * 0.01
     blip = np.array([1, 1, 0, 1, 1, 1, 0, 0, 0, 1], bool)
     assert steady(blip, time, 0.02).tolist() == [True] * 6 + [False] * 3 + [True]
@@ -186,18 +226,30 @@ def test_sources_merge_by_trust():
     first = Contacts(("heel",), (Touch("heel", 1.0, 2.0, source="plates"),), ("one",))
     second = Contacts(
         ("heel", "toe"),
-        (Touch("heel", 0.98, 2.05), Touch("heel", 1.8, 4.0), Touch("heel", 5.0, 6.0), Touch("toe", 1.0, 2.0)),
+        (
+            Touch("heel", 0.98, 2.05),
+            Touch("heel", 1.8, 4.0),
+            Touch("heel", 5.0, 6.0),
+            Touch("toe", 1.0, 2.0),
+        ),
         ("two",),
     )
     merged = merge_contacts((first, second))
     assert merged.sites == ("heel", "toe")
     assert merged.warnings == ("one", "two")
-    assert [(one.start, one.stop) for one in merged.of("heel")] == [(1.0, 2.0), (2.0, 4.0), (5.0, 6.0)]
+    assert [(one.start, one.stop) for one in merged.of("heel")] == [
+        (1.0, 2.0),
+        (2.0, 4.0),
+        (5.0, 6.0),
+    ]
     assert len(merged.of("toe")) == 1
 
 
 def test_a_foot_that_goes_on_standing_while_its_plate_is_another_ones_is_kept():
-    plates = Contacts(("foot",), (Touch("foot", 0.0, 2.0, source="plates"), Touch("foot", 3.0, 9.0, source="plates")))
+    plates = Contacts(
+        ("foot",),
+        (Touch("foot", 0.0, 2.0, source="plates"), Touch("foot", 3.0, 9.0, source="plates")),
+    )
     merged = merge_contacts((plates, Contacts(("foot",), (Touch("foot", 0.0, 9.2),))))
     assert sorted((one.start, one.stop) for one in merged.of("foot")) == [
         (0.0, 2.0),
@@ -254,7 +306,9 @@ def test_forces_lean_to_a_point_above_the_center_of_mass(walk):
 def test_a_hand_on_an_object_is_as_ready_as_it_is_sure(walk):
     model, motion, _, _, _ = walk
     hand = Site("grip", "hand_r", np.zeros((1, 3)), against="torso")
-    told = Contacts(("grip",), (Touch("grip", 0.6, 0.8, "torso", 0.7),))
+    told = Contacts(
+        ("grip",), (Touch(site="grip", start=0.6, stop=0.8, surface="torso", confidence=0.7),)
+    )
     ready = contact_activations(model, motion, (hand,), told)
     assert set(np.unique(ready.values)) == {0.0, 0.7}
 

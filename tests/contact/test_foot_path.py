@@ -36,7 +36,8 @@ def test_a_walk_comes_back(walk):
     found = walked(model, hidden(model, motion))
     duration = motion.time[-1] - motion.time[0]
     for name, tolerance in (("pelvis_tx", 0.1), ("pelvis_tz", 0.1)):
-        gone, true = (each[name][-1] - each[name][0] for each in (found, motion))
+        gone = found[name][-1] - found[name][0]
+        true = motion[name][-1] - motion[name][0]
         assert gone == pytest.approx(true, abs=tolerance * duration), name
     height = found["pelvis_ty"] - motion["pelvis_ty"]
     assert np.std(height) < 0.012
@@ -50,17 +51,19 @@ def test_neither_place_nor_heading_change_the_walk(walk):
     elsewhere = walked(model, hidden(model, motion, (3.0, -1.0, 2.0)))
     np.testing.assert_allclose(elsewhere.values, found.values, atol=1e-9)
     turned = hidden(model, motion)
-    values, angles = (
-        np.array(turned.values),
-        [turned.names.index(f"pelvis_{name}") for name in ("tilt", "list", "rotation")],
+    values = np.array(turned.values)
+    angles = [turned.names.index(f"pelvis_{name}") for name in ("tilt", "list", "rotation")]
+    across = Rotation.from_euler("y", 90.0, degrees=True) * Rotation.from_euler(
+        "ZXY", values[:, angles]
     )
-    across = Rotation.from_euler("y", 90.0, degrees=True) * Rotation.from_euler("ZXY", values[:, angles])
     values[:, angles] = across.as_euler("ZXY")
     found_across = walked(model, replace(turned, values=values))
     # About y, x goes to -z.
     np.testing.assert_allclose(found_across["pelvis_ty"], found["pelvis_ty"], atol=1e-6)
     gone = found["pelvis_tx"] - found["pelvis_tx"][0]
-    np.testing.assert_allclose(found_across["pelvis_tz"][0] - found_across["pelvis_tz"], gone, atol=1e-6)
+    np.testing.assert_allclose(
+        found_across["pelvis_tz"][0] - found_across["pelvis_tz"], gone, atol=1e-6
+    )
 
 
 def test_gaps_stay_and_are_bridged(walk):
@@ -72,13 +75,18 @@ def test_gaps_stay_and_are_bridged(walk):
     assert np.isfinite(np.delete(found.values, np.s_[60:70], axis=0)).all()
     whole = walked(model, hidden(model, motion))
     assert (
-        abs((found["pelvis_tx"][-1] - found["pelvis_tx"][0]) - (whole["pelvis_tx"][-1] - whole["pelvis_tx"][0])) < 0.1
+        abs(
+            (found["pelvis_tx"][-1] - found["pelvis_tx"][0])
+            - (whole["pelvis_tx"][-1] - whole["pelvis_tx"][0])
+        )
+        < 0.1
     )
 
 
 def test_frame_by_frame_it_goes_as_far(walk):
     model, motion = walk
-    path, still = OnlineFootPath(model), hidden(model, motion)
+    path = OnlineFootPath(model)
+    still = hidden(model, motion)
     column = motion.names.index("pelvis_tx")
     gone = np.array([path.placed(row)[column] for row in still.values])
     whole = walked(model, still)["pelvis_tx"]

@@ -1,4 +1,6 @@
-"""Faults put into clean forces are found and named, mended ones give the clean forces again, and clean ones pass."""
+"""Faults put into clean forces are found and named, mended ones give the clean forces again, and
+clean ones pass.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,11 @@ BY_NAME = {one.name: one for one in faults.CLEAN}
 
 @pytest.fixture(scope="module", params=WALKS)
 def clean(request, data):
-    for path in (BY_NAME[request.param].model, BY_NAME[request.param].motion, BY_NAME[request.param].loads):
+    for path in (
+        BY_NAME[request.param].model,
+        BY_NAME[request.param].motion,
+        BY_NAME[request.param].loads,
+    ):
         data(path)
     folder = data(BY_NAME[request.param].model.split("/")[0]).parent
     return faults.of_its_mass(folder, BY_NAME[request.param])
@@ -74,7 +80,9 @@ def test_a_load_in_the_hands_goes_to_no_foot(clean):
     assert not load_in_hands.mended
     assert "--bodies" in load_in_hands.text
     for body in set(wrenches.bodies):
-        np.testing.assert_allclose(on_body(found, body, clean.motion), on_body(wrenches, body, clean.motion), atol=1e-9)
+        np.testing.assert_allclose(
+            on_body(found, body, clean.motion), on_body(wrenches, body, clean.motion), atol=1e-9
+        )
 
 
 SAFE = (
@@ -97,7 +105,8 @@ def test_what_is_mended_is_the_clean_wrench_again(clean, fault):
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion)
     assert any(one.mended for one in found.findings)
     for body in set(clean.wrenches.bodies):
-        expected, mended = (on_body(one, body, clean.motion) for one in (clean.wrenches, found))
+        expected = on_body(clean.wrenches, body, clean.motion)
+        mended = on_body(found, body, clean.motion)
         np.testing.assert_allclose(mended[:, :3], expected[:, :3], atol=1e-6)
         # The point that moments of a plate are about is fitted.
         assert np.abs(mended - expected).max() < (15.0 if fault is faults.about_a_plate else 1e-6)
@@ -109,7 +118,9 @@ def check_forces(*given):
 
 def test_reporting_only_changes_nothing(clean):
     faulty = faults.mirrored(clean)
-    found = on_feet(faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_checks="report"))
+    found = on_feet(
+        faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_checks="report")
+    )
     assert found.findings
     assert not any(one.mended for one in found.findings)
     np.testing.assert_array_equal(found.forces, faulty.wrenches.forces)
@@ -122,10 +133,16 @@ def test_reporting_only_changes_nothing(clean):
 def test_the_lag_of_a_clock_is_measured(clean):
     """A lag that the finding names, taken off by `force_shift`, is found no more."""
     faulty = faults.late(0.06)(clean)
-    (found,) = [one for one in check_forces(faulty.wrenches, faulty.model, faulty.motion) if one.kind == "clock"]
+    (found,) = [
+        one
+        for one in check_forces(faulty.wrenches, faulty.model, faulty.motion)
+        if one.kind == "clock"
+    ]
     lag = float(found.text.split("seem ")[1].split(" ms")[0])
     assert lag == pytest.approx(60.0, abs=15.0)
-    again = on_feet(faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_shift=-1e-3 * lag))
+    again = on_feet(
+        faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_shift=-1e-3 * lag)
+    )
     assert not [one for one in again.findings if one.kind == "clock"]
 
 
@@ -133,20 +150,28 @@ def on_body(wrenches: Wrenches, body: str, motion: Motion):
     """Force and moment about the origin (samples, 6) on a body while a motion lasts."""
     own = [k for k, name in enumerate(wrenches.bodies) if name == body]
     during = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
-    points, forces, torques = (
-        np.nan_to_num(one[during][:, own]) for one in (wrenches.points, wrenches.forces, wrenches.torques)
-    )
+    points = np.nan_to_num(wrenches.points[during][:, own])
+    forces = np.nan_to_num(wrenches.forces[during][:, own])
+    torques = np.nan_to_num(wrenches.torques[during][:, own])
     return np.hstack([forces.sum(axis=1), (torques + np.cross(points, forces)).sum(axis=1)])
 
 
 def test_opencaps_plates_that_are_all_on_one_foot(data):
-    """The data set's own file puts both plates on the right talus; the left one is found without any injection."""
+    """The data set's own file puts both plates on the right talus; the left one is found without
+    any injection.
+    """
     folder = "opencap-subject4-multitask"
     model = open_model(data(f"{folder}/models/manually_scaled.osim"))
     motion = read_motion(data(f"{folder}/ik_manual_scaling/walking1_ik.mot"), model)
-    found = on_feet(faults.raw_loads(data(f"{folder}/grf/walking1_external_forces.xml"), model, motion), model, motion)
+    found = on_feet(
+        faults.raw_loads(data(f"{folder}/grf/walking1_external_forces.xml"), model, motion),
+        model,
+        motion,
+    )
     assert found.bodies == ("talus_r", "calcn_l")
-    assert [(one.kind, one.place, one.mended) for one in found.findings] == [("wrong foot", "ForcePlate2", True)]
+    assert [(one.kind, one.place, one.mended) for one in found.findings] == [
+        ("wrong foot", "ForcePlate2", True)
+    ]
 
 
 def test_a_model_that_is_too_heavy_for_its_plates(data):
@@ -162,7 +187,9 @@ def test_a_model_that_is_too_heavy_for_its_plates(data):
 
 def test_empty_forces_other_times_and_gaps_pass(clean):
     nothing = replace(
-        clean.wrenches, forces=0.0 * clean.wrenches.forces, torques=0.0 * np.nan_to_num(clean.wrenches.torques)
+        clean.wrenches,
+        forces=0.0 * clean.wrenches.forces,
+        torques=0.0 * np.nan_to_num(clean.wrenches.torques),
     )
     assert check_forces(nothing, clean.model, clean.motion) == ()
     late = replace(clean.wrenches, time=clean.wrenches.time + 1000.0)
@@ -174,7 +201,9 @@ def test_empty_forces_other_times_and_gaps_pass(clean):
 
 
 def test_a_body_out_of_view_before_and_after_does_not_hide_a_fault(data):
-    """The same fault in the frames with a pose, as where a walker enters the cameras' view and leaves it."""
+    """The same fault in the frames with a pose, as where a walker enters the cameras' view and
+    leaves it.
+    """
     walk = BY_NAME["treadmill walk"]
     for path in (walk.model, walk.motion, walk.loads):
         data(path)
@@ -193,9 +222,11 @@ def test_center_of_a_wrench_is_that_of_its_moment():
     move = random.normal(size=(5, 1, 3)) * [1.0, 0.0, 1.0]
     loaded = np.ones((5, 1), bool)
     up = np.array([0.0, 1.0, 0.0])
-    plain = ForceSamples(force, point, 0.0 * force, loaded).centers(up)
+    plain = ForceSamples(forces=force, points=point, torques=0.0 * force, loaded=loaded).centers(up)
     moment = np.cross(-move, force)
-    moved = ForceSamples(force, point + move, moment * [1.0, 0.0, 1.0], loaded).centers(up)
+    moved = ForceSamples(
+        forces=force, points=point + move, torques=moment * [1.0, 0.0, 1.0], loaded=loaded
+    ).centers(up)
     np.testing.assert_allclose(moved, plain, atol=1e-12)
 
 
@@ -203,7 +234,9 @@ def test_center_of_a_wrench_is_that_of_its_moment():
 def test_only_a_force_that_points_down_more_than_sideways_pulls(upwards, kinds):
     force = 300.0 * np.array([np.sqrt(1.0 - upwards**2), upwards, 0.0])
     inspection = SimpleNamespace(
-        feet=SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), unit=0.25, model=SimpleNamespace(weight=700.0)),
+        feet=SimpleNamespace(
+            up=np.array([0.0, 1.0, 0.0]), unit=0.25, model=SimpleNamespace(weight=700.0)
+        ),
         samples=SimpleNamespace(forces=np.tile(force, (20, 1, 1)), loaded=np.ones((20, 1), bool)),
         numbers=[0],
         weights=lambda number: np.full(20, 300.0),

@@ -27,14 +27,22 @@ UNIT = 0.8
     ],
 )
 def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, mended):
-    """Distances are shares of the foot's; a change must leave less than `FITS`, and than `MARKED` of those before."""
-    remedy = Remedy("units", "", "", "", lambda force, point, torque: (force, point, torque))
+    """Distances are shares of the foot's; a change must leave less than `FITS`, and than `MARKED`
+    of those before.
+    """
+    remedy = Remedy(
+        kind="units",
+        text="",
+        done="",
+        advice="",
+        change=lambda force, point, torque: (force, point, torque),
+    )
     monkeypatch.setattr(force_placement, "_remedies", lambda inspection, number: [remedy])
     zero = np.zeros((2, 1, 3))
     inspection = SimpleNamespace(
         numbers=[0],
         feet=SimpleNamespace(unit=UNIT),
-        samples=ForceSamples(zero, zero, zero, np.ones((2, 1), bool)),
+        samples=ForceSamples(forces=zero, points=zero, torques=zero, loaded=np.ones((2, 1), bool)),
         misfit=lambda number, samples=None: UNIT * (before if samples is None else after),
         name=lambda number: "ForcePlate1",
     )
@@ -46,14 +54,23 @@ def test_a_force_goes_to_the_carrier_of_each_step_and_nothing_is_lost():
     random = np.random.default_rng(0)
     time = np.arange(6.0)
     forces, points, torques = random.standard_normal((3, 6, 3, 3))
-    wrenches = Wrenches(time, ("a", "b", "c"), ("heel_r", "heel_r", "hand"), forces, points, torques)
+    wrenches = Wrenches(
+        time=time,
+        names=("a", "b", "c"),
+        bodies=("heel_r", "heel_r", "hand"),
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
     carried = on_carriers(wrenches, "b", ("heel_r", "heel_l", "heel_r"), [1.5, 3.5])
     assert carried.names == ("a", "b_heel_r", "b_heel_l", "c")
     assert carried.bodies == ("heel_r", "heel_r", "heel_l", "hand")
     for part in ("forces", "torques"):
         split = getattr(carried, part)
         np.testing.assert_array_equal(split[:, 1] + split[:, 2], getattr(wrenches, part)[:, 1])
-        np.testing.assert_array_equal(np.any(split[:, 2] != 0.0, axis=1), [False, False, True, True, False, False])
+        np.testing.assert_array_equal(
+            np.any(split[:, 2] != 0.0, axis=1), [False, False, True, True, False, False]
+        )
         np.testing.assert_array_equal(split[:, [0, 3]], getattr(wrenches, part)[:, [0, 2]])
     np.testing.assert_array_equal(carried.points, wrenches.points[:, [0, 1, 1, 2]])
     whole = on_carriers(wrenches, "b", ("heel_l",), [])

@@ -29,7 +29,13 @@ def sliding(name, height, frames=200):
     values[0, :, 1] = height(time)
     values[1, :, 1] = np.gradient(values[0, :, 1], STEP)
     values[2, :, 1] = np.gradient(values[1, :, 1], STEP)
-    return model, Motion(time, model.coordinate_names, values[0], values[1], values[2])
+    return model, Motion(
+        time=time,
+        names=model.coordinate_names,
+        values=values[0],
+        velocities=values[1],
+        accelerations=values[2],
+    )
 
 
 def test_a_box_that_is_lifted_needs_its_weight_and_its_acceleration():
@@ -41,11 +47,22 @@ def test_a_box_that_is_lifted_needs_its_weight_and_its_acceleration():
 
 
 def test_what_is_known_is_taken_off():
-    """A floor that carries the weight leaves nothing for the hands; one that carries it off the middle, a moment."""
+    """A floor that carries the weight leaves nothing for the hands; one that carries it off the
+    middle, a moment.
+    """
     model, motion = sliding("box", lambda t: 0.0 * t)
-    force, points = np.zeros((200, 1, 3)), np.zeros((200, 1, 3))
-    force[:, 0, 1], points[:, 0, 0] = 2.0 * 9.80665, 0.1
-    floor = Wrenches(motion.time, ("floor",), ("box",), force, points, np.zeros((200, 1, 3)))
+    force = np.zeros((200, 1, 3))
+    points = np.zeros((200, 1, 3))
+    force[:, 0, 1] = 2.0 * 9.80665
+    points[:, 0, 0] = 0.1
+    floor = Wrenches(
+        time=motion.time,
+        names=("floor",),
+        bodies=("box",),
+        forces=force,
+        points=points,
+        torques=np.zeros((200, 1, 3)),
+    )
     left = needed_wrench(model, motion, "box", floor)
     assert left.forces == pytest.approx(0.0, abs=1e-9)
     assert left.torques[:, 0] == pytest.approx(np.tile([0.0, 0.0, -0.1 * 2.0 * 9.80665], (200, 1)))
@@ -53,11 +70,15 @@ def test_what_is_known_is_taken_off():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_whole_needs_what_its_momentum_does(seed):
-    """The root's wrench is the mass times the center's acceleration less gravity: second differences tell the same."""
+    """The root's wrench is the mass times the center's acceleration less gravity: second
+    differences tell the same.
+    """
     model = floating_tree(seed)
     motion = swinging(model, 400, 0.001, seed)
     needed = needed_wrench(model, motion, "body0")
-    center = center_of_mass(compile_tree(model), forward_kinematics(compile_tree(model), motion.values))
+    center = center_of_mass(
+        compile_tree(model), forward_kinematics(compile_tree(model), motion.values)
+    )
     acceleration = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / 0.001**2
     expected = model.mass * (acceleration - model.gravity)
     assert np.abs(needed.forces[1:-1, 0] - expected).max() < 2e-3 * np.abs(expected).max()
@@ -69,14 +90,17 @@ def test_its_part_along_a_joint_is_the_joints_torque():
     torques = inverse_dynamics(model, motion)
     poses = forward_kinematics(compile_tree(model), motion.values)
     for k, body in enumerate(model.body_names[1:], start=6):
-        needed, axis = needed_wrench(model, motion, body), poses.axis_directions[:, k]
+        needed = needed_wrench(model, motion, body)
+        axis = poses.axis_directions[:, k]
         turning = model.joints[k - 5].axes[0].kind == "rotation"
         along = np.einsum("fi,fi->f", (needed.torques if turning else needed.forces)[:, 0], axis)
         assert along == pytest.approx(torques[f"c{k - 5}"], rel=1e-9, abs=1e-9)
 
 
 def reaching(arrive=0.5, leave=1.5):
-    """A hand that comes to a box from above, lifts it between `arrive` + 0.2 and `leave` - 0.2 s, and goes away."""
+    """A hand that comes to a box from above, lifts it between `arrive` + 0.2 and `leave` - 0.2 s,
+    and goes away.
+    """
 
     def lifted(t):
         phase = np.clip((t - arrive - 0.2) / (leave - arrive - 0.4), 0.0, 1.0)
@@ -101,7 +125,9 @@ def test_a_hold_lasts_from_arriving_to_leaving():
 
 
 def test_a_glitch_neither_ends_nor_begins_a_hold(monkeypatch):
-    """Two frames in which the hand seems away while it holds, and two in which it seems there while it does not."""
+    """Two frames in which the hand seems away while it holds, and two in which it seems there while
+    it does not.
+    """
     model, motion = reaching()
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
     values = np.array(motion.values)
@@ -127,7 +153,9 @@ def test_an_object_that_rests_tells_no_hold(monkeypatch):
 
 
 def test_an_object_is_judged_by_its_own_height():
-    """A box of 0.2 m that a tall body stands beside has left the floor a centimetre up, not a tenth of the body."""
+    """A box of 0.2 m that a tall body stands beside has left the floor a centimetre up, not a tenth
+    of the body.
+    """
     box, box_motion = sliding("box", lambda t: 0.1 + np.where(t > 1.0, 0.05 * (t - 1.0), 0.0))
     tall, tall_motion = sliding("body", lambda t: 1.0 + 0.0 * t)
     model = join_models({"tall": tall, "thing": box})

@@ -1,4 +1,6 @@
-"""Impacts as forces: pulses keep their impulse on any clock, and masses are what Newton says they are."""
+"""Impacts as forces: pulses keep their impulse on any clock, and masses are what Newton says they
+are.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def test_a_pulse_keeps_impulse_and_middle_on_any_clock(rate, duration):
     time = np.cumsum(rng.uniform(0.5, 1.5, int(rate))) / rate
     force = pulse(time, 0.4321, 1.7, duration)
     assert np.trapezoid(force, time) == pytest.approx(1.7, rel=1e-12)
-    assert np.trapezoid(force * time, time) / 1.7 == pytest.approx(0.4321 + 0.5 * duration, rel=1e-9)
+    assert np.trapezoid(force * time, time) / 1.7 == pytest.approx(
+        0.4321 + 0.5 * duration, rel=1e-9
+    )
     assert force.min() > -1e-9 * force.max()
     assert np.count_nonzero(force) <= duration / np.diff(time).min() + 3
 
@@ -49,7 +53,9 @@ def test_a_pulse_on_a_fast_clock_is_a_half_sine():
     inside = (since > 0) & (since < 0.008)
     expected = np.where(inside, 2.0 * np.pi / (2 * 0.008) * np.sin(np.pi * since / 0.008), 0.0)
     np.testing.assert_allclose(pulse(time, 0.05, 2.0, 0.008), expected, atol=2.0)
-    np.testing.assert_allclose(pulse(time, 0.05, 2.0, 0.008)[10:5395:7], expected[10:5395:7], atol=0.01)
+    np.testing.assert_allclose(
+        pulse(time, 0.05, 2.0, 0.008)[10:5395:7], expected[10:5395:7], atol=0.01
+    )
 
 
 def test_what_lies_beyond_the_clock_is_lost_and_nothing_else_happens():
@@ -64,7 +70,9 @@ def test_what_lies_beyond_the_clock_is_lost_and_nothing_else_happens():
 
 
 def at(model: Model, *poses) -> Motion:
-    return Motion(np.arange(len(poses), dtype=float), model.coordinate_names, np.array(poses, dtype=float))
+    return Motion(
+        np.arange(len(poses), dtype=float), model.coordinate_names, np.array(poses, dtype=float)
+    )
 
 
 def test_a_rod_about_its_end_meets_a_blow_at_its_tip_with_a_third_of_its_mass():
@@ -86,25 +94,51 @@ def test_a_free_body_meets_a_blow_beside_its_center_with_less_than_its_mass():
         # The joint's frames lie off the body's: the law holds in the ground, whatever they are.
         at_center = effective_mass(model, motion, body.name, body.mass_center, way)[0]
         assert at_center == pytest.approx(body.mass, rel=1e-8)
-        assert effective_mass(model, motion, body.name, body.mass_center + lever, way)[0] < body.mass
+        assert (
+            effective_mass(model, motion, body.name, body.mass_center + lever, way)[0] < body.mass
+        )
 
 
 def test_an_impulse_over_the_effective_mass_is_the_change_of_velocity():
     model = random_tree(4, bodies=7)
     rng = np.random.default_rng(3)
-    body, point, way = model.bodies[-1].name, rng.normal(size=3), np.array([0.6, 0.0, 0.8])
+    body = model.bodies[-1].name
+    point = rng.normal(size=3)
+    way = np.array([0.6, 0.0, 0.8])
     motion = at(model, rng.normal(size=7))
-    # The inertia as inverse dynamics tells it, and the accelerations that a force of 1 N alone causes.
+    # The inertia as inverse dynamics tells it, and the accelerations that a force of 1 N alone
+    # causes.
     zero = np.zeros_like(motion.values)
     asked = np.vstack([zero, np.eye(7)])
-    still = Motion(np.arange(8.0), motion.names, np.tile(motion.values, (8, 1)), np.zeros((8, 7)), asked)
+    still = Motion(
+        time=np.arange(8.0),
+        names=motion.names,
+        values=np.tile(motion.values, (8, 1)),
+        velocities=np.zeros((8, 7)),
+        accelerations=asked,
+    )
     bare = inverse_dynamics(model, still).values
     tree = compile_tree(model)
     b = np.array([tree.body_index[body]])
     place = forward_kinematics(tree, motion.values).points(b, point[None])[:, 0]
-    held = Motion(np.zeros(1), motion.names, motion.values, zero, zero)
-    load = Wrenches(np.zeros(1), ("impact",), (body,), way[None, None], place[:, None], np.zeros((1, 1, 3)))
-    caused = np.linalg.solve((bare[1:] - bare[0]).T, bare[0] - inverse_dynamics(model, held, load).values[0])
+    held = Motion(
+        time=np.zeros(1),
+        names=motion.names,
+        values=motion.values,
+        velocities=zero,
+        accelerations=zero,
+    )
+    load = Wrenches(
+        time=np.zeros(1),
+        names=("impact",),
+        bodies=(body,),
+        forces=way[None, None],
+        points=place[:, None],
+        torques=np.zeros((1, 1, 3)),
+    )
+    caused = np.linalg.solve(
+        (bare[1:] - bare[0]).T, bare[0] - inverse_dynamics(model, held, load).values[0]
+    )
     ahead = forward_kinematics(tree, motion.values + 1e-6 * caused).points(b, point[None])[0, 0]
     mass = effective_mass(model, motion, body, point, way)[0]
     assert 1e-6 / ((ahead - place[0]) @ way) == pytest.approx(mass, rel=1e-4)
@@ -115,7 +149,11 @@ def test_the_effective_mass_of_a_walkers_hand_is_less_than_its_arm(data):
     motion = at(model, [one.default for one in model.coordinates])
     hand = effective_mass(model, motion, "hand_r", [0.0, -0.1, 0.0], [1.0, 0.0, 0.0])[0]
     masses = {one.name: one.mass for one in model.bodies}
-    assert 0.2 * masses["hand_r"] < hand < sum(masses[f"{one}_r"] for one in ("humerus", "ulna", "radius", "hand"))
+    assert (
+        0.2 * masses["hand_r"]
+        < hand
+        < sum(masses[f"{one}_r"] for one in ("humerus", "ulna", "radius", "hand"))
+    )
 
 
 def test_the_law_of_impulses_is_found_again():
@@ -124,7 +162,9 @@ def test_the_law_of_impulses_is_found_again():
     exact = calibrate_impulse(energy, 20.0 * energy**0.5)
     assert (exact.scale, exact.exponent) == pytest.approx((20.0, 0.5))
     assert exact.error < 1e-9
-    scattered = calibrate_impulse(energy, 20.0 * energy**0.42 * np.exp(0.1 * rng.standard_normal(60)))
+    scattered = calibrate_impulse(
+        energy, 20.0 * energy**0.42 * np.exp(0.1 * rng.standard_normal(60))
+    )
     assert scattered.exponent == pytest.approx(0.42, abs=0.02)
     assert scattered.error == pytest.approx(0.1, abs=0.03)
     assert calibrate_impulse(energy[:1], [0.3]).impulse(energy[0]) == pytest.approx(0.3)
@@ -139,23 +179,34 @@ def test_the_law_of_impulses_is_found_again():
         calibrate_impulse([1.0, 2.0], [1.0])
 
 
-DRUM = Instrument("drum", "1", 0.0, ("tip",))
+DRUM = Instrument(name="drum", channel="1", distance=0.0, sites=("tip",))
 
 
 def made(*strokes: tuple[float, float]) -> HeardImpacts:
-    return HeardImpacts((DRUM,), tuple(HeardImpact("drum", time, energy, 1.0) for time, energy in strokes))
+    return HeardImpacts(
+        (DRUM,),
+        tuple(
+            HeardImpact(instrument="drum", time=time, energy=energy, confidence=1.0)
+            for time, energy in strokes
+        ),
+    )
 
 
 def test_known_strokes_calibrate_the_nearest_that_were_heard():
     heard = made((1.0, 1e-4), (2.0, 4e-4), (3.0, 9e-4))
     laws = calibration_pairs(heard, {"drum": [(1.01, 0.1), (2.99, 0.3)]})
     assert laws["drum"].impulse(4e-4) == pytest.approx(0.2)
-    impacts, warnings = impacts_from_sound(heard, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]})
+    impacts, warnings = impacts_from_sound(
+        heard, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]}
+    )
     assert [one.time for one in impacts] == [1.0, 2.0]
     np.testing.assert_allclose(impacts[0].direction, [0, 0, 1])
     assert warnings == ()
     louder, warnings = impacts_from_sound(made((1.0, 1.0)), laws, {0: "tip"}, {})
-    assert "1 of 1 impacts are louder or softer than those calibrated on, first on 'drum' at 1.000 s" in warnings[0]
+    assert (
+        "1 of 1 impacts are louder or softer than those calibrated on, first on 'drum' at 1.000 s"
+        in warnings[0]
+    )
     np.testing.assert_allclose(louder[0].direction, [0, 1, 0])
     with pytest.raises(BadData, match="none of the 1 known impacts on 'drum' was heard"):
         calibration_pairs(heard, {"drum": [(1.5, 0.1)]})
@@ -171,12 +222,20 @@ def test_the_stick_that_stops_is_the_one_that_struck():
     # Stick a swings on; stick b is turned round at 0.5 s.
     angles = np.column_stack([0.5 * np.sin(4.0 * time), 3.0 * np.abs(time - 0.5)])
     motion = Motion(time, ("a", "b"), angles)
-    drum = Instrument("drum", "1", 0.0, ("tip_a", "tip_b"))
-    heard = HeardImpacts((drum,), (HeardImpact("drum", 0.5, 1e-4, 1.0), HeardImpact("drum", 7.0, 1e-4, 1.0)))
+    drum = Instrument(name="drum", channel="1", distance=0.0, sites=("tip_a", "tip_b"))
+    heard = HeardImpacts(
+        (drum,),
+        (
+            HeardImpact(instrument="drum", time=0.5, energy=1e-4, confidence=1.0),
+            HeardImpact(instrument="drum", time=7.0, energy=1e-4, confidence=1.0),
+        ),
+    )
     assert striking_sites(heard, model, motion, SITES) == {0: "tip_b"}
     change = velocity_change(model, motion, SITES[1], 0.5)
     np.testing.assert_allclose(change[0], 2.0 * 3.0 * 0.4, rtol=0.05)
-    mass = effective_mass(model, Motion(time[100:101], ("a", "b"), angles[100:101]), "b", TIP, change)
+    mass = effective_mass(
+        model, Motion(time[100:101], ("a", "b"), angles[100:101]), "b", TIP, change
+    )
     np.testing.assert_allclose(mass[0] * np.linalg.norm(change), 0.02 * 2.4, rtol=0.05)
 
 
@@ -184,21 +243,29 @@ def test_blows_are_loads_whose_torque_over_time_is_their_moment():
     model = rods("a", "b")
     time = np.arange(0.0, 1.0, 0.01)
     zeros = np.zeros((len(time), 2))
-    motion = Motion(time, ("a", "b"), zeros, zeros, zeros)
+    motion = Motion(
+        time=time, names=("a", "b"), values=zeros, velocities=zeros, accelerations=zeros
+    )
     given = (("tip_a", 0.301, 0.5), ("tip_b", 0.5, 0.2), ("tip_a", 0.6, 0.1))
     impacts = [Impact(*one, np.array([1.0, 0.0, 0.0])) for one in given]
     loads = impact_wrenches(impacts, model, motion, SITES)
     assert loads.names == ("tip_a", "tip_b")
     assert loads.bodies == ("a", "b")
-    without, with_ = inverse_dynamics(model, motion), inverse_dynamics(model, motion, loads)
+    without = inverse_dynamics(model, motion)
+    with_ = inverse_dynamics(model, motion, loads)
     taken = np.trapezoid(without.values - with_.values, time, axis=0)
     np.testing.assert_allclose(taken, 0.4 * np.array([0.6, 0.2]), rtol=1e-9)
     with pytest.raises(UnknownName, match="'tip_c'"):
-        impact_wrenches([Impact("tip_c", 0.3, 0.5, [1.0, 0, 0])], model, motion, SITES)
+        impact_wrenches(
+            [Impact(site="tip_c", time=0.3, impulse=0.5, direction=[1.0, 0, 0])],
+            model,
+            motion,
+            SITES,
+        )
     with pytest.raises(BadData, match="expected a vector with a length"):
-        Impact("tip_a", 0.3, 0.5, [0.0, 0, 0])
+        Impact(site="tip_a", time=0.3, impulse=0.5, direction=[0.0, 0, 0])
     with pytest.raises(BadData, match="impulse of an impact on 'tip_a' is -1"):
-        Impact("tip_a", 0.3, -1.0, [0.0, 1.0, 0])
+        Impact(site="tip_a", time=0.3, impulse=-1.0, direction=[0.0, 1.0, 0])
 
 
 def test_a_filtered_motion_is_balanced_by_pulses_filtered_alike():
@@ -209,7 +276,7 @@ def test_a_filtered_motion_is_balanced_by_pulses_filtered_alike():
     model = replace(model, gravity=np.zeros(3))
     values = np.column_stack([turned * np.maximum(time - 1.004, 0.0), np.zeros(len(time))]) * 1e-3
     motion = differentiate(Motion(time, ("a", "b"), values), 6.0)
-    impact = Impact("tip_a", 1.0, 0.5e-3, np.array([1.0, 0.0, 0.0]))
+    impact = Impact(site="tip_a", time=1.0, impulse=0.5e-3, direction=np.array([1.0, 0.0, 0.0]))
     left = []
     for cutoff in (None, 6.0):
         loads = impact_wrenches([impact], model, motion, SITES, cutoff=cutoff)

@@ -24,20 +24,31 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, np.ndarray, np.ndarray, tu
 
     model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model)
-    given = resample_wrenches(read_external_loads(data("rajagopal-walk-emg/grf_walk.xml")), motion.time)
-    each = total_wrench(given.forces[:, :, None], given.points[:, :, None], given.torques[:, :, None])
+    given = resample_wrenches(
+        read_external_loads(data("rajagopal-walk-emg/grf_walk.xml")), motion.time
+    )
+    each = total_wrench(
+        given.forces[:, :, None], given.points[:, :, None], given.torques[:, :, None]
+    )
     return model, compile_tree(model).coordinates_of(motion), each, given.bodies
 
 
-def followed(feet: OnlineFeet, coordinates: np.ndarray, each: np.ndarray, chunk: int = 10) -> np.ndarray:
+def followed(
+    feet: OnlineFeet, coordinates: np.ndarray, each: np.ndarray, chunk: int = 10
+) -> np.ndarray:
     parts = [
-        feet.given(each[start : start + chunk], coordinates[max(start - 1, 0)]) for start in range(0, len(each), chunk)
+        feet.given(each[start : start + chunk], coordinates[max(start - 1, 0)])
+        for start in range(0, len(each), chunk)
     ]
     return np.concatenate(parts)
 
 
-def test_the_foot_on_each_plate_is_found(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
-    """The forces of the file, told without their bodies, come out on the bodies that the file names."""
+def test_the_foot_on_each_plate_is_found(
+    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+) -> None:
+    """The forces of the file, told without their bodies, come out on the bodies that the file
+    names.
+    """
     model, coordinates, each, bodies = walk
     feet = OnlineFeet(model, ("one", "two"), ("", ""))
     found = followed(feet, coordinates, each)
@@ -53,7 +64,8 @@ def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
 ) -> None:
     model, coordinates, each, bodies = walk
     right, left = (np.linalg.norm(each[:, plate, 3:], axis=1) for plate in range(2))
-    # Where only one foot is loaded, as on a treadmill's one plate; both together cannot be told apart.
+    # Where only one foot is loaded, as on a treadmill's one plate; both together cannot be told
+    # apart.
     one = np.where((right > left)[:, None], each[:, 0], each[:, 1])
     one[np.minimum(right, left) > 0.0] = 0.0
     feet = OnlineFeet(model, ("belt",), ("",))
@@ -64,7 +76,9 @@ def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
         np.testing.assert_allclose(found[mine, feet.bodies.index(body)], one[mine])
 
 
-def test_loads_near_no_foot_act_on_nobody(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+def test_loads_near_no_foot_act_on_nobody(
+    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+) -> None:
     model, coordinates, each, _ = walk
     away = each.copy()
     # The same forces three metres to the side.
@@ -74,22 +88,33 @@ def test_loads_near_no_foot_act_on_nobody(walk: tuple[Model, np.ndarray, np.ndar
     assert (feet.nobody > 100).all()
 
 
-def test_bodies_that_are_named_need_no_search(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+def test_bodies_that_are_named_need_no_search(
+    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+) -> None:
     model, _, each, _ = walk
     feet = OnlineFeet(model, ("one", "two"), ("hand_r", "hand_r"))
     assert feet.bodies == ("hand_r",)
     np.testing.assert_allclose(feet.given(each, None)[:, 0], each.sum(axis=1))
     holed = each[:5].copy()
     holed[2, 0, 4] = np.nan
-    assert np.isnan(feet.given(holed, None)).all(axis=(1, 2)).tolist() == [False, False, True, False, False]
+    assert np.isnan(feet.given(holed, None)).all(axis=(1, 2)).tolist() == [
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
 
 
-def test_a_model_without_feet_is_told(walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]) -> None:
+def test_a_model_without_feet_is_told(
+    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+) -> None:
     model = walk[0]
     renamed = {name: name.replace("calcn", "stump") for name in model.body_names}
     bodies = tuple(replace(one, name=renamed[one.name]) for one in model.bodies)
     joints = tuple(
-        replace(one, child=renamed[one.child], parent=renamed.get(one.parent, one.parent)) for one in model.joints
+        replace(one, child=renamed[one.child], parent=renamed.get(one.parent, one.parent))
+        for one in model.joints
     )
     bare = replace(model, bodies=bodies, joints=joints, muscles=(), markers=())
     with pytest.raises(BadData, match=r"no body of model .* is called a foot"):

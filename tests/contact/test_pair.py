@@ -17,12 +17,16 @@ from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
-HELD, HOLDS = np.array([0.12, -0.03, 0.05]), np.array([-0.02, -0.31, 0.01])
+HELD = np.array([0.12, -0.03, 0.05])
+HOLDS = np.array([-0.02, -0.31, 0.01])
 
 
 def boxes():
     return join_models(
-        {"one": free_object("box", 3.0, (0.2, 0.3, 0.4)), "two": free_object("box", 5.0, (0.4, 0.3, 0.2))}
+        {
+            "one": free_object("box", 3.0, (0.2, 0.3, 0.4)),
+            "two": free_object("box", 5.0, (0.4, 0.3, 0.2)),
+        }
     )
 
 
@@ -32,7 +36,9 @@ def held_boxes(frames=60, noise=0.0):
     random = np.random.default_rng(4)
     time = np.arange(frames) / 50.0
     wave = np.sin(np.outer(time, random.uniform(2, 7, 9)) + random.uniform(0, 6, 9))
-    place, first, second = 0.3 * wave[:, :3], 0.6 * wave[:, 3:6], 0.6 * wave[:, 6:]
+    place = 0.3 * wave[:, :3]
+    first = 0.6 * wave[:, 3:6]
+    second = 0.6 * wave[:, 6:]
     turned = zip(first, second, strict=True)
     other = place + np.array(
         [rotation_from_euler_xyz(a) @ HOLDS - rotation_from_euler_xyz(b) @ HELD for a, b in turned]
@@ -66,7 +72,9 @@ def test_bodies_that_move_as_one_hold_where_the_guess_says():
     still = replace(motion, values=np.repeat(motion.values[:1], len(motion), axis=0))
     guess = np.array([0.1, 0.2, 0.3])
     np.testing.assert_allclose(
-        grip_between(model, still, "one_box", "two_box", near=guess).site.points[0], guess, atol=1e-9
+        grip_between(model, still, "one_box", "two_box", near=guess).site.points[0],
+        guess,
+        atol=1e-9,
     )
 
 
@@ -82,8 +90,11 @@ def moving_pair(frames=7):
     figure = stick_figure()
     whole = join_models({"tori": figure, "uke": figure})
     random = np.random.default_rng(2)
-    n, time = len(whole.coordinates), np.arange(frames) / 100.0
-    pace, phase, size = random.uniform(2, 7, n), random.uniform(0, 6, n), 0.2
+    n = len(whole.coordinates)
+    time = np.arange(frames) / 100.0
+    pace = random.uniform(2, 7, n)
+    phase = random.uniform(0, 6, n)
+    size = 0.2
     angle = np.outer(time, pace) + phase
     return whole, Motion(
         time,
@@ -96,7 +107,14 @@ def moving_pair(frames=7):
 
 def on(bodies, forces, motion, point):
     points = np.broadcast_to(point, forces.shape)
-    return Wrenches(motion.time, tuple(bodies), tuple(bodies), forces, points, np.zeros_like(forces))
+    return Wrenches(
+        time=motion.time,
+        names=tuple(bodies),
+        bodies=tuple(bodies),
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
 
 
 def test_what_passes_between_two_is_what_their_momentum_tells():
@@ -105,14 +123,21 @@ def test_what_passes_between_two_is_what_their_momentum_tells():
     place = np.array([0.2, 1.1, 0.3])
     nothing = Wrenches(motion.time, (), (), *np.zeros((3, len(motion), 0, 3)))
     needed = action_reaction(model, motion, ("tori", "uke"), nothing)
-    # The floor is made to give what each needs beyond the pull, all of it through one point of one foot.
-    floor, moments = needed.passed[:, :, 3:].copy(), needed.passed[:, :, :3].copy()
+    # The floor is made to give what each needs beyond the pull, all of it through one point of one
+    # foot.
+    floor = needed.passed[:, :, 3:].copy()
+    moments = needed.passed[:, :, :3].copy()
     floor[:, 0] -= pull[:, 0]
     floor[:, 1] += pull[:, 0]
     moments[:, 0] -= np.cross(place, pull[:, 0])
     moments[:, 1] += np.cross(place, pull[:, 0])
     plates = Wrenches(
-        motion.time, ("left", "right"), ("tori_foot_r", "uke_foot_l"), floor, np.zeros_like(floor), moments
+        time=motion.time,
+        names=("left", "right"),
+        bodies=("tori_foot_r", "uke_foot_l"),
+        forces=floor,
+        points=np.zeros_like(floor),
+        torques=moments,
     )
     found = action_reaction(model, motion, ("tori", "uke"), plates)
     np.testing.assert_allclose(found.passed[:, 0, 3:], pull[:, 0], atol=1e-9)
@@ -126,11 +151,16 @@ def test_the_residual_of_an_unmeasured_foot_is_the_change_of_momentum():
     tree = compile_tree(model)
     c = tree.coordinates_of(motion)
     step = 1e-4
-    steps = (c + k * step * motion.velocities + 0.5 * (k * step) ** 2 * motion.accelerations for k in (-1, 0, 1))
+    steps = (
+        c + k * step * motion.velocities + 0.5 * (k * step) ** 2 * motion.accelerations
+        for k in (-1, 0, 1)
+    )
     path = [center_of_mass(tree, forward_kinematics(tree, one)) for one in steps]
     acceleration = (path[0] - 2.0 * path[1] + path[2]) / step**2
     nothing = Wrenches(motion.time, (), (), *np.zeros((3, len(motion), 0, 3)))
     found = action_reaction(model, motion, ("tori", "uke"), nothing)
-    np.testing.assert_allclose(found.residual[:, 3:], model.mass * (acceleration - model.gravity), rtol=1e-4, atol=0.05)
+    np.testing.assert_allclose(
+        found.residual[:, 3:], model.mass * (acceleration - model.gravity), rtol=1e-4, atol=0.05
+    )
     with pytest.raises(UnknownName, match="unknown part 'judge'"):
         action_reaction(model, motion, ("tori", "judge"), nothing)

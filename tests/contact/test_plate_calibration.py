@@ -1,4 +1,6 @@
-"""A force plate's pose from placements: known poses come back, deviations are honest, bad placements are named."""
+"""A force plate's pose from placements: known poses come back, deviations are honest, bad
+placements are named.
+"""
 
 from __future__ import annotations
 
@@ -26,23 +28,37 @@ USUAL = {"force": 0.3, "moment": 0.05, "point": 0.0005}
 
 def weights(places=GRID, seed=0, mass=20.0, noise=EXACT, axes=AXES, center=CENTER):
     """A weight at rest at places (x, y) of the plate, its mass center 0.1 m above it."""
-    random, found = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    found = []
     for number, place in enumerate(places):
         foot = center + axes @ np.array([*place, 0.0])
         found.append(
-            placement(f"place {number}", foot, np.array([0.0, 0, 1]), mass * GRAVITY, random, noise, axes, center)
+            placement(
+                f"place {number}",
+                foot,
+                np.array([0.0, 0, 1]),
+                mass * GRAVITY,
+                random,
+                noise,
+                axes,
+                center,
+            )
         )
     return [replace(one, weight="disc", expected=mass * GRAVITY) for one in found]
 
 
 def pushes(places=GRID, seed=0, noise=EXACT, tip=False, axes=AXES, center=CENTER):
     """Pushes of a rod at places of the plate, 10 to 30 degrees off the vertical."""
-    random, found = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    found = []
     for number, place in enumerate(places):
         foot = center + axes @ np.array([*place, 0.0])
-        tilt, turn = random.uniform(0.2, 0.5), random.uniform(0, 2 * np.pi)
+        tilt = random.uniform(0.2, 0.5)
+        turn = random.uniform(0, 2 * np.pi)
         up = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
-        one = placement(f"push {number}", foot, up, random.uniform(100, 300), random, noise, axes, center)
+        one = placement(
+            f"push {number}", foot, up, random.uniform(100, 300), random, noise, axes, center
+        )
         found.append(replace(one, pushed=True, contact=foot if tip else None))
     return found
 
@@ -51,16 +67,22 @@ def placement(name, foot, up, size, random, noise, axes, center):
     force = size * axes.T @ up
     moment = np.cross(axes.T @ (foot - center), force)
     return Placement(
-        name,
-        force + noise["force"] * random.normal(size=3),
-        moment + noise["moment"] * random.normal(size=3),
-        foot + 0.1 * up + noise["point"] * random.normal(size=3),
-        up,
+        name=name,
+        force=force + noise["force"] * random.normal(size=3),
+        moment=moment + noise["moment"] * random.normal(size=3),
+        point=foot + 0.1 * up + noise["point"] * random.normal(size=3),
+        direction=up,
     )
 
 
 def plate(axes=AXES, center=CENTER) -> PlateRecording:
-    return PlateRecording("FP1", 2, CORNERS @ axes.T + center, np.zeros(3), np.zeros((1, 6)))
+    return PlateRecording(
+        name="FP1",
+        kind=2,
+        corners=CORNERS @ axes.T + center,
+        origin=np.zeros(3),
+        channels=np.zeros((1, 6)),
+    )
 
 
 def apart(found) -> tuple[float, float]:
@@ -78,7 +100,9 @@ def test_oblique_pushes_show_the_whole_pose():
 
 
 def test_weights_at_rest_never_show_the_height():
-    """Everything but the height comes back; the height stays where the file has it, and that is said."""
+    """Everything but the height comes back; the height stays where the file has it, and that is
+    said.
+    """
     nominal = plate(axis_rotation((0, 0, 1), 0.05) @ AXES, CENTER + [0.01, -0.02, 0.004])
     found = calibrate_plate(weights(), nominal)
     np.testing.assert_allclose(found.center, CENTER + [0, 0, 0.004], atol=2e-4)
@@ -92,7 +116,9 @@ def test_weights_at_rest_never_show_the_height():
 
 
 def test_a_rods_tip_on_the_surface_shows_the_height_too():
-    upright = [replace(one, contact=one.point - 0.1 * one.direction, pushed=True) for one in weights()]
+    upright = [
+        replace(one, contact=one.point - 0.1 * one.direction, pushed=True) for one in weights()
+    ]
     found = calibrate_plate(upright)
     assert apart(found)[0] < 1e-9
     assert found.unknown.shape == (6, 0)
@@ -106,10 +132,15 @@ def test_a_nominal_pose_that_is_far_off_does_no_harm(turned):
 
 def test_the_whole_laboratory_may_turn():
     """Equivariance: placements seen from other axes give the pose seen from there."""
-    turn, shift = rotation_from_euler_xyz((0.4, -1.1, 2.0)), np.array([1.0, 2.0, -0.5])
+    turn = rotation_from_euler_xyz((0.4, -1.1, 2.0))
+    shift = np.array([1.0, 2.0, -0.5])
     given = pushes(noise=USUAL)
-    moved = [replace(one, point=turn @ one.point + shift, direction=turn @ one.direction) for one in given]
-    here, there = calibrate_plate(given), calibrate_plate(moved)
+    moved = [
+        replace(one, point=turn @ one.point + shift, direction=turn @ one.direction)
+        for one in given
+    ]
+    here = calibrate_plate(given)
+    there = calibrate_plate(moved)
     np.testing.assert_allclose(there.center, turn @ here.center + shift, atol=1e-8)
     np.testing.assert_allclose(there.rotation, turn @ here.rotation, atol=1e-7)
     np.testing.assert_allclose(there.distances, here.distances, atol=1e-8)
@@ -133,7 +164,8 @@ def test_derivatives_of_lengths_are_those_of_finite_differences():
     """The sum of squares is free of how the sides across a force are chosen."""
     given = pushes(noise=USUAL, tip=True)
     lines = _Lines(given)
-    axes, center = axis_rotation((1, 0, 0), 0.02) @ AXES, CENTER + 0.003
+    axes = axis_rotation((1, 0, 0), 0.02) @ AXES
+    center = CENTER + 0.003
 
     def cost(step):
         size = np.linalg.norm(step[:3])
@@ -147,10 +179,13 @@ def test_derivatives_of_lengths_are_those_of_finite_differences():
 
 
 def test_deviations_are_those_that_runs_show():
-    errors, told = [], []
+    errors = []
+    told = []
     for seed in range(30):
         found = calibrate_plate(pushes(seed=seed, noise=USUAL))
-        errors.append(np.concatenate([vector_from_rotation(found.rotation @ AXES.T), found.center - CENTER]))
+        errors.append(
+            np.concatenate([vector_from_rotation(found.rotation @ AXES.T), found.center - CENTER])
+        )
         told.append(pose_deviations(found))
     ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / np.sqrt(np.mean(np.square(told), axis=0))
     assert np.all((ratio > 0.6) & (ratio < 1.6))
@@ -163,8 +198,12 @@ def test_left_out_residuals_are_those_of_a_fit_without_the_placement():
     nearest, force = given[0].line
     away = given[0].point - without.center - without.rotation @ nearest
     line = without.rotation @ force
-    assert found.left_out_distances[0] == pytest.approx(np.linalg.norm(away - (away @ line) * line), rel=1e-9)
-    assert found.left_out_shifts[0] == pytest.approx(np.linalg.norm(without.center - found.center), rel=1e-9)
+    assert found.left_out_distances[0] == pytest.approx(
+        np.linalg.norm(away - (away @ line) * line), rel=1e-9
+    )
+    assert found.left_out_shifts[0] == pytest.approx(
+        np.linalg.norm(without.center - found.center), rel=1e-9
+    )
     assert np.mean(found.left_out_distances) > np.mean(found.distances)
 
 
@@ -186,7 +225,9 @@ def test_chance_is_uniform_where_the_calibration_is_right():
 
 
 def test_a_calibrated_plate_gives_forces_in_the_laboratory():
-    """The center of pressure of the recording then lies under the mass center, and the force is vertical."""
+    """The center of pressure of the recording then lies under the mass center, and the force is
+    vertical.
+    """
     given = weights()
     wrong = plate(axis_rotation((0, 0, 1), 0.05) @ AXES, CENTER + [0.01, -0.02, 0.0])
     channels = np.array([np.concatenate([one.force, one.moment]) for one in given])
@@ -194,8 +235,12 @@ def test_a_calibrated_plate_gives_forces_in_the_laboratory():
     placed = force_plate(place_plate(replace(wrong, channels=channels), found))
     np.testing.assert_allclose(placed.points[:, :2], [one.point[:2] for one in given], atol=2e-4)
     np.testing.assert_allclose(placed.forces, np.tile([0, 0, 20 * GRAVITY], (9, 1)), atol=1e-5)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(placed.corners, axis=0), axis=1), [0.4, 0.6, 0.4], atol=1e-12)
-    np.testing.assert_allclose(plate_axes(place_plate(wrong, found).corners), found.rotation, atol=1e-9)
+    np.testing.assert_allclose(
+        np.linalg.norm(np.diff(placed.corners, axis=0), axis=1), [0.4, 0.6, 0.4], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        plate_axes(place_plate(wrong, found).corners), found.rotation, atol=1e-9
+    )
 
 
 def test_too_few_or_coincident_placements_are_refused():
@@ -225,7 +270,10 @@ def test_a_wrong_mass_and_a_touched_weight_are_named():
     given = [replace(one, expected=18.0 * GRAVITY) for one in weights()]
     given[4] = replace(given[4], force=0.7 * given[4].force, moment=0.7 * given[4].moment)
     found = calibrate_plate(given)
-    assert "'place 4' was left out: it weighs 14.00 kg, the other placements of 'disc' 20.00 kg" in found.notes[0]
+    assert (
+        "'place 4' was left out: it weighs 14.00 kg, the other placements of 'disc' 20.00 kg"
+        in found.notes[0]
+    )
     assert "given as 18.00 kg, but the plate measures 20.00 kg (+11.1 %)" in found.notes[1]
     assert found.scale == pytest.approx(20 / 18)
 
@@ -233,7 +281,9 @@ def test_a_wrong_mass_and_a_touched_weight_are_named():
 def test_a_mislabelled_marker_is_named():
     given = weights(noise=USUAL)
     given[7] = replace(given[7], point=given[7].point + [0.03, 0.0, 0.0])
-    assert any("'place 7' lies" in line and "mislabelled" in line for line in calibrate_plate(given).notes)
+    assert any(
+        "'place 7' lies" in line and "mislabelled" in line for line in calibrate_plate(given).notes
+    )
 
 
 def test_the_force_on_the_plate_instead_of_the_weight_is_named():
@@ -242,16 +292,19 @@ def test_the_force_on_the_plate_instead_of_the_weight_is_named():
 
 
 def a_recording(seed=0, noise=0.3, pauses=GRID[:4], swinging=False):
-    """60 s of a disc that is lifted from place to place, with drifted zero: markers at 200 Hz, plate at 2000 Hz."""
+    """60 s of a disc that is lifted from place to place, with drifted zero: markers at 200 Hz,
+    plate at 2000 Hz.
+    """
     random = np.random.default_rng(seed)
-    time, fine = np.arange(0, 6.0 * len(pauses), 0.005), np.arange(0, 6.0 * len(pauses), 0.0005)
-    point, force, moment = np.zeros((len(time), 3)), np.zeros((len(fine), 3)), np.zeros((len(fine), 3))
+    time = np.arange(0, 6.0 * len(pauses), 0.005)
+    fine = np.arange(0, 6.0 * len(pauses), 0.0005)
+    point = np.zeros((len(time), 3))
+    force = np.zeros((len(fine), 3))
+    moment = np.zeros((len(fine), 3))
     for number, place in enumerate(pauses):
         foot = CENTER + AXES @ np.array([*place, 0.0])
-        rest, loaded = (
-            (time >= 6 * number) & (time < 6 * number + 6),
-            (fine >= 6 * number + 1) & (fine < 6 * number + 5),
-        )
+        rest = (time >= 6 * number) & (time < 6 * number + 6)
+        loaded = (fine >= 6 * number + 1) & (fine < 6 * number + 5)
         height = 0.1 + 0.2 * np.clip(np.abs(time[rest] - 6 * number - 3) - 2, 0, 1)
         point[rest] = foot + height[:, None] * [0.0, 0, 1]
         if swinging and number == 1:
@@ -268,7 +321,9 @@ def a_recording(seed=0, noise=0.3, pauses=GRID[:4], swinging=False):
 
 def test_placements_are_found_in_a_recording():
     recording, fine, markers = a_recording()
-    found = find_placements(recording, fine, markers, MarkedWeight("disc", ("a", "b", "c"), mass=20.0))
+    found = find_placements(
+        recording, fine, markers, MarkedWeight("disc", ("a", "b", "c"), mass=20.0)
+    )
     assert len(found) == 4
     for one, known in zip(found, weights(GRID[:4]), strict=True):
         np.testing.assert_allclose(one.force, known.force, atol=0.05)
@@ -289,7 +344,9 @@ def test_a_weight_that_swings_becomes_a_placement_that_says_so():
 
 
 def test_gravity_is_told_by_the_plate_and_the_markers():
-    """The same recording in a laboratory whose y points up gives the same calibration, seen from there."""
+    """The same recording in a laboratory whose y points up gives the same calibration, seen from
+    there.
+    """
     from myomorph.model.series import Z_UP_TO_Y_UP as TURN
 
     recording, fine, markers = a_recording()

@@ -1,4 +1,6 @@
-"""A plate whose corners are counted from the wrong one is turned back under what stands on it; others stay."""
+"""A plate whose corners are counted from the wrong one is turned back under what stands on it;
+others stay.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plates import FirstCorner, _middle, counted_from, first_corner, force_plates, loaded_samples
+from myomorph.contact.plates import (
+    FirstCorner,
+    _middle,
+    counted_from,
+    first_corner,
+    force_plates,
+    loaded_samples,
+)
 from myomorph.model.arrays import runs
 from myomorph.model.series import ForcePlate, Markers, PlateRecording, Trial
 from myomorph.model.spatial import axis_rotation
@@ -18,18 +27,29 @@ TIME = np.arange(1500) / 1000.0
 
 
 def crossing(shift=0, scale=1.0, off=0.0):
-    """A mouse of 0.2 N that walks along y over a plate, whose file counts the corners `shift` from the wrong one."""
+    """A mouse of 0.2 N that walks along y over a plate, whose file counts the corners `shift` from
+    the wrong one.
+    """
     load = np.where((TIME > 0.4) & (TIME < 1.1), 0.2, 0.0) * scale
     place = np.stack([np.full_like(TIME, 0.03), -0.08 + 0.1 * TIME, np.zeros_like(TIME)], axis=1)
-    x, y = CORNERS[0] - CORNERS[1], CORNERS[0] - CORNERS[3]
+    x = CORNERS[0] - CORNERS[1]
+    y = CORNERS[0] - CORNERS[3]
     axes = np.stack([x / np.linalg.norm(x), y / np.linalg.norm(y), [0.0, 0.0, -1.0]], axis=1)
     force = np.stack([0.1 * load, -0.05 * load, load], axis=1)
     own = force @ axes
     moment = np.cross((place - CORNERS.mean(axis=0)) @ axes, own)
     noise = 1e-3 * scale * np.random.default_rng(2).normal(size=(len(TIME), 3))
     channels = np.concatenate([own + noise, moment], axis=1)
-    recording = PlateRecording("plate_1", 2, np.roll(CORNERS, shift, axis=0), np.zeros(3), channels)
-    seen = place[::5, None] + np.array([[0.0, 0.02, 0.03], [0.01, -0.02, 0.03], [off - 0.01, 0.0, 0.02]])
+    recording = PlateRecording(
+        name="plate_1",
+        kind=2,
+        corners=np.roll(CORNERS, shift, axis=0),
+        origin=np.zeros(3),
+        channels=channels,
+    )
+    seen = place[::5, None] + np.array(
+        [[0.0, 0.02, 0.03], [0.01, -0.02, 0.03], [off - 0.01, 0.0, 0.02]]
+    )
     markers = Markers(TIME[::5], ("a", "b", "c"), seen)
     return Trial(markers=markers, plate_recordings=(recording,), plate_time=TIME), force, place
 
@@ -52,25 +72,36 @@ def test_counting_on_goes_round():
     for name in ("corners", "forces", "points", "torques"):
         np.testing.assert_allclose(getattr(again, name), getattr(plate, name), atol=1e-12)
     turned = counted_from(plate, 1)
-    np.testing.assert_allclose(np.linalg.norm(turned.forces, axis=1), np.linalg.norm(plate.forces, axis=1))
+    np.testing.assert_allclose(
+        np.linalg.norm(turned.forces, axis=1), np.linalg.norm(plate.forces, axis=1)
+    )
 
 
 def test_what_is_not_clear_is_left_alone():
     """Markers far beside, in the plate's middle, or none: the file's order stays."""
     trial, _, _ = crossing(1)
     assert trial.markers is not None
-    beside = replace(trial, markers=replace(trial.markers, values=trial.markers.values + [0.5, 0.0, 0.0]))
+    beside = replace(
+        trial, markers=replace(trial.markers, values=trial.markers.values + [0.5, 0.0, 0.0])
+    )
     for other in (beside, replace(trial, markers=None)):
         found = force_plates(other)
         np.testing.assert_array_equal(found.plates[0].corners, trial.plate_recordings[0].corners)
         assert not any("counted" in one for one in found.warnings)
     plate = force_plates(trial).plates[0]
-    assert first_corner(replace(plate, points=np.full_like(plate.points, np.nan)), TIME, trial.markers) is None
+    assert (
+        first_corner(replace(plate, points=np.full_like(plate.points, np.nan)), TIME, trial.markers)
+        is None
+    )
 
 
-@pytest.mark.parametrize("name", ["1L_05_01_26_trial_1", "1R_12_01_26_trial_2", "none_12_01_26_trial_3"])
+@pytest.mark.parametrize(
+    "name", ["1L_05_01_26_trial_1", "1R_12_01_26_trial_2", "none_12_01_26_trial_3"]
+)
 def test_mice_on_a_small_plate(data, name):
-    """A quarter of a newton is a load: contact is where the animal is, and the forces are those of a mouse."""
+    """A quarter of a newton is a load: contact is where the animal is, and the forces are those of
+    a mouse.
+    """
     trial = read_recording(data(f"mouse-gait-c3d-force/Cage6_{name}.c3d"))
     plate = trial.plates[0]
     found = first_corner(plate, trial.plate_time, trial.markers)
@@ -96,7 +127,9 @@ RATE = 64.0
 
 
 def seen_at(times, values):
-    """Two markers on either side of a path (frames, 3), seen at these times; NaN where they are not."""
+    """Two markers on either side of a path (frames, 3), seen at these times; NaN where they are
+    not.
+    """
     beside = np.array([[0.1, 0.0, 0.02], [-0.1, 0.0, -0.02]])
     return Markers(np.asarray(times), ("a", "b"), np.asarray(values)[:, None] + beside)
 
@@ -109,16 +142,22 @@ def straight(time):
 def test_the_middle_of_markers_on_a_line_comes_back_at_the_plate_s_times():
     clock = np.arange(65) / RATE
     plate = np.linspace(0.0, 1.0, 641)
-    np.testing.assert_allclose(_middle(seen_at(clock, straight(clock)), plate), straight(plate), atol=1e-12)
+    np.testing.assert_allclose(
+        _middle(seen_at(clock, straight(clock)), plate), straight(plate), atol=1e-12
+    )
     # Frames without any marker do not count, and one marker that is lost leaves the other.
     values = np.array(seen_at(clock, straight(clock)).values)
     values[::2] = np.nan
     values[1::4, 0] = np.nan
     values[1::4, 1] -= [-0.1, 0.0, -0.02]
-    found = _middle(Markers(clock, ("a", "b"), values), plate[(plate > 1.0 / RATE) & (plate < 63.0 / RATE)])
+    found = _middle(
+        Markers(clock, ("a", "b"), values), plate[(plate > 1.0 / RATE) & (plate < 63.0 / RATE)]
+    )
     known = np.isfinite(found).all(axis=1)
     assert known.all()
-    np.testing.assert_allclose(found, straight(plate[(plate > 1.0 / RATE) & (plate < 63.0 / RATE)]), atol=1e-12)
+    np.testing.assert_allclose(
+        found, straight(plate[(plate > 1.0 / RATE) & (plate < 63.0 / RATE)]), atol=1e-12
+    )
 
 
 def test_the_middle_is_known_up_to_one_and_a_half_frames_from_a_marker_that_was_seen():
@@ -126,10 +165,16 @@ def test_the_middle_is_known_up_to_one_and_a_half_frames_from_a_marker_that_was_
     path = straight(clock)
     path[40:60] = np.nan
     markers = seen_at(clock, path)
-    inside, beyond = 1.49 / RATE, 1.51 / RATE
-    last, first, start, end = clock[39], clock[60], clock[0], clock[-1]
+    inside = 1.49 / RATE
+    beyond = 1.51 / RATE
+    last = clock[39]
+    first = clock[60]
+    start = clock[0]
+    end = clock[-1]
     known = np.array([last + inside, first - inside, start - inside, end + inside])
-    unknown = np.array([last + beyond, last + 1.5 / RATE, 0.5 * (last + first), first - beyond, start - beyond])
+    unknown = np.array(
+        [last + beyond, last + 1.5 / RATE, 0.5 * (last + first), first - beyond, start - beyond]
+    )
     found = _middle(markers, np.concatenate([known, unknown, [end + beyond]]))
     assert np.isfinite(found[:4]).all()
     assert np.isnan(found[4:]).all()
@@ -142,31 +187,52 @@ def test_one_frame_of_markers_tells_nothing():
     path[7] = straight(clock[7:8])
     assert np.isnan(_middle(seen_at(clock, path), clock)).all()
     path[8] = straight(clock[8:9])
-    np.testing.assert_array_equal(np.isfinite(_middle(seen_at(clock, path), clock))[:, 0].nonzero()[0], [6, 7, 8, 9])
+    np.testing.assert_array_equal(
+        np.isfinite(_middle(seen_at(clock, path), clock))[:, 0].nonzero()[0], [6, 7, 8, 9]
+    )
 
 
 def test_distances_are_those_of_a_center_turned_by_quarters_about_the_plate_s_middle():
-    """A square plate, standing askew in the laboratory, with the body 3 cm above the true center of pressure."""
+    """A square plate, standing askew in the laboratory, with the body 3 cm above the true center of
+    pressure.
+    """
     rotation = axis_rotation(np.array([0.36, 0.48, 0.8]), 0.7)
-    center, square = np.array([0.4, -0.3, 0.2]), 0.3 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0.0]])
+    center = np.array([0.4, -0.3, 0.2])
+    square = 0.3 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0.0]])
     corners = center + square @ rotation.T
     normal = np.cross(corners[0] - corners[1], corners[0] - corners[3])
     normal /= np.linalg.norm(normal)
     time = np.arange(256) / RATE
-    own = np.stack([0.2 * np.cos(time), 0.1 * np.sin(3.0 * time), 0.0 * time], axis=1) + [0.05, 0.02, 0.0]
+    own = np.stack([0.2 * np.cos(time), 0.1 * np.sin(3.0 * time), 0.0 * time], axis=1) + [
+        0.05,
+        0.02,
+        0.0,
+    ]
     points = center + own @ rotation.T
     forces = np.multiply.outer(np.full(len(time), 500.0), normal)
-    plate = ForcePlate("plate", 2, corners, forces, points, np.zeros_like(forces))
+    plate = ForcePlate(
+        name="plate",
+        kind=2,
+        corners=corners,
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
     for turns in range(4):
         quarter = axis_rotation(normal, 0.5 * np.pi * turns)
         body = center + (points - center) @ quarter.T + 0.03 * normal
         found = first_corner(plate, time, seen_at(time, body))
-        away = [(points - center) @ (axis_rotation(normal, 0.5 * np.pi * k) - quarter).T for k in range(4)]
+        away = [
+            (points - center) @ (axis_rotation(normal, 0.5 * np.pi * k) - quarter).T
+            for k in range(4)
+        ]
         wanted = [float(np.median(np.linalg.norm(one, axis=1))) for one in away]
         np.testing.assert_allclose(found.distances, wanted, atol=1e-9)
         assert found.best == turns
         assert found.clear == (turns != 0)
-        np.testing.assert_allclose(counted_from(plate, found.best).points, body - 0.03 * normal, atol=1e-9)
+        np.testing.assert_allclose(
+            counted_from(plate, found.best).points, body - 0.03 * normal, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize(
@@ -180,12 +246,16 @@ def test_distances_are_those_of_a_center_turned_by_quarters_about_the_plate_s_mi
         ((1.0, 0.25, 0.9, 0.9), 1, False),
     ],
 )
-def test_another_corner_is_clear_only_where_much_nearer_than_the_file_s_and_the_next(distances, best, clear):
+def test_another_corner_is_clear_only_where_much_nearer_than_the_file_s_and_the_next(
+    distances, best, clear
+):
     assert FirstCorner(distances, best).clear == clear
 
 
 def test_samples_count_from_a_share_of_the_largest_force_and_from_a_least_number():
-    """Light samples, whose center of pressure is wrong, do not count from 30 % of the load downwards."""
+    """Light samples, whose center of pressure is wrong, do not count from 30 % of the load
+    downwards.
+    """
     time = np.arange(128) / RATE
     corners = 0.3 * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0.0]])
     body = np.tile([0.1, 0.05, 0.0], (len(time), 1))
@@ -193,12 +263,24 @@ def test_samples_count_from_a_share_of_the_largest_force_and_from_a_least_number
         size = np.full(len(time), share)
         size[:40] = 1.0
         points = np.where((size < 1.0)[:, None], [-0.2, 0.2, 0.0], body)
-        plate = ForcePlate("plate", 2, corners, np.outer(size, [0.0, 0.0, 700.0]), points, np.zeros((len(time), 3)))
+        plate = ForcePlate(
+            name="plate",
+            kind=2,
+            corners=corners,
+            forces=np.outer(size, [0.0, 0.0, 700.0]),
+            points=points,
+            torques=np.zeros((len(time), 3)),
+        )
         found = first_corner(plate, time, seen_at(time, body))
         assert (found.distances[0] > 0.1) == counted
     for count in (19, 20):
         few = np.where(np.arange(len(time))[:, None] < count, body, np.nan)
         plate = ForcePlate(
-            "plate", 2, corners, np.tile([0.0, 0.0, 700.0], (len(time), 1)), few, np.zeros((len(time), 3))
+            name="plate",
+            kind=2,
+            corners=corners,
+            forces=np.tile([0.0, 0.0, 700.0], (len(time), 1)),
+            points=few,
+            torques=np.zeros((len(time), 3)),
         )
         assert (first_corner(plate, time, seen_at(time, body)) is not None) == (count >= 20)

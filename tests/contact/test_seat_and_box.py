@@ -1,4 +1,6 @@
-"""On recordings: what plates leave over for a seat, and the hands that lift a box at the times they do."""
+"""On recordings: what plates leave over for a seat, and the hands that lift a box at the times they
+do.
+"""
 
 from dataclasses import replace
 
@@ -24,9 +26,15 @@ CHAIR = "opencap-subject4-multitask"
 
 @pytest.fixture(scope="module")
 def standing_up(data):
-    """The expert's model with the mass that the plates weigh, its motion and the plates of sitting and standing."""
+    """The expert's model with the mass that the plates weigh, its motion and the plates of sitting
+    and standing.
+    """
     expert = read_model(data(f"{CHAIR}/models/manually_scaled.osim"))
-    still = read_external_loads(data(f"{CHAIR}/grf/static1_external_forces.xml")).forces[:, :, 1].sum(axis=1)
+    still = (
+        read_external_loads(data(f"{CHAIR}/grf/static1_external_forces.xml"))
+        .forces[:, :, 1]
+        .sum(axis=1)
+    )
     model = scale(expert, {}, float(np.median(still)) / 9.80665, preserve_mass_distribution=True)
     motion = motion_from_table(read_sto(data(f"{CHAIR}/ik_manual_scaling/STS1_ik.mot")), model)
     moving = differentiate(motion, 6.0)
@@ -35,7 +43,9 @@ def standing_up(data):
 
 
 def test_seat_and_feet_carry_the_body(standing_up):
-    """With feet off the floor the seat takes all the weight; standing, next to nothing is left: 5 % of it."""
+    """With feet off the floor the seat takes all the weight; standing, next to nothing is left: 5 %
+    of it.
+    """
     model, motion, plates = standing_up
     left = needed_wrench(model, motion, "pelvis", plates).forces[:, 0]
     weight = model.mass * 9.80665
@@ -49,7 +59,9 @@ def test_seat_and_feet_carry_the_body(standing_up):
 
 
 def test_the_seat_is_where_the_force_passes(standing_up):
-    """Its middle is no farther from the line of the force than a hand's breadth, and in the middle of the body."""
+    """Its middle is no farther from the line of the force than a hand's breadth, and in the middle
+    of the body.
+    """
     model, motion, plates = standing_up
     left = needed_wrench(model, motion, "pelvis", plates)
     sitting = motion["pelvis_ty"] < np.percentile(motion["pelvis_ty"], 20.0)
@@ -57,7 +69,8 @@ def test_the_seat_is_where_the_force_passes(standing_up):
     place = site_motion(model, motion, (seat,)).places[:, 0]
     force = left.forces[:, 0]
     moment = left.torques[:, 0] + np.cross(left.points[:, 0] - place, force)
-    ahead, aside = moment[sitting, 2] / force[sitting, 1], -moment[sitting, 0] / force[sitting, 1]
+    ahead = moment[sitting, 2] / force[sitting, 1]
+    aside = -moment[sitting, 0] / force[sitting, 1]
     assert abs(np.median(ahead)) < 0.08
     assert abs(np.median(aside)) < 0.02
 
@@ -75,7 +88,9 @@ def test_palms_hold_a_box_that_they_carry(standing_up):
     values = np.hstack([path, np.zeros_like(path)])
     parts = {"man": cut, "box": differentiate(Motion(cut.time, thing.coordinate_names, values))}
     joined = join_models({"man": model, "box": thing})
-    sites = tuple(replace(one, against="box_body") for one in body_sites(joined, ("hand_r", "hand_l")))
+    sites = tuple(
+        replace(one, against="box_body") for one in body_sites(joined, ("hand_r", "hand_l"))
+    )
     touches = find_holds(joined, join_motions(parts), sites).intervals
     assert {one.site for one in touches} == {"hand_r", "hand_l"}
     assert all(one.start == pytest.approx(cut.time[taken], abs=0.15) for one in touches)

@@ -1,4 +1,6 @@
-"""What plates tell of several sites: two feet on one, one foot on several, walks with a plate for every foot."""
+"""What plates tell of several sites: two feet on one, one foot on several, walks with a plate for
+every foot.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,13 @@ from truths.carried_bodies import assign_feet
 def walk(data):
     one = measured_walk(data)
     wrenches = resample_wrenches(one.loads, one.motion.time, 20.0)
-    return one.model, one.motion, one.sites, wrenches, find_contacts(one.model, one.motion, one.sites)
+    return (
+        one.model,
+        one.motion,
+        one.sites,
+        wrenches,
+        find_contacts(one.model, one.motion, one.sites),
+    )
 
 
 def plate_of(wrenches, columns, corners, name="plate"):
@@ -33,7 +41,14 @@ def plate_of(wrenches, columns, corners, name="plate"):
     with np.errstate(divide="ignore", invalid="ignore"):
         point = np.column_stack([moment[:, 2], np.zeros(len(force)), -moment[:, 0]]) / force[:, 1:2]
     point = np.where(firm[:, None], point, np.nan)
-    return ForcePlate(name, 2, corners, force, point, moment - np.cross(np.nan_to_num(point), force))
+    return ForcePlate(
+        name=name,
+        kind=2,
+        corners=corners,
+        forces=force,
+        points=point,
+        torques=moment - np.cross(np.nan_to_num(point), force),
+    )
 
 
 def box(x0, x1, z0, z1):
@@ -41,7 +56,9 @@ def box(x0, x1, z0, z1):
 
 
 def test_two_feet_on_one_plate_share_it(walk):
-    """In double support both feet's sites are on the wrench; in single support only those of one foot."""
+    """In double support both feet's sites are on the wrench; in single support only those of one
+    foot.
+    """
     model, motion, sites, wrenches, contacts = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
     found = shared_wrenches(model, motion, sites, contacts, (plate,), motion.time)
@@ -72,7 +89,9 @@ def test_wrenches_that_name_bodies_belong_to_their_foot(walk):
 
 
 def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
-    """The right foot's force is split over two plates whose border it stands on: the parts are joined again."""
+    """The right foot's force is split over two plates whose border it stands on: the parts are
+    joined again.
+    """
     model, motion, sites, wrenches, contacts = walk
     places = site_motion(model, motion, sites).places
     right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
@@ -112,7 +131,9 @@ def test_unloaded_plates_tell_nothing(walk):
 
 
 def test_a_measured_foot_is_not_estimated_too(walk):
-    """Neither while its plate carries it, whichever bone of the foot the file names; beside the plate it is."""
+    """Neither while its plate carries it, whichever bone of the foot the file names; beside the
+    plate it is.
+    """
     model, motion, sites, wrenches, contacts = walk
     ready = contact_activations(model, motion, sites, contacts)
     right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
@@ -121,9 +142,13 @@ def test_a_measured_foot_is_not_estimated_too(walk):
     ringing = np.where(beside[:, None], 1e-3 * wrenches.forces[:, 0], wrenches.forces[:, 0])
     for bone in ("calcn_r", "talus_r", "toes_r"):
         forces = np.stack([ringing, wrenches.forces[:, 1]], axis=1)
-        left_over = without_measured(model, ready, sites, replace(wrenches, bodies=(bone, "calcn_l"), forces=forces))
+        left_over = without_measured(
+            model, ready, sites, replace(wrenches, bodies=(bone, "calcn_l"), forces=forces)
+        )
         assert not left_over.values[np.ix_((load > 0.03) & ~beside, right)].any()
-        assert (left_over.values[np.ix_(beside, right)] == ready.values[np.ix_(beside, right)]).all()
+        assert (
+            left_over.values[np.ix_(beside, right)] == ready.values[np.ix_(beside, right)]
+        ).all()
         assert ready.values[np.ix_(beside, right)].any()
 
 
@@ -133,14 +158,19 @@ def test_plates_are_given_to_feet(walk):
     loaded = (crossed.forces[..., 1] > 20.0)[..., None]
     crossed = replace(crossed, forces=np.where(loaded, crossed.forces, 0.0))
     found = assign_feet(model, motion, sites, crossed)
-    assert dict(zip(found.wrenches.names, found.wrenches.bodies, strict=True)) == {"one": "calcn_r", "two": "calcn_l"}
+    assert dict(zip(found.wrenches.names, found.wrenches.bodies, strict=True)) == {
+        "one": "calcn_r",
+        "two": "calcn_l",
+    }
 
 
 def test_a_force_on_the_wrong_foot_is_told(walk):
     """As in a file that puts all plates on the right talus."""
     model, motion, sites, wrenches, _ = walk
     assert misplaced_forces(model, motion, sites, wrenches) == ()
-    (note,) = misplaced_forces(model, motion, sites, replace(wrenches, bodies=("talus_r", "talus_r")))
+    (note,) = misplaced_forces(
+        model, motion, sites, replace(wrenches, bodies=("talus_r", "talus_r"))
+    )
     assert note.startswith(f"force '{wrenches.names[1]}' is put on 'talus_r'")
     assert "'foot_l'" in note
 

@@ -1,4 +1,6 @@
-"""Impacts heard: made ones come back at their time, on their drum and as loud; silence, noise and faults are named."""
+"""Impacts heard: made ones come back at their time, on their drum and as loud; silence, noise and
+faults are named.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def clicks(noise: float = 1e-3, sizes=(0.5, 0.2, 0.4, 0.05), seconds: float = 2.
     signal = noise * rng.standard_normal(len(time))
     for at, size in zip(CLICKS, sizes, strict=True):
         since = time - at
-        signal += np.where(since >= 0.0, size * np.exp(-since / 0.01) * rng.standard_normal(len(time)), 0.0)
+        signal += np.where(
+            since >= 0.0, size * np.exp(-since / 0.01) * rng.standard_normal(len(time)), 0.0
+        )
     return Sound(RATE, ("1",), np.clip(signal[:, None], -1.0, 1.0))
 
 
@@ -52,11 +56,14 @@ def times(sound: Sound, **changes) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("share", "time"), [(0.505, 0.5), (0.495, 0.503)])
-def test_the_time_is_that_of_the_fastest_level_with_half_of_the_largest_excess(monkeypatch, share, time):
+def test_the_time_is_that_of_the_fastest_level_with_half_of_the_largest_excess(
+    monkeypatch, share, time
+):
     """Two levels whose clicks lie 3 ms apart; how clearly each shows its own is given."""
     rates = (RATE, RATE / 4.0)
     levels = tuple(
-        np.where(np.arange(int(rate)) >= at * rate, 1.0, 0.0) for rate, at in zip(rates, (0.5, 0.503), strict=True)
+        np.where(np.arange(int(rate)) >= at * rate, 1.0, 0.0)
+        for rate, at in zip(rates, (0.5, 0.503), strict=True)
     )
     shown = {rates[0]: share, rates[1]: 1.0}
 
@@ -78,7 +85,9 @@ def test_the_rate_does_not_matter(rate):
     rng = np.random.default_rng(2)
     signal = 1e-3 * rng.standard_normal(len(time))
     for at in CLICKS:
-        signal += np.where(time >= at, 0.3 * np.exp(-(time - at) / 0.01) * rng.standard_normal(len(time)), 0.0)
+        signal += np.where(
+            time >= at, 0.3 * np.exp(-(time - at) / 0.01) * rng.standard_normal(len(time)), 0.0
+        )
     np.testing.assert_allclose(times(Sound(rate, ("1",), signal[:, None])), CLICKS, atol=5e-4)
 
 
@@ -104,10 +113,14 @@ def test_what_still_rings_is_taken_off_the_energy_of_the_next():
     rng = np.random.default_rng(3)
     ringing = 0.3 * np.exp(-time / 0.3) * np.sin(2 * np.pi * 180.0 * time)
     since = time - 0.5
-    new = np.where(since >= 0.0, 0.1 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 260.0 * since), 0.0)
+    new = np.where(
+        since >= 0.0, 0.1 * np.exp(-since / 0.02) * np.sin(2 * np.pi * 260.0 * since), 0.0
+    )
     energies = []
     for signal in (new, ringing + new):
-        heard = listen(Sound(RATE, ("1",), (signal + 1e-5 * rng.standard_normal(len(time)))[:, None]), "1")
+        heard = listen(
+            Sound(RATE, ("1",), (signal + 1e-5 * rng.standard_normal(len(time)))[:, None]), "1"
+        )
         energies.append(energy_after(heard, 0.5)[0])
     assert energies[1] == pytest.approx(energies[0], rel=0.05)
     window = (since >= 0.0) & (since < 0.02)
@@ -119,7 +132,11 @@ def test_noise_hum_and_silence_are_no_strokes():
     rng = np.random.default_rng(4)
     time = np.arange(int(10.0 * RATE)) / RATE
     noise = 0.05 * rng.standard_normal(len(time))
-    hum = 0.3 * np.sin(2 * np.pi * 50.0 * time) + 0.1 * np.sin(2 * np.pi * 150.0 * time + 1.0) + 0.1 * noise
+    hum = (
+        0.3 * np.sin(2 * np.pi * 50.0 * time)
+        + 0.1 * np.sin(2 * np.pi * 150.0 * time + 1.0)
+        + 0.1 * noise
+    )
     for signal in (noise, hum, np.zeros(len(time))):
         heard = hear_impacts(Sound(RATE, ("1",), signal[:, None]), [DRUM])
         assert heard.impacts == ()
@@ -154,7 +171,9 @@ def test_a_stroke_in_every_microphone_is_one_stroke(drums):
 def test_strokes_become_contacts_with_their_instrument(drums):
     scene, _, _, heard = drums
     played = tuple(replace(one, sites=("stick_r",)) for one in instruments(scene))
-    contacts = contacts_heard(replace(heard, instruments=played), ["stick_r"] * len(heard.impacts), duration=0.02)
+    contacts = contacts_heard(
+        replace(heard, instruments=played), ["stick_r"] * len(heard.impacts), duration=0.02
+    )
     assert contacts.sites == ("stick_r",)
     assert len(contacts.intervals) == len(heard.impacts)
     first = contacts.intervals[0]
@@ -169,7 +188,9 @@ def test_strokes_become_contacts_with_their_instrument(drums):
 
 def test_silent_and_clipped_channels_are_named():
     sound = clicks()
-    values = np.column_stack([np.clip(4.0 * sound["1"], -0.6, 0.6), np.zeros(len(sound)), sound["1"]])
+    values = np.column_stack(
+        [np.clip(4.0 * sound["1"], -0.6, 0.6), np.zeros(len(sound)), sound["1"]]
+    )
     faults = sound_faults(Sound(RATE, ("snare", "tom", "bass"), values))
     assert len(faults) == 2
     assert "channel 'snare' is clipped at 0.6 of full scale, first at 0.31" in faults[0]
@@ -189,12 +210,17 @@ def test_another_length_than_the_motions_is_told_and_another_time_refused():
 
 def test_what_is_not_there_is_named():
     sound = clicks()
-    with pytest.raises(UnknownName, match="unknown sound channel '7': the recording, for instrument 'drum', has '1'"):
+    with pytest.raises(
+        UnknownName,
+        match="unknown sound channel '7': the recording, for instrument 'drum', has '1'",
+    ):
         hear_impacts(sound, [Instrument("drum", "7")])
     with pytest.raises(BadData, match="each with a name of its own"):
         hear_impacts(sound, [DRUM, DRUM])
     with pytest.raises(BadData, match=r"instrument 'drum' is -1 m from channel '1'"):
         Instrument("drum", "1", -1.0)
     with pytest.raises(UnknownName, match="'bell'"):
-        HeardImpacts((DRUM,), (HeardImpact("drum", 0.0, 1.0, 1.0),)).of("bell")
+        HeardImpacts(
+            (DRUM,), (HeardImpact(instrument="drum", time=0.0, energy=1.0, confidence=1.0),)
+        ).of("bell")
     assert hear_impacts(Sound(RATE, ("1",), np.zeros((100, 1))), [DRUM]).impacts == ()

@@ -25,15 +25,24 @@ def drummer():
     for own in (TIMES[::2], TIMES[1::2]):
         near = np.abs(time[:, None] - own).min(axis=1)
         columns.append(np.minimum(near, 0.12) * 6.0 + 0.2 * np.sin(3.0 * time))
-    drums = (Instrument("left", "1", 0.0, ("tip_a",)), Instrument("right", "2", 0.0, ("tip_b",)))
-    struck = tuple(HeardImpact(drums[k % 2].name, float(at), 1e-4, 1.0) for k, at in enumerate(TIMES))
+    drums = (
+        Instrument(name="left", channel="1", distance=0.0, sites=("tip_a",)),
+        Instrument(name="right", channel="2", distance=0.0, sites=("tip_b",)),
+    )
+    struck = tuple(
+        HeardImpact(instrument=drums[k % 2].name, time=float(at), energy=1e-4, confidence=1.0)
+        for k, at in enumerate(TIMES)
+    )
     return model, Motion(time, ("a", "b"), np.column_stack(columns)), HeardImpacts(drums, struck)
 
 
 @pytest.mark.parametrize("shift", [-1.7, -0.2, 0.0, 0.913])
 def test_the_shift_is_found(drummer, shift):
     model, motion, sound_heard = drummer
-    heard = replace(sound_heard, impacts=tuple(replace(one, time=one.time - shift) for one in sound_heard.impacts))
+    heard = replace(
+        sound_heard,
+        impacts=tuple(replace(one, time=one.time - shift) for one in sound_heard.impacts),
+    )
     found = sound_clock(heard, model, motion, SITES)
     assert found.shift == pytest.approx(shift, abs=0.006)
     assert found.ratio > 1.3
@@ -44,7 +53,9 @@ def test_strokes_at_any_time_tell_little(drummer):
     model, motion, sound_heard = drummer
     rng = np.random.default_rng(1)
     at = np.sort(rng.uniform(0.2, 2.8, len(TIMES)))
-    moved = (replace(one, time=float(time)) for one, time in zip(sound_heard.impacts, at, strict=True))
+    moved = (
+        replace(one, time=float(time)) for one, time in zip(sound_heard.impacts, at, strict=True)
+    )
     heard = replace(sound_heard, impacts=tuple(moved))
     assert sound_clock(heard, model, motion, SITES).ratio < 1.25
 

@@ -1,4 +1,6 @@
-"""Stairs that measure force: what was put on them comes back, on the foot that stood there (known forces)."""
+"""Stairs that measure force: what was put on them comes back, on the foot that stood there (known
+forces).
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,24 @@ from myomorph.model.spatial import Transform, axis_rotation
 PAWS = ("paw_r", "paw_l")
 GRAMS = 0.025
 WEIGHT = GRAMS * 9.81
-RATE, FRAMES = 1000.0, 1200
+RATE = 1000.0
+FRAMES = 1200
 HERE = Transform.identity()
 UP = axis_rotation((1.0, 0.0, 0.0), -np.pi / 2.0)
 """Turns a tread whose z is its normal so that this is y of ground, x kept."""
 
 
 def loadings(loads):
-    """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of time."""
+    """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of
+    time.
+    """
     result = [
-        (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, index].max()))
+        (
+            step.name,
+            float(loads.time[a]),
+            float(loads.time[b - 1]),
+            float(loads.pressing[a:b, index].max()),
+        )
         for index, step in enumerate(loads.steps)
         for a, b in runs(loads.loaded[:, index])
     ]
@@ -41,19 +51,40 @@ def mouse():
     names = ("trunk", *PAWS)
     axes = {name: tuple(f"{name}_{axis}" for axis in "xyz") for name in names}
     return Model(
-        "mouse",
-        tuple(Body(name, GRAMS if name == "trunk" else 0.0, np.zeros(3), 1e-6 * np.eye(3)) for name in names),
-        tuple(
-            Joint(
-                f"to_{name}", "CustomJoint", GROUND if name == "trunk" else "trunk", name, HERE, HERE,
-                tuple(Axis("translation", np.eye(3)[i], linear(1.0), (one,)) for i, one in enumerate(axes[name])),
-                axes[name],
+        name="mouse",
+        bodies=tuple(
+            Body(
+                name=name,
+                mass=GRAMS if name == "trunk" else 0.0,
+                mass_center=np.zeros(3),
+                inertia=1e-6 * np.eye(3),
             )
             for name in names
         ),
-        tuple(Coordinate(one, "translational") for name in names for one in axes[name]),
-        np.array([0.0, -9.81, 0.0]),
-    )  # fmt: skip
+        joints=tuple(
+            Joint(
+                name=f"to_{name}",
+                kind="CustomJoint",
+                parent=GROUND if name == "trunk" else "trunk",
+                child=name,
+                parent_frame=HERE,
+                child_frame=HERE,
+                axes=tuple(
+                    Axis(
+                        kind="translation",
+                        vector=np.eye(3)[i],
+                        function=linear(1.0),
+                        coordinates=(one,),
+                    )
+                    for i, one in enumerate(axes[name])
+                ),
+                coordinates=axes[name],
+            )
+            for name in names
+        ),
+        coordinates=tuple(Coordinate(one, "translational") for name in names for one in axes[name]),
+        gravity=np.array([0.0, -9.81, 0.0]),
+    )
 
 
 def steps(measures=COMPONENTS, turn=0.0, matrix=None, origin=(0.0, 0.0, -0.004)):
@@ -63,13 +94,23 @@ def steps(measures=COMPONENTS, turn=0.0, matrix=None, origin=(0.0, 0.0, -0.004))
         place = np.array([0.02 * k, 0.01 * k, 0.0])
         channels = tuple(f"{name}{k}" for name in measures)
         made.append(
-            Step(f"step{k}", Transform(rotation, place), (0.01, 0.05), tuple(measures), channels, matrix, origin)
+            Step(
+                name=f"step{k}",
+                pose=Transform(rotation, place),
+                size=(0.01, 0.05),
+                measures=tuple(measures),
+                channels=channels,
+                matrix=matrix,
+                origin=origin,
+            )
         )
     return made
 
 
 def walk(noise=0.0, seed=0, made=None, matrix=None):
-    """Right paw on steps 0 and 2, left on 1 and 3, each for 0.25 s; forces and where they act are known."""
+    """Right paw on steps 0 and 2, left on 1 and 3, each for 0.25 s; forces and where they act are
+    known.
+    """
     made = made or steps()
     rng = np.random.default_rng(seed)
     time = np.arange(FRAMES) / RATE
@@ -78,7 +119,8 @@ def walk(noise=0.0, seed=0, made=None, matrix=None):
     channels = []
     for k, step in enumerate(made):
         paw = PAWS[k % 2]
-        start, stop = 0.1 + 0.25 * k, 0.1 + 0.25 * k + 0.2
+        start = 0.1 + 0.25 * k
+        stop = 0.1 + 0.25 * k + 0.2
         inside = (time >= start) & (time < stop)
         push = np.sin(np.pi * np.clip((time - start) / (stop - start), 0.0, 1.0))
         force = np.column_stack([0.15 * push * np.cos(6 * time), push, 0.1 * push]) * WEIGHT
@@ -98,7 +140,9 @@ def walk(noise=0.0, seed=0, made=None, matrix=None):
     places["trunk"] = 0.5 * (places["paw_r"] + places["paw_l"]) + (0.0, 0.03, 0.0)
     model = mouse()
     motion = Motion(
-        time, model.coordinate_names, np.hstack([places["trunk"], *(places[paw] - places["trunk"] for paw in PAWS)])
+        time,
+        model.coordinate_names,
+        np.hstack([places["trunk"], *(places[paw] - places["trunk"] for paw in PAWS)]),
     )
     names = tuple(name for step in made for name in step.channels)
     sites = tuple(Site(f"{paw}_pad", paw, np.zeros((1, 3))) for paw in PAWS)
@@ -126,8 +170,12 @@ def test_six_axes_give_force_place_and_paw():
 
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_three_axes_put_the_force_where_the_paw_is(turn):
-    model, motion, sites, made, channels, truth, places = walk(0.0005, made=steps(("fz", "fx", "fy"), turn))
-    wrenches, notes = stair_wrenches(feet_on_steps(model, motion, sites, step_loads(made, channels, WEIGHT)))
+    model, motion, sites, made, channels, truth, places = walk(
+        0.0005, made=steps(("fz", "fx", "fy"), turn)
+    )
+    wrenches, notes = stair_wrenches(
+        feet_on_steps(model, motion, sites, step_loads(made, channels, WEIGHT))
+    )
     assert not notes
     for j, body in enumerate(wrenches.bodies):
         pressed = wrenches.forces[:, j, 1] > 0.3 * WEIGHT
@@ -145,7 +193,12 @@ def test_one_axis_leaves_the_horizontal_open():
     vertical, notes = stair_wrenches(paws, "zero")
     assert all("taken for zero" in one for one in notes)
     shared = shared_stairs(paws)
-    assert [one.sites for one in shared] == [("paw_r_pad",), ("paw_l_pad",), ("paw_r_pad",), ("paw_l_pad",)]
+    assert [one.sites for one in shared] == [
+        ("paw_r_pad",),
+        ("paw_l_pad",),
+        ("paw_r_pad",),
+        ("paw_l_pad",),
+    ]
     for one in shared:
         told = np.isfinite(one.forces[:, 1])
         assert told.sum() > 150
@@ -158,7 +211,8 @@ def test_one_axis_leaves_the_horizontal_open():
 
 def test_a_tilted_cell_of_one_axis_knows_no_component_of_ground():
     tilted = [
-        replace(one, pose=Transform(axis_rotation((0, 0, 1), 0.3) @ UP, one.pose.translation)) for one in steps(("fz",))
+        replace(one, pose=Transform(axis_rotation((0, 0, 1), 0.3) @ UP, one.pose.translation))
+        for one in steps(("fz",))
     ]
     *_, channels, _, _ = walk(made=steps(("fz",)))
     loads = step_loads(tilted, channels, WEIGHT)
@@ -202,7 +256,9 @@ def test_two_paws_on_a_step_share_by_the_center_of_pressure():
     values[both, column : column + 3] = (places["paw_r"] - places["trunk"])[both] + (0.0, 0.0, 0.01)
     shift = motion.names.index("paw_r_x")
     values[both, shift : shift + 3] = (places["paw_r"] - places["trunk"])[both] - (0.0, 0.0, 0.01)
-    paws = feet_on_steps(model, replace(motion, values=values), sites, step_loads(made, channels, WEIGHT))
+    paws = feet_on_steps(
+        model, replace(motion, values=values), sites, step_loads(made, channels, WEIGHT)
+    )
     wrenches, notes = stair_wrenches(paws)
     assert any("carries paw_r and paw_l together" in one for one in notes)
     one, two = (wrenches.forces[:, wrenches.names.index(f"step0_{paw}")] for paw in PAWS)
@@ -223,7 +279,9 @@ def test_what_is_wrong_is_named():
     with pytest.raises(BadData, match="not fz"):
         step_loads([replace(made[0], measures=("fx",), channels=("fx0",))], channels, WEIGHT)
     with pytest.raises(BadData, match="no channel 'nothing'"):
-        step_loads([replace(made[0], channels=("nothing", *made[0].channels[1:]))], channels, WEIGHT)
+        step_loads(
+            [replace(made[0], channels=("nothing", *made[0].channels[1:]))], channels, WEIGHT
+        )
     with pytest.raises(BadData, match="two steps are named"):
         step_loads([made[0], made[0]], channels, WEIGHT)
     with pytest.raises(BadData, match="expected some of fx"):

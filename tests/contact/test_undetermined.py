@@ -1,4 +1,6 @@
-"""Feet whose load is not known: they stand beside the plates, or share one. Healthy steps are left alone."""
+"""Feet whose load is not known: they stand beside the plates, or share one. Healthy steps are left
+alone.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,16 @@ TIME = np.arange(0.0, 2.4, 0.005)
 
 
 def walk(size=1.0):
-    """Time, heel and ball of two feet that stand in turn with some double support, 0.6 s a step; lengths by `size`."""
+    """Time, heel and ball of two feet that stand in turn with some double support, 0.6 s a step;
+    lengths by `size`.
+    """
     places = {}
     for foot, side, begins in (("calcn_r", 0.1, 0.0), ("calcn_l", -0.1, 0.6)):
         phase = np.clip((TIME - begins) % 1.2, 0.0, 1.2)
         swing = np.clip((phase - 0.72) / 0.48, 0.0, 1.0)
-        ahead = 1.2 * (np.floor((TIME - begins) / 1.2) + (swing - np.sin(2.0 * np.pi * swing) / (2.0 * np.pi)))
+        ahead = 1.2 * (
+            np.floor((TIME - begins) / 1.2) + (swing - np.sin(2.0 * np.pi * swing) / (2.0 * np.pi))
+        )
         heel = np.stack([ahead, 0.1 * np.sin(np.pi * swing), np.full_like(TIME, side)], axis=1)
         places[foot] = size * np.stack([heel, heel + [0.2, 0.0, 0.0]], axis=1)
     return np.sqrt(size) * TIME, places
@@ -34,7 +40,14 @@ def loads(time, places, size=1.0, feet=("calcn_r", "calcn_l")):
     """A plate for each foot that carries half the weight in its stance, under its middle."""
     forces = np.stack([0.5 * WEIGHT * stance(places, foot)[:, None] * UP for foot in feet], axis=1)
     points = np.stack([places[foot].mean(axis=1) for foot in feet], axis=1)
-    return Wrenches(time, tuple(f"plate_{foot}" for foot in feet), feet, forces, points, np.zeros_like(forces))
+    return Wrenches(
+        time=time,
+        names=tuple(f"plate_{foot}" for foot in feet),
+        bodies=feet,
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
 
 
 @pytest.mark.parametrize("size", [1.0, 0.05])
@@ -65,10 +78,19 @@ def test_a_plate_under_two_feet_is_nobodys():
     forces = np.where(still[:, None, None], both.forces.sum(axis=1, keepdims=True), both.forces)
     points = np.where(still[:, None, None], middle, both.points)
     forces[still, 1] = 0.0
-    wrenches = Wrenches(time, both.names, both.bodies, forces, points, np.zeros_like(forces))
+    wrenches = Wrenches(
+        time=time,
+        names=both.names,
+        bodies=both.bodies,
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
     found = undetermined_loads(wrenches, places, WEIGHT, UP)
     assert [finding.place for finding in found] == ["calcn_r", "calcn_l"]
-    right, left = (np.any([(time >= a) & (time <= b) for a, b in finding.times], axis=0) for finding in found)
+    right, left = (
+        np.any([(time >= a) & (time <= b) for a, b in finding.times], axis=0) for finding in found
+    )
     assert right[still].mean() > 0.9
     assert left[still].mean() > 0.9
     assert right[~still].mean() < 0.2
@@ -79,7 +101,17 @@ def test_another_body_beside_the_foot_that_has_the_force_is_seen():
     wrenches = loads(time, places)
     points = wrenches.points + np.array([0.4, 0.0, 0.0])
     found = undetermined_loads(
-        Wrenches(time, wrenches.names, wrenches.bodies, wrenches.forces, points, wrenches.torques), places, WEIGHT, UP
+        Wrenches(
+            time=time,
+            names=wrenches.names,
+            bodies=wrenches.bodies,
+            forces=wrenches.forces,
+            points=points,
+            torques=wrenches.torques,
+        ),
+        places,
+        WEIGHT,
+        UP,
     )
     assert {finding.place for finding in found} == {"calcn_r", "calcn_l"}
     assert all("not under it alone" in finding.text for finding in found)

@@ -54,7 +54,9 @@ def test_nothing_is_left_at_the_root(body, squat):
 
 
 def test_force_of_the_feet_is_newtons_law(body, squat):
-    """Total force = mass (acceleration of the center of mass - gravity), the acceleration by differences."""
+    """Total force = mass (acceleration of the center of mass - gravity), the acceleration by
+    differences.
+    """
     tree = compile_tree(body)
     fine = squat_splines(body, OPTIONS).at(1000.0, OPTIONS.duration)
     centers = center_of_mass(tree, forward_kinematics(tree, tree.coordinates_of(fine)))
@@ -97,7 +99,9 @@ def test_noise_is_as_stated(body, squat):
     random = np.random.default_rng(1)
     options = SimulationOptions(duration=2.0, squats=1, rate=40.0, tissue=0.0, marker_noise=0.003)
     noisy = measured_markers(body, squat, options, random).values
-    still = measured_markers(body, squat, SimulationOptions(tissue=0.0, marker_noise=0.0), random).values
+    still = measured_markers(
+        body, squat, SimulationOptions(tissue=0.0, marker_noise=0.0), random
+    ).values
     assert (noisy - still).std() == pytest.approx(0.003, rel=0.02)
 
 
@@ -119,15 +123,21 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "nobody was measured" in page
     found = read_result(tmp_path / "squat.nc", leave_out=("moment_arm",))
-    truth, tension = store.get_truth(found), store.get_tension(found, TensionOptions())
+    truth = store.get_truth(found)
+    tension = store.get_tension(found, TensionOptions())
     assert tension.optimal.all()
     angles = {one.name: one for one in compared(store.get_fit(found).motion, truth["motion"])}
     assert all(angles[f"knee_angle_{side}"].rmse < np.deg2rad(1.0) for side in "rl")
     torques = {one.name: one for one in compared(store.get_torques(found), truth["torques"])}
-    assert all(torques[f"knee_angle_{side}"].rmse < 0.05 * torques[f"knee_angle_{side}"].span for side in "rl")
+    assert all(
+        torques[f"knee_angle_{side}"].rmse < 0.05 * torques[f"knee_angle_{side}"].span
+        for side in "rl"
+    )
     from myomorph.model.series import Series
 
-    shares = compared(Series(found.time, tension.muscles, tension.activations), truth["activations"])
+    shares = compared(
+        Series(found.time, tension.muscles, tension.activations), truth["activations"]
+    )
     assert np.median([one.rmse for one in shares]) < 0.02
 
 

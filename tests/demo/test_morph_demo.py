@@ -27,9 +27,13 @@ def test_the_deformation_keeps_orientation_and_its_slopes_are_its_own(case):
         assert np.linalg.det(slopes).min() > 0.5
         step = 1e-6
         numeric = np.stack(
-            [(truth[body].apply(points + step * one) - truth[body].apply(points - step * one)) / (2 * step)
-             for one in np.eye(3)], axis=-1,
-        )  # fmt: skip
+            [
+                (truth[body].apply(points + step * one) - truth[body].apply(points - step * one))
+                / (2 * step)
+                for one in np.eye(3)
+            ],
+            axis=-1,
+        )
         np.testing.assert_allclose(slopes, numeric, atol=1e-8)
 
 
@@ -49,7 +53,8 @@ def test_a_bone_keeps_the_frame_it_had(case):
 
 def test_landmarks_are_picked_alike_each_time(case):
     _, ours, _, truth = case
-    one, other = picked_landmarks(ours, truth), picked_landmarks(ours, truth)
+    one = picked_landmarks(ours, truth)
+    other = picked_landmarks(ours, truth)
     for body, points in one.items():
         assert len(points) == LANDMARKS
         np.testing.assert_array_equal(points.target, other[body].target)
@@ -58,7 +63,9 @@ def test_landmarks_are_picked_alike_each_time(case):
 
 
 @pytest.mark.long
-def test_the_tutorial_runs_and_its_demo_ends_in_a_report_with_errors_against_the_truth(tmp_path, data, monkeypatch):
+def test_the_tutorial_runs_and_its_demo_ends_in_a_report_with_errors_against_the_truth(
+    tmp_path, data, monkeypatch
+):
     demos = []
 
     def kept(out):
@@ -76,7 +83,9 @@ def test_the_tutorial_runs_and_its_demo_ends_in_a_report_with_errors_against_the
     assert np.median(errors.distances[WRITTEN]) < 0.5 * np.median(scaling)
     # A few via points are brought out of bones, away from where the map alone puts them.
     assert np.percentile(errors.distances[WRITTEN], 95.0) < 0.5 * np.percentile(scaling, 95.0)
-    assert np.median(errors.arms[WRITTEN]) < np.median(errors.arms[f"scaling, {LANDMARKS} landmarks"])
+    assert np.median(errors.arms[WRITTEN]) < np.median(
+        errors.arms[f"scaling, {LANDMARKS} landmarks"]
+    )
     with (tmp_path / "morph" / ERRORS).open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(errors.points)

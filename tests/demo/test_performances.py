@@ -1,5 +1,6 @@
-"""Chapter 5 as demos: files and a study file are written, its run lays forces beside the truth, the page says that
-everything is simulated."""
+"""Chapter 5 as demos: files and a study file are written, its run lays forces beside the truth, the
+page says that everything is simulated.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +39,10 @@ def test_forces_of_two_fighters_are_laid_beside_the_truth(judo):
     for row in rows.values():
         along = [float(row[f"error, {axis} [N]"]) for axis in ("vertical", "fore-aft", "lateral")]
         assert float(row["error, RMS [N]"]) == pytest.approx(np.linalg.norm(along), abs=0.2)
-    assert all(float(rows[name]["error, RMS [N]"]) < 0.4 * float(rows[name]["true, RMS [N]"]) for name in FEET)
+    assert all(
+        float(rows[name]["error, RMS [N]"]) < 0.4 * float(rows[name]["true, RMS [N]"])
+        for name in FEET
+    )
 
 
 @pytest.mark.long
@@ -67,11 +71,15 @@ def test_the_page_says_that_it_is_simulated_and_shows_the_truth(judo):
 
 @pytest.mark.parametrize("name", ["taichi", "tap", "drum"])
 def test_the_files_of_a_performance_are_a_study(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(performances, "performed", lambda part: performed(replace(part, duration=0.3, blows=())))
+    monkeypatch.setattr(
+        performances, "performed", lambda part: performed(replace(part, duration=0.3, blows=()))
+    )
     written = write_performance(name, tmp_path)
     (trial,) = read_plan(written.study).trials
     assert (trial.subject, trial.name) == ("performer", name)
-    assert {"true_torques", "true_activations", "emg"} <= set(read_toml(written.study)["subject"][0]["trials"][0])
+    assert {"true_torques", "true_activations", "emg"} <= set(
+        read_toml(written.study)["subject"][0]["trials"][0]
+    )
     assert (tmp_path / STROKES).is_file() == (name == "drum")
     assert len(written.forces) == len(written.torques) == len(written.activations)
 

@@ -20,13 +20,17 @@ WITHIN = {
     "total_viscosity": 0.05,
     "muscle_viscosity": 0.05,
 }
-"""Largest relative errors; the project's task asks for 3 % of a joint's viscosity and 5 % of the muscles'."""
+"""Largest relative errors; the project's task asks for 3 % of a joint's viscosity and 5 % of the
+muscles'.
+"""
 
 
 @pytest.mark.long
 def test_raw_specimen_and_plain_specimen_are_found(tmp_path: Path) -> None:
     pytest.importorskip("myo_sim")
-    plan = read_viscosity_plan(write_shoulder_study(tmp_path / "recordings", (1, 3), seconds=8.0, trials=2))
+    plan = read_viscosity_plan(
+        write_shoulder_study(tmp_path / "recordings", (1, 3), seconds=8.0, trials=2)
+    )
     outcomes = run_viscosity(plan, tmp_path / "out")
     assert [outcome.error for outcome in outcomes] == ["", ""]
     with (tmp_path / "out" / "specimens.csv").open() as stream:
@@ -36,7 +40,8 @@ def test_raw_specimen_and_plain_specimen_are_found(tmp_path: Path) -> None:
         for name, share in WITHIN.items():
             assert float(found[name]) == pytest.approx(specimen.truth[name], rel=share), name
         for name in ("mass_intact", "com_intact", "estimated_muscle_mass"):
-            low, high = (float(found[f"{name}_{end}"]) for end in ("low", "high"))
+            low = float(found[f"{name}_low"])
+            high = float(found[f"{name}_high"])
             assert low < specimen.truth[name] < high
         assert float(found["measured_muscle_mass"]) == specimen.measured_muscle_mass
     raw = read_specimen(outcomes[0].folder)

@@ -1,8 +1,11 @@
-"""Makes a Python on Linux behave as one elsewhere: a child process with this folder on its path imports it first.
+"""Makes a Python on Linux behave as one elsewhere: a child process with this folder on its path
+imports it first.
 
 - Processes are spawned, as on Windows and macOS, never forked.
-- A file that is opened without an encoding is cp1252, as on Windows; PYTHONIOENCODING does the same for the terminal.
-- A file that is open cannot be replaced, renamed or deleted, as on Windows: neither by the process that has it open
+- A file that is opened without an encoding is cp1252, as on Windows; PYTHONIOENCODING does the same
+    for the terminal.
+- A file that is open cannot be replaced, renamed or deleted, as on Windows: neither by the process
+    that has it open
   nor while the process HOLDER has.
 - fcntl (Windows) is not there.
 """

@@ -27,7 +27,9 @@ def binary_seeds() -> Mapping[str, tuple[bytes, ...]]:
     """Whole files by their ending."""
     return {
         ".c3d": (_bytes("a.c3d", _c3d),),
-        ".wav": tuple(_wav(kind, bits) for kind, bits in ((1, 8), (1, 16), (1, 24), (3, 32), (0xFFFE, 16))),
+        ".wav": tuple(
+            _wav(kind, bits) for kind, bits in ((1, 8), (1, 16), (1, 24), (3, 32), (0xFFFE, 16))
+        ),
         ".stl": (_stl(),),
         ".ply": (_ply("<"), _ply(">")),
         ".bdf": (_bytes("a_emg.bdf", _emg),),
@@ -53,7 +55,17 @@ def _c3d(path: Path) -> None:
     markers = Markers(TIME, ("hip", "knee"), np.linspace(0.0, 1.0, 36).reshape(6, 2, 3))
     corners = np.array([[0.4, 0.6, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
     channels = np.linspace(-1.0, 900.0, 72).reshape(12, 6)
-    write_c3d(path, markers, PlateRecording("plate", 2, corners, np.array([0.0, 0.0, -0.04]), channels))
+    write_c3d(
+        path,
+        markers,
+        PlateRecording(
+            name="plate",
+            kind=2,
+            corners=corners,
+            origin=np.array([0.0, 0.0, -0.04]),
+            channels=channels,
+        ),
+    )
 
 
 def _wav(kind: int, bits: int) -> bytes:
@@ -66,22 +78,36 @@ def _wav(kind: int, bits: int) -> bytes:
 
 
 def _stl() -> bytes:
-    triangles = np.array([[0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], [0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]], "<f4")
-    return b"made".ljust(80) + struct.pack("<I", 2) + b"".join(one.tobytes() + b"\0\0" for one in triangles)
+    triangles = np.array(
+        [[0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], [0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]], "<f4"
+    )
+    return (
+        b"made".ljust(80)
+        + struct.pack("<I", 2)
+        + b"".join(one.tobytes() + b"\0\0" for one in triangles)
+    )
 
 
 def _ply(order: str) -> bytes:
-    kind, text = "little" if order == "<" else "big", (SEEDS / "bone.ply").read_text(encoding="utf-8")
-    head = text[: text.index("end_header")].replace("ascii", f"binary_{kind}_endian") + "end_header\n"
+    kind = "little" if order == "<" else "big"
+    text = (SEEDS / "bone.ply").read_text(encoding="utf-8")
+    head = (
+        text[: text.index("end_header")].replace("ascii", f"binary_{kind}_endian") + "end_header\n"
+    )
     places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], f"{order}f4").tobytes()
-    return head.encode() + places + b"".join(struct.pack(f"{order}Biii", 3, *one) for one in ((0, 1, 2), (0, 1, 3)))
+    return (
+        head.encode()
+        + places
+        + b"".join(struct.pack(f"{order}Biii", 3, *one) for one in ((0, 1, 2), (0, 1, 3)))
+    )
 
 
 def _keypoints(path: Path) -> None:
     with h5py.File(path, "w", libver="earliest") as file:
         file["tracks"] = np.linspace(-50.0, 50.0, 36).reshape(6, 1, 2, 3)
         file["node_names"] = [b"nose", b"hip"]
-        file.attrs["units"], file.attrs["fps"] = "mm", 50.0
+        file.attrs["units"] = "mm"
+        file.attrs["fps"] = 50.0
 
 
 def _packed(path: Path) -> None:
@@ -96,7 +122,10 @@ def _qualisys(path: Path, packed: bool) -> None:
     labels = np.empty((1, 2), object)
     labels[0] = ["hip", "knee"]
     data = np.linspace(-500.0, 500.0, 32).reshape(2, 4, 4)
-    groups = {"Labeled": {"Count": 2.0, "Labels": labels, "Data": data}, "Unidentified": {"Count": 2.0, "Data": data}}
+    groups = {
+        "Labeled": {"Count": 2.0, "Labels": labels, "Data": data},
+        "Unidentified": {"Count": 2.0, "Data": data},
+    }
     table = {"StartFrame": 1.0, "Frames": 4.0, "FrameRate": 100.0, "Trajectories": groups}
     savemat(path, {"walk": table}, do_compression=packed)
 
@@ -106,5 +135,7 @@ def _result(path: Path) -> None:
         result.time(TIME)
         result.names("coordinate", ("lift", "bend"))
         result.put("coordinates", ("time", "coordinate"), np.zeros((6, 2)), "rad", "angles")
-        result.provenance(Provenance("ik", (), {"accuracy": 1e-5}, "0"))
+        result.provenance(
+            Provenance(step="ik", sources=(), options={"accuracy": 1e-5}, version="0")
+        )
         result.fact("title", "walk")

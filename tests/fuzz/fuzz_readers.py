@@ -1,4 +1,6 @@
-"""Every reader of files that somebody else wrote: how it is called, and the whole files that fuzzing begins with."""
+"""Every reader of files that somebody else wrote: how it is called, and the whole files that
+fuzzing begins with.
+"""
 
 from __future__ import annotations
 
@@ -68,9 +70,13 @@ class Reader:
 
     def seeds(self, data: Path | None = None) -> list[bytes]:
         """Whole files: ours, and small real ones of the folder `data`."""
-        found = [(SEEDS / name).read_bytes() for name in self.files] + list(binary_seeds().get(self.ending, ()))
+        found = [(SEEDS / name).read_bytes() for name in self.files] + list(
+            binary_seeds().get(self.ending, ())
+        )
         if data is not None and self.recorded:
-            real = sorted(one for one in data.glob(self.recorded) if 0 < one.stat().st_size < LARGEST_SEED)
+            real = sorted(
+                one for one in data.glob(self.recorded) if 0 < one.stat().st_size < LARGEST_SEED
+            )
             found += [one.read_bytes() for one in real[:: max(len(real) // 12, 1)]]
         return found
 
@@ -107,48 +113,166 @@ def _as_motion(part: str, path: Path) -> Any:
 
 
 READERS = (
-    Reader("OSIM", ".osim", read_osim, ("arm.osim",), "*/*.osim"),
-    Reader("OSIM, described and written", ".osim", _written_again, ("arm.osim",), "*/*.osim"),
-    Reader("MJCF", ".xml", read_mjcf, ("arm_mujoco.xml",), "mouse*/*.xml", guarded=True),
-    Reader("MJCF before it is compiled", ".xml", check_files, ("arm_mujoco.xml",), "mouse*/*.xml"),
-    Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),
-    Reader("STO, MOT", ".sto", read_sto, ("data.sto", "forces.mot"), "**/*.[sm][to][ot]"),
-    Reader("MOT as coordinates", ".mot", lambda path: read_motion(path, arm()), ("motion.mot",)),
+    Reader(name="OSIM", ending=".osim", read=read_osim, files=("arm.osim",), recorded="*/*.osim"),
+    Reader(
+        name="OSIM, described and written",
+        ending=".osim",
+        read=_written_again,
+        files=("arm.osim",),
+        recorded="*/*.osim",
+    ),
+    Reader(
+        name="MJCF",
+        ending=".xml",
+        read=read_mjcf,
+        files=("arm_mujoco.xml",),
+        recorded="mouse*/*.xml",
+        guarded=True,
+    ),
+    Reader(
+        name="MJCF before it is compiled",
+        ending=".xml",
+        read=check_files,
+        files=("arm_mujoco.xml",),
+        recorded="mouse*/*.xml",
+    ),
+    Reader(name="TRC", ending=".trc", read=read_trc, files=("walk.trc",), recorded="**/*.trc"),
+    Reader(
+        name="STO, MOT",
+        ending=".sto",
+        read=read_sto,
+        files=("data.sto", "forces.mot"),
+        recorded="**/*.[sm][to][ot]",
+    ),
+    Reader(
+        name="MOT as coordinates",
+        ending=".mot",
+        read=lambda path: read_motion(path, arm()),
+        files=("motion.mot",),
+    ),
     *(
-        Reader(f"BIDS {name}", f".{name[-4:].strip('.')}", partial(_as_motion, name), (f"bids_{name}",))
+        Reader(
+            name=f"BIDS {name}",
+            ending=f".{name[-4:].strip('.')}",
+            read=partial(_as_motion, name),
+            files=(f"bids_{name}",),
+        )
         for name in MOTION
     ),
     Reader("EMG, BDF", ".bdf", read_emg),
-    Reader("C3D", ".c3d", read_recording, (), "**/*.c3d"),
-    Reader("channels, CSV", ".csv", read_channels, ("cells.csv", "channels.csv")),
-    Reader("touches, CSV", ".csv", lambda path: read_events(path, 100.0), TABLES),
-    Reader("landmarks, CSV", ".csv", read_body_landmarks, ("landmarks.csv", "landmarks_semicolons.csv")),
-    Reader("landmarks, FCSV", ".fcsv", read_body_landmarks, ("landmarks.fcsv",)),
-    Reader("landmarks, JSON", ".json", read_body_landmarks, LANDMARKS),
-    Reader("landmarks, XML", ".xml", read_body_landmarks, ("markers.xml", "arm.osim")),
-    Reader("pairs of landmarks, CSV", ".csv", read_landmark_pairs, ("pairs.csv",)),
-    Reader("landmarks of a skin, CSV", ".csv", read_body_landmarks, ("skin.csv",)),
-    Reader("picked points, CSV", ".csv", read_picks, ("picks.csv",)),
-    Reader("measures, CSV", ".csv", lambda path: read_measures(path, [], []), ("measures.csv", "people.csv")),
-    Reader("names of keypoints, JSON", ".json", read_keypoint_names, ("names.json",)),
-    Reader("names of keypoints, YAML", ".yaml", read_keypoint_names, ("names.yaml", "names_stac.yaml")),
+    Reader(name="C3D", ending=".c3d", read=read_recording, files=(), recorded="**/*.c3d"),
+    Reader(
+        name="channels, CSV", ending=".csv", read=read_channels, files=("cells.csv", "channels.csv")
+    ),
+    Reader(
+        name="touches, CSV", ending=".csv", read=lambda path: read_events(path, 100.0), files=TABLES
+    ),
+    Reader(
+        name="landmarks, CSV",
+        ending=".csv",
+        read=read_body_landmarks,
+        files=("landmarks.csv", "landmarks_semicolons.csv"),
+    ),
+    Reader(
+        name="landmarks, FCSV", ending=".fcsv", read=read_body_landmarks, files=("landmarks.fcsv",)
+    ),
+    Reader(name="landmarks, JSON", ending=".json", read=read_body_landmarks, files=LANDMARKS),
+    Reader(
+        name="landmarks, XML",
+        ending=".xml",
+        read=read_body_landmarks,
+        files=("markers.xml", "arm.osim"),
+    ),
+    Reader(
+        name="pairs of landmarks, CSV",
+        ending=".csv",
+        read=read_landmark_pairs,
+        files=("pairs.csv",),
+    ),
+    Reader(
+        name="landmarks of a skin, CSV",
+        ending=".csv",
+        read=read_body_landmarks,
+        files=("skin.csv",),
+    ),
+    Reader(name="picked points, CSV", ending=".csv", read=read_picks, files=("picks.csv",)),
+    Reader(
+        name="measures, CSV",
+        ending=".csv",
+        read=lambda path: read_measures(path, [], []),
+        files=("measures.csv", "people.csv"),
+    ),
+    Reader(
+        name="names of keypoints, JSON",
+        ending=".json",
+        read=read_keypoint_names,
+        files=("names.json",),
+    ),
+    Reader(
+        name="names of keypoints, YAML",
+        ending=".yaml",
+        read=read_keypoint_names,
+        files=("names.yaml", "names_stac.yaml"),
+    ),
     Reader("keypoints, HDF5", ".h5", read_keypoints, guarded=True),
     Reader("Qualisys, MAT", ".mat", read_qualisys_mat),
     Reader("WAV", ".wav", read_wav),
-    Reader("OBJ", ".obj", read_mesh, ("bone.obj",), "**/*.obj"),
-    Reader("STL", ".stl", read_mesh, ("bone.stl",), "**/*.stl"),
-    Reader("PLY", ".ply", read_mesh, ("bone.ply",), "**/*.ply"),
-    Reader("VTP", ".vtp", read_mesh, ("bone.vtp",), "**/*.vtp"),
-    Reader("study, TOML", ".toml", read_plan, STUDIES),
-    Reader("contacts, TOML", ".toml", lambda path: read_contacts(path, arm()), ("contacts.toml",)),
-    Reader("stairs, TOML", ".toml", lambda path: read_stairs(path, arm()), ("stairs.toml",)),
-    Reader("specimens, TOML", ".toml", read_viscosity_plan, ("specimens.toml",)),
-    Reader("species, TOML", ".toml", read_species, ("species.toml",)),
-    Reader("tool setups", ".xml", read_setup, SETUPS, "**/*[Ss]etup*.xml"),
-    Reader("tasks", ".xml", read_ik_tasks, ("tasks.xml",), "**/*Tasks*.xml"),
-    Reader("external loads", ".xml", read_external_loads, ("loads.xml",), "**/*xternal*.xml"),
-    Reader("actuators", ".xml", read_actuators, ("actuators.xml",), "**/*Actuators*.xml"),
-    Reader("marker sets", ".xml", lambda path: read_marker_set(path, arm()), ("markers.xml",), "**/*MarkerSet*.xml"),
+    Reader(name="OBJ", ending=".obj", read=read_mesh, files=("bone.obj",), recorded="**/*.obj"),
+    Reader(name="STL", ending=".stl", read=read_mesh, files=("bone.stl",), recorded="**/*.stl"),
+    Reader(name="PLY", ending=".ply", read=read_mesh, files=("bone.ply",), recorded="**/*.ply"),
+    Reader(name="VTP", ending=".vtp", read=read_mesh, files=("bone.vtp",), recorded="**/*.vtp"),
+    Reader(name="study, TOML", ending=".toml", read=read_plan, files=STUDIES),
+    Reader(
+        name="contacts, TOML",
+        ending=".toml",
+        read=lambda path: read_contacts(path, arm()),
+        files=("contacts.toml",),
+    ),
+    Reader(
+        name="stairs, TOML",
+        ending=".toml",
+        read=lambda path: read_stairs(path, arm()),
+        files=("stairs.toml",),
+    ),
+    Reader(
+        name="specimens, TOML", ending=".toml", read=read_viscosity_plan, files=("specimens.toml",)
+    ),
+    Reader(name="species, TOML", ending=".toml", read=read_species, files=("species.toml",)),
+    Reader(
+        name="tool setups",
+        ending=".xml",
+        read=read_setup,
+        files=SETUPS,
+        recorded="**/*[Ss]etup*.xml",
+    ),
+    Reader(
+        name="tasks",
+        ending=".xml",
+        read=read_ik_tasks,
+        files=("tasks.xml",),
+        recorded="**/*Tasks*.xml",
+    ),
+    Reader(
+        name="external loads",
+        ending=".xml",
+        read=read_external_loads,
+        files=("loads.xml",),
+        recorded="**/*xternal*.xml",
+    ),
+    Reader(
+        name="actuators",
+        ending=".xml",
+        read=read_actuators,
+        files=("actuators.xml",),
+        recorded="**/*Actuators*.xml",
+    ),
+    Reader(
+        name="marker sets",
+        ending=".xml",
+        read=lambda path: read_marker_set(path, arm()),
+        files=("markers.xml",),
+        recorded="**/*MarkerSet*.xml",
+    ),
     Reader("results, NetCDF", ".nc", read_result),
 )
 

@@ -19,7 +19,9 @@ def said(folder, text: str) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["a" * 300 + ".trc", "a" * 5000 + "*.trc", "walk\\u0000.trc", "\\u0000*"])
+@pytest.mark.parametrize(
+    "name", ["a" * 300 + ".trc", "a" * 5000 + "*.trc", "walk\\u0000.trc", "\\u0000*"]
+)
 def test_names_that_no_file_can_have(tmp_path, name):
     assert "study.toml: " in said(tmp_path, STUDY.replace("walk*.trc", name))
 
@@ -29,7 +31,9 @@ def test_a_whole_number_of_thousands_of_digits(tmp_path):
 
 
 def test_a_hexadecimal_number_of_thousands_of_digits(tmp_path):
-    assert "a number of thousands of digits" in said(tmp_path, STUDY.replace('"walking"', "0x" + "7" * 5000))
+    assert "a number of thousands of digits" in said(
+        tmp_path, STUDY.replace('"walking"', "0x" + "7" * 5000)
+    )
 
 
 def test_a_long_value_is_cut_short(tmp_path):
@@ -37,6 +41,8 @@ def test_a_long_value_is_cut_short(tmp_path):
 
 
 def test_of_many_problems_the_first_are_told(tmp_path):
-    told = said(tmp_path, STUDY + "".join(f"[[subject]]\nname = 's{k}'\n" for k in range(2 * MAX_PROBLEMS)))
+    told = said(
+        tmp_path, STUDY + "".join(f"[[subject]]\nname = 's{k}'\n" for k in range(2 * MAX_PROBLEMS))
+    )
     assert "more" in told
     assert told.count(" | ") == MAX_PROBLEMS

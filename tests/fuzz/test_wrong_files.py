@@ -1,4 +1,5 @@
-"""Every reader of files, given wrong ones: it reads them or says what is wrong, without crash or hang.
+"""Every reader of files, given wrong ones: it reads them or says what is wrong, without crash or
+hang.
 
 A small part of `python -m benchmarks fuzz`.
 """
@@ -25,10 +26,17 @@ def run_on(folder: Path, examples: int) -> None:
         str(examples),
     ]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
-    ended = subprocess.run(command, env=environment, cwd=folder, capture_output=True, encoding="utf-8", timeout=1200)
+    ended = subprocess.run(
+        command, env=environment, cwd=folder, capture_output=True, encoding="utf-8", timeout=1200
+    )
     findings = [line for line in ended.stdout.splitlines() if '"found"' in line]
-    assert ended.returncode == 0, "\n".join([*ended.stdout.splitlines()[-1:], *findings, ended.stderr[-3000:]])
-    assert f"begins with {[reader.name for reader in READERS if not reader.guarded][-1]}" in ended.stdout
+    assert ended.returncode == 0, "\n".join(
+        [*ended.stdout.splitlines()[-1:], *findings, ended.stderr[-3000:]]
+    )
+    assert (
+        f"begins with {[reader.name for reader in READERS if not reader.guarded][-1]}"
+        in ended.stdout
+    )
 
 
 def test_a_few_wrong_files(tmp_path: Path) -> None:

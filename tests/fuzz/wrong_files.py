@@ -1,9 +1,11 @@
-"""Give readers wrong files, in a process of its own: `python wrong_files.py FOLDER (--examples N | --seconds S)`.
+"""Give readers wrong files, in a process of its own: `python wrong_files.py FOLDER (--examples N |
+--seconds S)`.
 
-With `--examples` every reader that needs no process for each file gets so many, the same ones every time; with
-`--seconds` one `--reader` gets files for so long, guided by the code that they reach where the package atheris is
-installed. Printed are `begins with READER`, the number of files and the slowest now and then, and each finding once:
-whatever came out but a `MyomorphError` of one line. The process ends where a file takes longer than `LIMIT`.
+With `--examples` every reader that needs no process for each file gets so many, the same ones every
+time; with `--seconds` one `--reader` gets files for so long, guided by the code that they reach
+where the package atheris is installed. Printed are `begins with READER`, the number of files and
+the slowest now and then, and each finding once: whatever came out but a `MyomorphError` of one
+line. The process ends where a file takes longer than `LIMIT`.
 """
 
 from __future__ import annotations
@@ -33,14 +35,22 @@ MEMORY = 1.5
 """Most memory that reading may take beyond what the program has at the start [GiB]."""
 LONGEST_MESSAGE = 21_000
 """Characters of an error."""
-QUIET = {"deadline": None, "database": None, "phases": (Phase.generate,), "suppress_health_check": list(HealthCheck)}
+QUIET = {
+    "deadline": None,
+    "database": None,
+    "phases": (Phase.generate,),
+    "suppress_health_check": list(HealthCheck),
+}
 
 
 class Attempts:
     """Files that a reader was given, and what came of them."""
 
     def __init__(self, reader: Reader, folder: Path):
-        self.reader, self.files, self.slowest, self.begun = reader, 0, 0.0, time.monotonic()
+        self.reader = reader
+        self.files = 0
+        self.slowest = 0.0
+        self.begun = time.monotonic()
         self.path = folder / f"zz wrong{reader.ending}"
         self.findings: set[str] = set()
         self.told = self.begun
@@ -54,7 +64,11 @@ class Attempts:
             self.reader.read(self.path)
         except MyomorphError as error:
             text = str(error)
-            if len(text) > LONGEST_MESSAGE or len(text.splitlines()) != 1 or {"\0", "\x1b"} & set(text):
+            if (
+                len(text) > LONGEST_MESSAGE
+                or len(text.splitlines()) != 1
+                or {"\0", "\x1b"} & set(text)
+            ):
                 self._found("message", error, data)
         except KeyboardInterrupt:
             raise
@@ -73,14 +87,32 @@ class Attempts:
         _print({"inputs": self.files, "slowest": self.slowest, "seconds": self.told - self.begun})
 
     def _found(self, kind: str, error: BaseException, data: bytes) -> None:
-        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "myomorph" in frame.filename]
-        place = f"{Path(frames[-1].filename).name}:{frames[-1].lineno} {frames[-1].name}" if frames else ""
+        frames = [
+            frame
+            for frame in traceback.extract_tb(error.__traceback__)
+            if "myomorph" in frame.filename
+        ]
+        place = (
+            f"{Path(frames[-1].filename).name}:{frames[-1].lineno} {frames[-1].name}"
+            if frames
+            else ""
+        )
         what = f"{kind}: {type(error).__name__} {place}"
         if what not in self.findings:
             self.findings.add(what)
-            kept = self.path.parent.parent / f"found {self.reader.name} {len(self.findings)}{self.reader.ending}"
+            kept = (
+                self.path.parent.parent
+                / f"found {self.reader.name} {len(self.findings)}{self.reader.ending}"
+            )
             kept.write_bytes(data)
-            _print({"reader": self.reader.name, "found": what, "message": str(error)[:300], "file": kept.name})
+            _print(
+                {
+                    "reader": self.reader.name,
+                    "found": what,
+                    "message": str(error)[:300],
+                    "file": kept.name,
+                }
+            )
 
 
 def _print(facts: dict[str, object]) -> None:
@@ -113,16 +145,29 @@ def _guided(test: object, seconds: float, start: int) -> bool:
         import atheris
     except ImportError:
         return False
-    # Instrumented while they are imported, modules would keep Numba from finding what it compiled before.
+    # Instrumented while they are imported, modules would keep Numba from finding what it compiled
+    # before.
     for module in [
-        module for name, module in sys.modules.items() if name.startswith(("myomorph.io", "myomorph.study"))
+        module
+        for name, module in sys.modules.items()
+        if name.startswith(("myomorph.io", "myomorph.study"))
     ]:
-        for owner in (module, *(value for value in vars(module).values() if isinstance(value, type))):
+        for owner in (
+            module,
+            *(value for value in vars(module).values() if isinstance(value, type)),
+        ):
             for function in vars(owner).values():
                 if isinstance(function, FunctionType) and function.__module__ == module.__name__:
                     atheris.instrument_func(function)
-    limits = [f"-max_total_time={max(int(seconds), 1)}", f"-seed={start}", "-timeout=3600", "-rss_limit_mb=0"]
-    atheris.Setup(["fuzz", *limits, f"-max_len={MAX_BYTES}", "-verbosity=0"], test.hypothesis.fuzz_one_input)
+    limits = [
+        f"-max_total_time={max(int(seconds), 1)}",
+        f"-seed={start}",
+        "-timeout=3600",
+        "-rss_limit_mb=0",
+    ]
+    atheris.Setup(
+        ["fuzz", *limits, f"-max_len={MAX_BYTES}", "-verbosity=0"], test.hypothesis.fuzz_one_input
+    )
     atheris.Fuzz()
     return True
 
@@ -141,7 +186,11 @@ def main() -> int:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(SEEDS, folder)
     findings = 0
-    chosen = [reader for reader in READERS if reader.name == options.reader or not (options.reader or reader.guarded)]
+    chosen = [
+        reader
+        for reader in READERS
+        if reader.name == options.reader or not (options.reader or reader.guarded)
+    ]
     for number, reader in enumerate(chosen):
         print(f"begins with {reader.name}", flush=True)
         attempts = Attempts(reader, folder)

@@ -11,7 +11,9 @@ from trees import to_pinocchio
 
 
 def figaroh_combination(model, motion):
-    """(n, 10 bodies) the matrix M with phi_B = M phi that FIGAROH finds on a motion, in our order of parameters."""
+    """(n, 10 bodies) the matrix M with phi_B = M phi that FIGAROH finds on a motion, in our order
+    of parameters.
+    """
     from figaroh.tools.qrdecomposition import QRDecomposer
     from figaroh.tools.regressor import (
         RegressorBuilder,
@@ -23,13 +25,17 @@ def figaroh_combination(model, motion):
     theirs, _ = to_pinocchio(model)
     robot = SimpleNamespace(model=theirs, data=theirs.createData())
     components = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
-    config = RegressorConfig(is_joint_torques=False, is_external_wrench=True, force_torque=components)
+    config = RegressorConfig(
+        is_joint_torques=False, is_external_wrench=True, force_torque=components
+    )
     q, v, a = (np.array(one) for one in zip(*pinocchio_states(model, motion), strict=True))
     W = RegressorBuilder(robot, config).build_basic_regressor(q, v, a)
     size = W.shape[1]
     names = {f"{body}_{k}": 0.0 for body in range(size // 10) for k in range(10)}
     silent, kept = get_index_eliminate(W, names)
-    result = QRDecomposer(relative_tolerance=1e-9).decompose(build_regressor_reduced(W, silent), kept)
+    result = QRDecomposer(relative_tolerance=1e-9).decompose(
+        build_regressor_reduced(W, silent), kept
+    )
     order = np.concatenate([10 * b + PINOCCHIO_ORDER for b in range(size // 10)])
     combination = np.zeros((result.rank, size))
     combination[:, order[np.setdiff1d(np.arange(size), silent)]] = result.M

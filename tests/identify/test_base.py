@@ -10,7 +10,13 @@ import pytest
 from figaroh_base import figaroh_combination
 
 from myomorph.identify.base import BaseOptions, fit_base
-from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes, held_in, parameter_sizes
+from myomorph.identify.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    base_sizes,
+    held_in,
+    parameter_sizes,
+)
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.null_space import (
     SCALE,
@@ -45,17 +51,25 @@ def annihilation(model, vectors, held):
 def chain(*kinds):
     """A floating body with one body a joint after another, each of the kind named."""
     model = floating_tree(5, 1 + len(kinds))
-    joints, coordinates = [model.joints[0]], list(model.coordinates[:6])
+    joints = [model.joints[0]]
+    coordinates = list(model.coordinates[:6])
     for i, kind in enumerate(kinds):
-        names = tuple(f"{kind}{i}_{k}" for k in range({"weld": 0, "hinge": 1, "slide": 1, "ball": 3}[kind]))
+        names = tuple(
+            f"{kind}{i}_{k}" for k in range({"weld": 0, "hinge": 1, "slide": 1, "ball": 3}[kind])
+        )
         motion = "translation" if kind == "slide" else "rotation"
-        axes = tuple(Axis(motion, np.eye(3)[k], linear(1.0), (name,)) for k, name in enumerate(names))
+        axes = tuple(
+            Axis(kind=motion, vector=np.eye(3)[k], function=linear(1.0), coordinates=(name,))
+            for k, name in enumerate(names)
+        )
         joints.append(replace(model.joints[1 + i], parent=f"body{i}", axes=axes, coordinates=names))
         coordinates += [Coordinate(name) for name in names]
     return replace(model, joints=tuple(joints), coordinates=tuple(coordinates))
 
 
-@pytest.mark.parametrize(("kind", "hidden"), [("weld", 10), ("slide", 6), ("hinge", 3), ("ball", 1)])
+@pytest.mark.parametrize(
+    ("kind", "hidden"), [("weld", 10), ("slide", 6), ("hinge", 3), ("ball", 1)]
+)
 def test_each_joint_hides_what_textbooks_say(kind, hidden):
     assert tree_null_space(chain(kind)).vectors.shape == (20, hidden)
     assert len(base_parameters(chain(kind, "hinge", kind))) == 40 - 2 * hidden - 3
@@ -64,7 +78,8 @@ def test_each_joint_hides_what_textbooks_say(kind, hidden):
 @pytest.mark.parametrize("name", FREE)
 def test_tree_and_random_states_agree_where_the_base_is_free(data, name):
     model = read_model(data(name))
-    tree, numerical = tree_null_space(model), numerical_null_space(model)
+    tree = tree_null_space(model)
+    numerical = numerical_null_space(model)
     assert tree.vectors.shape == numerical.vectors.shape
     assert annihilation(model, tree.vectors, held_values(model, None)) < 1e-9
     assert annihilation(model, numerical.vectors, held_values(model, None)) < 1e-9
@@ -96,7 +111,9 @@ def test_a_base_that_moves_less_hides_more(data, name):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_couplers_across_joints(seed):
-    """Splines and couplers that join branches: bodies that share a coordinate are looked at together."""
+    """Splines and couplers that join branches: bodies that share a coordinate are looked at
+    together.
+    """
     model = functional_tree(seed)
     floating = floating_tree(seed)
     model = replace(
@@ -119,19 +136,33 @@ def test_a_coupler_can_hide_more_than_its_joints_do():
         straight = type(joints[i].parent_frame)(np.eye(3), joints[i].parent_frame.translation)
         joints[i] = replace(joints[i], axes=(turn,), parent_frame=straight)
     model = replace(model, joints=tuple(joints))
-    coupled = replace(model, couplers=(Coupler("tie", "hinge1_0", polynomial([0.2, -1.0]), ("hinge0_0",)),))
+    coupled = replace(
+        model,
+        couplers=(
+            Coupler(
+                name="tie",
+                dependent="hinge1_0",
+                function=polynomial([0.2, -1.0]),
+                independents=("hinge0_0",),
+            ),
+        ),
+    )
     assert tree_null_space(model).vectors.shape[1] == 6
     tree = tree_null_space(coupled)
     assert tree.vectors.shape[1] == numerical_null_space(coupled).vectors.shape[1] > 6
     assert annihilation(coupled, tree.vectors, {}) < 1e-9
 
 
-@pytest.mark.parametrize("model", [chain("hinge", "ball", "slide"), random_tree(3), functional_tree(1)])
+@pytest.mark.parametrize(
+    "model", [chain("hinge", "ball", "slide"), random_tree(3), functional_tree(1)]
+)
 def test_base_parameters_give_the_whole_wrench(model):
     base = base_parameters(model)
     states = random_states(model, base.held, 20, seed=5)
     rows = base_regressor(model, states)
-    np.testing.assert_allclose(rows[:, :, base.columns] @ base.combination, rows, atol=1e-9 * np.abs(rows).max())
+    np.testing.assert_allclose(
+        rows[:, :, base.columns] @ base.combination, rows, atol=1e-9 * np.abs(rows).max()
+    )
     assert np.linalg.matrix_rank(base.combination) == len(base) == base.rank
 
 
@@ -173,7 +204,9 @@ def test_a_fixed_base_shows_nothing_of_what_never_moves():
 
 def test_held_coordinates_rest_where_the_motion_has_them():
     model = chain("hinge", "hinge")
-    locked = replace(model, coordinates=tuple(replace(c, locked=c.name == "hinge0_0") for c in model.coordinates))
+    locked = replace(
+        model, coordinates=tuple(replace(c, locked=c.name == "hinge0_0") for c in model.coordinates)
+    )
     motion = simulated(locked, 60, hold={"hinge0_0": 0.7})
     assert held_in(locked, [motion]) == {"hinge0_0": pytest.approx(0.7)}
     assert held_in(locked, [simulated(locked, 60)]) == {}
@@ -194,22 +227,42 @@ def test_a_model_that_nothing_shows_is_refused():
 def simulated(model, frames, seed=0, hold=None):
     """A smooth motion of a synthetic model, fast enough to show everything."""
     motion = swinging(model, frames, 0.01, seed)
-    values, velocities, accelerations = (np.array(x) for x in (motion.values, motion.velocities, motion.accelerations))
+    values = np.array(motion.values)
+    velocities = np.array(motion.velocities)
+    accelerations = np.array(motion.accelerations)
     for name, value in (hold or {}).items():
         j = model.coordinate_names.index(name)
-        values[:, j], velocities[:, j], accelerations[:, j] = value, 0.0, 0.0
-    return Motion(motion.time, motion.names, values, velocities, accelerations)
+        values[:, j] = value
+        velocities[:, j] = 0.0
+        accelerations[:, j] = 0.0
+    return Motion(
+        time=motion.time,
+        names=motion.names,
+        values=values,
+        velocities=velocities,
+        accelerations=accelerations,
+    )
 
 
 def recorded(model, motion, truth=None, noise=0.0, offset=None, seed=0):
-    """The wrench that the truth needs, on the first body, with noise [N, N m] and a constant in ground."""
+    """The wrench that the truth needs, on the first body, with noise [N, N m] and a constant in
+    ground.
+    """
     truth = inertial_parameters(model) if truth is None else truth
     wrench = base_regressor(model, motion, np.zeros(3)) @ truth.ravel()
     wrench = wrench + (np.zeros(6) if offset is None else offset)
     wrench = wrench + noise * np.random.default_rng(seed).normal(size=wrench.shape)
     zero = np.zeros((len(motion), 1, 3))
     return Recording(
-        motion, Wrenches(motion.time, ("all",), (model.bodies[0].name,), wrench[:, None, 3:], zero, wrench[:, None, :3])
+        motion,
+        Wrenches(
+            time=motion.time,
+            names=("all",),
+            bodies=(model.bodies[0].name,),
+            forces=wrench[:, None, 3:],
+            points=zero,
+            torques=wrench[:, None, :3],
+        ),
     )
 
 
@@ -226,7 +279,10 @@ def arm():
 
 def test_truth_is_recovered_without_noise(arm):
     truth = other_body(arm)
-    fit = fit_base(arm, [recorded(arm, simulated(arm, 400), truth), recorded(arm, simulated(arm, 300, 1), truth)])
+    fit = fit_base(
+        arm,
+        [recorded(arm, simulated(arm, 400), truth), recorded(arm, simulated(arm, 300, 1), truth)],
+    )
     np.testing.assert_allclose(fit.estimate, fit.base.of(truth), atol=1e-6 * fit.size.max())
     assert fit.frames == 700
     assert fit.identifiable.all()
@@ -248,11 +304,14 @@ def test_standard_deviations_tell_the_truth(arm):
 
 
 def test_frames_that_repeat_each_other_count_once(arm):
-    """Noise held for ten frames: a tenth of the samples, and standard deviations still tell the truth."""
+    """Noise held for ten frames: a tenth of the samples, and standard deviations still tell the
+    truth.
+    """
     truth = other_body(arm)
     motion = simulated(arm, 3000)
     clean = recorded(arm, motion, truth)
-    scores, times = [], []
+    scores = []
+    times = []
     for seed in range(4):
         rng = np.random.default_rng(seed)
         held = np.repeat(rng.normal(size=(300, 2, 3)), 10, axis=0)
@@ -283,18 +342,22 @@ def test_rows_hold_the_information_for_standard_parameters(arm):
     def compact(parameters):
         return np.square(A @ parameters.ravel() - b).sum()
 
-    one, other = other_body(arm, 1), other_body(arm, 2)
+    one = other_body(arm, 1)
+    other = other_body(arm, 2)
     assert compact(one) - compact(other) == pytest.approx(misfit(one) - misfit(other), rel=1e-7)
 
 
 def test_equals_dense_least_squares(arm):
     """All rows and the prior at once, by LAPACK's singular values."""
     given = recorded(arm, simulated(arm, 200), other_body(arm), noise=1.0)
-    fit = fit_base(arm, [given], options=BaseOptions(moment_noise=1.0, force_noise=2.0, correlated=False))
+    fit = fit_base(
+        arm, [given], options=BaseOptions(moment_noise=1.0, force_noise=2.0, correlated=False)
+    )
     sigma = np.repeat([1.0, 2.0], 3)
     rows = base_regressor(arm, given.motion)[:, :, fit.base.columns] / sigma[:, None]
     wrench = base_wrench(arm, given.motion, given.wrenches) / sigma
-    mean, sd = fit.base.of(inertial_parameters(arm)), 100.0 * fit.size
+    mean = fit.base.of(inertial_parameters(arm))
+    sd = 100.0 * fit.size
     A = np.vstack([rows.reshape(-1, len(sd)), np.diag(1.0 / sd)])
     expected = np.linalg.lstsq(A, np.concatenate([wrench.ravel(), mean / sd]), rcond=None)[0]
     np.testing.assert_allclose(fit.estimate, expected, atol=1e-9 * fit.size.max())
@@ -303,7 +366,8 @@ def test_equals_dense_least_squares(arm):
 
 def test_blocks_do_not_matter(arm):
     given = [recorded(arm, simulated(arm, 333), other_body(arm), noise=0.3)]
-    one, other = (fit_base(arm, given, options=BaseOptions(block=block)) for block in (50, 4096))
+    one = fit_base(arm, given, options=BaseOptions(block=50))
+    other = fit_base(arm, given, options=BaseOptions(block=4096))
     np.testing.assert_allclose(one.estimate, other.estimate, atol=1e-9 * one.size.max())
     np.testing.assert_allclose(one.sd, other.sd, rtol=1e-6)
 
@@ -319,9 +383,15 @@ def test_frames_that_cannot_be_used_are_counted(arm):
     use[:20] = False
     given = Recording(replace(motion, values=values), replace(clean.wrenches, forces=forces), use)
     fit = fit_base(arm, [given])
-    assert dict(fit.left_out) == {"left out by the user": 20, "motion missing": 5, "force missing": 10}
+    assert dict(fit.left_out) == {
+        "left out by the user": 20,
+        "motion missing": 5,
+        "force missing": 10,
+    }
     assert fit.frames == 265
-    np.testing.assert_allclose(fit.estimate, fit.base.of(other_body(arm)), atol=1e-5 * fit.size.max())
+    np.testing.assert_allclose(
+        fit.estimate, fit.base.of(other_body(arm)), atol=1e-5 * fit.size.max()
+    )
     with pytest.raises(BadData, match=r"no frame can be used .*left out by the user: 300"):
         fit_base(arm, [replace(given, use=np.zeros(300, bool))])
 
@@ -334,8 +404,12 @@ def test_a_tare_is_found_and_told_apart(arm):
     assert fit.tare.significant
     np.testing.assert_array_less(np.abs(fit.tare.constant - offset), 5.0 * fit.tare.sd)
     with_tare = fit_base(arm, given, options=BaseOptions(tare=True))
-    assert np.mean(np.abs(with_tare.estimate - with_tare.base.of(truth)) < 3.0 * with_tare.sd) > 0.95
-    assert not fit_base(arm, [recorded(arm, simulated(arm, 1000), truth, noise=0.5)]).tare.significant
+    assert (
+        np.mean(np.abs(with_tare.estimate - with_tare.base.of(truth)) < 3.0 * with_tare.sd) > 0.95
+    )
+    assert not fit_base(
+        arm, [recorded(arm, simulated(arm, 1000), truth, noise=0.5)]
+    ).tare.significant
 
 
 def test_a_base_that_is_bolted_down(arm):
@@ -369,7 +443,9 @@ def test_a_weight_that_a_tare_took_away_is_missing(arm):
 
 
 def test_memory_does_not_grow_with_the_frames(arm):
-    """A frame's rows of the regressor are 3.8 kB here; what stays of it is a tenth, its six residuals and the like."""
+    """A frame's rows of the regressor are 3.8 kB here; what stays of it is a tenth, its six
+    residuals and the like.
+    """
     most = {}
     for frames in (1000, 4000):
         given = recorded(arm, simulated(arm, frames))
@@ -381,7 +457,9 @@ def test_memory_does_not_grow_with_the_frames(arm):
 
 
 def test_a_motion_that_excites_nothing_leaves_the_model(arm):
-    """At rest only the weight and its moment show; all else stays where the model has it, and is marked."""
+    """At rest only the weight and its moment show; all else stays where the model has it, and is
+    marked.
+    """
     hold = dict.fromkeys(arm.coordinate_names, 0.3)
     fit = fit_base(arm, [recorded(arm, simulated(arm, 200, hold=hold), other_body(arm), noise=0.5)])
     assert fit.rank <= 3
@@ -389,7 +467,9 @@ def test_a_motion_that_excites_nothing_leaves_the_model(arm):
     assert not np.isfinite(fit.condition) or fit.condition > 1e12
     inertias = fit.base.columns % 10 > 3
     np.testing.assert_allclose(
-        fit.estimate[inertias], fit.base.of(inertial_parameters(arm))[inertias], atol=1e-6 * fit.size.max()
+        fit.estimate[inertias],
+        fit.base.of(inertial_parameters(arm))[inertias],
+        atol=1e-6 * fit.size.max(),
     )
 
 
@@ -398,7 +478,9 @@ def test_sizes_are_those_of_the_bodies(arm):
     assert (sizes > 0.0).all()
     heavier = with_inertial_parameters(arm, 2.0 * inertial_parameters(arm))
     np.testing.assert_allclose(parameter_sizes(heavier), 2.0 * sizes)
-    np.testing.assert_allclose(base_sizes(heavier, base_parameters(arm)), 2.0 * base_sizes(arm, base_parameters(arm)))
+    np.testing.assert_allclose(
+        base_sizes(heavier, base_parameters(arm)), 2.0 * base_sizes(arm, base_parameters(arm))
+    )
 
 
 def test_bad_options_are_named():
@@ -410,10 +492,21 @@ def test_bad_options_are_named():
 
 
 def test_larger_terms_of_a_base_parameter_come_first():
-    """By what a body of usual size has of them: a tenth of a mass is more than a whole moment of inertia."""
+    """By what a body of usual size has of them: a tenth of a mass is more than a whole moment of
+    inertia.
+    """
     combination = np.zeros((1, 20))
     combination[0, [0, 10, 14, 11]] = 1.0, 0.1, 1.0, 0.5
-    base = BaseParameters(("a", "b"), np.array([0]), combination, ("a m",), (), {}, 1, np.zeros((1, 0)))
+    base = BaseParameters(
+        bodies=("a", "b"),
+        columns=np.array([0]),
+        combination=combination,
+        names=("a m",),
+        never=(),
+        held={},
+        rank=1,
+        tared=np.zeros((1, 0)),
+    )
     size = {"m": 0.1 * SCALE[0], "m c_x": 0.5 * SCALE[1], "I_xx": 1.0 * SCALE[4]}
     order = sorted(size, key=lambda name: -size[name])
     assert [term.rpartition("b ")[2] for term in base.describe(0).split(" + ")[1:]] == order

@@ -37,7 +37,9 @@ def test_masses_of_points_are_bodies(body, parameters):
 
 
 def test_principal_moments_are_those_of_a_box():
-    m, (x, y, z), c = 2.0, (0.1, 0.2, 0.4), np.array([0.5, -0.3, 0.2])
+    m = 2.0
+    (x, y, z) = (0.1, 0.2, 0.4)
+    c = np.array([0.5, -0.3, 0.2])
     about = m / 12 * np.array([y**2 + z**2, z**2 + x**2, x**2 + y**2])
     inertia = np.diag(about) + m * (c @ c * np.eye(3) - np.outer(c, c))
     row = [m, *(m * c), *np.diag(inertia), inertia[1, 2], inertia[2, 0], inertia[0, 1]]
@@ -49,13 +51,19 @@ def test_principal_moments_are_those_of_a_box():
 def test_each_fault_is_named(body, parameters):
     wrong = parameters.copy()
     wrong[0, 0] = -0.5
-    R, p = body.links.rotations[1], body.links.origins[1]
+    R = body.links.rotations[1]
+    p = body.links.origins[1]
     center = wrong[1, 1:4] / wrong[1, 0]
     away = R.T @ (np.array([5.0, 1.0, 0.0]) - p)
     inertia = wrong[1, 0] * (away @ away * np.eye(3) - np.outer(away, away) + 0.01 * np.eye(3))
     wrong[1] = [
-        wrong[1, 0], *(wrong[1, 0] * away), *np.diag(inertia), inertia[1, 2], inertia[2, 0], inertia[0, 1]
-    ]  # fmt: skip
+        wrong[1, 0],
+        *(wrong[1, 0] * away),
+        *np.diag(inertia),
+        inertia[1, 2],
+        inertia[2, 0],
+        inertia[0, 1],
+    ]
     wrong[2, 4] *= 5.0
     wrong[3] = 0.0
     wrong[4, 0] = 0.0
@@ -67,7 +75,9 @@ def test_each_fault_is_named(body, parameters):
     assert "no mass can have these moments" in report.links[2].faults[0]
     assert report.links[3].massless
     assert report.links[4].faults == ("moments without mass",)
-    assert report.verdict.startswith("4 of 5 links are not those of a body: 'link0': mass -0.5 kg; 'link1'")
+    assert report.verdict.startswith(
+        "4 of 5 links are not those of a body: 'link0': mass -0.5 kg; 'link1'"
+    )
     assert not np.allclose(center, away)
 
 

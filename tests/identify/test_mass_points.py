@@ -6,7 +6,12 @@ from scipy.optimize import nnls
 from made_bodies import MASS, filled, made_body, measured, random_links
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.body.weights import bone_weights, cog_weights, nearest_weights
-from myomorph.identify.mass_points import MassPointOptions, _Problem, prior_variances, solve_mass_points
+from myomorph.identify.mass_points import (
+    MassPointOptions,
+    _Problem,
+    prior_variances,
+    solve_mass_points,
+)
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import pseudo_inertias
 
@@ -19,7 +24,8 @@ def full_matrix(body, A):
 def general_solution(body, A, b, mass, options):
     """The same problem by general solvers, in masses over their prior standard deviation.
 
-    Non-negative least squares by Lawson and Hanson is exact; it has no equality, for which PIQP stands in.
+    Non-negative least squares by Lawson and Hanson is exact; it has no equality, for which PIQP
+    stands in.
     """
     sd = np.sqrt(prior_variances(body, options))
     B = np.sqrt(options.W_phi) * full_matrix(body, A)
@@ -28,9 +34,13 @@ def general_solution(body, A, b, mass, options):
     least = (options.floor * body.reference.mean() - body.reference) / sd
     if mass is None:
         rows = np.vstack([B, np.eye(len(sd))])
-        return body.reference + sd * (least + nnls(rows, np.append(target, np.zeros(len(sd))) - rows @ least)[0])
+        return body.reference + sd * (
+            least + nnls(rows, np.append(target, np.zeros(len(sd))) - rows @ least)[0]
+        )
     solver = piqp.DenseSolver()
-    solver.settings.eps_abs, solver.settings.eps_rel, solver.settings.max_iter = 1e-12, 1e-13, 500
+    solver.settings.eps_abs = 1e-12
+    solver.settings.eps_rel = 1e-13
+    solver.settings.max_iter = 500
     total = sd[None], np.array([mass - body.reference.sum()])
     H = np.asfortranarray(B.T @ B + np.eye(len(sd)))
     solver.setup(H, -B.T @ target, *total, None, None, None, least, np.full(len(sd), 1e30))
@@ -77,7 +87,8 @@ def optimality(body, A, b, fit, mass, options):
 @pytest.mark.parametrize("mass", [None, MASS])
 @pytest.mark.parametrize("noise", [0.0, 100.0, 3000.0])
 def test_conditions_of_the_optimum_hold(mass, noise):
-    body, options = made_body(0.06), MassPointOptions(mass_sd=0.3)
+    body = made_body(0.06)
+    options = MassPointOptions(mass_sd=0.3)
     A, b = measured(body, 30, body.parameters(body.reference), noise=noise)
     fit = solve_mass_points(body, A, b, mass=mass, options=options)
     assert fit.converged
@@ -93,8 +104,11 @@ def test_conditions_of_the_optimum_hold(mass, noise):
 
 @pytest.mark.parametrize("size", [0.01, 30.0])
 def test_balance_is_the_greatest_imbalance_over_the_greatest_miss(size):
-    """Of multipliers far from the optimum, by a matrix that the solver never forms; misses below 1 count as 1."""
-    body, options = made_body(0.1), MassPointOptions(W_phi=0.25)
+    """Of multipliers far from the optimum, by a matrix that the solver never forms; misses below 1
+    count as 1.
+    """
+    body = made_body(0.1)
+    options = MassPointOptions(W_phi=0.25)
     A, b = measured(body, 10, body.parameters(body.reference), noise=100.0)
     problem = _Problem.of(body, A, b, None, options)
     y = size * np.random.default_rng(0).normal(size=10)
@@ -133,7 +147,9 @@ def test_impossible_targets_still_give_bodies():
 
 
 def test_a_wish_that_the_plain_iteration_does_not_settle():
-    """Rows of very different scale and a wrench that no body has: exact, by rows that soften and harden again."""
+    """Rows of very different scale and a wrench that no body has: exact, by rows that soften and
+    harden again.
+    """
     random = np.random.default_rng(72)
     body = made_body(0.1, 6, seed=72)
     A = (
@@ -168,9 +184,13 @@ def test_everything_on_its_bound(mass):
 @pytest.mark.parametrize("weights", [nearest_weights, bone_weights, cog_weights])
 def test_prior_is_the_asked_standard_deviation_of_every_links_mass(weights):
     body = made_body(0.03, 8, weights)
-    fit = solve_mass_points(body, np.zeros((0, 80)), np.zeros(0), options=MassPointOptions(mass_sd=0.2))
+    fit = solve_mass_points(
+        body, np.zeros((0, 80)), np.zeros(0), options=MassPointOptions(mass_sd=0.2)
+    )
     assert np.allclose(
-        fit.link_sd, 0.2 * body.parameters(body.reference)[:, 0], rtol=1e-6 if weights is nearest_weights else 0.02
+        fit.link_sd,
+        0.2 * body.parameters(body.reference)[:, 0],
+        rtol=1e-6 if weights is nearest_weights else 0.02,
     )
 
 
@@ -182,11 +202,15 @@ def test_prior_of_a_mass_center_is_its_radius_of_gyration_times_the_standard_dev
         own = body.weights[:, [link]].toarray()[:, 0] > 0.0
         x = body.points[own] - body.points[own].mean(axis=0)
         gyration = np.sqrt((x**2).mean(axis=0))
-        assert np.allclose(np.sqrt(v[own] @ x**2) / body.reference[own].sum(), 0.1 * gyration, rtol=1e-9)
+        assert np.allclose(
+            np.sqrt(v[own] @ x**2) / body.reference[own].sum(), 0.1 * gyration, rtol=1e-9
+        )
 
 
 def test_result_does_not_depend_on_the_grid():
-    """A weak wish for a tenth more mass, with cells of 20 and 10 mm; the paper's prior wanes with the cells' volume."""
+    """A weak wish for a tenth more mass, with cells of 20 and 10 mm; the paper's prior wanes with
+    the cells' volume.
+    """
     changes = {"relative": [], "paper": []}
     for spacing in (0.02, 0.01):
         body = made_body(spacing)
@@ -194,7 +218,9 @@ def test_result_does_not_depend_on_the_grid():
         A, _ = measured(made_body(0.02), 30, before)
         for prior, weight in (("relative", 0.01), ("paper", 1e-5)):
             wish = weight * A @ (1.1 * before).ravel()
-            fit = solve_mass_points(body, weight * A, wish, options=MassPointOptions(prior=prior, W_rho=1.0))
+            fit = solve_mass_points(
+                body, weight * A, wish, options=MassPointOptions(prior=prior, W_rho=1.0)
+            )
             changes[prior].append(fit.masses.sum() - MASS)
             assert fit.on_bound == 0
     assert 1.0 < changes["relative"][1] < 6.9
@@ -203,11 +229,19 @@ def test_result_does_not_depend_on_the_grid():
 
 
 def test_points_far_from_the_origin_give_the_same_masses():
-    near, far = (0.3, 1.0, -0.2), (30.3, -19.0, 9.8)
+    near = (0.3, 1.0, -0.2)
+    far = (30.3, -19.0, 9.8)
     fits = []
     for place in (near, far):
-        points, links = filled(0.05, place), random_links(5, place)
-        body = MassPoints(points, np.full(len(points), MASS / len(points)), bone_weights(points, links), links, 0.05)
+        points = filled(0.05, place)
+        links = random_links(5, place)
+        body = MassPoints(
+            points=points,
+            reference=np.full(len(points), MASS / len(points)),
+            weights=bone_weights(points, links),
+            links=links,
+            spacing=0.05,
+        )
         truth = body.parameters(body.reference * np.where(points[:, 0] > place[0], 1.5, 0.5))
         A, b = measured(body, 30, truth)
         fits.append(solve_mass_points(body, A, b, mass=MASS))
@@ -216,10 +250,13 @@ def test_points_far_from_the_origin_give_the_same_masses():
 
 def test_more_rows_than_parameters():
     body = made_body(0.06)
-    truth = body.parameters(body.reference * np.random.default_rng(0).uniform(0.5, 1.5, len(body.points)))
+    truth = body.parameters(
+        body.reference * np.random.default_rng(0).uniform(0.5, 1.5, len(body.points))
+    )
     A, b = measured(body, 300, truth)
     Q, R = np.linalg.qr(A)
-    many, few = solve_mass_points(body, A, b), solve_mass_points(body, R, Q.T @ b)
+    many = solve_mass_points(body, A, b)
+    few = solve_mass_points(body, R, Q.T @ b)
     assert np.allclose(many.masses, few.masses, atol=1e-10)
     assert np.isclose(many.misfit, np.sum((b - A @ many.parameters.ravel()) ** 2))
 
@@ -228,7 +265,13 @@ def test_a_point_without_reference_mass_stays_at_the_least_mass():
     body = made_body(0.06)
     reference = np.array(body.reference)
     reference[::7] = 0.0
-    hollow = MassPoints(body.points, reference, body.weights, body.links, body.spacing)
+    hollow = MassPoints(
+        points=body.points,
+        reference=reference,
+        weights=body.weights,
+        links=body.links,
+        spacing=body.spacing,
+    )
     A, b = measured(body, 30, body.parameters(body.reference))
     fit = solve_mass_points(hollow, A, b, mass=MASS)
     assert fit.converged
@@ -237,7 +280,8 @@ def test_a_point_without_reference_mass_stays_at_the_least_mass():
 
 def test_bad_input_is_named():
     body = made_body(0.1)
-    A, b = np.zeros((3, 50)), np.zeros(3)
+    A = np.zeros((3, 50))
+    b = np.zeros(3)
     with pytest.raises(BadData, match=r"expected A \(rows, 50\)"):
         solve_mass_points(body, A[:, 1:], b)
     with pytest.raises(BadData, match="not finite"):

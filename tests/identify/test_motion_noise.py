@@ -1,4 +1,6 @@
-"""Noise of the motion in the regressor: its misfit is foretold, and estimates without it are not shrunk by it."""
+"""Noise of the motion in the regressor: its misfit is foretold, and estimates without it are not
+shrunk by it.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,13 @@ def squares_of(table):
 
 
 def test_noise_in_the_rows_shrinks_least_squares_and_not_the_corrected_ones():
-    """Rows with as much variance of noise as a third of their own: plain estimates shrink to three quarters."""
+    """Rows with as much variance of noise as a third of their own: plain estimates shrink to three
+    quarters.
+    """
     rng = np.random.default_rng(1)
-    n, count, noise = 4, 40_000, np.sqrt(1.0 / 3.0)
+    n = 4
+    count = 40_000
+    noise = np.sqrt(1.0 / 3.0)
     x = np.array([3.0, -2.0, 1.0, 0.5])
     true = rng.normal(size=(count, n))
     R, z = squares_of(np.column_stack([true + noise * rng.normal(size=true.shape), true @ x]))
@@ -40,11 +46,16 @@ def test_noise_in_the_rows_shrinks_least_squares_and_not_the_corrected_ones():
 
 
 def test_what_is_noise_alone_leaves_the_data_a_hold_and_the_expected_value():
-    """A column of noise alone: its parameter stays near what was expected, its hold at or above the share kept."""
+    """A column of noise alone: its parameter stays near what was expected, its hold at or above the
+    share kept.
+    """
     rng = np.random.default_rng(2)
-    count, center = 4000, np.array([1.0, 5.0])
+    count = 4000
+    center = np.array([1.0, 5.0])
     true = np.column_stack([rng.normal(size=count), np.zeros(count)])
-    R, z = squares_of(np.column_stack([true + [0.0, 1.0] * rng.normal(size=true.shape), true @ [2.0, 5.0]]))
+    R, z = squares_of(
+        np.column_stack([true + [0.0, 1.0] * rng.normal(size=true.shape), true @ [2.0, 5.0]])
+    )
     added = np.zeros((3, 3))
     added[1, 1] = count
     root, aim = without_noise(R, z, added, center)
@@ -55,13 +66,24 @@ def test_what_is_noise_alone_leaves_the_data_a_hold_and_the_expected_value():
 
 @pytest.fixture(scope="module")
 def noisy_walk(data):
-    """A walk whose forces are exactly the model's, seen with noise: model, recording, parts and what noise does."""
+    """A walk whose forces are exactly the model's, seen with noise: model, recording, parts and
+    what noise does.
+    """
     folder = "opensim-gait-subject01/ref_id"
     model = read_model(data(f"{folder}/subject01.osim"))
-    motion = differentiate(motion_from_table(read_sto(data(f"{folder}/subject01_walk1_ik.mot")), model), 6.0)
+    motion = differentiate(
+        motion_from_table(read_sto(data(f"{folder}/subject01_walk1_ik.mot")), model), 6.0
+    )
     wrench = base_regressor(model, motion) @ inertial_parameters(model).ravel()
     points = reference_points(model, motion)[:, None]
-    exact = Wrenches(motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3])
+    exact = Wrenches(
+        time=motion.time,
+        names=("plate",),
+        bodies=(model.body_names[0],),
+        forces=wrench[:, None, 3:],
+        points=points,
+        torques=wrench[:, None, :3],
+    )
     from_noise = plus(motion, noise_of(motion, SD, 6.0, np.random.default_rng(5)))
     recording = Recording(from_noise, exact)
     parts = parts_of(model, [recording], base_parameters(model, held=held_in(model, [from_noise])))
@@ -84,5 +106,6 @@ def test_noise_larger_than_the_misfit_is_taken_as_less(noisy_walk):
     assert noise.at_most(2.0 * noise.misfit(truth), truth) is noise
     # Made anew with half the noise: the same pulls on the mean, draw by draw.
     again = motion_noise(model, [recording], parts, 0.5 * SD)
-    own, other = less.scores(parts.rms(truth), truth), again.scores(parts.rms(truth), truth)
+    own = less.scores(parts.rms(truth), truth)
+    other = again.scores(parts.rms(truth), truth)
     assert np.linalg.norm(own - other) < 0.2 * np.linalg.norm(other)

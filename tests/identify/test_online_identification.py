@@ -23,10 +23,14 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, Motion, Wrenches]:
     return model, motion, read_loads(folder / "ref_id/subject01_walk1_grf.xml", model, motion)
 
 
-def play(walk: tuple[Model, Motion, Wrenches], options: OnlineOptions, frames: int = 120) -> OnlineIdentification:
+def play(
+    walk: tuple[Model, Motion, Wrenches], options: OnlineOptions, frames: int = 120
+) -> OnlineIdentification:
     """Frames and forces in the order of their times, as a laboratory would send them."""
     model, motion, wrenches = walk
-    online = OnlineIdentification(model, motion.rate, 1.0 / np.diff(wrenches.time).mean(), options=options)
+    online = OnlineIdentification(
+        model, motion.rate, 1.0 / np.diff(wrenches.time).mean(), options=options
+    )
     total = total_wrench(wrenches.forces, wrenches.points, wrenches.torques)
     columns = [motion.names.index(name) for name in model.coordinate_names]
     sample = int(np.searchsorted(wrenches.time, motion.time[0] - 0.5))
@@ -45,16 +49,30 @@ def test_frame_by_frame_is_the_batch(walk: tuple[Model, Motion, Wrenches]) -> No
     online = play(walk, OnlineOptions(cutoff=6.0, missing=1e9))
     part = Motion(motion.time[:120], motion.names, motion.values[:120])
     filtered = online.filter.motion(part)
-    total = online.force_filter.values(total_wrench(wrenches.forces, wrenches.points, wrenches.torques))
+    total = online.force_filter.values(
+        total_wrench(wrenches.forces, wrenches.points, wrenches.torques)
+    )
     half = online.force_filter.half
     clock = wrenches.time[half:-half]
     at = np.stack([np.interp(filtered.time, clock, column) for column in total.T], axis=1)
     zero = np.zeros((len(at), 1, 3))
-    forces = Wrenches(filtered.time, ("all",), (model.body_names[0],), at[:, None, 3:], zero, at[:, None, :3])
+    forces = Wrenches(
+        time=filtered.time,
+        names=("all",),
+        bodies=(model.body_names[0],),
+        forces=at[:, None, 3:],
+        points=zero,
+        torques=at[:, None, :3],
+    )
     use = np.isin(np.round(filtered.time, 6), np.round(online.used, 6))
     assert use.sum() == len(online.used) > 70
     noise = {"moment_noise": float(online.sigma[0]), "force_noise": float(online.sigma[3])}
-    batch = fit_base(model, [Recording(filtered, forces, use)], online.base, BaseOptions(correlated=False, **noise))
+    batch = fit_base(
+        model,
+        [Recording(filtered, forces, use)],
+        online.base,
+        BaseOptions(correlated=False, **noise),
+    )
     state = online.state()
     size = np.maximum(np.abs(batch.estimate), batch.size)
     np.testing.assert_allclose(state.fit.estimate / size, batch.estimate / size, atol=1e-8)
@@ -64,14 +82,23 @@ def test_frame_by_frame_is_the_batch(walk: tuple[Model, Motion, Wrenches]) -> No
 
 def test_what_is_missing_is_left_out_and_counted(walk: tuple[Model, Motion, Wrenches]) -> None:
     model, motion, wrenches = walk
-    values, forces = np.array(motion.values), np.array(wrenches.forces)
+    values = np.array(motion.values)
+    forces = np.array(wrenches.forces)
     values[60] = np.nan
     hole = int(np.searchsorted(wrenches.time, motion.time[100]))
     forces[hole] = np.nan
     broken = Motion(motion.time, motion.names, values)
-    holed = Wrenches(wrenches.time, wrenches.names, wrenches.bodies, forces, wrenches.points, wrenches.torques)
+    holed = Wrenches(
+        time=wrenches.time,
+        names=wrenches.names,
+        bodies=wrenches.bodies,
+        forces=forces,
+        points=wrenches.points,
+        torques=wrenches.torques,
+    )
     options = OnlineOptions(missing=1e9)
-    whole, part = play(walk, options, 160), play((model, broken, holed), options, 160)
+    whole = play(walk, options, 160)
+    part = play((model, broken, holed), options, 160)
     window = 2 * part.filter.half + 1
     assert part.left_out[NO_MOTION] == window
     lost = part.left_out[NO_FORCE] - whole.left_out[NO_FORCE]
@@ -85,10 +112,8 @@ def test_what_is_missing_is_left_out_and_counted(walk: tuple[Model, Motion, Wren
 def test_every_link_gets_better_while_the_body_moves(walk: tuple[Model, Motion, Wrenches]) -> None:
     """With a filter and no forgetting, nothing that was known is lost, and the pose is the newest."""
     model, motion, _ = walk
-    early, late = (
-        play(walk, OnlineOptions(missing=1e9), 60).state(),
-        play(walk, OnlineOptions(missing=1e9), 150).state(),
-    )
+    early = play(walk, OnlineOptions(missing=1e9), 60).state()
+    late = play(walk, OnlineOptions(missing=1e9), 150).state()
     assert (late.fit.levels >= early.fit.levels - 1e-9).all()
     assert late.levels.mean() > early.levels.mean()
     assert late.proposals[0].coordinate in model.coordinate_names
@@ -100,7 +125,9 @@ def test_the_total_of_wrenches() -> None:
     forces = np.array([[0.0, 10.0, 0.0], [0.0, 0.0, 0.0]])
     points = np.array([[2.0, 0.0, 0.0], [np.nan, np.nan, np.nan]])
     torques = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0]])
-    np.testing.assert_allclose(total_wrench(forces, points, torques), [0.0, 0.5, 20.0, 0.0, 10.0, 0.0])
+    np.testing.assert_allclose(
+        total_wrench(forces, points, torques), [0.0, 0.5, 20.0, 0.0, 10.0, 0.0]
+    )
     forces[1] = [0.0, 30.0, 0.0]
     assert np.isnan(total_wrench(forces, points, torques)[:3]).any()
     with pytest.raises(BadData, match="expected wrenches"):

@@ -25,7 +25,9 @@ def reference(body):
 
 
 def other_mass_points(body, seed=0):
-    return body.parameters(body.reference * np.random.default_rng(seed).uniform(0.0, 2.0, len(body.points)))
+    return body.parameters(
+        body.reference * np.random.default_rng(seed).uniform(0.0, 2.0, len(body.points))
+    )
 
 
 def test_nothing_measured_gives_the_reference(reference):
@@ -44,14 +46,18 @@ def test_reference_that_meets_the_measurement_stays(body, reference):
 @pytest.mark.parametrize("mass", [None, MASS])
 def test_same_as_least_squares_where_no_inequality_is_active(body, reference, mass):
     A, b = measured(body, 40, other_mass_points(body))
-    fit, free = (solve(A, b, reference, mass=mass) for solve in (solve_pseudo_inertia, solve_ridge))
+    fit = solve_pseudo_inertia(A, b, reference, mass=mass)
+    free = solve_ridge(A, b, reference, mass=mass)
     assert np.nanmin(fit.smallest) > 0.1
     assert np.allclose(fit.parameters, free.parameters, rtol=1e-6, atol=1e-6)
 
 
 def by_scs(A, b, reference, mass, options):
-    """The same problem written out anew: pseudo-inertias as they are, another solver, the prior as rows."""
-    links, P = len(reference), pseudo_inertias(reference)
+    """The same problem written out anew: pseudo-inertias as they are, another solver, the prior as
+    rows.
+    """
+    links = len(reference)
+    P = pseudo_inertias(reference)
     units = pseudo_inertias(np.eye(10))
     L = np.linalg.cholesky(P)
     lower = np.linalg.inv(L)
@@ -76,7 +82,14 @@ def by_scs(A, b, reference, mass, options):
         "A": sparse.csc_matrix(cones),
         "b": np.concatenate([[mass], -margin]),
     }
-    solver = scs.SCS(data, {"z": 1, "s": [4] * links}, verbose=False, eps_abs=1e-10, eps_rel=1e-10, max_iters=100000)
+    solver = scs.SCS(
+        data,
+        {"z": 1, "s": [4] * links},
+        verbose=False,
+        eps_abs=1e-10,
+        eps_rel=1e-10,
+        max_iters=100000,
+    )
     found = solver.solve()
     assert found["info"]["status"] == "solved"
     return (D * found["x"]).reshape(links, 10)
@@ -103,12 +116,17 @@ def test_every_link_is_a_body_whatever_was_measured(body, reference):
 
 
 def test_known_truth_is_found_better_than_by_least_squares(body, reference):
-    """Twenty noisy rows of sixty parameters: least squares of minimum norm, and the truth near the reference."""
+    """Twenty noisy rows of sixty parameters: least squares of minimum norm, and the truth near the
+    reference.
+    """
     truth = other_mass_points(body, 3)
     A, b = measured(body, 20, truth, noise=5.0)
     fit = solve_pseudo_inertia(A, b, reference, options=PseudoInertiaOptions(mass_sd=0.2))
     plain = np.linalg.lstsq(A, b)[0].reshape(reference.shape)
-    errors = [np.abs((one - truth) / np.abs(truth).mean(axis=0)).mean() for one in (fit.parameters, plain, reference)]
+    errors = [
+        np.abs((one - truth) / np.abs(truth).mean(axis=0)).mean()
+        for one in (fit.parameters, plain, reference)
+    ]
     assert errors[0] < 0.8 * errors[2] < errors[1]
     assert (np.linalg.eigvalsh(pseudo_inertias(plain))[:, 0] < 0.0).any()
 
@@ -130,14 +148,19 @@ def test_pullback_does_not_depend_on_the_links_frames(body, reference):
 
     A, b = measured(body, 40, other_mass_points(body), noise=10.0)
     links = body.links
-    R, p = links.rotations[::-1], links.origins + np.linspace(-0.2, 0.3, 18).reshape(6, 3)
+    R = links.rotations[::-1]
+    p = links.origins + np.linspace(-0.2, 0.3, 18).reshape(6, 3)
     moved = replace(body, links=replace(links, rotations=R, origins=p))
     # Parameters in the two frames are linear in each other: change = places_moved @ places^-1.
-    change = np.stack([np.linalg.solve(P.T, Q.T).T for P, Q in zip(body.places, moved.places, strict=True)])
+    change = np.stack(
+        [np.linalg.solve(P.T, Q.T).T for P, Q in zip(body.places, moved.places, strict=True)]
+    )
     back = np.linalg.inv(change)
     A_moved = np.einsum("rli,lij->rlj", A.reshape(40, 6, 10), back).reshape(40, 60)
     here = solve_pseudo_inertia(A, b, reference, mass=MASS).parameters
-    there = solve_pseudo_inertia(A_moved, b, np.einsum("lij,lj->li", change, reference), mass=MASS).parameters
+    there = solve_pseudo_inertia(
+        A_moved, b, np.einsum("lij,lj->li", change, reference), mass=MASS
+    ).parameters
     assert np.allclose(np.einsum("lij,lj->li", change, here), there, atol=1e-6)
 
 

@@ -32,7 +32,9 @@ def opencap(data):
     model = read_model(data(f"{OPENCAP}/models/manually_scaled.osim"))
 
     def trial(name):
-        motion = motion_from_table(read_sto(data(f"{OPENCAP}/ik_manual_scaling/{name}_ik.mot")), model)
+        motion = motion_from_table(
+            read_sto(data(f"{OPENCAP}/ik_manual_scaling/{name}_ik.mot")), model
+        )
         return motion, read_external_loads(data(f"{OPENCAP}/grf/{name}_external_forces.xml"))
 
     return model, trial
@@ -43,7 +45,9 @@ def used(found):
 
 
 def test_frames_on_the_chair_and_on_the_box_are_left_out(opencap):
-    """Sit-to-stand on a chair without a plate, and a jump from a box without one (README of the data)."""
+    """Sit-to-stand on a chair without a plate, and a jump from a box without one (README of the
+    data).
+    """
     model, trial = opencap
     rising = usable(model, *trial("STS1"), name="STS1", options=OPTIONS)
     assert rising.left_out[UNMEASURED] > 600
@@ -151,10 +155,19 @@ def test_free_fall_is_used_and_counted(opencap):
     model, trial = opencap
     motion, wrenches = trial("walking1")
     values = np.repeat(motion.values[:1], len(motion), axis=0)
-    values[:, motion.names.index("pelvis_ty")] -= 0.5 * 9.80665 * (motion.time - motion.time[0]) ** 2
+    values[:, motion.names.index("pelvis_ty")] -= (
+        0.5 * 9.80665 * (motion.time - motion.time[0]) ** 2
+    )
     none = np.zeros((len(motion), 1, 3))
-    empty = replace(wrenches, time=motion.time, names=("plate",), bodies=("calcn_r",), forces=none, points=none,
-                    torques=none)  # fmt: skip
+    empty = replace(
+        wrenches,
+        time=motion.time,
+        names=("plate",),
+        bodies=("calcn_r",),
+        forces=none,
+        points=none,
+        torques=none,
+    )
     found = usable(model, replace(motion, values=values), empty)
     assert found.flight == found.use.sum() > 0.9 * len(motion)
 
@@ -170,7 +183,9 @@ def test_a_mass_so_wrong_that_no_frame_is_left_is_told(opencap):
     model, trial = opencap
     found = usable(model, *trial("walking1"), mass=80.0, name="walk", options=OPTIONS)
     assert not found.use.any()
-    with pytest.raises(BadData, match=r"forces correspond to 6\d\.\d kg, but the specified mass is 80"):
+    with pytest.raises(
+        BadData, match=r"forces correspond to 6\d\.\d kg, but the specified mass is 80"
+    ):
         check_excited(model, (found,))
 
 

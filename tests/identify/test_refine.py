@@ -1,4 +1,6 @@
-"""Refinement: its derivatives, its splines and masses, its sparse steps, and a simulated person found again."""
+"""Refinement: its derivatives, its splines and masses, its sparse steps, and a simulated person
+found again.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ NARROW = RefineOptions(length_sd=0.02, marker_sd=0.005, mass_sd=0.2)
 
 @pytest.fixture(scope="module")
 def recorded():
-    """A person whose masses differ by up to a tenth, on a plate, with white noise and skin that moves by 3 mm."""
+    """A person whose masses differ by up to a tenth, on a plate, with white noise and skin that
+    moves by 3 mm.
+    """
     compiled = person()
     model = model_from_mujoco(compiled, name="person")
     markers = [
@@ -55,11 +59,15 @@ def recorded():
     subject = random_subject(model.with_markers(tuple(markers)), size)
     engine = TreeEngine(compiled, subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
-    found = record(subject, engine, names, exciting_curves(middles, reaches), 6.0, Instruments(rate=50.0))
+    found = record(
+        subject, engine, names, exciting_curves(middles, reaches), 6.0, Instruments(rate=50.0)
+    )
     time = found.markers.time
     skin = np.random.default_rng(1).standard_normal((3, *found.markers.values.shape[1:]))
     phases = np.stack([np.sin(2.0 * time), np.sin(5.0 * time + 1.0), np.cos(9.0 * time)], axis=1)
-    values = found.markers.values + 0.003 * np.sqrt(2.0 / 3.0) * np.einsum("fk,kmi->fmi", phases, skin)
+    values = found.markers.values + 0.003 * np.sqrt(2.0 / 3.0) * np.einsum(
+        "fk,kmi->fmi", phases, skin
+    )
     return subject, SubjectTrial("exciting", replace(found.markers, values=values), found.wrenches)
 
 
@@ -68,7 +76,9 @@ def problem(recorded):
     subject, trial = recorded
     short = replace(
         trial,
-        markers=replace(trial.markers, time=trial.markers.time[:60], values=trial.markers.values[:60]),
+        markers=replace(
+            trial.markers, time=trial.markers.time[:60], values=trial.markers.values[:60]
+        ),
     )
     return problem_of(subject.generic, [opened(subject.generic, short, OPTIONS)], OPTIONS)
 
@@ -78,7 +88,8 @@ def test_splines_are_polynomials_with_their_derivatives():
     basis = Basis.of(time, 0.1)
     powers = np.array([0.2, -1.0, 0.5, 2.0, -0.7, 0.3])
     exact = [np.polynomial.Polynomial(powers).deriv(nu)(time) for nu in range(3)]
-    # The normal equations square the condition of the basis, and gaps pull a millionth of a curvature.
+    # The normal equations square the condition of the basis, and gaps pull a millionth of a
+    # curvature.
     coefficients = basis.fitted(exact[0][:, None])
     assert basis.first.max() + WIDTH == basis.count
     np.testing.assert_allclose(basis.weights[0].sum(axis=1), 1.0)
@@ -97,26 +108,33 @@ def test_every_change_of_masses_is_a_body(recorded):
     assert (np.linalg.eigvalsh(pseudo_inertias(far))[:, 0] > 0.0).all()
     entries = random.standard_normal(parameters.shape)
     slope = (changed(parameters, 1e-6 * entries) - changed(parameters, -1e-6 * entries)) / 2e-6
-    np.testing.assert_allclose(slope, np.einsum("lij,lj->li", tangents(parameters), entries), atol=1e-8)
-    # A mass that changes by its SD, all else in proportion, is one SD away but for the other nine entries' share.
+    np.testing.assert_allclose(
+        slope, np.einsum("lij,lj->li", tangents(parameters), entries), atol=1e-8
+    )
+    # A mass that changes by its SD, all else in proportion, is one SD away but for the other nine
+    # entries' share.
     prior = MassPrior.of(parameters, 0.1)
     assert np.linalg.norm(prior.misses(1.1 * parameters), axis=1) == pytest.approx(2.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("soft", [False, True])
 def test_gradient_is_that_of_the_cost(problem, soft):
-    """Every kind of unknown: motion, lengths, marker positions and masses; also of markers on soft tissue."""
+    """Every kind of unknown: motion, lengths, marker positions and masses; also of markers on soft
+    tissue.
+    """
     problem = replace(problem, tissue=usual_tissue(problem.model) if soft else None)
     random = np.random.default_rng(2)
     at = problem.begin()
     lengths, places, masses = problem.columns()
     shared = np.zeros(problem.count)
-    shared[lengths], shared[places] = 0.01, 0.002
+    shared[lengths] = 0.01
+    shared[places] = 0.002
     shared[masses] = 0.02 * random.standard_normal(masses.stop - masses.start)
     at = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
     whole = tangents(at.parameters[problem.prior.moved])[:, 0].ravel()
     equations = linearize(problem, at)
-    motion, still = random.standard_normal(at.motions[0].shape), np.zeros(problem.count)
+    motion = random.standard_normal(at.motions[0].shape)
+    still = np.zeros(problem.count)
     directions = [(1e-6 * motion, still)]
     for part in (lengths, places, masses):
         one = np.zeros(problem.count)
@@ -134,7 +152,8 @@ def test_gradient_is_that_of_the_cost(problem, soft):
 def test_a_long_step_keeps_the_whole_mass_and_is_taken(problem):
     """With masses hardly held, undamped steps must go far: the cost of a lost gram would stop them."""
     at = problem.begin()
-    masses, shared = problem.columns()[2], np.zeros(problem.count)
+    masses = problem.columns()[2]
+    shared = np.zeros(problem.count)
     shared[masses] = 0.5 * np.random.default_rng(3).standard_normal(masses.stop - masses.start)
     far = moved(problem, at, tuple(np.zeros_like(one) for one in at.motions), shared)
     assert far.parameters[:, 0].sum() == pytest.approx(at.parameters[:, 0].sum(), rel=1e-12)
@@ -167,7 +186,8 @@ def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(prob
     at = problem.begin()
     assert not list(far_from_given(problem, at))
     parameters = at.parameters.copy()
-    body, pelvis = problem.model.joints[-1].child, problem.model.joints[0].child
+    body = problem.model.joints[-1].child
+    pelvis = problem.model.joints[0].child
     for name in (body, pelvis):
         parameters[problem.model.body_names.index(name)] *= 1.6
     (note,) = far_from_given(problem, replace(at, parameters=parameters))
@@ -178,10 +198,17 @@ def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(prob
 
 
 def predicted(name, forces, markers, alone=None):
-    """A prediction whose forces and markers are some times the given model's, which are 20 N, 10 N m and 6 mm."""
+    """A prediction whose forces and markers are some times the given model's, which are 20 N, 10 N
+    m and 6 mm.
+    """
     given = Errors(0.006, 20.0, 10.0)
     refined = Errors(0.006 * markers, 20.0 * forces, 10.0 * forces)
-    return Prediction(name, given, refined, 0.006 * (markers if alone is None else alone))
+    return Prediction(
+        name=name,
+        given=given,
+        refined=refined,
+        markers_alone=0.006 * (markers if alone is None else alone),
+    )
 
 
 def test_what_predicts_worse_is_not_taken_or_named():
@@ -193,7 +220,8 @@ def test_what_predicts_worse_is_not_taken_or_named():
     (note,) = worse_note([predicted("a", 0.7, 1.0), predicted("b", 1.05, 1.0)])
     assert note.startswith("1 of 2 predictions")
     assert "b at 21.0 N, 10.5 N m" in note
-    # As good as markers alone can tell, but farther from them than the given model: said, not refused.
+    # As good as markers alone can tell, but farther from them than the given model: said, not
+    # refused.
     farther = predicted("c", 0.7, 1.2)
     assert not worse([farther])
     (note,) = worse_note([farther])
@@ -209,19 +237,30 @@ def test_force_alone_that_is_predicted_worse_is_named():
 
 def test_motions_that_left_their_markers_are_named():
     def trial(name, after):
-        return RefinedTrial(name, Motion(np.zeros(1), (), np.zeros((1, 0))), Errors(0.005, 20.0, 10.0),
-                            Errors(after, 2.0, 2.0), 1, 1)  # fmt: skip
+        return RefinedTrial(
+            name=name,
+            motion=Motion(np.zeros(1), (), np.zeros((1, 0))),
+            before=Errors(0.005, 20.0, 10.0),
+            after=Errors(after, 2.0, 2.0),
+            used=1,
+            frames=1,
+        )
 
     assert list(markers_left([trial("a", 0.0054), trial("b", 0.0048)])) == []
     (note,) = markers_left([trial("a", 0.0051), trial("b", 0.015)])
-    assert note.startswith("forces pull 1 of 2 refined motions away from their markers: b 15.0 mm (before 5.0)")
+    assert note.startswith(
+        "forces pull 1 of 2 refined motions away from their markers: b 15.0 mm (before 5.0)"
+    )
 
 
 def test_plates_that_weigh_otherwise_do_not_lift_the_body(recorded):
     """A body that weighs 8 % more on the plates than stated would rise without end to explain it."""
-    subject, trial = recorded[0], replace(recorded[1], time=(0.5, 2.0))
+    subject = recorded[0]
+    trial = replace(recorded[1], time=(0.5, 2.0))
     forces = trial.wrenches
-    heavy = replace(trial, wrenches=replace(forces, forces=1.08 * forces.forces, torques=1.08 * forces.torques))
+    heavy = replace(
+        trial, wrenches=replace(forces, forces=1.08 * forces.forces, torques=1.08 * forces.torques)
+    )
     found = [refine(subject.generic, [one], options=OPTIONS) for one in (trial, heavy)]
     right, other = (one.trials[0].after for one in found)
     assert other.markers == pytest.approx(right.markers, rel=0.01)
@@ -240,8 +279,8 @@ def test_the_given_body_is_kept_where_it_predicts_better(recorded, monkeypatch):
     found = refine(subject.generic, [short], options=options)
     assert (found.body, found.masses, found.kept) == (False, True, True)
     assert found.notes[0].startswith(
-        "lengths and marker positions are those of the given model, only masses were refined: refined body and masses "
-        "predict a at 24.0 N, 12.0 N m"
+        "lengths and marker positions are those of the given model, only masses were refined:"
+        " refined body and masses predict a at 24.0 N, 12.0 N m"
     )
     np.testing.assert_array_equal(found.factors, 1.0)
     assert np.abs(found.parameters - inertial_parameters(found.given)).max() > 0.0
@@ -254,10 +293,15 @@ def test_the_given_body_is_kept_where_it_predicts_better(recorded, monkeypatch):
 def test_masses_of_a_simulated_person_are_found_again(options, monkeypatch):
     """Legs that differ, 5 mm of skin, and a plate that MuJoCo measures.
 
-    The narrow problem begins with the given masses, so that nothing but its own search finds the true ones.
+    The narrow problem begins with the given masses, so that nothing but its own search finds the
+    true ones.
     """
     if options is NARROW:
-        monkeypatch.setattr(trial_data, "identified_masses", lambda model, *given: (inertial_parameters(model), None))
+        monkeypatch.setattr(
+            trial_data,
+            "identified_masses",
+            lambda model, *given: (inertial_parameters(model), None),
+        )
     person, given, found = simulated(1, 6.0, options)
     assert found.after.force < 0.3 * found.before.force
     assert found.after.moment < 0.3 * found.before.moment
@@ -265,13 +309,16 @@ def test_masses_of_a_simulated_person_are_found_again(options, monkeypatch):
     assert not found.kept
     assert found.model.mass == pytest.approx(person.mass, rel=1e-6)
     links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
-    truth, before, after = (np.array([one.body(name).mass for name in links]) for one in (person, given, found.model))
+    truth = np.array([person.body(name).mass for name in links])
+    before = np.array([given.body(name).mass for name in links])
+    after = np.array([found.model.body(name).mass for name in links])
     sd = np.array([found.mass_sd[found.model.body_names.index(name)] for name in links])
     assert (np.abs(after - truth) < 3.0 * sd).all()
     if options is NARROW:
         assert np.abs(after / truth - 1.0).max() < 0.1
         assert np.abs(after - truth).max() < 0.5 * np.abs(before - truth).max()
-    # The default does not reach the 10 % that are wanted (docs/validation/identification.md): errors fall by a third.
+    # The default does not reach the 10 % that are wanted (docs/validation/identification.md):
+    # errors fall by a third.
     assert np.linalg.norm(after - truth) < 0.67 * np.linalg.norm(before - truth)
     assert (np.linalg.eigvalsh(pseudo_inertias(found.parameters))[:, 0] > 0.0).all()
 
@@ -286,7 +333,9 @@ def test_what_cannot_be_refined_is_refused(recorded):
     fixed = replace(
         subject.generic,
         joints=(replace(root, axes=(), coordinates=()), *subject.generic.joints[1:]),
-        coordinates=tuple(one for one in subject.generic.coordinates if one.name not in root.coordinates),
+        coordinates=tuple(
+            one for one in subject.generic.coordinates if one.name not in root.coordinates
+        ),
     )
     with pytest.raises(BadModel, match="does not move freely"):
         refine(fixed, [trial])

@@ -1,4 +1,6 @@
-"""Refinement of markers that move more than the mass: alphas and the motion of the mass; none where there is none."""
+"""Refinement of markers that move more than the mass: alphas and the motion of the mass; none where
+there is none.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.regressor import base_regressor, reference_points
 from truths.simulated_bodies import TETRAHEDRON
 
-ALPHA, CUTOFF = 4e-4, 8.0
+ALPHA = 4e-4
+CUTOFF = 8.0
 
 
 @pytest.fixture(scope="module")
@@ -34,20 +37,30 @@ def truth():
         for body in model.bodies
         for i, offset in enumerate(TETRAHEDRON)
     ]
-    model, random, time = model.with_markers(tuple(markers)), np.random.default_rng(3), np.arange(0.0, 3.0, 0.01)
-    values = np.tile([0.8 * name.endswith("flexion") for name in model.coordinate_names], (len(time), 1))
+    model = model.with_markers(tuple(markers))
+    random = np.random.default_rng(3)
+    time = np.arange(0.0, 3.0, 0.01)
+    values = np.tile(
+        [0.8 * name.endswith("flexion") for name in model.coordinate_names], (len(time), 1)
+    )
     for column, coordinate in enumerate(model.coordinates):
         size = 0.04 if coordinate.motion == "translational" else 0.2
         for frequency in random.uniform(0.4, 3.5, 4):
-            values[:, column] += 0.5 * size * np.sin(2.0 * np.pi * (frequency * time + random.uniform()))
+            values[:, column] += (
+                0.5 * size * np.sin(2.0 * np.pi * (frequency * time + random.uniform()))
+            )
     motion = differentiate(Motion(time, model.coordinate_names, values))
     masses = inertial_parameters(model) * random.uniform(0.85, 1.15, (len(model.bodies), 1))
     masses *= model.mass / masses[:, 0].sum()
     wrench = base_regressor(model, motion) @ masses.ravel()
     wrenches = Wrenches(
-        time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], reference_points(model, motion)[:, None],
-        wrench[:, None, :3],
-    )  # fmt: skip
+        time=time,
+        names=("plate",),
+        bodies=(model.body_names[0],),
+        forces=wrench[:, None, 3:],
+        points=reference_points(model, motion)[:, None],
+        torques=wrench[:, None, :3],
+    )
     return model, motion, wrenches, masses
 
 
@@ -55,7 +68,9 @@ def refined(truth, alpha, use="auto", check=True):
     model, motion, wrenches, _ = truth
     seen = replace(motion, values=motion.values - alpha * motion.accelerations)
     options = RefineOptions(cutoff=CUTOFF, body=False, check=check, soft_tissue=use)
-    return refine(model, [SubjectTrial("swing", marker_positions(model, seen), wrenches)], options=options)
+    return refine(
+        model, [SubjectTrial("swing", marker_positions(model, seen), wrenches)], options=options
+    )
 
 
 def errors(found, truth):
@@ -68,14 +83,17 @@ def errors(found, truth):
 
 
 def test_the_motion_of_the_mass_is_found(truth):
-    soft, rigid = refined(truth, ALPHA), refined(truth, ALPHA, "never")
+    soft = refined(truth, ALPHA)
+    rigid = refined(truth, ALPHA, "never")
     assert rigid.soft_tissue is None
     np.testing.assert_allclose(soft.soft_tissue.alpha, ALPHA, rtol=0.15)
     for better, worse in zip(errors(soft, truth), errors(rigid, truth), strict=True):
         assert better < 0.2 * worse
     assert soft.after.markers < rigid.after.markers
     # The same without a check, where it is wanted in any case.
-    np.testing.assert_allclose(refined(truth, ALPHA, "always", check=False).soft_tissue.alpha, soft.soft_tissue.alpha)
+    np.testing.assert_allclose(
+        refined(truth, ALPHA, "always", check=False).soft_tissue.alpha, soft.soft_tissue.alpha
+    )
 
 
 def test_none_is_found_where_markers_move_as_the_mass(truth):
@@ -90,8 +108,16 @@ def test_what_predicts_no_better_is_not_taken(truth, monkeypatch):
 
     def predictions(model, recorded, options, progress):
         tried.append(options.soft_tissue)
-        given, gain = Errors(0.006, 20.0, 10.0), 0.96 if options.soft_tissue == "always" else 1.0
-        return (Prediction("a", given, Errors(0.006, 20.0 * gain, 10.0 * gain), 0.006),)
+        given = Errors(0.006, 20.0, 10.0)
+        gain = 0.96 if options.soft_tissue == "always" else 1.0
+        return (
+            Prediction(
+                name="a",
+                given=given,
+                refined=Errors(0.006, 20.0 * gain, 10.0 * gain),
+                markers_alone=0.006,
+            ),
+        )
 
     monkeypatch.setattr(fit, "predictions_of", predictions)
     assert refined(truth, ALPHA).soft_tissue is None

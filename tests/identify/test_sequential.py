@@ -35,7 +35,11 @@ def run(fit, model, given):
 def walk(data):
     """Some joints of this model do not move at all."""
     folder = data("opensim-gait-subject01/ref_id/subject01.osim").parent
-    return folder / "subject01.osim", folder / "subject01_walk1_ik.mot", folder / "subject01_walk1_grf.xml"
+    return (
+        folder / "subject01.osim",
+        folder / "subject01_walk1_ik.mot",
+        folder / "subject01_walk1_grf.xml",
+    )
 
 
 def jump(data):
@@ -46,7 +50,9 @@ def jump(data):
 
 @pytest.mark.parametrize("files", [walk, jump])
 def test_equals_the_batch_on_real_data(data, files):
-    """Estimate, standard deviations, rank, condition number and information after a walk, and after a jump."""
+    """Estimate, standard deviations, rank, condition number and information after a walk, and after
+    a jump.
+    """
     model_file, motion_file, loads = files(data)
     model = read_model(model_file)
     motion = differentiate(motion_from_table(read_sto(motion_file), model), 6.0)
@@ -56,13 +62,16 @@ def test_equals_the_batch_on_real_data(data, files):
     run(fit, model, given)
     state = fit.state()
     assert state.frames == batch.frames
-    np.testing.assert_allclose(state.estimate, batch.estimate, rtol=0, atol=1e-8 * np.abs(batch.estimate).max())
+    np.testing.assert_allclose(
+        state.estimate, batch.estimate, rtol=0, atol=1e-8 * np.abs(batch.estimate).max()
+    )
     scale = np.maximum(np.abs(batch.estimate), batch.size)
     assert (np.abs(state.estimate - batch.estimate) / scale).max() < 1e-8
     np.testing.assert_allclose(state.sd, batch.sd, rtol=1e-8)
     assert state.rank == batch.rank
     assert state.condition == pytest.approx(batch.condition, rel=1e-6)
-    (A, b), (B, c) = fit.rows(), batch.rows()
+    A, b = fit.rows()
+    B, c = batch.rows()
     np.testing.assert_allclose(A.T @ A, B.T @ B, atol=1e-10 * np.abs(B.T @ B).max())
     np.testing.assert_allclose(A.T @ b, B.T @ c, atol=1e-10 * np.abs(B.T @ c).max())
 
@@ -81,7 +90,9 @@ def test_truth_is_recovered_and_predicted(arm):
     # In the end nothing but the noise is left; before there was the wrong body.
     assert np.sqrt(np.mean(errors[-200:] ** 2)) < 0.75
     assert np.sqrt(np.mean(errors[:2] ** 2)) > 3.0
-    np.testing.assert_allclose(state.innovation_rms, np.sqrt(np.mean(errors[-200:] ** 2, axis=0)), rtol=0.3)
+    np.testing.assert_allclose(
+        state.innovation_rms, np.sqrt(np.mean(errors[-200:] ** 2, axis=0)), rtol=0.3
+    )
     np.testing.assert_allclose(state.expected_rms, 0.5, rtol=0.2)
     assert state.progress > 0.9
 
@@ -94,7 +105,8 @@ def test_what_is_known_only_grows(arm):
     assert nothing.rank == 0
     assert (nothing.expected_rms == 0.5).all()
     given = recorded(arm, simulated(arm, 60), other_body(arm), noise=0.5)
-    rows, wrench = base_regressor(arm, given.motion), base_wrench(arm, given.motion, given.wrenches)
+    rows = base_regressor(arm, given.motion)
+    wrench = base_wrench(arm, given.motion, given.wrenches)
     before = nothing
     for i in range(0, 60, 10):
         for k in range(i, i + 10):
@@ -125,7 +137,8 @@ def test_forgetting_follows_a_body_that_changes(arm):
 def test_forgetting_weighs_frames_by_their_age(arm):
     """With the factor 0.98 the information is that of frames whose noise has grown by 0.98^(-T/2)."""
     given = recorded(arm, simulated(arm, 50), other_body(arm), noise=0.5)
-    rows, wrench = base_regressor(arm, given.motion), base_wrench(arm, given.motion, given.wrenches)
+    rows = base_regressor(arm, given.motion)
+    wrench = base_wrench(arm, given.motion, given.wrenches)
     fit = SequentialFit(arm, sigma=0.5, forgetting=0.98)
     run(fit, arm, given)
     A, b = fit.rows()
@@ -134,11 +147,15 @@ def test_forgetting_weighs_frames_by_their_age(arm):
     information = np.einsum("f,fri,frj->ij", weight, own, own)
     R = A[:, fit.base.columns]
     np.testing.assert_allclose(R.T @ R, information, atol=1e-10 * information.max())
-    np.testing.assert_allclose(R.T @ b, np.einsum("f,fri,fr->i", weight, own, wrench / 0.5), rtol=1e-7, atol=1e-6)
+    np.testing.assert_allclose(
+        R.T @ b, np.einsum("f,fri,fr->i", weight, own, wrench / 0.5), rtol=1e-7, atol=1e-6
+    )
 
 
 def test_a_movement_that_is_proposed_shows_more_than_the_others(arm):
-    """All but one joint have moved: that one is proposed, its body is known worst, and moving it helps most."""
+    """All but one joint have moved: that one is proposed, its body is known worst, and moving it
+    helps most.
+    """
     still = arm.joints[-1].coordinates[0]
     fit = SequentialFit(arm, sigma=0.5)
     run(fit, arm, recorded(arm, simulated(arm, 800, hold={still: 0.0}), other_body(arm), noise=0.5))
@@ -162,7 +179,8 @@ def test_bodies_without_parameters_of_their_own_have_their_parents_level(data):
 
 def test_frames_with_something_missing_are_left_out(arm):
     given = recorded(arm, simulated(arm, 10), noise=0.5)
-    rows, wrench = base_regressor(arm, given.motion), base_wrench(arm, given.motion, given.wrenches)
+    rows = base_regressor(arm, given.motion)
+    wrench = base_wrench(arm, given.motion, given.wrenches)
     wrench[3] = np.nan
     rows[5] = np.nan
     fit = SequentialFit(arm, sigma=0.5)
@@ -181,7 +199,11 @@ def test_bad_settings_are_named(arm):
         arm,
         bodies=tuple(replace(body, name=f"other_{body.name}") for body in arm.bodies),
         joints=tuple(
-            replace(j, child=f"other_{j.child}", parent=j.parent if j.parent == "ground" else f"other_{j.parent}")
+            replace(
+                j,
+                child=f"other_{j.child}",
+                parent=j.parent if j.parent == "ground" else f"other_{j.parent}",
+            )
             for j in arm.joints
         ),
     )

@@ -1,4 +1,6 @@
-"""Lengths, marker positions and inertial parameters of a simulated person, found again; MuJoCo is the engine."""
+"""Lengths, marker positions and inertial parameters of a simulated person, found again; MuJoCo is
+the engine.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from benchmarks.accuracy.identification.simulated import CASES, Size, Trials, fitted, from_markers, standard_of
+from benchmarks.accuracy.identification.simulated import (
+    CASES,
+    Size,
+    Trials,
+    fitted,
+    from_markers,
+    standard_of,
+)
 
 from myomorph.identify.base import fit_base
 from myomorph.identify.least_squares import Recording as Measured
@@ -31,9 +40,18 @@ from truths.simulated_subject import (
 )
 from truths.simulated_truth import frames_between, joint_distances, moved, predicted
 
-SIZE = {"pelvis": 0.12, "torso": 0.22, "humerus": 0.14, "ulna": 0.12, "femur": 0.2, "tibia": 0.2, "calcn": 0.1}
-BALL = '<joint name="{0}_x" axis="1 0 0" range="-0.9 0.9"/><joint name="{0}_y" axis="0 1 0" range="-0.9 0.9"/>' + (
-    '<joint name="{0}_z" axis="0 0 1" range="-0.9 0.9"/>'
+SIZE = {
+    "pelvis": 0.12,
+    "torso": 0.22,
+    "humerus": 0.14,
+    "ulna": 0.12,
+    "femur": 0.2,
+    "tibia": 0.2,
+    "calcn": 0.1,
+}
+BALL = (
+    '<joint name="{0}_x" axis="1 0 0" range="-0.9 0.9"/><joint name="{0}_y" axis="0 1 0"'
+    ' range="-0.9 0.9"/>' + '<joint name="{0}_z" axis="0 0 1" range="-0.9 0.9"/>'
 )
 HINGE = '<joint name="{0}_flexion" axis="0 1 0" range="0.1 1.5"/>'
 
@@ -41,8 +59,8 @@ HINGE = '<joint name="{0}_flexion" axis="0 1 0" range="0.1 1.5"/>'
 def body(name: str, place: str, joints: str, inside: str = "") -> str:
     half = SIZE[name.split("_")[0]]
     return (
-        f'<body name="{name}" pos="{place}">{joints.format(name)}<geom type="box" size="0.05 0.06 {half}" '
-        f'pos="0.01 0.01 -{half}" density="700"/>{inside}</body>'
+        f'<body name="{name}" pos="{place}">{joints.format(name)}<geom type="box" size="0.05 0.06'
+        f' {half}" pos="0.01 0.01 -{half}" density="700"/>{inside}</body>'
     )
 
 
@@ -56,8 +74,15 @@ def person() -> object:
         body(f"humerus_{side}", f"0 {y} 0.45", BALL, body(f"ulna_{side}", "0 0 -0.28", HINGE))
         for side, y in (("r", -0.2), ("l", 0.2))
     )
-    tree = body("pelvis", "0 0 1", "<freejoint name='root'/>", body("torso", "-0.05 0 0.1", BALL, arms) + limbs)
-    return mujoco.MjModel.from_xml_string(f"<mujoco><compiler angle='radian'/><worldbody>{tree}</worldbody></mujoco>")
+    tree = body(
+        "pelvis",
+        "0 0 1",
+        "<freejoint name='root'/>",
+        body("torso", "-0.05 0 0.1", BALL, arms) + limbs,
+    )
+    return mujoco.MjModel.from_xml_string(
+        f"<mujoco><compiler angle='radian'/><worldbody>{tree}</worldbody></mujoco>"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -75,24 +100,31 @@ def trials() -> Trials:
     tools = Instruments(rate=100.0)
     exciting = record(subject, engine, names, exciting_curves(middles, reaches), 30.0, tools)
     steps = step_curves(middles, reaches, 12.0)
-    return Trials(subject, exciting, record(subject, engine, names, steps, 12.0, replace(tools, seed=6)))
+    return Trials(
+        subject, exciting, record(subject, engine, names, steps, 12.0, replace(tools, seed=6))
+    )
 
 
 def test_the_person_is_possible_and_differs(trials):
-    person, generic = trials.subject.person, trials.subject.generic
+    person = trials.subject.person
+    generic = trials.subject.generic
     assert np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(person))).min() > 0.0
-    distances, before = joint_distances(person), joint_distances(generic)
+    distances = joint_distances(person)
+    before = joint_distances(generic)
     assert max(abs(distances[pair] - before[pair]) for pair in distances) > 0.01
 
 
 def test_the_engine_agrees_with_the_regressor(trials):
     one = trials.held_out
-    wrench = predicted(trials.subject.person, one.motion, one.center, inertial_parameters(trials.subject.person))
+    wrench = predicted(
+        trials.subject.person, one.motion, one.center, inertial_parameters(trials.subject.person)
+    )
     np.testing.assert_allclose(wrench, one.exact_wrench, atol=1e-7)
 
 
 def test_base_parameters_with_known_kinematics_lie_within_their_deviations(trials):
-    one, truth = trials.exciting, inertial_parameters(trials.subject.person)
+    one = trials.exciting
+    truth = inertial_parameters(trials.subject.person)
     fit = fit_base(trials.subject.person, [Measured(one.motion, one.wrenches)])
     error = (fit.estimate - fit.base.of(truth)) / fit.sd
     assert np.mean(np.abs(error) < 3.0) >= 0.95
@@ -101,7 +133,9 @@ def test_base_parameters_with_known_kinematics_lie_within_their_deviations(trial
 
 def test_lengths_markers_and_masses_are_found_from_markers_and_plate(trials):
     person = trials.subject.person
-    found = calibrate(trials.subject.generic, [trials.exciting.markers], CalibrationOptions(noise=0.0))
+    found = calibrate(
+        trials.subject.generic, [trials.exciting.markers], CalibrationOptions(noise=0.0)
+    )
     assert found.converged
     assert found.noise == pytest.approx(0.3e-3, rel=0.1)
     true = joint_distances(person)
@@ -123,7 +157,12 @@ def test_lengths_markers_and_masses_are_found_from_markers_and_plate(trials):
     center = trials.held_out.center
     measured = base_wrench(found.model, seen.motion, seen.wrenches, center)[seen.use]
     left = [
-        np.sqrt(np.mean((predicted(found.model, seen.motion, center, table)[seen.use] - measured) ** 2, axis=0))
+        np.sqrt(
+            np.mean(
+                (predicted(found.model, seen.motion, center, table)[seen.use] - measured) ** 2,
+                axis=0,
+            )
+        )
         for table in (standard_of(fit), truth, inertial_parameters(found.model))
     ]
     assert (left[0] < 2.0 * left[1]).all()

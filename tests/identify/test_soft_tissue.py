@@ -1,4 +1,6 @@
-"""Markers that move more than the mass: the law undone, alphas found again, and none found where there is none."""
+"""Markers that move more than the mass: the law undone, alphas found again, and none found where
+there is none.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,20 @@ ALPHA = 4e-4
 
 
 def test_the_law_of_a_sine():
-    """1 / (1 + alpha w^2) of values and both derivatives, away from the ends; a steady movement stays."""
-    time, w = np.arange(0.0, 4.0, 0.005), 2.0 * np.pi * 3.0
-    sine, line = np.sin(w * time), 1.0 + 2.0 * time
+    """1 / (1 + alpha w^2) of values and both derivatives, away from the ends; a steady movement
+    stays.
+    """
+    time = np.arange(0.0, 4.0, 0.005)
+    w = 2.0 * np.pi * 3.0
+    sine = np.sin(w * time)
+    line = 1.0 + 2.0 * time
     motion = differentiate(Motion(time, ("a", "b"), np.column_stack([sine, line])))
-    tissue = SoftTissue(("a", "b"), ("g", "g"), np.full(2, ALPHA), np.zeros(2))
+    tissue = SoftTissue(
+        names=("a", "b"), groups=("g", "g"), alpha=np.full(2, ALPHA), sd=np.zeros(2)
+    )
     soft = tissue.of(motion)
-    inside, gain = slice(100, -100), 1.0 / (1.0 + ALPHA * w**2)
+    inside = slice(100, -100)
+    gain = 1.0 / (1.0 + ALPHA * w**2)
     for got, expected in (
         (soft.values, np.column_stack([gain * sine, line])),
         (soft.velocities, np.column_stack([gain * w * np.cos(w * time), np.full(len(time), 2.0)])),
@@ -47,7 +56,9 @@ def test_gaps_stay_gaps_and_other_names_stay_as_they_are():
     values = np.column_stack([np.sin(9.0 * time), np.cos(9.0 * time)])
     values[40:45] = np.nan
     motion = differentiate(Motion(time, ("a", "b"), values))
-    soft = SoftTissue(("a",), ("g",), np.array([ALPHA]), np.zeros(1)).of(motion)
+    soft = SoftTissue(names=("a",), groups=("g",), alpha=np.array([ALPHA]), sd=np.zeros(1)).of(
+        motion
+    )
     assert (np.isnan(soft.accelerations) == np.isnan(motion.accelerations)).all()
     np.testing.assert_array_equal(soft.values[:, 1], motion.values[:, 1])
     assert np.nanmax(np.abs(soft.values[:, 0] - motion.values[:, 0])) > 1e-3
@@ -55,9 +66,11 @@ def test_gaps_stay_gaps_and_other_names_stay_as_they_are():
 
 def test_what_cannot_be():
     with pytest.raises(BadData, match="alpha"):
-        SoftTissue(("a",), ("g",), np.array([-1.0]), np.zeros(1))
+        SoftTissue(names=("a",), groups=("g",), alpha=np.array([-1.0]), sd=np.zeros(1))
     with pytest.raises(BadData, match="differentiate"):
-        SoftTissue(("a",), ("g",), np.ones(1), np.zeros(1)).of(Motion(np.zeros(1), ("a",), np.zeros((1, 1))))
+        SoftTissue(names=("a",), groups=("g",), alpha=np.ones(1), sd=np.zeros(1)).of(
+            Motion(np.zeros(1), ("a",), np.zeros((1, 1)))
+        )
     with pytest.raises(BadData, match="soft_tissue"):
         IdentificationOptions(soft_tissue="sometimes")
 
@@ -72,9 +85,13 @@ def runner(arm_and_legs):
     truth *= model.mass / truth[:, 0].sum()
     wrench = base_regressor(model, motion) @ truth.ravel()
     wrenches = Wrenches(
-        motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:],
-        reference_points(model, motion)[:, None], wrench[:, None, :3],
-    )  # fmt: skip
+        time=motion.time,
+        names=("plate",),
+        bodies=(model.body_names[0],),
+        forces=wrench[:, None, 3:],
+        points=reference_points(model, motion)[:, None],
+        torques=wrench[:, None, :3],
+    )
     points, _, _ = body_points(model, BodyShape(), model.mass, BodyOptions(spacing=0.04))
     return model, motion, wrenches, truth, points
 
@@ -85,12 +102,15 @@ def arm_and_legs(data):
 
     model = read_model(data("opensim-gait-subject01/ref_id/subject01.osim"))
     model = with_inertial_parameters(model, inertial_parameters(model) * (72.6 / model.mass))
-    random, time = np.random.default_rng(2), np.arange(0.0, 6.0, 0.01)
+    random = np.random.default_rng(2)
+    time = np.arange(0.0, 6.0, 0.01)
     values = np.tile([coordinate.default for coordinate in model.coordinates], (len(time), 1))
     for column, coordinate in enumerate(model.coordinates):
         size = 0.04 if coordinate.motion == "translational" else 0.2
         for frequency in random.uniform(0.4, 3.5, 4):
-            values[:, column] += 0.5 * size * np.sin(2.0 * np.pi * (frequency * time + random.uniform()))
+            values[:, column] += (
+                0.5 * size * np.sin(2.0 * np.pi * (frequency * time + random.uniform()))
+            )
     return model, differentiate(Motion(time, model.coordinate_names, values))
 
 
@@ -99,7 +119,9 @@ def identified(runner, alpha):
     markers = Motion(motion.time, motion.names, motion.values - alpha * motion.accelerations)
     recording = usable(model, markers, wrenches, options=RecordingOptions(cutoff=8.0))
     options = IdentificationOptions(compare=False)
-    return identify(model, [recording], points, options=options, recording=RecordingOptions(cutoff=8.0))
+    return identify(
+        model, [recording], points, options=options, recording=RecordingOptions(cutoff=8.0)
+    )
 
 
 def test_alphas_and_masses_are_found_again(runner):
@@ -107,10 +129,16 @@ def test_alphas_and_masses_are_found_again(runner):
     found = identified(runner, ALPHA)
     assert found.soft_tissue is not None
     np.testing.assert_allclose(found.soft_tissue.alpha, ALPHA, rtol=0.15)
-    assert set(found.soft_tissue.by_group) == {"pelvis, translation", "pelvis, rotation", "femur", "torso"}
+    assert set(found.soft_tissue.by_group) == {
+        "pelvis, translation",
+        "pelvis, rotation",
+        "femur",
+        "torso",
+    }
     rows = base_regressor(model, motion)
     wrench, generic = (
-        rows @ (masses - truth).ravel() for masses in (found.parameters[found.identified], inertial_parameters(model))
+        rows @ (masses - truth).ravel()
+        for masses in (found.parameters[found.identified], inertial_parameters(model))
     )
     assert np.sqrt(np.mean(wrench**2)) < 0.4 * np.sqrt(np.mean(generic**2))
 
@@ -135,12 +163,16 @@ def test_rows_in_blocks_are_those_of_the_whole(runner, monkeypatch):
     blocks = np.concatenate([rows for _, rows, _ in recording.rows(model)])
     np.testing.assert_allclose(blocks, whole, atol=2e-3 * np.abs(whole).max())
     truth = runner[3]
-    missing = np.concatenate([rows @ truth.ravel() - measured for _, rows, measured in recording.rows(model)])
+    missing = np.concatenate(
+        [rows @ truth.ravel() - measured for _, rows, measured in recording.rows(model)]
+    )
     np.testing.assert_allclose(recording.missing(model, truth), missing, atol=0.5)
 
 
 def test_filtered_products_explain_filtered_forces(runner):
-    """True masses leave less where rows are filtered after they are made than where angles are filtered before."""
+    """True masses leave less where rows are filtered after they are made than where angles are
+    filtered before.
+    """
     model, motion, wrenches, truth, _ = runner
     recording = usable(model, motion, wrenches, options=RecordingOptions(cutoff=4.0)).recording
     before = replace(recording, finer=None).missing(model, truth)[recording.use]
@@ -149,7 +181,9 @@ def test_filtered_products_explain_filtered_forces(runner):
 
 
 def test_the_table_is_read_again_and_changes_forces(runner, tmp_path):
-    """What `identify` writes, `id` takes from the motion; another table is refused with what to try."""
+    """What `identify` writes, `id` takes from the motion; another table is refused with what to
+    try.
+    """
     found = identified(runner, ALPHA)
     path = tmp_path / "soft_tissue.csv"
     path.write_text(identification_tables(found, {})[path.name].csv(), encoding="utf-8")

@@ -1,4 +1,6 @@
-"""The whole identification: truth found again, real forces explained better, and what the data did not say marked."""
+"""The whole identification: truth found again, real forces explained better, and what the data did
+not say marked.
+"""
 
 from __future__ import annotations
 
@@ -52,19 +54,22 @@ def walk(data):
 def halves(found):
     frames = np.flatnonzero(found.use)
     first = found.use & (np.arange(len(found.use)) < frames[len(frames) // 2])
-    return [replace(found, recording=replace(found.recording, use=use)) for use in (first, found.use & ~first)]
+    return [
+        replace(found, recording=replace(found.recording, use=use))
+        for use in (first, found.use & ~first)
+    ]
 
 
 def forces_of(model, recording):
     """What plates would measure if the body were this model: one wrench at the base's origin."""
     wrench = base_regressor(model, recording.motion) @ inertial_parameters(model).ravel()
     return Wrenches(
-        recording.motion.time,
-        ("plate",),
-        (model.body_names[0],),
-        wrench[:, None, 3:],
-        reference_points(model, recording.motion)[:, None],
-        wrench[:, None, :3],
+        time=recording.motion.time,
+        names=("plate",),
+        bodies=(model.body_names[0],),
+        forces=wrench[:, None, 3:],
+        points=reference_points(model, recording.motion)[:, None],
+        torques=wrench[:, None, :3],
     )
 
 
@@ -88,7 +93,9 @@ def test_the_half_that_was_not_seen_is_explained_better(real):
 def test_the_model_is_a_body_of_the_given_mass(real):
     _, _, found = real
     assert found.model.mass == pytest.approx(MASS, abs=1e-6)
-    np.testing.assert_allclose(inertial_parameters(found.model), found.parameters[found.chosen], atol=1e-9)
+    np.testing.assert_allclose(
+        inertial_parameters(found.model), found.parameters[found.chosen], atol=1e-9
+    )
     assert next(iter(found.parameters)) == found.chosen == "identified, own"
     assert {CONIC, SHAPE, GENERIC} <= set(found.parameters)
     for name in (found.chosen, CONIC):
@@ -138,30 +145,38 @@ def test_a_sum_of_two_masses_is_not_two_masses(walk):
 
 
 def test_intervals_hold_masses_of_many_bodies(walk):
-    """Bodies drawn from the points' prior, their real walk, noise that repeats over some frames: 90 % intervals."""
+    """Bodies drawn from the points' prior, their real walk, noise that repeats over some frames: 90
+    % intervals.
+    """
     model, points, found = walk
     few = thinned(points["own"])
     base = base_parameters(model, held=held_in(model, [found.recording.motion]))
     parts = parts_of(model, [found.recording], base)
     A, _ = parts.rows(np.array([6.0, 20.0]))
-    rng, mass_sd, samples = np.random.default_rng(3), 0.1, 4.0
+    rng = np.random.default_rng(3)
+    mass_sd = 0.1
+    samples = 4.0
     known = determined(few, A, MASS, mass_sd, samples)
     center = few.parameters(few.reference).ravel()
     options = PseudoInertiaOptions(mass_sd=mass_sd)
     inside = []
     for _ in range(60):
-        masses = few.reference + np.sqrt(prior_variances(few, MassPointOptions(mass_sd=LINK_SD))) * rng.normal(
-            size=len(few.reference)
-        )
+        masses = few.reference + np.sqrt(
+            prior_variances(few, MassPointOptions(mass_sd=LINK_SD))
+        ) * rng.normal(size=len(few.reference))
         truth = few.parameters(masses * MASS / masses.sum()).ravel()
         b = A @ truth + np.sqrt(samples) * rng.normal(size=len(A))
-        found_masses = solve_ridge(A, b, center.reshape(-1, 10), mass=MASS, options=options).parameters[:, 0]
+        found_masses = solve_ridge(
+            A, b, center.reshape(-1, 10), mass=MASS, options=options
+        ).parameters[:, 0]
         inside.append(np.abs(found_masses - truth.reshape(-1, 10)[:, 0]) < NINETY * known.sd[:, 0])
     assert 0.85 < np.mean(inside) < 0.95
 
 
 def test_truth_is_found_again_from_clean_forces(walk):
-    """Forces of a body with more trunk and less thigh: after 1.2 s of walking its model predicts the other 1.2 s."""
+    """Forces of a body with more trunk and less thigh: after 1.2 s of walking its model predicts
+    the other 1.2 s.
+    """
     model, points, found = walk
     parameters = inertial_parameters(model)
     names = list(model.body_names)
@@ -170,10 +185,18 @@ def test_truth_is_found_again_from_clean_forces(walk):
         parameters[names.index(f"femur_{side}")] *= 0.8
     truth = with_inertial_parameters(model, parameters)
     mass = truth.mass
-    clean = replace(found, recording=replace(found.recording, wrenches=forces_of(truth, found.recording), finer=None))
+    clean = replace(
+        found,
+        recording=replace(found.recording, wrenches=forces_of(truth, found.recording), finer=None),
+    )
     first, second = halves(clean)
-    result = identify(model, [first], points, mass=mass, options=IdentificationOptions(compare=False))
-    models = {"identified": result.model, GENERIC: with_inertial_parameters(model, result.parameters[GENERIC])}
+    result = identify(
+        model, [first], points, mass=mass, options=IdentificationOptions(compare=False)
+    )
+    models = {
+        "identified": result.model,
+        GENERIC: with_inertial_parameters(model, result.parameters[GENERIC]),
+    }
     check = cross_validate(models, second.recording)
     moment, force = check.rms("identified") / check.rms(GENERIC)
     assert moment < 0.4
@@ -201,12 +224,16 @@ def test_cross_validation_of_the_true_model_is_exact(walk):
 def test_masses_that_are_hard_to_believe_are_told(walk):
     model, _, _ = walk
     shape = inertial_parameters(model)[:, 0]
-    thigh, shank = (model.body_names.index(name) for name in ("femur_r", "tibia_l"))
+    thigh = model.body_names.index("femur_r")
+    shank = model.body_names.index("tibia_l")
     masses = shape.copy()
     masses[thigh], masses[shank] = 1.8 * shape[thigh], 0.1 * shape[shank]
     (note,) = _far_from_shape(model, masses, shape, 0.5)
     assert f"2 of {len(shape)} links" in note
-    assert f"'femur_r' {masses[thigh]:.2f} kg (shape {shape[thigh]:.2f}; record hip_flexion_r, " in note
+    assert (
+        f"'femur_r' {masses[thigh]:.2f} kg (shape {shape[thigh]:.2f}; record hip_flexion_r, "
+        in note
+    )
     assert "record knee_angle_l moving fast" in note
     assert _far_from_shape(model, shape, shape, 0.5) == ()
 
@@ -214,17 +241,25 @@ def test_masses_that_are_hard_to_believe_are_told(walk):
 def test_forces_of_another_moment_gain_nothing(walk):
     """The walk's own forces half a second late."""
     model, points, found = walk
-    wrenches, shift = found.recording.wrenches, 30
+    wrenches = found.recording.wrenches
+    shift = 30
     late = replace(
-        wrenches, **{name: np.roll(getattr(wrenches, name), shift, axis=0) for name in ("forces", "torques")}
+        wrenches,
+        **{name: np.roll(getattr(wrenches, name), shift, axis=0) for name in ("forces", "torques")},
     )
     first, _ = halves(replace(found, recording=replace(found.recording, wrenches=late, finer=None)))
-    result = identify(model, [first], points, mass=MASS, options=IdentificationOptions(compare=False))
+    result = identify(
+        model, [first], points, mass=MASS, options=IdentificationOptions(compare=False)
+    )
     assert "the generic model's masses are kept" in result.notes[0]
     assert result.chosen == GENERIC
     np.testing.assert_array_equal(result.parameters[GENERIC], inertial_parameters(result.model))
     insisted = identify(
-        model, [first], points, mass=MASS, options=IdentificationOptions(compare=False, if_worse="identified")
+        model,
+        [first],
+        points,
+        mass=MASS,
+        options=IdentificationOptions(compare=False, if_worse="identified"),
     )
     assert "taken all the same" in insisted.notes[0]
     assert insisted.chosen == insisted.identified == "identified, own"
@@ -237,11 +272,15 @@ def test_strength_can_be_given(walk):
         [found],
         points,
         mass=MASS,
-        options=IdentificationOptions(mass_sd=1e-3, method="pseudo-inertia", compare=False, if_worse="identified"),
+        options=IdentificationOptions(
+            mass_sd=1e-3, method="pseudo-inertia", compare=False, if_worse="identified"
+        ),
     )
     assert stiff.chosen == CONIC
     assert list(stiff.tried) == [1e-3]
-    np.testing.assert_allclose(stiff.parameters[CONIC][:, 0], stiff.parameters[SHAPE][:, 0], rtol=0.02)
+    np.testing.assert_allclose(
+        stiff.parameters[CONIC][:, 0], stiff.parameters[SHAPE][:, 0], rtol=0.02
+    )
     with pytest.raises(BadData, match="mass_sd"):
         IdentificationOptions(mass_sd=0.0)
     with pytest.raises(BadData, match="mass points"):
@@ -251,13 +290,17 @@ def test_strength_can_be_given(walk):
 def test_the_weights_of_the_paper_can_be_asked_for(walk):
     """[D] eq. 3.10 with W_phi = W_rho = 1: the same masses as from base parameters by hand."""
     model, points, found = walk
-    options = IdentificationOptions(prior="paper", compare=False, if_worse="identified", motion_sd=0.0)
+    options = IdentificationOptions(
+        prior="paper", compare=False, if_worse="identified", motion_sd=0.0
+    )
     result = identify(model, [found], points, mass=MASS, options=options)
     parts = parts_of(model, [found.recording], result.base.base)
     # What the walk hardly shows is held at the model's, as weakly as in the base fit.
     R, z = parts.factor(result.noise)
-    spread, mean = 100.0 * result.base.size, result.base.base.of(inertial_parameters(model))
-    R, z = np.vstack([R, np.diag(1.0 / spread)]), np.concatenate([z, mean / spread])
+    spread = 100.0 * result.base.size
+    mean = result.base.base.of(inertial_parameters(model))
+    R = np.vstack([R, np.diag(1.0 / spread)])
+    z = np.concatenate([z, mean / spread])
     by_hand = solve_mass_points(
         points["own"],
         result.base.base.combination,
@@ -271,13 +314,23 @@ def test_the_weights_of_the_paper_can_be_asked_for(walk):
 
 
 def test_weights_of_the_paper_decide_how_far_points_leave_the_shape(walk):
-    """A heavy W_rho keeps the shape; a free total is another mass than the subject's; both only with prior "paper"."""
+    """A heavy W_rho keeps the shape; a free total is another mass than the subject's; both only
+    with prior "paper".
+    """
     model, points, found = walk
-    paper = IdentificationOptions(prior="paper", compare=False, if_worse="identified", motion_sd=0.0)
+    paper = IdentificationOptions(
+        prior="paper", compare=False, if_worse="identified", motion_sd=0.0
+    )
     shape = points["own"].parameters(points["own"].reference)[:, 0]
-    stiff, loose = (
-        identify(model, [found], points, mass=MASS, options=replace(paper, **weights))
-        for weights in ({"weight_rho": 1e9}, {"weight_phi": 1e3, "keep_mass": False})
+    stiff = identify(
+        model, [found], points, mass=MASS, options=replace(paper, **({"weight_rho": 1e9}))
+    )
+    loose = identify(
+        model,
+        [found],
+        points,
+        mass=MASS,
+        options=replace(paper, **({"weight_phi": 1e3, "keep_mass": False})),
     )
     np.testing.assert_allclose(stiff.parameters[stiff.identified][:, 0], shape, atol=1e-3)
     assert np.abs(loose.parameters[loose.identified][:, 0] - shape).max() > 0.5

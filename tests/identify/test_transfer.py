@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from myomorph.identify.body.points import Links
-from myomorph.identify.body.regions import Region, Standing, centers_of, regions_of, spread, spread_mass
+from myomorph.identify.body.regions import (
+    Region,
+    Standing,
+    centers_of,
+    regions_of,
+    spread,
+    spread_mass,
+)
 from myomorph.identify.carry import carry_motion
 from myomorph.identify.transfer import _nearest, _with_masses, transfer
 from myomorph.io.formats import read_model
@@ -42,7 +49,8 @@ def transferred(lower, higher):
 
 
 def random_body(random, where):
-    points, masses = random.normal(where, (0.1, 0.2, 0.05), (6, 3)), random.uniform(0.1, 1.0, 6)
+    points = random.normal(where, (0.1, 0.2, 0.05), (6, 3))
+    masses = random.uniform(0.1, 1.0, 6)
     wide = np.hstack([points, np.ones((6, 1))])
     return (wide * masses[:, None]).T @ wide
 
@@ -50,18 +58,27 @@ def random_body(random, where):
 def test_how_far_mass_centers_move_is_told(lower):
     """In a model whose mass centers were put elsewhere: a region's only body goes all the way back."""
     away = {"femur_r": (0.03, 0.0, 0.0), "calcn_l": (0.0, 0.04, 0.03), "hand_r": (0.0, 0.0, -0.02)}
-    bodies = (replace(one, mass_center=one.mass_center + away.get(one.name, (0.0,) * 3)) for one in lower.bodies)
+    bodies = (
+        replace(one, mass_center=one.mass_center + away.get(one.name, (0.0,) * 3))
+        for one in lower.bodies
+    )
     regions = regions_of(lower)
     moved = replace(lower, bodies=tuple(bodies))
-    _, matches = _with_masses(Standing(lower, REST, regions), Standing(moved, REST, regions), np.eye(3))
-    alone = {one.higher_bodies[0]: one.largest_shift for one in matches if len(one.higher_bodies) == 1}
+    _, matches = _with_masses(
+        Standing(lower, REST, regions), Standing(moved, REST, regions), np.eye(3)
+    )
+    alone = {
+        one.higher_bodies[0]: one.largest_shift for one in matches if len(one.higher_bodies) == 1
+    }
     assert set(away) <= set(alone)
     for body, shift in alone.items():
         assert shift == pytest.approx(np.linalg.norm(away.get(body, 0.0)), abs=1e-9), body
 
 
 def test_the_nearest_bone_is_nearest_along_all_of_its_length():
-    """A short bone 13 cm beside the middle of a long one, another behind its end, and one without length."""
+    """A short bone 13 cm beside the middle of a long one, another behind its end, and one without
+    length.
+    """
     bones = np.array(
         [
             [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
@@ -71,7 +88,14 @@ def test_the_nearest_bone_is_nearest_along_all_of_its_length():
         ]
     )
     names = ("long", "short", "behind", "point")
-    links = Links(names, np.tile(np.eye(3), (4, 1, 1)), bones[:, 0], bones.mean(axis=1), bones, np.arange(4))
+    links = Links(
+        names=names,
+        rotations=np.tile(np.eye(3), (4, 1, 1)),
+        origins=bones[:, 0],
+        centers=bones.mean(axis=1),
+        bones=bones,
+        bone_links=np.arange(4),
+    )
     places = {
         "long": ((1.99, 0.055, 0.0), (1.0, 0.0649, 0.0), (2.04, 0.0, 0.0), (-0.5, 0.0, 0.0)),
         "short": ((1.0, 0.0651, 0.0), (0.9, 0.09, 0.0)),
@@ -85,7 +109,9 @@ def test_the_nearest_bone_is_nearest_along_all_of_its_length():
 
 @pytest.mark.parametrize("size", [0.2, 1.0, 3.0])
 def test_spread_masses_sum_to_the_target_and_stay_possible(size):
-    """Targets smaller, alike and larger than the sum, in other directions: some must shrink, some grow."""
+    """Targets smaller, alike and larger than the sum, in other directions: some must shrink, some
+    grow.
+    """
     random = np.random.default_rng(5)
     bodies = np.stack([random_body(random, (0.0, 0.3 * i, 0.0)) for i in range(5)])
     turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
@@ -126,12 +152,18 @@ def test_parameters_of_a_pseudo_inertia_come_back(lower):
 def test_regions_and_centers_of_both_models(lower, higher):
     tables = regions_of(lower), regions_of(higher)
     assert (
-        tables[0]["torso"] == tables[1]["lumbar5"] == tables[1]["rib1_R"] == tables[1]["scapula_R"] == Region("torso")
+        tables[0]["torso"]
+        == tables[1]["lumbar5"]
+        == tables[1]["rib1_R"]
+        == tables[1]["scapula_R"]
+        == Region("torso")
     )
     assert tables[1]["sacrum"] == Region("pelvis")
     assert tables[1]["head_neck"] == Region("head")
     assert tables[0]["patella_l"] == Region("shank", "left")
-    centers = [centers_of(model, table) for model, table in zip((lower, higher), tables, strict=True)]
+    centers = [
+        centers_of(model, table) for model, table in zip((lower, higher), tables, strict=True)
+    ]
     assert set(centers[1]) - set(centers[0]) == {"neck"}
     assert centers[0]["right knee"].joint.child == "tibia_r"
     assert centers[1]["lumbar"].joint.child == "lumbar5"
@@ -144,10 +176,15 @@ def test_joint_centers_coincide(transferred, lower):
     assert max(transferred.joint_shifts.values()) < 5e-3
     places = [
         Standing(model, pose, regions_of(model)).places
-        for model, pose in ((lower, transferred.lower_pose), (transferred.model, transferred.higher_pose))
+        for model, pose in (
+            (lower, transferred.lower_pose),
+            (transferred.model, transferred.higher_pose),
+        )
     ]
     for key in transferred.joint_errors:
-        np.testing.assert_allclose(places[1][key], transferred.rotation @ places[0][key], atol=1e-9, err_msg=key)
+        np.testing.assert_allclose(
+            places[1][key], transferred.rotation @ places[0][key], atol=1e-9, err_msg=key
+        )
     assert all(abs(one.lower - one.higher) < 1e-9 for one in transferred.lengths)
 
 
@@ -160,7 +197,9 @@ def test_markers_stay_where_they_are(transferred, lower, higher):
 
     assert transferred.model.marker_names == lower.marker_names
     np.testing.assert_allclose(
-        places(transferred.model, transferred.higher_pose), places(lower, transferred.lower_pose), atol=1e-9
+        places(transferred.model, transferred.higher_pose),
+        places(lower, transferred.lower_pose),
+        atol=1e-9,
     )
     tables = regions_of(lower), regions_of(higher)
     for one in transferred.model.markers:
@@ -175,18 +214,24 @@ def test_masses_of_regions_are_the_lower_models(transferred, lower):
     found = Standing(transferred.model, transferred.higher_pose, {}).pseudo_inertias()
     for one in transferred.masses:
         theirs = given[[lower.body_names.index(name) for name in one.lower_bodies]].sum(axis=0)
-        ours = found[[transferred.model.body_names.index(name) for name in one.higher_bodies]].sum(axis=0)
+        ours = found[[transferred.model.body_names.index(name) for name in one.higher_bodies]].sum(
+            axis=0
+        )
         np.testing.assert_allclose(ours[3], theirs[3], atol=1e-9, err_msg=str(one.region))
         if not one.note:
             np.testing.assert_allclose(ours, theirs, atol=1e-9, err_msg=str(one.region))
-    assert {str(one.region) for one in transferred.masses if one.note} == {"right toes", "left toes"}
-    assert sum(len(one.higher_bodies) for one in transferred.masses) == len(transferred.model.bodies)
+    assert {str(one.region) for one in transferred.masses if one.note} == {
+        "right toes",
+        "left toes",
+    }
+    assert sum(len(one.higher_bodies) for one in transferred.masses) == len(
+        transferred.model.bodies
+    )
 
 
 def test_bodies_that_were_possible_still_are(transferred, higher):
-    before, after = (
-        np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0] for model in (higher, transferred.model)
-    )
+    before = np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(higher)))[:, 0]
+    after = np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(transferred.model)))[:, 0]
     assert (after[before > 1e-12] > 0.0).all()
 
 
@@ -200,7 +245,9 @@ def test_what_has_no_counterpart_is_named(transferred):
 
 
 def test_a_motion_is_carried_and_what_it_leaves_open_is_held(transferred, lower, data):
-    """Segments follow within millimeters; the trunk's bend is spread, ribs stay; the rotation of a limb is its own."""
+    """Segments follow within millimeters; the trunk's bend is spread, ribs stay; the rotation of a
+    limb is its own.
+    """
     walk = read_motion(data("rajagopal-walk-emg/coordinates.sto"), lower)
     motion = Motion(walk.time[::400], walk.names, walk.values[::400].copy())
     motion.values.setflags(write=True)
@@ -217,7 +264,9 @@ def test_a_motion_is_carried_and_what_it_leaves_open_is_held(transferred, lower,
     column = carried.motion.names.index("T5_r5L_X")
     rest = compile_tree(transferred.model).coordinates_of(transferred.higher_pose)[0, column]
     np.testing.assert_allclose(np.delete(carried.motion.values[:, column], 1), rest, atol=1e-3)
-    again = carry_motion(lower, Motion(motion.time[2:], motion.names, motion.values[2:]), transferred)
+    again = carry_motion(
+        lower, Motion(motion.time[2:], motion.names, motion.values[2:]), transferred
+    )
     np.testing.assert_allclose(again.motion.values, carried.motion.values[2:], atol=1e-4)
 
 
@@ -228,8 +277,15 @@ def test_a_motion_stays_in_its_laboratory(transferred, lower):
 
 
 def test_a_stretched_model_gives_its_size_back(lower):
-    """From a model stretched by known factors back to its own kind: the factors and masses are found."""
-    known = {"femur_r": (1.1,) * 3, "tibia_l": (0.9,) * 3, "humerus_l": (1.05,) * 3, "patella_l": (0.9,) * 3}
+    """From a model stretched by known factors back to its own kind: the factors and masses are
+    found.
+    """
+    known = {
+        "femur_r": (1.1,) * 3,
+        "tibia_l": (0.9,) * 3,
+        "humerus_l": (1.05,) * 3,
+        "patella_l": (0.9,) * 3,
+    }
     larger = scale(lower, known, mass=90.0)
     found = transfer(larger, lower, path_lengths=None)
     for body, factor in known.items():
@@ -244,8 +300,14 @@ def test_muscles_follow(lower):
     """Fibers and tendons keep their ratio to paths."""
     larger = scale(lower, {"femur_r": (1.1,) * 3}, path_lengths=default_path_lengths)
     found = transfer(larger, lower)
-    grown = found.model.muscle("vasint_r").optimal_fiber_length / lower.muscle("vasint_r").optimal_fiber_length
-    known = larger.muscle("vasint_r").optimal_fiber_length / lower.muscle("vasint_r").optimal_fiber_length
+    grown = (
+        found.model.muscle("vasint_r").optimal_fiber_length
+        / lower.muscle("vasint_r").optimal_fiber_length
+    )
+    known = (
+        larger.muscle("vasint_r").optimal_fiber_length
+        / lower.muscle("vasint_r").optimal_fiber_length
+    )
     assert grown == pytest.approx(known, rel=1e-3)
     assert grown > 1.02
 

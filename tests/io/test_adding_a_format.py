@@ -1,4 +1,6 @@
-"""The format that docs/adding.md adds as its example is added here, word by word, and every command takes it."""
+"""The format that docs/adding.md adds as its example is added here, word by word, and every command
+takes it.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def lin(tmp_path, monkeypatch):
     (tmp_path / "modules").mkdir()
     (tmp_path / "modules" / "lin_of_the_page.py").write_text(reader, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path / "modules")
-    entry = eval(line.strip().replace("myomorph.io.lin:", "lin_of_the_page:"), {"Format": formats.Format})
+    entry = eval(
+        line.strip().replace("myomorph.io.lin:", "lin_of_the_page:"), {"Format": formats.Format}
+    )
     monkeypatch.setattr(formats, "TRIALS", (*formats.TRIALS, entry))
     return entry
 
@@ -45,7 +49,8 @@ def test_inverse_kinematics_of_a_file_of_the_new_format(arm, command, lin):
     for source, out in ((path, "lin.mot"), (arm.markers, "trc.mot")):
         ended = command("ik", "--model", arm.model, "--markers", source, "--out", arm.folder / out)
         assert ended.status == 0, ended.err
-    by_lin, by_trc = (read_sto(arm.folder / name) for name in ("lin.mot", "trc.mot"))
+    by_lin = read_sto(arm.folder / "lin.mot")
+    by_trc = read_sto(arm.folder / "trc.mot")
     np.testing.assert_allclose(by_lin.values, by_trc.values, atol=1e-6)
 
 

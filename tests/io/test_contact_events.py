@@ -15,7 +15,10 @@ def written(folder, text):
 
 
 def test_spans(tmp_path):
-    text = "# tap dance\nsite,start,stop,surface,confidence\nheel_r,0.10,0.25,,0.5\ntoe_r,0.05,0.2,ground,\n"
+    text = (
+        "# tap"
+        " dance\nsite,start,stop,surface,confidence\nheel_r,0.10,0.25,,0.5\ntoe_r,0.05,0.2,ground,\n"
+    )
     found = read_events(written(tmp_path, text), start=1.0)
     assert found.sites == ("heel_r", "toe_r")
     assert [(one.site, one.start, one.stop, one.confidence) for one in found.intervals] == [
@@ -39,9 +42,16 @@ def test_frames_of_a_camera_are_times(tmp_path, rate):
 
 def test_events_are_paired_site_by_site(tmp_path):
     rows = (
-        "0.0,a,touch", "0.1,b,on", "0.2,a,leave", "0.2,a,touch", "0.3,b,off", "0.4,a,off", "0.5,c,touch", "0.6,a,touch",
+        "0.0,a,touch",
+        "0.1,b,on",
+        "0.2,a,leave",
+        "0.2,a,touch",
+        "0.3,b,off",
+        "0.4,a,off",
+        "0.5,c,touch",
+        "0.6,a,touch",
         "0.7,a,leave",
-    )  # fmt: skip
+    )
     text = "\n".join(("time,site,event", *rows))
     found = read_events(written(tmp_path, text))
     assert [(one.start, one.stop) for one in found.of("a")] == [(0.0, 0.2), (0.2, 0.4), (0.6, 0.7)]
@@ -68,7 +78,10 @@ def test_spans_that_overlap_are_told(tmp_path):
         ("site,start,stop\na,0,nan\n", "stop is nan"),
         ("time,site,event\n0,a,tuch\n", "event 'tuch'; expected touch or leave"),
         ("time,site,event\n0,a,leave\n", "line 2: 'a' leaves, but did not touch"),
-        ("time,site,event\n0,a,touch\n1,a,touch\n", "line 3: 'a' touches again, but never left since line 2"),
+        (
+            "time,site,event\n0,a,touch\n1,a,touch\n",
+            "line 3: 'a' touches again, but never left since line 2",
+        ),
         ("frame,site,event\n0,a,touch\n", "rate is not known"),
         ("time,frame,site,event\n0,0,a,touch\n", "has the columns"),
     ],

@@ -12,7 +12,7 @@ from myomorph.model.errors import BadFile
 def test_touches_come_back(tmp_path):
     touches = (
         Touch("heel_r", 0.125, 0.5, confidence=0.75, source="kinematics"),
-        Touch("grip, left", 0.25, 1.5, "box", source="camera"),
+        Touch(site="grip, left", start=0.25, stop=1.5, surface="box", source="camera"),
     )
     contacts = Contacts(("heel_r", "grip, left"), touches)
     write_events(contacts, tmp_path / "contacts.csv")

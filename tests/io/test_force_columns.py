@@ -15,11 +15,26 @@ def named(*stems: str) -> tuple[str, ...]:
 
 
 STYLES = {
-    "first and second foot": (named("ground_force_v?", "ground_force_p?", "ground_torque_?"), ("ground_force",)),
-    "number before": (named("1_ground_force_v?", "1_ground_force_p?", "1_ground_torque_?"), ("1_ground_force",)),
-    "number after": (named("ground_force_2_v?", "ground_force_2_p?", "ground_torque_2_?"), ("ground_force_2",)),
-    "moments as m": (named("ground_force_1_v?", "ground_force_1_p?", "ground_force_1_m?"), ("ground_force_1",)),
-    "side": (named("R_ground_force_v?", "R_ground_force_p?", "R_ground_torque_?"), ("R_ground_force",)),
+    "first and second foot": (
+        named("ground_force_v?", "ground_force_p?", "ground_torque_?"),
+        ("ground_force",),
+    ),
+    "number before": (
+        named("1_ground_force_v?", "1_ground_force_p?", "1_ground_torque_?"),
+        ("1_ground_force",),
+    ),
+    "number after": (
+        named("ground_force_2_v?", "ground_force_2_p?", "ground_torque_2_?"),
+        ("ground_force_2",),
+    ),
+    "moments as m": (
+        named("ground_force_1_v?", "ground_force_1_p?", "ground_force_1_m?"),
+        ("ground_force_1",),
+    ),
+    "side": (
+        named("R_ground_force_v?", "R_ground_force_p?", "R_ground_torque_?"),
+        ("R_ground_force",),
+    ),
     "body": (named("calcn_r_force_v?", "calcn_r_force_p?", "calcn_r_torque_?"), ("calcn_r_force",)),
     "laboratory": (named("F?1", "COP?1", "M?1"), ("F1",)),
     "plate before": (named("FP1_F?", "FP1_COP?", "FP1_M?"), ("FP1_F",)),
@@ -40,15 +55,25 @@ def test_usual_names(style: str) -> None:
 
 
 def test_two_forces_are_kept_apart() -> None:
-    columns = named("ground_force_v?", "ground_force_p?", "l_ground_force_v?", "l_ground_force_p?", "ground_torque_?")
+    columns = named(
+        "ground_force_v?",
+        "ground_force_p?",
+        "l_ground_force_v?",
+        "l_ground_force_p?",
+        "ground_torque_?",
+    )
     found = force_columns((*columns, *named("l_ground_torque_?")))
     assert [one.name for one in found] == ["ground_force", "l_ground_force"]
     assert found[1].torque == named("l_ground_torque_?")
 
 
-@pytest.mark.parametrize("columns", [named("hip_flexion_r_moment"), ("Fx1", "Fy1"), named("F?1"), named("pelvis_t?")])
+@pytest.mark.parametrize(
+    "columns", [named("hip_flexion_r_moment"), ("Fx1", "Fy1"), named("F?1"), named("pelvis_t?")]
+)
 def test_what_is_no_force_is_refused(columns: tuple[str, ...]) -> None:
-    table = Table(np.arange(2.0), tuple(dict.fromkeys(columns)), np.zeros((2, len(dict.fromkeys(columns)))))
+    table = Table(
+        np.arange(2.0), tuple(dict.fromkeys(columns)), np.zeros((2, len(dict.fromkeys(columns))))
+    )
     with pytest.raises(BadData, match="no columns of a force"):
         table_wrenches(table)
 

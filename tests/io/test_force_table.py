@@ -1,4 +1,6 @@
-"""Tables of forces of any heading or none give back the forces that were written; what is open is refused by name."""
+"""Tables of forces of any heading or none give back the forces that were written; what is open is
+refused by name.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ NAMES = {"F": "F?", "COP": "COP?", "M": "M?"}
 
 
 def steps() -> dict[str, np.ndarray]:
-    """Two plates (frames, 2, 3), z up: forces [N], centers of pressure [m], free moments, moments about the origin."""
+    """Two plates (frames, 2, 3), z up: forces [N], centers of pressure [m], free moments, moments
+    about the origin.
+    """
     phase = np.pi * np.clip(np.stack([TIME - 3.0, TIME - 3.4], axis=1) / 0.7, 0.0, 1.0)
     size = 800.0 * np.sin(phase)
     force = np.stack([0.1 * size * np.cos(phase), 0.02 * size, size], axis=2)
@@ -27,7 +31,9 @@ def steps() -> dict[str, np.ndarray]:
 def columns(*kinds: str, scale: float = 1.0) -> np.ndarray:
     """Columns (frames, ...) of the plates, one after the other."""
     made = steps()
-    each = [made[kind][:, plate] * (scale if kind != "F" else 1.0) for plate in (0, 1) for kind in kinds]
+    each = [
+        made[kind][:, plate] * (scale if kind != "F" else 1.0) for plate in (0, 1) for kind in kinds
+    ]
     return np.concatenate(each, axis=1)
 
 
@@ -42,10 +48,20 @@ def test_devices_of_vicon(tmp_path) -> None:
     made = steps()
     frames = np.stack([31 + np.arange(120) // 10, np.arange(120) % 10], axis=1)
     parts = [1e3 * made["about"][:, 0], 1e3 * made["COP"][:, 0]]
-    groups = ",,Imported Force Plate #1 - Force,,,Imported Force Plate #1 - Moment,,,Imported Force Plate #1 - CoP,,\n"
-    heading = f"Devices\n1000\n{groups}Frame,Sub Frame,Fx,Fy,Fz,Mx,My,Mz,Cx,Cy,Cz\n,,N,N,N,N.mm,N.mm,N.mm,mm,mm,mm\n"
-    path = write(tmp_path / "x.csv", np.concatenate([frames, made["F"][:, 0], *parts], axis=1), heading)
-    path.write_text(path.read_text() + "\nTrajectories\n100\nFrame,Sub Frame,X,Y,Z\n1,0,3,4,5\n2,0,3,4,5\n")
+    groups = (
+        ",,Imported Force Plate #1 - Force,,,Imported Force Plate #1 - Moment,,,Imported Force"
+        " Plate #1 - CoP,,\n"
+    )
+    heading = (
+        f"Devices\n1000\n{groups}Frame,Sub"
+        " Frame,Fx,Fy,Fz,Mx,My,Mz,Cx,Cy,Cz\n,,N,N,N,N.mm,N.mm,N.mm,mm,mm,mm\n"
+    )
+    path = write(
+        tmp_path / "x.csv", np.concatenate([frames, made["F"][:, 0], *parts], axis=1), heading
+    )
+    path.write_text(
+        path.read_text() + "\nTrajectories\n100\nFrame,Sub Frame,X,Y,Z\n1,0,3,4,5\n2,0,3,4,5\n"
+    )
     found = read_forces(path)
     np.testing.assert_allclose(found.forces[:, 0], made["F"][:, 0], atol=1e-5)
     np.testing.assert_allclose(found.points[:, 0], made["COP"][:, 0], atol=1e-8)
@@ -57,7 +73,9 @@ def test_devices_of_vicon(tmp_path) -> None:
 
 @pytest.mark.parametrize("kinds", [("F", "COP"), ("F", "COP", "M"), ("F", "M", "COP")])
 @pytest.mark.parametrize("scale", [1.0, 1e3])
-def test_numbers_alone_say_which_column_is_which(kinds: tuple[str, ...], scale: float, tmp_path) -> None:
+def test_numbers_alone_say_which_column_is_which(
+    kinds: tuple[str, ...], scale: float, tmp_path
+) -> None:
     values = columns(*kinds, scale=scale)
     found = read_forces(write(tmp_path / "x.csv", np.column_stack([TIME, values])))
     made = steps()

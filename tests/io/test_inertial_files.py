@@ -1,4 +1,6 @@
-"""Files of inertial sensors as each maker writes them, made here from sensors whose motion is known."""
+"""Files of inertial sensors as each maker writes them, made here from sensors whose motion is
+known.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,15 @@ from myomorph.io.inertial.read import read_inertial
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.inertial_sensors import InertialSensors, beside
 from myomorph.model.series import Analog, Markers, Trial
-from myomorph.model.spatial import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from myomorph.model.spatial import (
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+)
 from sensor_files import write_orientations
 
-FRAMES, RATE = 40, 100.0
+FRAMES = 40
+RATE = 100.0
 NAMES = ("Pelvis", "RightUpperLeg")
 
 
@@ -22,14 +29,17 @@ NAMES = ("Pelvis", "RightUpperLeg")
 def sensors():
     rng = np.random.default_rng(0)
     time = np.arange(FRAMES) / RATE
-    rotations = rotation_from_vector(0.5 * np.sin(3.0 * time[:, None, None] + rng.uniform(0, 6, (1, 2, 3))))
+    rotations = rotation_from_vector(
+        0.5 * np.sin(3.0 * time[:, None, None] + rng.uniform(0, 6, (1, 2, 3)))
+    )
     return InertialSensors(
-        time,
-        NAMES,
-        quaternion_from_rotation(rotations),
-        rng.normal(size=(FRAMES, 2, 3)),
-        9.8 * np.swapaxes(rotations, 2, 3)[..., 2] + 0.1 * rng.normal(size=(FRAMES, 2, 3)),
-        rng.normal(size=(FRAMES, 2, 3)),
+        time=time,
+        names=NAMES,
+        orientations=quaternion_from_rotation(rotations),
+        angular_velocities=rng.normal(size=(FRAMES, 2, 3)),
+        accelerations=9.8 * np.swapaxes(rotations, 2, 3)[..., 2]
+        + 0.1 * rng.normal(size=(FRAMES, 2, 3)),
+        magnetic_fields=rng.normal(size=(FRAMES, 2, 3)),
     )
 
 
@@ -37,9 +47,11 @@ def same(read, sensors, *signals):
     """The same orientations, whichever sign, and signals."""
     np.testing.assert_allclose(read.time, sensors.time, atol=1e-9)
     for name in signals:
-        ours, theirs = read.signals[name], sensors.signals[name]
+        ours = read.signals[name]
+        theirs = sensors.signals[name]
         if name == "orientations":
-            ours, theirs = rotation_from_quaternion(ours), rotation_from_quaternion(theirs)
+            ours = rotation_from_quaternion(ours)
+            theirs = rotation_from_quaternion(theirs)
         np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
 
@@ -98,7 +110,10 @@ def xsens_table(path, sensors, index, matrix):
         names = ["Quat_q0", "Quat_q1", "Quat_q2", "Quat_q3"]
         parts = [sensors.orientations[:, index]]
     names += [f"{kind}_{axis}" for kind in ("Acc", "Gyr", "Mag") for axis in "XYZ"]
-    parts += [part[:, index] for part in (sensors.accelerations, sensors.angular_velocities, sensors.magnetic_fields)]
+    parts += [
+        part[:, index]
+        for part in (sensors.accelerations, sensors.angular_velocities, sensors.magnetic_fields)
+    ]
     lines = ["// Start Time: Unknown", "// Update Rate: 100.0Hz", "// Filter Profile: human (46.1)"]
     lines.append("\t".join(["PacketCounter", "SampleTimeFine", *names]))
     for frame, row in enumerate(np.hstack(parts)):
@@ -124,7 +139,11 @@ def test_movella_dot(tmp_path, sensors):
     names = ["PacketCounter", "SampleTimeFine", "Quat_W", "Quat_X", "Quat_Y", "Quat_Z"]
     names += [f"{kind}_{axis}" for kind in ("Acc", "Gyr") for axis in "XYZ"]
     rows = np.hstack(
-        (sensors.orientations[:, 0], sensors.accelerations[:, 0], np.degrees(sensors.angular_velocities[:, 0]))
+        (
+            sensors.orientations[:, 0],
+            sensors.accelerations[:, 0],
+            np.degrees(sensors.angular_velocities[:, 0]),
+        )
     )
     lines = [",".join(names)] + [
         ",".join([str(frame), str(5_000_000 + 10_000 * frame), *(f"{value:.9f}" for value in row)])
@@ -139,7 +158,8 @@ def test_movella_dot(tmp_path, sensors):
 def test_delsys(tmp_path, sensors):
     """Each channel has its clock; EMG is faster and left out."""
     path = tmp_path / "trigno.csv"
-    names, columns = [], []
+    names = []
+    columns = []
     for index, name in enumerate(NAMES):
         names += ["X[s]", f"{name}: EMG {index + 1} [V]"]
         columns += [np.arange(2 * FRAMES) / (2 * RATE), np.zeros(2 * FRAMES)]
@@ -163,7 +183,11 @@ def test_delsys(tmp_path, sensors):
 @pytest.mark.parametrize("new", [False, True])
 def test_apdm(tmp_path, sensors, new):
     path = tmp_path / "opal.h5"
-    titles = {"accelerations": "Accelerometer", "angular_velocities": "Gyroscope", "magnetic_fields": "Magnetometer"}
+    titles = {
+        "accelerations": "Accelerometer",
+        "angular_velocities": "Gyroscope",
+        "magnetic_fields": "Magnetometer",
+    }
     with h5py.File(path, "w") as file:
         for index, name in enumerate(NAMES):
             key = f"{1000 + index}"
@@ -189,7 +213,9 @@ def test_apdm(tmp_path, sensors, new):
 
 def test_c3d_channels(tmp_path, sensors):
     path = tmp_path / "walk.c3d"
-    names, units, columns = [], [], []
+    names = []
+    units = []
+    columns = []
     for index, name in enumerate(NAMES):
         for kind, unit, values in (
             ("ACC", "g", sensors.accelerations[:, index] / 9.80665),

@@ -46,7 +46,9 @@ def test_what_is_told_goes_before_what_the_file_says(tmp_path):
 
 def test_names_beside_the_recording(tmp_path):
     made(tmp_path / "a.h5")
-    (tmp_path / "a.json").write_text(json.dumps({"names": NAMES, "units": "m", "rate": 10, "bodies": {"nose": "Head"}}))
+    (tmp_path / "a.json").write_text(
+        json.dumps({"names": NAMES, "units": "m", "rate": 10, "bodies": {"nose": "Head"}})
+    )
     assert read_keypoints(tmp_path / "a.h5").markers.names == NAMES
     assert read_keypoint_names(tmp_path / "a.json").bodies == {"nose": "Head"}
     (tmp_path / "a.yaml").write_text("[one, two, three]\n")
@@ -64,7 +66,9 @@ def test_without_a_rate_times_are_frame_numbers_and_that_is_told(tmp_path):
 
 
 def test_several_animals(tmp_path):
-    tracks = made(tmp_path / "a.h5", (20, 2, 3, 3), node_names=NAMES, attributes={"units": "m", "rate": 1.0})
+    tracks = made(
+        tmp_path / "a.h5", (20, 2, 3, 3), node_names=NAMES, attributes={"units": "m", "rate": 1.0}
+    )
     trial = read_keypoints(tmp_path / "a.h5", animal=1)
     np.testing.assert_allclose(trial.markers.values, tracks[:, 1])
     assert trial.warnings == ("holds 2 animals: this is number 1, counted from 0",)
@@ -116,7 +120,10 @@ def test_files_made_to_fill_the_memory_are_refused(tmp_path):
 def test_the_mouse_of_34_keypoints(data):
     trial = read_recording(data("mouse-skeleton-keypoints/mouse_mocap_3600_frames.h5"))
     assert trial.markers.values.shape == (3600, 34, 3)
-    assert "names of the points are those of keypoint_to_body_mouse.yaml, in units of 0.001 m" in trial.warnings
+    assert (
+        "names of the points are those of keypoint_to_body_mouse.yaml, in units of 0.001 m"
+        in trial.warnings
+    )
     length = np.linalg.norm(trial.markers["Nose"] - trial.markers["TTI"], axis=1)
     assert 0.06 < np.median(length) < 0.13
     told = read_keypoint_names(data("mouse-skeleton-keypoints/keypoint_to_body_mouse.yaml"))
@@ -124,7 +131,9 @@ def test_the_mouse_of_34_keypoints(data):
     assert set(told.offsets) == set(trial.markers.names)
 
 
-@pytest.mark.parametrize(("status", "told"), [("hung", "did not end within 10 s"), ("failed", "ended with status -11")])
+@pytest.mark.parametrize(
+    ("status", "told"), [("hung", "did not end within 10 s"), ("failed", "ended with status -11")]
+)
 def test_a_file_on_which_the_library_hangs_or_crashes_is_named(tmp_path, monkeypatch, status, told):
     """HDF5 does so on some damaged files: they are tried in a process of their own first."""
     made(tmp_path / "a.h5", node_names=NAMES, attributes={"units": "m"})

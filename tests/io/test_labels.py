@@ -48,7 +48,11 @@ def test_a_wrong_file_is_refused_with_what_is_expected(tmp_path, name, text, tol
 
 
 def trial(*names: str) -> Trial:
-    return Trial(markers=Markers(np.arange(3) / 100.0, names, np.random.default_rng(0).normal(size=(3, len(names), 3))))
+    return Trial(
+        markers=Markers(
+            np.arange(3) / 100.0, names, np.random.default_rng(0).normal(size=(3, len(names), 3))
+        )
+    )
 
 
 def test_markers_are_renamed_and_an_empty_name_drops_one():
@@ -71,7 +75,7 @@ def test_a_map_of_which_nothing_was_recorded_is_told():
 
 
 def test_names_that_the_model_lacks_are_refused():
-    model = Model("empty", (), (), (), np.zeros(3))
+    model = Model(name="empty", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3))
     with pytest.raises(UnknownName, match=r"R\.ASIS"):
         check_labels(WANTED, model)
     check_labels({"BAD": ""}, model)
@@ -94,15 +98,24 @@ def test_a_time_beyond_the_recording_says_that_it_is_cut():
     ],
 )
 def test_a_recorded_label_is_the_marker_that_a_file_writes_for_it(recorded, fitted):
-    """OpenSim refuses blanks in names, so a model made of a recording has other names than the recording."""
+    """OpenSim refuses blanks in names, so a model made of a recording has other names than the
+    recording.
+    """
     markers = tuple(Marker(name, "ground", np.zeros(3)) for name in ("r_asis", "sacrum", "r_met"))
-    model = Model("hip", (), (), (), np.zeros(3)).with_markers(markers)
+    model = Model(
+        name="hip", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3)
+    ).with_markers(markers)
     assert fitted_to(model, trial(*recorded)).markers.names == fitted
 
 
 def test_a_recording_of_which_the_model_has_few_markers_says_so():
     markers = tuple(Marker(name, "ground", np.zeros(3)) for name in "abcd")
-    model = Model("hip", (), (), (), np.zeros(3)).with_markers(markers)
+    model = Model(
+        name="hip", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3)
+    ).with_markers(markers)
     (warning,) = fitted_to(model, trial("a", "x", "y", "z")).warnings
-    assert "1 of the model's 4 markers were recorded, and 3 labels are none of its markers ('x', 'y', 'z')" in warning
+    assert (
+        "1 of the model's 4 markers were recorded, and 3 labels are none of its markers ('x', 'y',"
+        " 'z')" in warning
+    )
     assert not fitted_to(model, trial("a", "b", "y", "z")).warnings

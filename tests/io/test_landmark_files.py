@@ -1,4 +1,6 @@
-"""Landmarks from tables, 3D Slicer, JSON and OpenSim's files; what is wrong with them is named by its line."""
+"""Landmarks from tables, 3D Slicer, JSON and OpenSim's files; what is wrong with them is named by
+its line.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,11 @@ def written(tmp_path, text: str, name: str = "L.csv"):
 
 
 def test_pairs_by_body(tmp_path):
-    rows = ("femur_r,head,0,0,0,0.1,0.2,0.3", "tibia_r,tip,1,2,3,4,5,6", 'femur_r,"condyle, medial",0,-0.4,0,0,-0.5,0')
+    rows = (
+        "femur_r,head,0,0,0,0.1,0.2,0.3",
+        "tibia_r,tip,1,2,3,4,5,6",
+        'femur_r,"condyle, medial",0,-0.4,0,0,-0.5,0',
+    )
     text = "\n".join((HEADER, *rows, ""))
     found = read_landmark_pairs(written(tmp_path, text))
     assert list(found) == ["femur_r", "tibia_r"]
@@ -39,8 +45,8 @@ def test_pairs_by_body(tmp_path):
 
 def test_columns_in_any_order_case_and_unit(tmp_path):
     text = (
-        "Target_X [mm];Target_Y [mm];target_z_mm;NAME;Body;source_x (cm);source_y;source_z;seen by\n"
-        "100;200;-3,5;head;femur_r;10;0,2;0.3;A\n"
+        "Target_X [mm];Target_Y [mm];target_z_mm;NAME;Body;source_x (cm);source_y;source_z;seen"
+        " by\n100;200;-3,5;head;femur_r;10;0,2;0.3;A\n"
     )
     found = read_landmark_pairs(written(tmp_path, text))["femur_r"]
     np.testing.assert_allclose(found.source, [[0.1, 0.2, 0.3]])
@@ -50,15 +56,24 @@ def test_columns_in_any_order_case_and_unit(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "told"),
     [
-        ("femur_r,head,0,0,0,,,", "line 2 has no target point of 'head' of 'femur_r'; give it, or leave the line out"),
+        (
+            "femur_r,head,0,0,0,,,",
+            "line 2 has no target point of 'head' of 'femur_r'; give it, or leave the line out",
+        ),
         ("femur_r,head,0,0,,1,1,1", "line 2 has no finite source point"),
         ("femur_r,head,0,0,inf,1,1,1", "line 2 has no finite source point"),
         ("femur_r,head,0,zero,0,1,1,1", "line 2 has 'zero' for source_y of 'head' of 'femur_r'"),
-        ("femur_r,a,0,0,0,1,1,1\nfemur_r,a,0,0,1,1,1,1", "line 3 names landmark 'a' of 'femur_r' again"),
+        (
+            "femur_r,a,0,0,0,1,1,1\nfemur_r,a,0,0,1,1,1,1",
+            "line 3 names landmark 'a' of 'femur_r' again",
+        ),
         ("femur_r,,0,0,0,1,1,1", "line 2 has no name"),
         (",head,0,0,0,1,1,1", "line 2 has no body"),
         ("femur_r,a,0,0,0,,,\nfemur_r,b,0,0,1,,,", r"\(1 more lines are wrong too\)"),
-        ("femur_r,a,0,5,0,5,0,0,1,1,1", "line 2 has 11 cells, but the header 8; is a decimal comma"),
+        (
+            "femur_r,a,0,5,0,5,0,0,1,1,1",
+            "line 2 has 11 cells, but the header 8; is a decimal comma",
+        ),
         ("", "has a header, but no landmark"),
     ],
 )
@@ -70,7 +85,10 @@ def test_what_is_wrong_with_a_line_is_told(tmp_path, rows, told):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("body,name,source_x,source_y,source_z\nf,a,0,0,0\n", "has no column 'target_x', 'target_y', 'target_z'"),
+        (
+            "body,name,source_x,source_y,source_z\nf,a,0,0,0\n",
+            "has no column 'target_x', 'target_y', 'target_z'",
+        ),
         (HEADER + ",name\n", "has the column 'name' twice"),
         ("", "is empty"),
         ("# nothing\n", "has no header"),
@@ -111,7 +129,13 @@ def test_slicer_s_tables_are_in_millimeters(tmp_path):
 
 def markups(**extra) -> str:
     point = {"label": "head", "position": [10.0, 20.0, 30.0], "positionStatus": "defined"}
-    return json.dumps({"markups": [{"type": "Fiducial", "controlPoints": [point | extra.pop("point", {})], **extra}]})
+    return json.dumps(
+        {
+            "markups": [
+                {"type": "Fiducial", "controlPoints": [point | extra.pop("point", {})], **extra}
+            ]
+        }
+    )
 
 
 def test_slicer_s_markups(tmp_path):
@@ -155,7 +179,9 @@ def test_many_landmarks_are_read_at_once(tmp_path):
 
 def test_plain_json_with_bodies_and_units(tmp_path):
     path = written(
-        tmp_path, '{"units": "mm", "landmarks": {"femur_r": {"head": [1, 2, 3]}, "top": [4, 5, 6]}}', "L.json"
+        tmp_path,
+        '{"units": "mm", "landmarks": {"femur_r": {"head": [1, 2, 3]}, "top": [4, 5, 6]}}',
+        "L.json",
     )
     found = read_body_landmarks(path)
     np.testing.assert_allclose(found["femur_r"]["head"], [0.001, 0.002, 0.003])
@@ -195,6 +221,8 @@ def test_markers_agree_with_the_model_s_reader(data):
 def test_a_marker_set_and_entities(data, tmp_path):
     found = read_body_landmarks(data("lenhart-knee-contact-walk/lenhart2015_markers.xml"))
     assert sum(len(one) for one in found.values()) == 39
-    bomb = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaa">]><OpenSimDocument Version="40000"/>'
+    bomb = (
+        '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaa">]><OpenSimDocument Version="40000"/>'
+    )
     with pytest.raises(BadFile, match="declares XML entities"):
         read_landmarks(written(tmp_path, bomb, "m.xml"))

@@ -10,7 +10,11 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile, BadModel, UnknownName
 
 FILES = {
-    "lenhart-knee-contact-walk/motion/overground_17_ext_loads.xml": ("calcn_l", "calcn_r", "calcn_l"),
+    "lenhart-knee-contact-walk/motion/overground_17_ext_loads.xml": (
+        "calcn_l",
+        "calcn_r",
+        "calcn_l",
+    ),
     "opensim-gait-subject01/experiment/subject01_walk1_grf.xml": ("calcn_r", "calcn_l"),
     "opensim-gait-subject01/ref_id/subject01_walk1_grf.xml": ("calcn_r", "calcn_l"),
     "opensim-gait-subject01/ref_rra/subject01_externalForces.xml": ("calcn_r", "calcn_l"),
@@ -33,8 +37,9 @@ def loads(tmp_path):
         path = tmp_path / "loads.xml"
         force = f'<ExternalForce name="plate">{inside}</ExternalForce>'
         path.write_text(
-            f'<OpenSimDocument Version="{version}"><ExternalLoads name="loads"><objects>{force}</objects>'
-            f"<datafile> {datafile} </datafile></ExternalLoads></OpenSimDocument>"
+            f'<OpenSimDocument Version="{version}"><ExternalLoads'
+            f' name="loads"><objects>{force}</objects><datafile> {datafile}'
+            " </datafile></ExternalLoads></OpenSimDocument>"
         )
         return path
 
@@ -62,7 +67,11 @@ def test_wrenches_are_the_table_s_columns(name, data):
     table = read_sto(entries[0].data)
     assert np.array_equal(wrenches.time, table.time)
     for i, entry in enumerate(entries):
-        for part, identifier in (("forces", entry.force), ("points", entry.point), ("torques", entry.torque)):
+        for part, identifier in (
+            ("forces", entry.force),
+            ("points", entry.point),
+            ("torques", entry.torque),
+        ):
             stem = identifier if f"{identifier}x" in table.names else f"{identifier}_"
             expected = np.column_stack([table[f"{stem}{axis}"] for axis in "xyz"])
             assert np.array_equal(getattr(wrenches, part)[:, i], expected)
@@ -86,9 +95,7 @@ def test_a_torque_may_come_alone(loads):
 
 
 def test_frames_of_bodies_are_turned_into_ground_where_their_motion_is_known(loads):
-    frames = (
-        "<force_expressed_in_body>foot</force_expressed_in_body><point_expressed_in_body>foot</point_expressed_in_body>"
-    )
+    frames = "<force_expressed_in_body>foot</force_expressed_in_body><point_expressed_in_body>foot</point_expressed_in_body>"
     path = loads(WHOLE + frames)
     with pytest.raises(BadModel, match=r"'plate' is given in the frame .* of body 'foot'"):
         read_external_loads(path)
@@ -138,8 +145,10 @@ def test_columns_that_are_not_there_are_named(loads):
         ("<force_identifier>g_v</force_identifier>", "names no body"),
         ("<applied_to_body>foot</applied_to_body>", "neither a force nor a torque"),
         (
-            "<applied_to_body>foot</applied_to_body><torque_identifier>g_t</torque_identifier>"
-            "<point_identifier>g_p</point_identifier>",
+            (
+                "<applied_to_body>foot</applied_to_body><torque_identifier>g_t</torque_identifier>"
+                "<point_identifier>g_p</point_identifier>"
+            ),
             "a point but no force",
         ),
     ],
@@ -156,9 +165,14 @@ def test_the_layout_before_2_3_1_names_columns_by_functions(loads, tmp_path):
         + "</objects></FunctionSet>"
         for what, columns in (("forceFunctions", "vx vy vz"), ("pointFunctions", "px py pz"))
     )
-    torques = '<FunctionSet name="torqueFunctions"><objects><Constant name="#7"/></objects></FunctionSet>'
+    torques = (
+        '<FunctionSet name="torqueFunctions"><objects><Constant name="#7"/></objects></FunctionSet>'
+    )
     path = loads("", version=20201)
-    force = f'<PrescribedForce name="old"><body_name>foot</body_name>{functions}{torques}</PrescribedForce>'
+    force = (
+        "<PrescribedForce"
+        f' name="old"><body_name>foot</body_name>{functions}{torques}</PrescribedForce>'
+    )
     path.write_text(path.read_text().replace('<ExternalForce name="plate"></ExternalForce>', force))
     wrenches = read_external_loads(path)
     assert wrenches.names == ("old",)

@@ -16,7 +16,9 @@ from myomorph.model.series import Wrenches
 
 def made_wrenches(frames=7):
     draw = np.random.default_rng(3).normal(size=(3, frames, 2, 3))
-    return Wrenches(np.linspace(0.5, 1.1, frames), ("calcn_r", "hand_l"), ("calcn_r", "hand_l"), *draw)
+    return Wrenches(
+        np.linspace(0.5, 1.1, frames), ("calcn_r", "hand_l"), ("calcn_r", "hand_l"), *draw
+    )
 
 
 def test_loads_come_back(tmp_path):
@@ -26,7 +28,9 @@ def test_loads_come_back(tmp_path):
     assert found.names == wrenches.names
     assert found.bodies == wrenches.bodies
     for name in ("time", "forces", "points", "torques"):
-        np.testing.assert_allclose(getattr(found, name), getattr(wrenches, name), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(wrenches, name), rtol=1e-9, atol=1e-12
+        )
 
 
 def test_opensim_takes_them(tmp_path):
@@ -35,13 +39,18 @@ def test_opensim_takes_them(tmp_path):
     wrenches = made_wrenches()
     write_external_loads(wrenches, tmp_path / "forces.mot", tmp_path / "forces.xml")
     script = (
-        "import opensim; loads = opensim.ExternalLoads('forces.xml', True); first = loads.get(0); "
-        "column = opensim.ArrayDouble(); "
-        "opensim.Storage(loads.getDataFileName()).getDataColumn(first.getForceIdentifier() + 'y', column); "
-        "print('found', loads.getSize(), first.getAppliedToBodyName(), *[column.get(i) for i in range(column.size())])"
+        "import opensim; loads = opensim.ExternalLoads('forces.xml', True); first = loads.get(0);"
+        " column = opensim.ArrayDouble();"
+        " opensim.Storage(loads.getDataFileName()).getDataColumn(first.getForceIdentifier() + 'y',"
+        " column); print('found', loads.getSize(), first.getAppliedToBodyName(), *[column.get(i)"
+        " for i in range(column.size())])"
     )
-    said = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, capture_output=True, text=True)
-    _, count, body, *values = next(line for line in said.stdout.splitlines() if line.startswith("found")).split()
+    said = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, check=True, capture_output=True, text=True
+    )
+    _, count, body, *values = next(
+        line for line in said.stdout.splitlines() if line.startswith("found")
+    ).split()
     assert (count, body) == ("2", "calcn_r")
     np.testing.assert_allclose(np.array(values, float), wrenches.forces[:, 0, 1], rtol=1e-9)
 
@@ -49,9 +58,13 @@ def test_opensim_takes_them(tmp_path):
 def test_points_of_idle_loads_are_numbers():
     wrenches = made_wrenches(2)
     idle = Wrenches(
-        wrenches.time, wrenches.names, wrenches.bodies, 0.0 * wrenches.forces, np.nan * wrenches.points,
-        0.0 * wrenches.torques,
-    )  # fmt: skip
+        time=wrenches.time,
+        names=wrenches.names,
+        bodies=wrenches.bodies,
+        forces=0.0 * wrenches.forces,
+        points=np.nan * wrenches.points,
+        torques=0.0 * wrenches.torques,
+    )
     assert np.isfinite(loads_table(idle).values).all()
 
 
@@ -62,24 +75,50 @@ def test_a_load_without_a_body_is_refused():
 
 
 def test_sites_of_a_body_become_one_load():
-    """Four corners of a sole on a floor: force, center of pressure and the free vertical torque that is left."""
+    """Four corners of a sole on a floor: force, center of pressure and the free vertical torque
+    that is left.
+    """
     draw = np.random.default_rng(5)
     corners = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, 0.1], [0.2, 0.0, 0.1]])
-    sites = tuple(Site(f"corner {k}", "foot", corner[None], group="sole") for k, corner in enumerate(corners))
+    sites = tuple(
+        Site(f"corner {k}", "foot", corner[None], group="sole") for k, corner in enumerate(corners)
+    )
     forces = draw.normal(size=(1, 4, 3)) * 50.0 + [0.0, 200.0, 0.0]
     points = corners[None]
-    found = ContactForces(np.zeros(1), sites, np.ones((1, 4)), forces, points, np.zeros((1, 4, 3))).wrenches()
+    found = ContactForces(
+        time=np.zeros(1),
+        sites=sites,
+        activations=np.ones((1, 4)),
+        forces=forces,
+        points=points,
+        torques=np.zeros((1, 4, 3)),
+    ).wrenches()
     assert (found.names, found.bodies) == (("foot",), ("foot",))
     np.testing.assert_allclose(found.forces[0, 0], forces[0].sum(axis=0))
     moment = np.cross(points[0], forces[0]).sum(axis=0)
-    np.testing.assert_allclose(found.torques[0, 0] + np.cross(found.points[0, 0], found.forces[0, 0]), moment)
+    np.testing.assert_allclose(
+        found.torques[0, 0] + np.cross(found.points[0, 0], found.forces[0, 0]), moment
+    )
     np.testing.assert_allclose(found.torques[0, 0, [0, 2]], 0.0, atol=1e-12)
 
 
 def test_contacts_between_bodies_give_two_opposite_loads():
-    site = Site("grip", "hand", np.zeros((1, 3)), Cone(None, grip=0.05), against="sleeve")
+    site = Site(
+        name="grip",
+        body="hand",
+        points=np.zeros((1, 3)),
+        cone=Cone(None, grip=0.05),
+        against="sleeve",
+    )
     force, point, torque = np.array([[[[3.0, 4.0, 5.0]]], [[[0.1, 0.2, 0.3]]], [[[1.0, 0.0, 2.0]]]])
-    found = ContactForces(np.zeros(1), (site,), np.ones((1, 1)), force, point, torque).wrenches("group")
+    found = ContactForces(
+        time=np.zeros(1),
+        sites=(site,),
+        activations=np.ones((1, 1)),
+        forces=force,
+        points=point,
+        torques=torque,
+    ).wrenches("group")
     assert found.bodies == ("hand", "sleeve")
     np.testing.assert_allclose(found.forces[:, 0], -found.forces[:, 1])
     np.testing.assert_allclose(found.torques[:, 0], -found.torques[:, 1])

@@ -37,7 +37,9 @@ def _binary(values: np.ndarray, compressed: bool) -> tuple[bytes, bytes]:
     blocks = [raw[i : i + size] for i in range(0, len(raw), size)]
     packed = [zlib.compress(one) for one in blocks]
     last = len(blocks[-1]) if len(blocks[-1]) < size else 0
-    return struct.pack(f"<{3 + len(packed)}I", len(blocks), size, last, *map(len, packed)), b"".join(packed)
+    return struct.pack(
+        f"<{3 + len(packed)}I", len(blocks), size, last, *map(len, packed)
+    ), b"".join(packed)
 
 
 def vtp(form: str, compressed: bool = False, encoding: str = "base64") -> bytes:
@@ -58,7 +60,11 @@ def vtp(form: str, compressed: bool = False, encoding: str = "base64") -> bytes:
         data = header + body
         if encoding == "base64":
             # Compressed arrays encode their header by itself, others together with the data.
-            data = base64.b64encode(header) + base64.b64encode(body) if compressed else base64.b64encode(data)
+            data = (
+                base64.b64encode(header) + base64.b64encode(body)
+                if compressed
+                else base64.b64encode(data)
+            )
         if form == "binary":
             told.append(f"{start}>{data.decode()}</DataArray>")
         else:
@@ -67,8 +73,10 @@ def vtp(form: str, compressed: bool = False, encoding: str = "base64") -> bytes:
     points, connectivity, offsets = told
     compressor = ' compressor="vtkZLibDataCompressor"' if compressed else ""
     head = (
-        f'<?xml version="1.0"?><VTKFile type="PolyData" version="0.1" byte_order="LittleEndian"{compressor}><PolyData>'
-        f'<Piece NumberOfPoints="5" NumberOfPolys="5"><Points>{points}</Points><Polys>{connectivity}{offsets}</Polys>'
+        '<?xml version="1.0"?><VTKFile type="PolyData" version="0.1"'
+        f' byte_order="LittleEndian"{compressor}><PolyData>'
+        '<Piece NumberOfPoints="5"'
+        f' NumberOfPolys="5"><Points>{points}</Points><Polys>{connectivity}{offsets}</Polys>'
         "</Piece></PolyData>"
     )
     tail = b""
@@ -117,12 +125,16 @@ def test_an_ascii_stl_and_an_obj_of_polygons(tmp_path: Path) -> None:
     )
     assert read_mesh(stl).faces.shape == (1, 3)
     obj = tmp_path / "two.obj"
-    obj.write_text("mtllib ../../secret.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl a\nf 1 2 3 4\n")
+    obj.write_text(
+        "mtllib ../../secret.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl a\nf 1 2 3 4\n"
+    )
     assert read_mesh(obj).faces.shape == (2, 3)
 
 
 @pytest.mark.parametrize("ending", ["vtp", "obj", "stl", "ply"])
-@pytest.mark.parametrize("content", [b"", b"\0" * 200, b"no mesh", np.random.default_rng(0).bytes(3000)])
+@pytest.mark.parametrize(
+    "content", [b"", b"\0" * 200, b"no mesh", np.random.default_rng(0).bytes(3000)]
+)
 def test_what_is_no_mesh_is_refused(ending: str, content: bytes, tmp_path: Path) -> None:
     path = tmp_path / f"bad.{ending}"
     path.write_bytes(content)
@@ -142,7 +154,8 @@ def test_files_cut_off_are_refused(form: str, share: float, tmp_path: Path) -> N
 def test_a_vtp_that_expands_without_end_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bomb.vtp"
     path.write_text(
-        '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]><VTKFile type="PolyData">&c;</VTKFile>'
+        '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]><VTKFile'
+        ' type="PolyData">&c;</VTKFile>'
     )
     with pytest.raises(BadFile, match="entities"):
         read_mesh(path)
@@ -170,10 +183,18 @@ def test_another_kind_of_file_is_named(tmp_path: Path) -> None:
 
 def model(*names: str) -> Model:
     meshes = tuple(Mesh(name, Transform.identity(), np.ones(3)) for name in names)
-    body = Body("bone", 1.0, np.zeros(3), np.eye(3), meshes)
+    body = Body(name="bone", mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3), meshes=meshes)
     fixed = Axis("rotation", np.array([0.0, 0.0, 1.0]), constant(0.0))
-    joint = Joint("weld", "WeldJoint", "ground", "bone", Transform.identity(), Transform.identity(), (fixed,))
-    return Model("m", (body,), (joint,), (), np.zeros(3))
+    joint = Joint(
+        name="weld",
+        kind="WeldJoint",
+        parent="ground",
+        child="bone",
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+        axes=(fixed,),
+    )
+    return Model(name="m", bodies=(body,), joints=(joint,), coordinates=(), gravity=np.zeros(3))
 
 
 OUTSIDE = [
@@ -235,7 +256,7 @@ def test_one_bad_mesh_does_not_spoil_the_others(tmp_path: Path) -> None:
     (tmp_path / "good.vtp").write_bytes(FORMS["ascii"])
     (tmp_path / "bad.vtp").write_bytes(b"no mesh")
     one = model("good.vtp", "bad.vtp")
-    ball = Mesh("", Transform.identity(), np.ones(3), "sphere")
+    ball = Mesh(file="", pose=Transform.identity(), scale=np.ones(3), shape="sphere")
     one = replace(one, bodies=(replace(one.bodies[0], meshes=(*one.bodies[0].meshes, ball)),))
     found, warnings = read_surfaces(one, [tmp_path])
     assert list(found) == ["good.vtp"]
@@ -243,7 +264,9 @@ def test_one_bad_mesh_does_not_spoil_the_others(tmp_path: Path) -> None:
     assert "bad.vtp" in warnings[0]
 
 
-@pytest.mark.parametrize("name", ["r_femur.vtp", "l_tibia_SOMEINVERTEDFACES.vtp", "sacrum.vtp", "hat_skull.vtp"])
+@pytest.mark.parametrize(
+    "name", ["r_femur.vtp", "l_tibia_SOMEINVERTEDFACES.vtp", "sacrum.vtp", "hat_skull.vtp"]
+)
 def test_real_bones(name: str, data: Callable[[str], Path]) -> None:
     path = data(f"bones-opensim-rajagopal/Geometry/{name}")
     found = read_mesh(path)

@@ -26,7 +26,12 @@ def made(path, labels=("hip", "knee"), fragments=3, rate=250.0, compressed=True,
     groups = {"Labeled": {"Count": float(len(labels)), "Labels": label, "Data": own}}
     if fragments:
         groups["Unidentified"] = {"Count": float(fragments), "Data": loose}
-    table = {"StartFrame": 11.0, "Frames": float(FRAMES), "FrameRate": rate, "Trajectories": groups} | changes
+    table = {
+        "StartFrame": 11.0,
+        "Frames": float(FRAMES),
+        "FrameRate": rate,
+        "Trajectories": groups,
+    } | changes
     savemat(path, {"walk_1": table}, do_compression=compressed)
     return own
 
@@ -36,7 +41,9 @@ def test_what_was_written_is_read_back(tmp_path, compressed):
     own = made(tmp_path / "a.mat", compressed=compressed)
     trial = read_qualisys_mat(tmp_path / "a.mat")
     assert trial.markers.names == ("hip", "knee")
-    np.testing.assert_allclose(trial.markers.values, 1e-3 * own[:, :3].transpose(2, 0, 1), rtol=1e-15)
+    np.testing.assert_allclose(
+        trial.markers.values, 1e-3 * own[:, :3].transpose(2, 0, 1), rtol=1e-15
+    )
     np.testing.assert_allclose(trial.markers.time, (10 + np.arange(FRAMES)) / 250.0)
     assert trial.facts["unidentified fragments"] == "3, together 0.2 s, the longest 0.08 s"
 
@@ -67,8 +74,22 @@ def test_what_is_not_read_is_told(tmp_path):
     [
         ({"FrameRate": 0.0}, "frame rate of 0 Hz"),
         ({"Trajectories": {"Unidentified": {"Count": 0.0}}}, "no labelled trajectories"),
-        ({"Trajectories": {"Labeled": {"Count": 1.0, "Labels": "a", "Data": np.zeros((1, 7, 4))}}}, "the shape"),
-        ({"Trajectories": {"Labeled": {"Count": 2.0, "Labels": "a", "Data": np.zeros((2, 4, 4))}}}, "1 labels for 2"),
+        (
+            {
+                "Trajectories": {
+                    "Labeled": {"Count": 1.0, "Labels": "a", "Data": np.zeros((1, 7, 4))}
+                }
+            },
+            "the shape",
+        ),
+        (
+            {
+                "Trajectories": {
+                    "Labeled": {"Count": 2.0, "Labels": "a", "Data": np.zeros((2, 4, 4))}
+                }
+            },
+            "1 labels for 2",
+        ),
     ],
 )
 def test_recordings_that_cannot_be_are_named(tmp_path, changes, words):
@@ -104,13 +125,19 @@ def test_damaged_and_foreign_files_are_named(tmp_path, monkeypatch):
 def test_the_treadmill_mouse(data):
     path = data("mouse-markers-treadmill/treadmill_15m_per_min.mat")
     trial = read_recording(path)
-    assert (len(trial.markers), len(trial.markers.names), trial.markers.rate) == (10500, 11, pytest.approx(300.0))
+    assert (len(trial.markers), len(trial.markers.names), trial.markers.rate) == (
+        10500,
+        11,
+        pytest.approx(300.0),
+    )
     unseen = 1.0 - np.isfinite(trial.markers.values).all(axis=2).mean(axis=0)
     seldom = dict(zip(trial.markers.names, unseen, strict=True))
     assert seldom["left_ankle"] == pytest.approx(0.81, abs=0.01)
     assert seldom["right_ankle"] == pytest.approx(0.87, abs=0.01)
     # A mouse: hip and knee a few centimetres apart, millimetres in the file.
-    apart = np.nanmedian(np.linalg.norm(trial.markers["left_hip"] - trial.markers["left_knee"], axis=1))
+    apart = np.nanmedian(
+        np.linalg.norm(trial.markers["left_hip"] - trial.markers["left_knee"], axis=1)
+    )
     assert 0.005 < apart < 0.03
     assert any("unidentified fragments" in label for label, _ in inspect(path).facts)
 

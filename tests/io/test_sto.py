@@ -72,11 +72,13 @@ BODY = "time\ta\tb\n0\t1\t2\n0.1\t3\t4\n"
 HEADERS = {
     "opensim": "title\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\n" + BODY,
     "simm": "name title\ndatacolumns 3\ndatarows 2\nrange 0 0.1\nendheader\n" + BODY,
-    "quoted": '"title"\t\n"Nrows=2"\t\n"nColumns=3"\n"endheader"\t\n' + BODY.replace("time", '"time"'),
+    "quoted": '"title"\t\n"Nrows=2"\t\n"nColumns=3"\n"endheader"\t\n'
+    + BODY.replace("time", '"time"'),
     "windows": ("title\nversion=1\ninDegrees=no\nendheader\n" + BODY).replace("\n", "\r\n"),
     "commas": "title,,\nendheader,,\n" + BODY.replace("\t", ","),
     "spaces": "title\nendheader\n" + BODY.replace("\t", "   "),
-    "padded": "title\nendheader\n\n" + BODY.replace("time\t", "      time\t ").replace("\n", "\t\n"),
+    "padded": "title\nendheader\n\n"
+    + BODY.replace("time\t", "      time\t ").replace("\n", "\t\n"),
     "no endheader": BODY,
     "no last line end": "title\nendheader\n" + BODY.rstrip("\n"),
     "blank lines": "title\nendheader\n\n\n" + BODY + "\n\n",
@@ -108,10 +110,14 @@ def test_degrees_follow_opensim(header, name, degrees, tmp_path):
 
 
 def test_blank_and_misspelt_numbers_are_nan(tmp_path):
-    body = "time\ta\tb\tc\td\n0\t\tNaN\t-1.#IND\t1.5D+02\n1\t1\tnan(ind)\t2\t3\n2\tinf\t1\t-Inf\t3\n"
+    body = (
+        "time\ta\tb\tc\td\n0\t\tNaN\t-1.#IND\t1.5D+02\n1\t1\tnan(ind)\t2\t3\n2\tinf\t1\t-Inf\t3\n"
+    )
     table = read_sto(written(tmp_path, "t\nendheader\n" + body))
     nan = np.nan
-    np.testing.assert_array_equal(table.values, [[nan, nan, nan, 150], [1, nan, 2, 3], [nan, 1, nan, 3]])
+    np.testing.assert_array_equal(
+        table.values, [[nan, nan, nan, 150], [1, nan, 2, 3], [nan, 1, nan, 3]]
+    )
     assert any("infinite" in line for line in table.warnings)
 
 
@@ -183,22 +189,62 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path):
 
 def two_joints() -> Model:
     frame = Transform.identity()
-    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3)) for name in ("cart", "arm"))
-    slide = Axis(
-        "translation", np.array([1.0, 0, 0]), PiecewisePolynomial(np.zeros(1), np.array([[0.0, 1.0]])), ("reach",)
+    bodies = tuple(
+        Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
+        for name in ("cart", "arm")
     )
-    turn = Axis("rotation", np.array([0.0, 0, 1]), PiecewisePolynomial(np.zeros(1), np.array([[0.0, 1.0]])), ("angle",))
+    slide = Axis(
+        kind="translation",
+        vector=np.array([1.0, 0, 0]),
+        function=PiecewisePolynomial(np.zeros(1), np.array([[0.0, 1.0]])),
+        coordinates=("reach",),
+    )
+    turn = Axis(
+        kind="rotation",
+        vector=np.array([0.0, 0, 1]),
+        function=PiecewisePolynomial(np.zeros(1), np.array([[0.0, 1.0]])),
+        coordinates=("angle",),
+    )
     joints = (
-        Joint("slide", "SliderJoint", "ground", "cart", frame, frame, (slide,), ("reach",)),
-        Joint("pin", "PinJoint", "cart", "arm", frame, frame, (turn,), ("angle",)),
+        Joint(
+            name="slide",
+            kind="SliderJoint",
+            parent="ground",
+            child="cart",
+            parent_frame=frame,
+            child_frame=frame,
+            axes=(slide,),
+            coordinates=("reach",),
+        ),
+        Joint(
+            name="pin",
+            kind="PinJoint",
+            parent="cart",
+            child="arm",
+            parent_frame=frame,
+            child_frame=frame,
+            axes=(turn,),
+            coordinates=("angle",),
+        ),
     )
     coordinates = (Coordinate("reach", "translational"), Coordinate("angle", "rotational"))
-    return Model("two", bodies, joints, coordinates, np.array([0, -9.81, 0]))
+    return Model(
+        name="two",
+        bodies=bodies,
+        joints=joints,
+        coordinates=coordinates,
+        gravity=np.array([0, -9.81, 0]),
+    )
 
 
 def test_degrees_become_radians_for_rotations_only():
     names = ("/jointset/pin/angle/value", "/jointset/pin/angle/speed", "angle_u", "reach", "other")
-    table = Table(np.arange(2.0), names, np.array([[90.0, 5, 6, 0.3, 7], [180.0, 5, 6, 0.4, 7]]), in_degrees=True)
+    table = Table(
+        np.arange(2.0),
+        names,
+        np.array([[90.0, 5, 6, 0.3, 7], [180.0, 5, 6, 0.4, 7]]),
+        in_degrees=True,
+    )
     motion = motion_from_table(table, two_joints())
     assert motion.names == ("reach", "angle")
     np.testing.assert_allclose(motion.values, [[0.3, np.pi / 2], [0.4, np.pi]])
@@ -206,7 +252,9 @@ def test_degrees_become_radians_for_rotations_only():
 
 @pytest.mark.parametrize("degrees", [True, False])
 def test_a_motion_survives_the_table(degrees):
-    motion = Motion(np.arange(5) / 10, ("angle", "reach"), np.random.default_rng(0).normal(size=(5, 2)))
+    motion = Motion(
+        np.arange(5) / 10, ("angle", "reach"), np.random.default_rng(0).normal(size=(5, 2))
+    )
     table = table_from_motion(motion, two_joints(), degrees)
     back = motion_from_table(table, two_joints())
     np.testing.assert_allclose(back["angle"], motion["angle"], rtol=1e-14)

@@ -42,18 +42,33 @@ def test_markers_are_what_opensim_reads(name, data):
     np.testing.assert_array_equal(theirs.getIndependentColumn(), markers.time)
     for frame in {0, len(markers) // 3, len(markers) - 1}:
         row = theirs.getRowAtIndex(frame)
-        values = np.array([[row[k][axis] for axis in range(3)] for k in range(len(markers.names))]) * unit
+        values = (
+            np.array([[row[k][axis] for axis in range(3)] for k in range(len(markers.names))])
+            * unit
+        )
         np.testing.assert_array_equal(values, markers.values[frame])
 
 
 @pytest.mark.parametrize(
     ("name", "shape", "warning"),
     [
-        ("c3d-shoulder-emg-handle/markers.trc", (93, 51), "the header says 652 frames, the file has 93"),
+        (
+            "c3d-shoulder-emg-handle/markers.trc",
+            (93, 51),
+            "the header says 652 frames, the file has 93",
+        ),
         ("odd-trc-mot/markers.trc", (281, 61), "exactly (0, 0, 0)"),
         ("odd-trc-mot/markers_StairUp3.trc", (440, 61), "exactly (0, 0, 0)"),
-        ("c3d-vendor-samples/TRCSamples/UpperLimbStatic.trc", (146, 34), "6 columns behind the last marker"),
-        ("c3d-vendor-samples/TRCSamples/10002-20130731010438-Unnamed.trc", (1313, 37), "37 markers have no name"),
+        (
+            "c3d-vendor-samples/TRCSamples/UpperLimbStatic.trc",
+            (146, 34),
+            "6 columns behind the last marker",
+        ),
+        (
+            "c3d-vendor-samples/TRCSamples/10002-20130731010438-Unnamed.trc",
+            (1313, 37),
+            "37 markers have no name",
+        ),
     ],
 )
 def test_files_opensim_refuses_are_mended_and_it_is_told(name, shape, warning, data):
@@ -69,10 +84,17 @@ def test_zeros_are_hidden_markers(data):
     assert not np.any(np.all(markers.values == 0.0, axis=2))
 
 
-def trc(rows: str, names: str = "A\t\t\tB", values: str = "100\t100\t3\t2\tmm\t100\t1\t3", end: str = "\n") -> str:
+def trc(
+    rows: str,
+    names: str = "A\t\t\tB",
+    values: str = "100\t100\t3\t2\tmm\t100\t1\t3",
+    end: str = "\n",
+) -> str:
     keys = "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
     axes = "\t\tX1\tY1\tZ1\tX2\tY2\tZ2"
-    return end.join(["PathFileType\t4\t(X/Y/Z)\tx.trc", keys, values, f"Frame#\tTime\t{names}", axes, "", rows])
+    return end.join(
+        ["PathFileType\t4\t(X/Y/Z)\tx.trc", keys, values, f"Frame#\tTime\t{names}", axes, "", rows]
+    )
 
 
 ROWS = "1\t0.00\t1\t2\t3\t4\t5\t6\n2\t0.01\t7\t8\t9\t10\t11\t12\n3\t0.02\t13\t14\t15\t16\t17\t18\n"
@@ -102,9 +124,22 @@ def read(tmp_path, text: str):
         trc(ROWS).replace("\n\n", "\n"),
         "\ufeff" + trc(ROWS),
     ],
-    ids=["plain", "crlf", "cr", "commas", "names close", "spaces", "shifted header", "trailing tabs", "no line end",
-         "exponents", "capital unit", "no blank line", "byte order mark"],
-)  # fmt: skip
+    ids=[
+        "plain",
+        "crlf",
+        "cr",
+        "commas",
+        "names close",
+        "spaces",
+        "shifted header",
+        "trailing tabs",
+        "no line end",
+        "exponents",
+        "capital unit",
+        "no blank line",
+        "byte order mark",
+    ],
+)
 def test_one_content_in_many_clothes(text, tmp_path):
     trial = read(tmp_path, text)
     assert trial.markers.names == ("A", "B")
@@ -120,7 +155,10 @@ def test_units(unit, factor, tmp_path):
 
 
 def test_an_unknown_unit_is_guessed_and_told(tmp_path):
-    trial = read(tmp_path, trc(ROWS.replace("\t5\t", "\t5000\t"), values="100\t100\t3\t2\tfurlong\t100\t1\t3"))
+    trial = read(
+        tmp_path,
+        trc(ROWS.replace("\t5\t", "\t5000\t"), values="100\t100\t3\t2\tfurlong\t100\t1\t3"),
+    )
     assert any("furlong" in line for line in trial.warnings)
 
 
@@ -159,7 +197,9 @@ def test_a_row_cut_off_is_left_out(tmp_path):
     assert any("cut off" in line for line in trial.warnings)
 
 
-@pytest.mark.parametrize("text", ["", "\n\n", "x", "PathFileType\t4\n", trc(""), trc("a\tb\tc\n"), "\0\1\2" * 50])
+@pytest.mark.parametrize(
+    "text", ["", "\n\n", "x", "PathFileType\t4\n", trc(""), trc("a\tb\tc\n"), "\0\1\2" * 50]
+)
 def test_what_is_no_trc_is_refused_in_one_line(text, tmp_path):
     with pytest.raises(BadFile) as caught:
         read(tmp_path, text)

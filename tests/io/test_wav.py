@@ -30,7 +30,13 @@ def written(path, kind):
     return path
 
 
-STEPS = {np.uint8: 2**-8, np.int16: 2**-16, np.int32: 2**-24, np.float32: 2**-24, np.float64: 2**-24}
+STEPS = {
+    np.uint8: 2**-8,
+    np.int16: 2**-16,
+    np.int32: 2**-24,
+    np.float32: 2**-24,
+    np.float64: 2**-24,
+}
 
 
 @pytest.mark.parametrize(("kind", "step"), STEPS.items())
@@ -65,17 +71,25 @@ def riff(*chunks: bytes) -> bytes:
 
 def form(kind=1, channels=2, rate=48000, bits=16, more=b"") -> bytes:
     block = channels * bits // 8
-    return chunk(b"fmt ", struct.pack("<HHIIHH", kind, channels, rate, rate * block, block, bits & 0xFFFF) + more)
+    return chunk(
+        b"fmt ",
+        struct.pack("<HHIIHH", kind, channels, rate, rate * block, block, bits & 0xFFFF) + more,
+    )
 
 
 def test_other_chunks_and_the_extensible_form_are_stepped_over(tmp_path):
     values = np.arange(-10, 10, dtype="<i2")
     more = struct.pack("<HHIH", 22, 16, 3, 1) + b"\0" * 14
     data = riff(
-        chunk(b"bext", b"odd"), form(0xFFFE, more=more), chunk(b"LIST", b"12345"), chunk(b"data", values.tobytes())
+        chunk(b"bext", b"odd"),
+        form(0xFFFE, more=more),
+        chunk(b"LIST", b"12345"),
+        chunk(b"data", values.tobytes()),
     )
     (tmp_path / "a.wav").write_bytes(data)
-    np.testing.assert_array_equal(read_wav(tmp_path / "a.wav").samples.ravel(), values / np.float32(32768))
+    np.testing.assert_array_equal(
+        read_wav(tmp_path / "a.wav").samples.ravel(), values / np.float32(32768)
+    )
 
 
 def test_a_recording_that_was_cut_off_is_read_as_far_as_it_goes(tmp_path):

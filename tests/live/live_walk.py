@@ -36,13 +36,16 @@ class Kept:
 
 def recorded_walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches]:
     model = open_model(data(f"{WALK}/subject_walk_scaled.osim"))
-    markers, wrenches = open_recording(model, data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/grf_walk.xml"))
+    markers, wrenches = open_recording(
+        model, data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/grf_walk.xml")
+    )
     assert isinstance(markers, Markers)
     assert wrenches is not None
     return model, cut(markers, 0.5, 1.4), wrenches
 
 
 def played(model: Model, markers: Markers | Motion, wrenches: Wrenches | None) -> Kept:
-    kept, source = Kept(), Replay(markers, wrenches, 0.0)
+    kept = Kept()
+    source = Replay(markers, wrenches, 0.0)
     follow(LiveChain(model, source), source, [kept])
     return kept

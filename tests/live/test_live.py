@@ -48,7 +48,11 @@ def marked(walk: tuple[Model, LiveRecording]) -> tuple[Model, Markers, Wrenches]
     model, recording = walk
     # The file has no markers of its own: three a body keep every coordinate in sight.
     places = np.vstack([np.zeros(3), 0.1 * np.eye(3)])
-    made = tuple(Marker(f"{body}-{i}", body, place) for body in model.body_names for i, place in enumerate(places))
+    made = tuple(
+        Marker(f"{body}-{i}", body, place)
+        for body in model.body_names
+        for i, place in enumerate(places)
+    )
     model = model.with_markers(made)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(recording.motion))  # type: ignore[arg-type]
@@ -78,32 +82,55 @@ class Seen:
 
 
 def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
-    """What a live session ends with is what the batch finds from all of it through the same filter, to 1e-8."""
+    """What a live session ends with is what the batch finds from all of it through the same filter,
+    to 1e-8.
+    """
     model, recording = walk
-    result = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS)
+    result = identify_frames(
+        model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS
+    )
     online = result.identification
     filtered = online.filter.motion(result.motion)
-    total = total_wrench(recording.wrenches.forces, recording.wrenches.points, recording.wrenches.torques)
+    total = total_wrench(
+        recording.wrenches.forces, recording.wrenches.points, recording.wrenches.torques
+    )
     half = online.force_filter.half
-    smooth, clock = online.force_filter.values(total), recording.wrenches.time[half:-half]
+    smooth = online.force_filter.values(total)
+    clock = recording.wrenches.time[half:-half]
     at = np.stack([np.interp(filtered.time, clock, column) for column in smooth.T], axis=1)
     zero = np.zeros((len(at), 1, 3))
-    forces = Wrenches(filtered.time, ("all",), (model.body_names[0],), at[:, None, 3:], zero, at[:, None, :3])
+    forces = Wrenches(
+        time=filtered.time,
+        names=("all",),
+        bodies=(model.body_names[0],),
+        forces=at[:, None, 3:],
+        points=zero,
+        torques=at[:, None, :3],
+    )
     use = np.isin(np.round(filtered.time, 6), np.round(online.used, 6))
     assert use.sum() == len(online.used) > 90
     noise = {"moment_noise": float(online.sigma[0]), "force_noise": float(online.sigma[3])}
-    batch = fit_base(model, [Recording(filtered, forces, use)], online.base, BaseOptions(correlated=False, **noise))
+    batch = fit_base(
+        model,
+        [Recording(filtered, forces, use)],
+        online.base,
+        BaseOptions(correlated=False, **noise),
+    )
     size = np.maximum(np.abs(batch.estimate), batch.size)
     np.testing.assert_allclose(result.state.fit.estimate / size, batch.estimate / size, atol=1e-8)
 
 
 def test_what_came_is_kept(walk: tuple[Model, LiveRecording]) -> None:
     model, recording = walk
-    result = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS)
+    result = identify_frames(
+        model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS
+    )
     np.testing.assert_array_equal(result.motion.time, recording.motion.time)
     for name in recording.motion.names:
         np.testing.assert_array_equal(result.motion[name], recording.motion[name])
-    whole = total_wrench(recording.wrenches.forces, recording.wrenches.points, recording.wrenches.torques)
+    whole = total_wrench(
+        recording.wrenches.forces, recording.wrenches.points, recording.wrenches.torques
+    )
     kept = total_wrench(result.wrenches.forces, result.wrenches.points, result.wrenches.torques)
     np.testing.assert_allclose(kept, whole[-len(kept) :], atol=1e-9)
     assert "least '" in result.summary()
@@ -112,7 +139,9 @@ def test_what_came_is_kept(walk: tuple[Model, LiveRecording]) -> None:
 def test_matrices_of_one_frame_wake_no_threads(
     walk: tuple[Model, LiveRecording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before, in and after the loop: warming up with more threads took several times as long as all frames."""
+    """Before, in and after the loop: warming up with more threads took several times as long as all
+    frames.
+    """
     threads: list[int] = []
     propose = SequentialFit.propose
 
@@ -146,7 +175,9 @@ def test_a_recording_plays_in_its_own_time(walk: tuple[Model, LiveRecording]) ->
     assert len(source.take().motion_time) == 1
     now[0] += 0.5
     arrived = source.take()
-    np.testing.assert_allclose(arrived.motion_time[-1], recording.motion.time[0] + 1.0, atol=1.0 / 60.0)
+    np.testing.assert_allclose(
+        arrived.motion_time[-1], recording.motion.time[0] + 1.0, atol=1.0 / 60.0
+    )
     assert arrived.force_time[-1] <= recording.motion.time[0] + 1.0 + 1e-9
     assert not source.done
     now[0] += 5.0
@@ -155,10 +186,14 @@ def test_a_recording_plays_in_its_own_time(walk: tuple[Model, LiveRecording]) ->
 
 
 def test_displays_see_the_body_take_color(walk: tuple[Model, LiveRecording]) -> None:
-    """At ten times the recording's speed the display is shown what is known, and never less than before."""
+    """At ten times the recording's speed the display is shown what is known, and never less than
+    before.
+    """
     model, recording = walk
     seen = Seen()
-    result = identify_frames(model, Replay(recording.motion, recording.wrenches, 4.0), online=OPTIONS, displays=[seen])
+    result = identify_frames(
+        model, Replay(recording.motion, recording.wrenches, 4.0), online=OPTIONS, displays=[seen]
+    )
     assert len(seen.states) >= 2
     progress = [one.fit.progress for one in seen.states]
     assert progress == sorted(progress)
@@ -169,7 +204,9 @@ def test_displays_see_the_body_take_color(walk: tuple[Model, LiveRecording]) -> 
 
 def test_the_terminal_tells_segments_and_what_to_move(walk: tuple[Model, LiveRecording]) -> None:
     model, recording = walk
-    state = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS).state
+    state = identify_frames(
+        model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS
+    ).state
     segments = segments_of(model)
     view = BodyView(model)
     body = half_blocks(view.pixels(state.pose, state.levels, 40, 50))
@@ -181,18 +218,22 @@ def test_the_terminal_tells_segments_and_what_to_move(walk: tuple[Model, LiveRec
     assert f"{state.fit.frames} used of {state.frames}" in text
     assert text.count("right") >= 3
     assert "▀" in text
-    assert f"| upper trunk | {100 * state.levels[model.body_names.index('torso')]:.0f} % |" in live_markdown(
-        state, model.body_names, segments, Clock(2.0)
+    assert (
+        f"| upper trunk | {100 * state.levels[model.body_names.index('torso')]:.0f} % |"
+        in live_markdown(state, model.body_names, segments, Clock(2.0))
     )
 
 
 def test_the_picture_shows_levels(walk: tuple[Model, LiveRecording]) -> None:
-    """Blue where everything is known, red where nothing is, and it follows the body through the room."""
+    """Blue where everything is known, red where nothing is, and it follows the body through the
+    room.
+    """
     model, _ = walk
     view = BodyView(model)
     count = len(model.bodies)
     rest = np.array([coordinate.default for coordinate in model.coordinates])
-    known, unknown = (view.pixels(rest, np.full(count, level), 40, 60) for level in (1.0, 0.0))
+    known = view.pixels(rest, np.full(count, 1.0), 40, 60)
+    unknown = view.pixels(rest, np.full(count, 0.0), 40, 60)
     inside = known[..., 3] > 200
     assert 0.05 < inside.mean() < 0.6
     assert (known[inside][:, 2] > known[inside][:, 0]).all()
@@ -211,18 +252,41 @@ def test_sources_that_cannot_be() -> None:
     with pytest.raises(BadData, match="needs a recording"):
         source_of(None, LiveOptions())
     with pytest.raises(BadData, match="speed -1"):
-        Replay(motion, Wrenches(time, ("p",), ("a",), zero, zero, zero), -1.0)
+        Replay(
+            motion,
+            Wrenches(
+                time=time, names=("p",), bodies=("a",), forces=zero, points=zero, torques=zero
+            ),
+            -1.0,
+        )
     with pytest.raises(BadData, match="no time in common"):
-        Replay(motion, Wrenches(time + 9.0, ("p",), ("a",), zero, zero, zero))
+        Replay(
+            motion,
+            Wrenches(
+                time=time + 9.0, names=("p",), bodies=("a",), forces=zero, points=zero, torques=zero
+            ),
+        )
 
 
 def test_without_any_force_nothing_is_pretended(walk: tuple[Model, LiveRecording]) -> None:
     model, recording = walk
     wrenches = recording.wrenches
     nothing = np.full_like(wrenches.forces, np.nan)
-    lost = Wrenches(wrenches.time, wrenches.names, wrenches.bodies, nothing, wrenches.points, wrenches.torques)
+    lost = Wrenches(
+        time=wrenches.time,
+        names=wrenches.names,
+        bodies=wrenches.bodies,
+        forces=nothing,
+        points=wrenches.points,
+        torques=wrenches.torques,
+    )
     with pytest.raises(BadData, match=f"none of the .* {NO_FORCE}"):
-        run_live(model, LiveRecording(recording.motion, lost), live=LiveOptions(speed=0.0), terminal=False)
+        run_live(
+            model,
+            LiveRecording(recording.motion, lost),
+            live=LiveOptions(speed=0.0),
+            terminal=False,
+        )
 
 
 def test_channels_of_markers() -> None:
@@ -242,12 +306,22 @@ def test_channels_of_markers() -> None:
 
 
 def test_channels_of_forces_mean_the_same_wrench() -> None:
-    """A plate told by force, point and free torque, and by force and moment about the origin, is one wrench."""
+    """A plate told by force, point and free torque, and by force and moment about the origin, is
+    one wrench.
+    """
     rng = np.random.default_rng(0)
-    forces, points, torques = rng.standard_normal((3, 5, 1, 3)) * [[[[400.0]]], [[[1.0]]], [[[3.0]]]]
+    forces, points, torques = rng.standard_normal((3, 5, 1, 3)) * [
+        [[[400.0]]],
+        [[[1.0]]],
+        [[[3.0]]],
+    ]
     total = total_wrench(forces, points, torques)
-    names, nine = force_channels([f"one_{a}{b}" for a in "FPT" for b in "xyz"], [""] * 3 + ["mm"] * 3 + [""] * 3)
-    np.testing.assert_allclose(nine(np.hstack([forces[:, 0], 1e3 * points[:, 0], torques[:, 0]]))[:, 0], total)
+    names, nine = force_channels(
+        [f"one_{a}{b}" for a in "FPT" for b in "xyz"], [""] * 3 + ["mm"] * 3 + [""] * 3
+    )
+    np.testing.assert_allclose(
+        nine(np.hstack([forces[:, 0], 1e3 * points[:, 0], torques[:, 0]]))[:, 0], total
+    )
     assert names == ("one",)
     _, six = force_channels([f"{a}{b}" for a in "FM" for b in "xyz"], [""] * 6)
     np.testing.assert_allclose(six(np.hstack([total[:, 3:], total[:, :3]]))[:, 0], total)
@@ -261,7 +335,8 @@ class FakeInlet:
     """What a stream has sent so far, at once."""
 
     def __init__(self, info: Any, processing_flags: int = 0):
-        self._info, self.sent = info, False
+        self._info = info
+        self.sent = False
 
     def info(self, timeout: float) -> Any:
         return self._info
@@ -285,7 +360,8 @@ class FakeInlet:
 
 class FakeChannel:
     def __init__(self, labels: list[str], at: int = 0):
-        self.labels, self.at = labels, at
+        self.labels = labels
+        self.at = at
 
     def child(self, name: str) -> "FakeChannel":
         return self
@@ -297,19 +373,29 @@ class FakeChannel:
         return FakeChannel(self.labels, self.at + 1)
 
 
-def stream(name: str, rate: float, labels: list[str], time: np.ndarray, rows: np.ndarray) -> SimpleNamespace:
+def stream(
+    name: str, rate: float, labels: list[str], time: np.ndarray, rows: np.ndarray
+) -> SimpleNamespace:
     return SimpleNamespace(
-        name=lambda: name, time=time, rows=rows, desc=lambda: FakeChannel(labels), channel_count=lambda: len(labels),
+        name=lambda: name,
+        time=time,
+        rows=rows,
+        desc=lambda: FakeChannel(labels),
+        channel_count=lambda: len(labels),
         nominal_srate=lambda: rate,
-    )  # fmt: skip
+    )
 
 
 def network(*streams: SimpleNamespace) -> SimpleNamespace:
     return SimpleNamespace(
-        proc_clocksync=1, proc_dejitter=4, proc_monotonize=8, StreamInlet=FakeInlet, local_clock=clock.monotonic,
+        proc_clocksync=1,
+        proc_dejitter=4,
+        proc_monotonize=8,
+        StreamInlet=FakeInlet,
+        local_clock=clock.monotonic,
         resolve_byprop=lambda key, value, timeout: [one for one in streams if one.name() == value],
         resolve_streams=lambda wait: list(streams),
-    )  # fmt: skip
+    )
 
 
 def laboratory(markers: Markers, wrenches: Wrenches) -> tuple[SimpleNamespace, SimpleNamespace]:
@@ -318,7 +404,9 @@ def laboratory(markers: Markers, wrenches: Wrenches) -> tuple[SimpleNamespace, S
     plates = [f"all_{a}{b}" for a in "FM" for b in "xyz"]
     rows = np.hstack([total[:, 3:], total[:, :3]])
     return (
-        stream("Cameras", markers.rate, places, markers.time, markers.values.reshape(len(markers), -1)),
+        stream(
+            "Cameras", markers.rate, places, markers.time, markers.values.reshape(len(markers), -1)
+        ),
         stream("Plates", Replay(markers, wrenches).force_rate, plates, wrenches.time, rows),
     )
 
@@ -332,7 +420,9 @@ def test_streams_give_what_a_file_gives(
     result = identify_frames(model, source, online=OPTIONS)
     played = identify_frames(model, Replay(markers, wrenches, 0.0), online=OPTIONS)
     assert result.state.fit.frames == played.state.fit.frames
-    np.testing.assert_allclose(result.state.fit.estimate, played.state.fit.estimate, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        result.state.fit.estimate, played.state.fit.estimate, rtol=1e-6, atol=1e-6
+    )
 
 
 def test_a_stream_that_is_not_there_is_told(marked: tuple[Model, Markers, Wrenches]) -> None:
@@ -363,7 +453,12 @@ def test_streams_through_the_real_library(
     for one in laboratory(markers, wrenches):
         labels = one.desc().labels
         info = pylsl.StreamInfo(
-            f"myomorph-test-{one.name()}", "Mocap", len(labels), one.nominal_srate(), "double64", "x"
+            f"myomorph-test-{one.name()}",
+            "Mocap",
+            len(labels),
+            one.nominal_srate(),
+            "double64",
+            "x",
         )
         channels = info.desc().append_child("channels")
         for label in labels:
@@ -377,7 +472,8 @@ def test_streams_through_the_real_library(
         for outlet, _ in outlets:
             while not outlet.have_consumers():
                 time.sleep(0.01)
-        began, first = pylsl.local_clock() + 0.3, float(markers.time[0])
+        began = pylsl.local_clock() + 0.3
+        first = float(markers.time[0])
         # At the pace of a laboratory: sent at once, forces and markers would overtake each other.
         samples = [
             (moment, i, row)
@@ -408,13 +504,18 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     from myomorph.viewer.identification_page import WebDisplay
 
     model, recording = walk
-    state = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS).state
+    state = identify_frames(
+        model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS
+    ).state
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     viewer = WebDisplay(model, {}, None, port)
     try:
-        assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10).read()
+        assert (
+            b"<html"
+            in urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10).read()
+        )
         viewer.pose(np.zeros(len(model.coordinates)), np.array([[0.0, 1.0, 0.0], [np.nan] * 3]))
         viewer.show(state, Clock(1.0, 2.0))
     finally:

@@ -29,7 +29,9 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches]:
     return recorded_walk(data)
 
 
-def test_it_is_the_offline_chain_with_the_same_filter(walk: tuple[Model, Markers, Wrenches]) -> None:
+def test_it_is_the_offline_chain_with_the_same_filter(
+    walk: tuple[Model, Markers, Wrenches],
+) -> None:
     """Poses, torques and activations are those of the steps that have the whole recording."""
     model, markers, wrenches = walk
     kept = played(model, markers, wrenches)
@@ -45,7 +47,14 @@ def test_it_is_the_offline_chain_with_the_same_filter(walk: tuple[Model, Markers
         *(one[known] for one in (motion.values, motion.velocities, motion.accelerations)),
     )
     zero = np.zeros_like(each[known, :, :3])
-    external = Wrenches(motion.time, wrenches.names, wrenches.bodies, each[known, :, 3:], zero, each[known, :, :3])
+    external = Wrenches(
+        time=motion.time,
+        names=wrenches.names,
+        bodies=wrenches.bodies,
+        forces=each[known, :, 3:],
+        points=zero,
+        torques=each[known, :, :3],
+    )
     torques = inverse_dynamics(model, motion, external)
     tension = solve_tension(model, motion, torques)
     states = kept.all("state")
@@ -59,7 +68,9 @@ def test_it_is_the_offline_chain_with_the_same_filter(walk: tuple[Model, Markers
 
 
 def test_results_are_of_the_time_less_the_delay(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """Shifted by the filter's delay, angles are those of the markers: within a degree and a half in a walk."""
+    """Shifted by the filter's delay, angles are those of the markers: within a degree and a half in
+    a walk.
+    """
     model, markers, wrenches = walk
     kept = played(model, markers, wrenches)
     motion = inverse_kinematics(model, markers).motion
@@ -85,18 +96,25 @@ def test_while_the_body_is_held_torques_are_not_told(walk: tuple[Model, Markers,
     assert np.isnan(kept.all("torques")[40:45]).all()
     coordinates = kept.all("coordinates")
     assert np.isfinite(coordinates[25:]).all()
-    # No coordinate moves faster on its way back than over the whole walk's range in a fifth of a second.
+    # No coordinate moves faster on its way back than over the whole walk's range in a fifth of a
+    # second.
     turning = [j for j, one in enumerate(model.coordinates) if one.motion == "rotational"]
     steps = np.abs(np.diff(coordinates[25:, turning], axis=0)).max()
     assert (
-        steps < 1.5 * np.abs(np.diff(played(model, markers, wrenches).all("coordinates")[25:, turning], axis=0)).max()
+        steps
+        < 1.5
+        * np.abs(
+            np.diff(played(model, markers, wrenches).all("coordinates")[25:, turning], axis=0)
+        ).max()
     )
 
 
 def test_forces_that_stop_are_missed(walk: tuple[Model, Markers, Wrenches]) -> None:
     model, markers, wrenches = walk
     early = wrenches.time < 0.95
-    parts = {name: getattr(wrenches, name)[early] for name in ("time", "forces", "points", "torques")}
+    parts = {
+        name: getattr(wrenches, name)[early] for name in ("time", "forces", "points", "torques")
+    }
     kept = played(model, markers, replace(wrenches, **parts))
     late = kept.all("time") > 1.06
     assert (kept.all("state")[late] == NO_FORCE).all()
@@ -104,12 +122,15 @@ def test_forces_that_stop_are_missed(walk: tuple[Model, Markers, Wrenches]) -> N
     assert np.isnan(kept.all("torques")[late]).all()
 
 
-def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]) -> None:
+def test_plates_of_a_table_find_their_feet(
+    data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]
+) -> None:
     """A table of plates without bodies leads to the same torques as the loads file that names them."""
     model, markers, wrenches = walk
     table = data(f"{WALK}/grf_walk.mot")
     _, unnamed = open_recording(model, data(f"{WALK}/markers_walk.trc"), table)
-    named, found = played(model, markers, wrenches), played(model, markers, unnamed)
+    named = played(model, markers, wrenches)
+    found = played(model, markers, unnamed)
     solved = named.all("state") == SOLVED
     assert (found.all("state") == named.all("state")).all()
     apart = np.abs(found.all("torques") - named.all("torques"))[solved].max()
@@ -122,13 +143,22 @@ def test_plates_of_a_table_find_their_feet(data: Callable[[str], Path], walk: tu
 def test_plates_of_the_recording_itself_find_their_feet(
     walk: tuple[Model, Markers, Wrenches], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file that holds markers and plates, as C3D does, needs no other; centers of pressure may be unknown."""
+    """A file that holds markers and plates, as C3D does, needs no other; centers of pressure may be
+    unknown.
+    """
     model, markers, wrenches = walk
     corners = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [1.0, 0.0, -1.0]])
     idle = np.linalg.norm(wrenches.forces, axis=2, keepdims=True) == 0.0
     points = np.where(idle, np.nan, wrenches.points)
     plates = tuple(
-        ForcePlate(name, 2, corners, wrenches.forces[:, i], points[:, i], wrenches.torques[:, i])
+        ForcePlate(
+            name=name,
+            kind=2,
+            corners=corners,
+            forces=wrenches.forces[:, i],
+            points=points[:, i],
+            torques=wrenches.torques[:, i],
+        )
         for i, name in enumerate(wrenches.names)
     )
     trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
@@ -136,20 +166,28 @@ def test_plates_of_the_recording_itself_find_their_feet(
     series, found = open_recording(model, Path("walk.c3d"), None)
     assert found is not None
     assert found.bodies == ("", "")
-    own, named = played(model, series, found), played(model, markers, wrenches)
+    own = played(model, series, found)
+    named = played(model, markers, wrenches)
     solved = named.all("state") == SOLVED
     assert np.abs(own.all("torques") - named.all("torques"))[solved].max() < 5.0
 
 
 @pytest.mark.parametrize("speed", ["run200", "run500"])
-def test_a_runner_on_two_belts_keeps_the_feet_apart(data: Callable[[str], Path], speed: str) -> None:
-    """Touchdowns at full speed, centers of pressure that wander: the plates named right and left stay what they are."""
+def test_a_runner_on_two_belts_keeps_the_feet_apart(
+    data: Callable[[str], Path], speed: str
+) -> None:
+    """Touchdowns at full speed, centers of pressure that wander: the plates named right and left
+    stay what they are.
+    """
     folder = data("hamner-run-subject04")
     model = open_model(folder / "unscaled_generic.osim")
-    markers, wrenches = open_recording(model, folder / speed / "markers.trc", folder / speed / "grf.mot")
+    markers, wrenches = open_recording(
+        model, folder / speed / "markers.trc", folder / speed / "grf.mot"
+    )
     assert wrenches is not None
     sides = tuple({"L": "calcn_l", "R": "calcn_r"}[name[0]] for name in wrenches.names)
-    found, named = played(model, markers, wrenches), played(model, markers, replace(wrenches, bodies=sides))
+    found = played(model, markers, wrenches)
+    named = played(model, markers, replace(wrenches, bodies=sides))
     solved = named.all("state") == SOLVED
     assert solved.sum() > 150
     assert np.abs(found.all("torques") - named.all("torques"))[solved].max() < 5.0
@@ -158,18 +196,25 @@ def test_a_runner_on_two_belts_keeps_the_feet_apart(data: Callable[[str], Path],
 def test_a_long_recording_keeps_its_forces(walk: tuple[Model, Markers, Wrenches]) -> None:
     """Played as fast as it goes, forces wait for their frames, however many come."""
     model, markers, wrenches = walk
-    lasting = Markers(np.arange(900) / 100.0, markers.names, np.tile(markers.values[:1], (900, 1, 1)))
+    lasting = Markers(
+        np.arange(900) / 100.0, markers.names, np.tile(markers.values[:1], (900, 1, 1))
+    )
     ticks = np.arange(9000) / 1000.0
     parts = {
-        name: np.tile(getattr(wrenches, name)[1500:1501], (9000, 1, 1)) for name in ("forces", "points", "torques")
+        name: np.tile(getattr(wrenches, name)[1500:1501], (9000, 1, 1))
+        for name in ("forces", "points", "torques")
     }
     kept = played(model, lasting, replace(wrenches, time=ticks, **parts))
     assert (kept.all("state")[20:] == SOLVED).all()
 
 
-def test_coordinates_can_be_played(data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]) -> None:
+def test_coordinates_can_be_played(
+    data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]
+) -> None:
     model, _, _ = walk
-    motion, wrenches = open_recording(model, data(f"{WALK}/coordinates.sto"), data(f"{WALK}/grf_walk.xml"))
+    motion, wrenches = open_recording(
+        model, data(f"{WALK}/coordinates.sto"), data(f"{WALK}/grf_walk.xml")
+    )
     motion = cut(motion, 0.5, 0.9)
     kept = played(model, motion, wrenches)
     assert (kept.all("state")[200:] == SOLVED).all()
@@ -185,7 +230,9 @@ def test_without_forces_a_floating_body_is_told(walk: tuple[Model, Markers, Wren
 
 
 def test_nothing_is_compiled_while_frames_come(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """After the rehearsal no kernel gets another form, not even where markers and forces are lost and found."""
+    """After the rehearsal no kernel gets another form, not even where markers and forces are lost
+    and found.
+    """
     model, markers, wrenches = walk
     values = np.array(markers.values)
     values[30:40, :5] = np.nan
@@ -198,7 +245,9 @@ def test_nothing_is_compiled_while_frames_come(walk: tuple[Model, Markers, Wrenc
     assert len(before) > 100
     session = follow(chain, source)
     assert session.delays.states()[SOLVED] > 30
-    assert {name: forms for name, forms in kernel_forms().items() if forms != before.get(name, 0)} == {}
+    assert {
+        name: forms for name, forms in kernel_forms().items() if forms != before.get(name, 0)
+    } == {}
 
 
 def kernel_forms() -> dict[str, int]:

@@ -1,4 +1,6 @@
-"""Limits while frames arrive: what they are made of by itself, and against the same draws on the whole recording."""
+"""Limits while frames arrive: what they are made of by itself, and against the same draws on the
+whole recording.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.online_errors import SlopeFinder, SlowNoise
 from myomorph.uncertainty.sources import GROUPS, Sources
 
-NONE = replace(Sources(), **{name: 0.0 for names in GROUPS.values() for name in names if name != "skin_time"})
+NONE = replace(
+    Sources(), **{name: 0.0 for names in GROUPS.values() for name in names if name != "skin_time"}
+)
 DRAWS = 12
 
 
@@ -40,7 +44,8 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches]:
 
 def limited(walk: tuple[Model, Markers, Wrenches], sources: Sources) -> Kept:
     model, markers, wrenches = walk
-    kept, source = Kept(), Replay(markers, wrenches, 0.0)
+    kept = Kept()
+    source = Replay(markers, wrenches, 0.0)
     options = LimitOptions(DRAWS, widened=False)
     follow(LiveChain(model, source, limits=options, sources=sources), source, [kept])
     kept.frames = [one for one in kept.frames if one.limits is not None]
@@ -50,7 +55,8 @@ def limited(walk: tuple[Model, Markers, Wrenches], sources: Sources) -> Kept:
 
 def test_derivatives_are_those_of_the_filtered_value() -> None:
     """Of a sine that is long settled."""
-    stream, turn = CausalStream(CausalFilter(6.0), 1), 2.0 * np.pi * 1.5
+    stream = CausalStream(CausalFilter(6.0), 1)
+    turn = 2.0 * np.pi * 1.5
     clock = np.arange(0.0, 2.0, 0.001)
     found = []
     for time in clock:
@@ -64,7 +70,9 @@ def test_derivatives_are_those_of_the_filtered_value() -> None:
 
 def test_slow_noise_has_variance_one_and_the_correlation_of_a_gaussian() -> None:
     noise = SlowNoise(0.15, 4000, 3, 50.0)
-    first, then, later = (noise.at(time) for time in (5.0, 5.2, 5.5))
+    first = noise.at(5.0)
+    then = noise.at(5.2)
+    later = noise.at(5.5)
     assert first.std() == pytest.approx(1.0, abs=0.05)
     for other, apart in ((then, 0.2), (later, 0.5)):
         expected = np.exp(-(apart**2) / (4.0 * 0.15**2))
@@ -76,7 +84,9 @@ def test_without_errors_limits_are_the_result(walk: tuple[Model, Markers, Wrench
     for one in kept.frames:
         assert one.limits is not None
         np.testing.assert_allclose(one.limits.torques[:2], np.stack([one.torques] * 2), atol=1e-6)
-        np.testing.assert_allclose(one.limits.forces[:2], np.stack([one.tension.forces] * 2), atol=1.0)
+        np.testing.assert_allclose(
+            one.limits.forces[:2], np.stack([one.tension.forces] * 2), atol=1.0
+        )
 
 
 def marker_places(model: Model, names: tuple[str, ...], motion: Motion) -> np.ndarray:
@@ -99,7 +109,9 @@ def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
     names, weights = tracked_markers(model, markers, InverseKinematicsOptions())
     seen = np.isfinite(markers.values[:, [markers.names.index(name) for name in names]]).all(axis=2)
     slopes = SlopeFinder(model, names, weights, InverseKinematicsOptions()).at(motion.values, seen)
-    filter, each, normals = CausalFilter(6.0), [], Normals(DRAWS)
+    filter = CausalFilter(6.0)
+    each = []
+    normals = Normals(DRAWS)
     for number in range(DRAWS):
         drawn = drawn_model(model, Draw(number, sources, normals))
         shifts = marker_places(model, names, motion) - marker_places(drawn, names, motion)
@@ -114,9 +126,12 @@ def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
     np.testing.assert_allclose(found.mean(axis=0)[moved], expected.mean(axis=0)[moved], rtol=0.08)
 
 
-def test_an_error_of_the_forces_comes_out_as_its_moment(walk: tuple[Model, Markers, Wrenches]) -> None:
+def test_an_error_of_the_forces_comes_out_as_its_moment(
+    walk: tuple[Model, Markers, Wrenches],
+) -> None:
     """Torques are linear in the forces: their deviation is the gain's share of what these do."""
-    kept, model = limited(walk, replace(NONE, plate_gain=0.02)), walk[0]
+    kept = limited(walk, replace(NONE, plate_gain=0.02))
+    model = walk[0]
     j = model.coordinate_names.index("pelvis_ty")
     carried = np.array([one.wrenches[:, 4].sum() for one in kept.frames])
     found = np.array([one.limits.torques[2, j] for one in kept.frames])  # type: ignore[union-attr]
@@ -129,7 +144,12 @@ def test_an_error_of_the_forces_comes_out_as_its_moment(walk: tuple[Model, Marke
 def test_the_command_writes_limits_beside_its_tables(
     walk: tuple[Model, Markers, Wrenches], data: Callable[[str], Path], tmp_path: Path, command
 ) -> None:
-    words = ["--model", data(f"{WALK}/subject_walk_scaled.osim"), "--markers", data(f"{WALK}/markers_walk.trc")]
+    words = [
+        "--model",
+        data(f"{WALK}/subject_walk_scaled.osim"),
+        "--markers",
+        data(f"{WALK}/markers_walk.trc"),
+    ]
     words += ["--loads", data(f"{WALK}/grf_walk.xml"), "--speed", 0]
     sizes = tmp_path / "sizes.toml"
     sizes.write_text("placement = 0.002\n")
@@ -138,7 +158,9 @@ def test_the_command_writes_limits_beside_its_tables(
     assert "without --draws" in refused.err
     done = command("live", *words, "--uncertainty", sizes, "--draws", 6, "--out", tmp_path / "out")
     assert done.status == 0, done.err
-    low, values, high = (read_sto(tmp_path / "out" / f"muscle_forces{one}.sto") for one in ("_low", "", "_high"))
+    low = read_sto(tmp_path / "out" / "muscle_forces_low.sto")
+    values = read_sto(tmp_path / "out" / "muscle_forces.sto")
+    high = read_sto(tmp_path / "out" / "muscle_forces_high.sto")
     known = np.isfinite(low.values).all(axis=1)
     assert known.sum() > 150
     assert low.names == values.names

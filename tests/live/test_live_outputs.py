@@ -1,4 +1,6 @@
-"""What takes the results of a live session: a folder, a page, a stream; and how late they are told to be."""
+"""What takes the results of a live session: a folder, a page, a stream; and how late they are told
+to be.
+"""
 
 import json
 import socket
@@ -40,7 +42,9 @@ class Slow:
     """An output that takes its time."""
 
     def __init__(self, seconds: float, frames: int):
-        self.seconds, self.frames, self.times = seconds, frames, []
+        self.seconds = seconds
+        self.frames = frames
+        self.times = []
 
     def put(self, frame: ChainFrame, markers: np.ndarray) -> None:
         self.times.append(frame.time)
@@ -51,7 +55,8 @@ class Slow:
 def test_what_cannot_keep_up_drops_the_oldest_frames(walk: tuple[Model, Markers, Wrenches]) -> None:
     """At 100 Hz with 30 ms a frame most are dropped, and the order stays."""
     model, markers, wrenches = walk
-    source, slow = Replay(markers, wrenches, 1.0), Slow(0.03, 1000)
+    source = Replay(markers, wrenches, 1.0)
+    slow = Slow(0.03, 1000)
     session = follow(LiveChain(model, source), source, [slow])
     assert session.delays.dropped + len(slow.times) == len(markers)
     assert session.delays.dropped > 30
@@ -77,11 +82,18 @@ def test_a_folder_holds_everything(
     """Tables on the results' own clock, delays of every frame, and a result that `view` opens."""
     out = tmp_path / "gelöst am Tag"
     files = LiveFiles(data(f"{WALK}/markers_walk.trc"), data(f"{WALK}/grf_walk.xml"), 0.0)
-    session = run_live_chain(data(f"{WALK}/subject_walk_scaled.osim"), files, LiveOutputs(folder=out))
+    session = run_live_chain(
+        data(f"{WALK}/subject_walk_scaled.osim"), files, LiveOutputs(folder=out)
+    )
     assert sorted(one.name for one in out.iterdir()) == [
-        "activations.sto", "coordinates.mot", "delays.csv", "live.nc", "muscle_forces.sto", "session.json",
+        "activations.sto",
+        "coordinates.mot",
+        "delays.csv",
+        "live.nc",
+        "muscle_forces.sto",
+        "session.json",
         "torques.sto",
-    ]  # fmt: skip
+    ]
     told = json.loads((out / "session.json").read_text(encoding="utf-8"))
     assert told["frames"] == len(session.delays) == 238
     assert told["dropped"] == 0
@@ -98,10 +110,17 @@ def test_a_folder_holds_everything(
     assert opened.kinematics is not None
 
 
-def test_what_cannot_be_is_told_before_anything_is_written(data: Callable[[str], Path], tmp_path: Path) -> None:
-    model, markers = data(f"{WALK}/subject_walk_scaled.osim"), data(f"{WALK}/markers_walk.trc")
+def test_what_cannot_be_is_told_before_anything_is_written(
+    data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    model = data(f"{WALK}/subject_walk_scaled.osim")
+    markers = data(f"{WALK}/markers_walk.trc")
     out = tmp_path / "out"
-    for options, told in ((ChainOptions, "cutoff"), (ChainOptions, "max_age"), (ChainOptions, "blend")):
+    for options, told in (
+        (ChainOptions, "cutoff"),
+        (ChainOptions, "max_age"),
+        (ChainOptions, "blend"),
+    ):
         with pytest.raises(BadData, match=told):
             options(**{told: 0.0})
     with pytest.raises(BadData, match="--up x"):
@@ -113,7 +132,9 @@ def test_what_cannot_be_is_told_before_anything_is_written(data: Callable[[str],
 
 @pytest.mark.long
 def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """A process of its own answers on the port, takes frames and ends with the session; a taken port is told."""
+    """A process of its own answers on the port, takes frames and ends with the session; a taken
+    port is told.
+    """
     pytest.importorskip("viser")
     from myomorph.live.page import LivePage
 
@@ -142,12 +163,19 @@ def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
     from myomorph.viewer.live_page import Rows, Shown, force_ends, live_text
 
     model = walk[0]
-    count, muscles = len(model.coordinates), len(model.muscles)
+    count = len(model.coordinates)
+    muscles = len(model.muscles)
     forces = np.linspace(0.0, 1000.0, muscles)
     shown = Shown(
-        np.zeros(count), np.full(muscles, 0.5), forces, np.linspace(0.0, 100.0, count), np.zeros((1, 6)),
-        np.zeros((0, 3)), "", {"Time": "1.00 s"},
-    )  # fmt: skip
+        coordinates=np.zeros(count),
+        activations=np.full(muscles, 0.5),
+        forces=forces,
+        torques=np.linspace(0.0, 100.0, count),
+        wrenches=np.zeros((1, 6)),
+        markers=np.zeros((0, 3)),
+        state="",
+        facts={"Time": "1.00 s"},
+    )
     rows = Rows(model)
     chosen = rows.of(shown, 10.0)
     assert chosen[0] == list(range(muscles - 8, muscles))
@@ -155,7 +183,12 @@ def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
     assert rows.of(replace(shown, forces=2.0 * forces[::-1]), 12.5)[0] == list(range(8))
     text = live_text(model, shown, chosen)
     assert f"| {model.muscle_names[-1]} | 0.50 | 1000 N |" in text
-    unknown = replace(shown, forces=np.full(muscles, np.nan), activations=np.full(muscles, np.nan), state="no force")
+    unknown = replace(
+        shown,
+        forces=np.full(muscles, np.nan),
+        activations=np.full(muscles, np.nan),
+        state="no force",
+    )
     assert f"| {model.muscle_names[-1]} | — | — |" in live_text(model, unknown, chosen)
     assert "Torques unknown: no force" in live_text(model, unknown, chosen)
     limits = np.stack([forces - 10.0, forces + 25.0])
@@ -166,7 +199,9 @@ def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
     # Half a body weight at (0.3, 0, 0.1), straight up: an arrow of half the length from there.
     up = np.array([0.0, 1.0, 0.0])
     wrench = np.r_[np.cross([0.3, 0.0, 0.1], 400.0 * up), 400.0 * up][None]
-    np.testing.assert_allclose(force_ends(wrench, up, 800.0, 1.0)[0], [[0.3, 0.0, 0.1], [0.3, 0.5, 0.1]])
+    np.testing.assert_allclose(
+        force_ends(wrench, up, 800.0, 1.0)[0], [[0.3, 0.0, 0.1], [0.3, 0.5, 0.1]]
+    )
     assert np.isnan(force_ends(0.0 * wrench, up, 800.0, 1.0)).all()
 
 
@@ -177,28 +212,35 @@ def test_a_stream_that_is_announced_but_silent_is_told() -> None:
         raise RuntimeError("the operation failed due to a timeout.")
 
     library = SimpleNamespace(
-        proc_clocksync=1, proc_dejitter=4, proc_monotonize=8,
+        proc_clocksync=1,
+        proc_dejitter=4,
+        proc_monotonize=8,
         resolve_byprop=lambda key, value, timeout: ["found"],
         StreamInlet=lambda found, processing_flags: SimpleNamespace(info=silent),
-    )  # fmt: skip
+    )
     with pytest.raises(BadData, match="stream 'Cameras' is announced but does not answer"):
         LabStreams("Cameras", "", library=library)
 
 
 def test_a_stream_has_limits_behind_its_results(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """All channels once more for lower, once more for upper limits, of the same units and in the same order."""
+    """All channels once more for lower, once more for upper limits, of the same units and in the
+    same order.
+    """
     from myomorph.live.streams import LabOutlet
 
-    labels, rows = [], []
+    labels = []
+    rows = []
     described = SimpleNamespace(
         append_child=lambda name: described,
         append_child_value=lambda key, text: labels.append(text) if key == "label" else None,
     )
     library = SimpleNamespace(
         StreamInfo=lambda *_: SimpleNamespace(desc=lambda: described),
-        StreamOutlet=lambda info: SimpleNamespace(push_sample=lambda row, stamp: rows.append(row.copy())),
+        StreamOutlet=lambda info: SimpleNamespace(
+            push_sample=lambda row, stamp: rows.append(row.copy())
+        ),
         local_clock=lambda: 0.0,
-    )  # fmt: skip
+    )
     model, markers, wrenches = walk
     source = Replay(cut(markers, 0.5, 0.9), wrenches, 0.0)
     chain = LiveChain(model, source, limits=LimitOptions(4))
@@ -215,18 +257,28 @@ def test_a_stream_has_limits_behind_its_results(walk: tuple[Model, Markers, Wren
 
 @pytest.mark.long
 def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers, Wrenches]) -> None:
-    """Markers and plates sent over the loopback, results received from it: every frame, in order, on the right time."""
+    """Markers and plates sent over the loopback, results received from it: every frame, in order,
+    on the right time.
+    """
     pylsl = pytest.importorskip("pylsl")
     from myomorph.live.streams import LabOutlet
 
     model, markers, wrenches = walk
     name = f"myomorph-chain-{clock.time_ns()}"
-    each = total_wrench(*(one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques)))
+    each = total_wrench(
+        *(one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    )
     from_then = (wrenches.time >= markers.time[0] - 0.3) & (wrenches.time <= markers.time[-1])
-    force_time, rows = wrenches.time[from_then], each[from_then][:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 12)
+    force_time = wrenches.time[from_then]
+    rows = each[from_then][:, :, [3, 4, 5, 0, 1, 2]].reshape(-1, 12)
     labels = [f"{plate}_{a}{b}" for plate in ("one", "two") for a in "FM" for b in "xyz"]
     outlets = [
-        sending(pylsl, f"{name}-markers", 100.0, [f"{one}_{axis}" for one in markers.names for axis in "xyz"]),
+        sending(
+            pylsl,
+            f"{name}-markers",
+            100.0,
+            [f"{one}_{axis}" for one in markers.names for axis in "xyz"],
+        ),
         sending(pylsl, f"{name}-plates", 2000.0, labels),
     ]
     if not pylsl.resolve_byprop("name", f"{name}-markers", timeout=5.0):
@@ -275,7 +327,9 @@ def test_streams_in_and_out_through_the_real_library(walk: tuple[Model, Markers,
     if not session.delays.dropped:
         file = played(model, markers, wrenches)
         both = solved & (file.all("state") == SOLVED)
-        np.testing.assert_allclose(kept.all("coordinates")[both], file.all("coordinates")[both], atol=2e-3)
+        np.testing.assert_allclose(
+            kept.all("coordinates")[both], file.all("coordinates")[both], atol=2e-3
+        )
 
 
 def sending(pylsl: Any, name: str, rate: float, labels: list[str]) -> Any:

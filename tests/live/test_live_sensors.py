@@ -42,7 +42,9 @@ def walk(data):
     """A recorded walk, its model, and sensors without errors on it."""
     model = mm.read_model(data(f"{HOME}/subject_walk_scaled.osim"))
     motion = mm.read_motion(data(f"{HOME}/coordinates.sto"), model)
-    motion = mm.Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
+    motion = mm.Motion(
+        motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion)
+    )
     straight = np.tile(np.eye(3), (len(BODIES), 1, 1))
     return model, motion, simulated_sensors(model, motion, BODIES, NO_ERRORS, mounted=straight)
 
@@ -53,7 +55,8 @@ def test_frames_have_the_angles_of_the_walk(walk):
     mounting = sensor_kinematics(model, recording).mounting
     quaternions = np.array(made.sensors.orientations)
     quaternions[50:60, BODIES.index("tibia_r")] = np.nan
-    source, kept = Replay(replace(made.sensors, orientations=quaternions), None, 0.0), Kept()
+    source = Replay(replace(made.sensors, orientations=quaternions), None, 0.0)
+    kept = Kept()
     follow(LiveChain(model, source, mounting=mounting), source, [kept])
     assert len(kept.frames) == len(motion)
     found = np.array([frame.pose for frame in kept.frames])
@@ -64,7 +67,9 @@ def test_frames_have_the_angles_of_the_walk(walk):
         assert np.degrees(np.abs(away).max()) < 1.0, name
     assert np.isfinite(found).all()
     gone = found[:, motion.names.index("pelvis_tx")]
-    assert gone[-1] - gone[0] == pytest.approx(motion["pelvis_tx"][-1] - motion["pelvis_tx"][0], abs=0.2)
+    assert gone[-1] - gone[0] == pytest.approx(
+        motion["pelvis_tx"][-1] - motion["pelvis_tx"][0], abs=0.2
+    )
 
 
 def test_the_command_plays_sensors(walk, data, tmp_path, capsys):

@@ -47,8 +47,26 @@ def test_blanks_in_a_name_stay() -> None:
     assert str(BadFile("my  data/é walk.trc", "is empty")) == "my  data/é walk.trc: is empty"
 
 
-MUSCLES = ("recfem_r", "semimem_r", "vasmed_l", "glmax1_r", "addbrev_r", "tfl_r", "psoas_r", "iliacus_r")
-KEYS = ("contact_points", "joint_points", "reactions", "emg_side", "emg_muscles", "mass", "height", "body_mass_index")
+MUSCLES = (
+    "recfem_r",
+    "semimem_r",
+    "vasmed_l",
+    "glmax1_r",
+    "addbrev_r",
+    "tfl_r",
+    "psoas_r",
+    "iliacus_r",
+)
+KEYS = (
+    "contact_points",
+    "joint_points",
+    "reactions",
+    "emg_side",
+    "emg_muscles",
+    "mass",
+    "height",
+    "body_mass_index",
+)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +105,10 @@ def test_an_unknown_name_is_answered_with_five_at_most_and_the_number_of_all() -
 def test_few_names_are_all_listed_nearest_first() -> None:
     assert listing("angel", ("motor", "angle")) == "'angle', 'motor'"
     assert listing("angle", ()) == "none"
-    assert unknown("key", "angel", ("motor", "angle")) == "unknown key 'angel': there are 'angle', 'motor'"
+    assert (
+        unknown("key", "angel", ("motor", "angle"))
+        == "unknown key 'angel': there are 'angle', 'motor'"
+    )
 
 
 def test_names_in_quotes_are_cut_with_their_number() -> None:

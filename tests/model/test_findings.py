@@ -7,7 +7,11 @@ from myomorph.store.results import findings_of, findings_text
 
 FINDINGS = (
     Finding(
-        "unit", "a", "a is small", ((0.0, 1.0),), repair=Repair(lambda value: value + 1, "one was added", "add one")
+        kind="unit",
+        place="a",
+        text="a is small",
+        times=((0.0, 1.0),),
+        repair=Repair(lambda value: value + 1, "one was added", "add one"),
     ),
     Finding("name", "b", "b has no name"),
     Finding("sign", "c", "c is negative", repair=Repair(lambda value: -value, "it was reversed")),
@@ -28,7 +32,11 @@ def test_repairs_are_applied_one_after_the_other_and_said():
 def test_without_mending_nothing_changes_and_what_helps_is_said():
     value, reported = repaired(3, FINDINGS, mend=False)
     assert value == 3
-    assert [str(finding) for finding in reported] == ["a is small: add one", "b has no name", "c is negative"]
+    assert [str(finding) for finding in reported] == [
+        "a is small: add one",
+        "b has no name",
+        "c is negative",
+    ]
     assert not any(finding.mended for finding in reported)
 
 

@@ -1,4 +1,6 @@
-"""Frozen values really are: their arrays cannot be written, and no class of the package is forgotten."""
+"""Frozen values really are: their arrays cannot be written, and no class of the package is
+forgotten.
+"""
 
 from __future__ import annotations
 
@@ -87,12 +89,19 @@ class Checked:
 
 
 def plain():
-    return Plain(np.zeros(3), (np.zeros(2), np.ones(2)), Pair(np.zeros(1), np.ones(1)), {"a": np.zeros(4)}, "name")
+    return Plain(
+        values=np.zeros(3),
+        parts=(np.zeros(2), np.ones(2)),
+        pair=Pair(np.zeros(1), np.ones(1)),
+        named={"a": np.zeros(4)},
+        name="name",
+    )
 
 
 def arrays_in(value):
     """All arrays in the fields of a value."""
-    left, found = [getattr(value, one.name) for one in fields(value)], []
+    left = [getattr(value, one.name) for one in fields(value)]
+    found = []
     while left:
         one = left.pop()
         if isinstance(one, np.ndarray):
@@ -113,8 +122,10 @@ def again(value):
     [lambda one: one, again, copy.copy, copy.deepcopy, replace],
     ids=["made", *WAYS, "replaced"],
 )
-@pytest.mark.parametrize("made", [plain, lambda: Derived(np.zeros(3)), lambda: Slotted(np.zeros(3)),
-                                  lambda: Checked([1, 2])])  # fmt: skip
+@pytest.mark.parametrize(
+    "made",
+    [plain, lambda: Derived(np.zeros(3)), lambda: Slotted(np.zeros(3)), lambda: Checked([1, 2])],
+)
 def test_no_array_can_be_written(made, way):
     value = way(made())
     assert arrays_in(value)
@@ -132,7 +143,8 @@ def test_nothing_is_copied_and_what_was_given_stays_as_it_was():
 
 
 def test_kinds_names_and_values_stay():
-    value, back = plain(), again(plain())
+    value = plain()
+    back = again(plain())
     for one in (value, back, replace(value, name="name")):
         assert isinstance(one.pair, Pair)
         assert isinstance(one.parts, tuple)
@@ -163,7 +175,9 @@ def test_every_frozen_class_has_read_only_arrays():
     assert sorted(set(open_ones) - set(EXCEPTIONS)) == []
 
 
-@pytest.mark.parametrize("way", [lambda one: one, again, copy.copy, copy.deepcopy], ids=["made", *WAYS])
+@pytest.mark.parametrize(
+    "way", [lambda one: one, again, copy.copy, copy.deepcopy], ids=["made", *WAYS]
+)
 def test_a_frozen_map_cannot_be_written_and_travels(way):
     entries = {"b": np.ones(2), "a": 2.0}
     made = FrozenMap(entries)
@@ -181,8 +195,14 @@ def test_a_frozen_map_cannot_be_written_and_travels(way):
 
 
 def test_every_read_only_mapping_can_be_pickled():
-    """`types.MappingProxyType` cannot, unless something is done for it when the package is imported."""
+    """`types.MappingProxyType` cannot, unless something is done for it when the package is
+    imported.
+    """
     source = Path(myomorph.__file__).parent
-    used = [path.name for path in source.rglob("*.py") if "MappingProxyType(" in path.read_text(encoding="utf-8")]
+    used = [
+        path.name
+        for path in source.rglob("*.py")
+        if "MappingProxyType(" in path.read_text(encoding="utf-8")
+    ]
     assert used == []
     assert MappingProxyType not in copyreg.dispatch_table

@@ -34,7 +34,8 @@ from myomorph.rigid.tree import compile_tree
 from opensim_inverse import opensim_torques
 from stick_figure import stick_figure
 
-WALKER, RUNNER = "rajagopal-walk-emg/subject_walk_scaled.osim", "hamner-run-subject04/unscaled_generic.osim"
+WALKER = "rajagopal-walk-emg/subject_walk_scaled.osim"
+RUNNER = "hamner-run-subject04/unscaled_generic.osim"
 
 
 def moving(model, frames=9, seed=0):
@@ -42,7 +43,9 @@ def moving(model, frames=9, seed=0):
     random = np.random.default_rng(seed)
     n = len(model.coordinates)
     time = np.arange(frames) / 100.0
-    size, pace, phase = random.uniform(0.05, 0.3, n), random.uniform(2.0, 9.0, n), random.uniform(0.0, 6.0, n)
+    size = random.uniform(0.05, 0.3, n)
+    pace = random.uniform(2.0, 9.0, n)
+    phase = random.uniform(0.0, 6.0, n)
     angle = np.outer(time, pace) + phase
     rest = np.array([one.default for one in model.coordinates])
     return Motion(
@@ -63,9 +66,13 @@ def pulls(motion, model, bodies, seed=3):
     shape = places.shape
     names = tuple(f"pull_{k}" for k in range(len(bodies)))
     return Wrenches(
-        motion.time, names, tuple(bodies), random.normal(size=shape) * 50, places + 0.1 * random.normal(size=shape),
-        random.normal(size=shape),
-    )  # fmt: skip
+        time=motion.time,
+        names=names,
+        bodies=tuple(bodies),
+        forces=random.normal(size=shape) * 50,
+        points=places + 0.1 * random.normal(size=shape),
+        torques=random.normal(size=shape),
+    )
 
 
 def pair(data):
@@ -76,7 +83,9 @@ def test_torques_of_the_whole_are_those_of_the_parts(data):
     parts = pair(data)
     whole = join_models(parts)
     motions = {part: moving(model, seed=k) for k, (part, model) in enumerate(parts.items())}
-    loads = {part: pulls(motions[part], model, ("pelvis", "calcn_r")) for part, model in parts.items()}
+    loads = {
+        part: pulls(motions[part], model, ("pelvis", "calcn_r")) for part, model in parts.items()
+    }
     torques = inverse_dynamics(whole, join_motions(motions), join_wrenches(loads))
     for part, model in parts.items():
         own = inverse_dynamics(model, motions[part], loads[part])
@@ -89,16 +98,25 @@ def test_torques_of_the_whole_are_those_of_the_parts(data):
 def test_a_pull_between_the_parts_leaves_their_common_momentum_alone(data):
     parts = pair(data)
     whole = join_models(parts)
-    motion = join_motions({part: moving(model, seed=k) for k, (part, model) in enumerate(parts.items())})
+    motion = join_motions(
+        {part: moving(model, seed=k) for k, (part, model) in enumerate(parts.items())}
+    )
     one = pulls(motion, whole, ("tori_hand_r",))
     both = Wrenches(
-        motion.time, ("pull", "reaction"), ("tori_hand_r", "uke_torso"),
-        np.concatenate([one.forces, -one.forces], axis=1), np.concatenate([one.points] * 2, axis=1),
-        np.concatenate([one.torques, -one.torques], axis=1),
-    )  # fmt: skip
-    free, pulled = inverse_dynamics(whole, motion), inverse_dynamics(whole, motion, both)
-    slides = [[n for n in whole.coordinate_names if n.startswith(part) and n.endswith(f"pelvis_t{x}")] for part in parts
-              for x in "xyz"]  # fmt: skip
+        time=motion.time,
+        names=("pull", "reaction"),
+        bodies=("tori_hand_r", "uke_torso"),
+        forces=np.concatenate([one.forces, -one.forces], axis=1),
+        points=np.concatenate([one.points] * 2, axis=1),
+        torques=np.concatenate([one.torques, -one.torques], axis=1),
+    )
+    free = inverse_dynamics(whole, motion)
+    pulled = inverse_dynamics(whole, motion, both)
+    slides = [
+        [n for n in whole.coordinate_names if n.startswith(part) and n.endswith(f"pelvis_t{x}")]
+        for part in parts
+        for x in "xyz"
+    ]
     changes = np.array([pulled[name] - free[name] for (name,) in slides]).reshape(2, 3, -1)
     np.testing.assert_allclose(changes.sum(axis=0), 0.0, atol=1e-9)
     np.testing.assert_allclose(changes[0], -one.forces[:, 0].T, atol=1e-9)
@@ -109,12 +127,16 @@ def test_paths_and_moment_arms_are_those_of_the_parts(data):
     gravity = parts["mouse"].gravity
     parts["arm"] = replace(parts["arm"], gravity=gravity)
     whole = join_models(parts)
-    motions = {part: moving(model, frames=3, seed=k) for k, (part, model) in enumerate(parts.items())}
+    motions = {
+        part: moving(model, frames=3, seed=k) for k, (part, model) in enumerate(parts.items())
+    }
     joined = muscle_kinematics(whole, join_motions(motions))
     for part, model in parts.items():
         own = muscle_kinematics(model, motions[part])
         muscles = [whole.muscle_names.index(f"{part}_{name}") for name in model.muscle_names]
-        columns = [whole.coordinate_names.index(f"{part}_{name}") for name in model.coordinate_names]
+        columns = [
+            whole.coordinate_names.index(f"{part}_{name}") for name in model.coordinate_names
+        ]
         np.testing.assert_allclose(joined.lengths[:, muscles], own.lengths, atol=1e-12)
         arms = joined.dense()[:, muscles]
         np.testing.assert_allclose(arms[:, :, columns], own.dense(), atol=1e-10)
@@ -142,16 +164,23 @@ def test_opensim_opens_the_whole_and_agrees(data, tmp_path):
     again = read_osim(path)
     motion = join_motions({part: moving(model, frames=2) for part, model in parts.items()})
     np.testing.assert_allclose(
-        inverse_dynamics(again, motion).values, inverse_dynamics(whole, motion).values, rtol=1e-9, atol=1e-9
+        inverse_dynamics(again, motion).values,
+        inverse_dynamics(whole, motion).values,
+        rtol=1e-9,
+        atol=1e-9,
     )
 
 
 def test_torques_of_a_pair_are_those_of_opensim(data, tmp_path):
     model = read_osim(data("opensim-gait-subject01/ref_rra/subject01_simbody_adjusted.osim"))
-    whole = join_models({"tori": model, "uke": model, "box": free_object("box", 15.0, (0.6, 0.3, 0.4))})
+    whole = join_models(
+        {"tori": model, "uke": model, "box": free_object("box", 15.0, (0.6, 0.3, 0.4))}
+    )
     write_osim(whole, tmp_path / "pair.osim")
     motion = moving(whole, frames=3)
-    theirs = opensim_torques(tmp_path / "pair.osim", whole, motion.values, motion.velocities, motion.accelerations)
+    theirs = opensim_torques(
+        tmp_path / "pair.osim", whole, motion.values, motion.velocities, motion.accelerations
+    )
     np.testing.assert_allclose(inverse_dynamics(whole, motion).values, theirs, rtol=1e-8, atol=1e-7)
 
 
@@ -173,7 +202,7 @@ def test_kept_parts_refer_to_each_other_by_their_new_names(data):
     model = read_osim(data("lenhart-knee-contact-walk/lenhart2015.osim"))
     whole = join_models({"tori": model})
     meshes = [one.name for one in model.kept if one.kind == "Smith2018ContactMesh"]
-    (force, *_) = [one for one in whole.kept if one.kind == "Smith2018ArticularContactForce"]
+    force, *_ = [one for one in whole.kept if one.kind == "Smith2018ArticularContactForce"]
     assert sum(f"/contactgeometryset/tori_{name}<" in force.text for name in meshes) == 2
     ligament = next(one for one in whole.kept if one.kind == "Blankevoort1991Ligament")
     bodies = re.findall(r"/bodyset/([^<]+)<", ligament.text)
@@ -197,28 +226,42 @@ def test_a_box_falls_and_turns_as_a_rigid_body_does():
     c = tree.coordinates_of(motion)
     step = 1e-5
     path = [
-        center_of_mass(tree, forward_kinematics(tree, c + k * step * motion.velocities + 0.5 * (k * step) ** 2 *
-                                                motion.accelerations)) for k in (-1, 0, 1)
-    ]  # fmt: skip
+        center_of_mass(
+            tree,
+            forward_kinematics(
+                tree,
+                c + k * step * motion.velocities + 0.5 * (k * step) ** 2 * motion.accelerations,
+            ),
+        )
+        for k in (-1, 0, 1)
+    ]
     acceleration = (path[0] - 2.0 * path[1] + path[2]) / step**2
     torques = inverse_dynamics(box, motion)
-    np.testing.assert_allclose(torques.values[:, :3], 15.0 * (acceleration - box.gravity), rtol=1e-4, atol=1e-2)
+    np.testing.assert_allclose(
+        torques.values[:, :3], 15.0 * (acceleration - box.gravity), rtol=1e-4, atol=1e-2
+    )
     assert box.body("box").inertia[0, 0] == pytest.approx(15.0 / 12.0 * (0.3**2 + 0.4**2))
 
 
 def test_a_wheel_turns_about_its_axle(tmp_path):
     pytest.importorskip("opensim")
-    wheel = hinged_object("wheel", 2.0, (1.0, 2.0, -0.5), inertia=(0.05, 0.05, 0.09), center=(0.0, 0.3, 0.1))
+    wheel = hinged_object(
+        "wheel", 2.0, (1.0, 2.0, -0.5), inertia=(0.05, 0.05, 0.09), center=(0.0, 0.3, 0.1)
+    )
     motion = moving(wheel)
     torques = inverse_dynamics(wheel, motion)
     np.testing.assert_allclose(torques.values, 0.09 * motion.accelerations, atol=1e-12)
     tree = compile_tree(wheel)
     axle = forward_kinematics(tree, np.array([[0.7]])).axis_directions[0, 0]
     np.testing.assert_allclose(axle, np.array([1.0, 2.0, -0.5]) / np.sqrt(5.25), atol=1e-12)
-    whole = join_models({"chair": wheel, "box": free_object("box", 15.0, (0.6, 0.3, 0.4), mass_center=(0.1, 0, 0))})
+    whole = join_models(
+        {"chair": wheel, "box": free_object("box", 15.0, (0.6, 0.3, 0.4), mass_center=(0.1, 0, 0))}
+    )
     write_osim(whole, tmp_path / "objects.osim")
     some = moving(whole)
-    theirs = opensim_torques(tmp_path / "objects.osim", whole, some.values, some.velocities, some.accelerations)
+    theirs = opensim_torques(
+        tmp_path / "objects.osim", whole, some.values, some.velocities, some.accelerations
+    )
     np.testing.assert_allclose(inverse_dynamics(whole, some).values, theirs, rtol=1e-9, atol=1e-9)
 
 
@@ -274,7 +317,9 @@ def test_recordings_of_two_rates_meet_at_common_times():
     gap = recording(100.0, 0.5, 3.0)
     values = gap.values.copy()
     values[40:60] = np.nan
-    parts, notes = on_one_clock({"tori": recording(250.0, 0.0, 2.0), "uke": replace(gap, values=values)})
+    parts, notes = on_one_clock(
+        {"tori": recording(250.0, 0.0, 2.0), "uke": replace(gap, values=values)}
+    )
     whole = join_series(parts)
     assert whole.time[0] == pytest.approx(0.5)
     assert whole.time[-1] == pytest.approx(2.0)
@@ -282,7 +327,9 @@ def test_recordings_of_two_rates_meet_at_common_times():
     seen = np.isfinite(whole["uke_m"][:, 0])
     assert not seen[(whole.time > 0.9) & (whole.time < 1.09)].any()
     np.testing.assert_allclose(whole["uke_m"][seen], whole["tori_m"][seen], atol=2e-4)
-    assert any("'uke' (100 Hz) is resampled to the times of 'tori' (250 Hz)" in note for note in notes)
+    assert any(
+        "'uke' (100 Hz) is resampled to the times of 'tori' (250 Hz)" in note for note in notes
+    )
     assert any("'tori' loses 125 of 501 frames" in note for note in notes)
     with pytest.raises(BadData, match="no time in common; do their clocks"):
         on_one_clock({"tori": recording(100.0, 0.0, 1.0), "uke": recording(100.0, 7.0, 8.0)})

@@ -34,14 +34,21 @@ def test_markers_have_a_column_an_axis():
 
 def test_derivatives_come_where_they_are_known():
     pytest.importorskip("xarray")
-    motion = Motion(TIME, ("a", "b"), VALUES, 2.0 * VALUES)
+    motion = Motion(time=TIME, names=("a", "b"), values=VALUES, velocities=2.0 * VALUES)
     assert set(motion.to_xarray()) == {"values", "velocities"}
     np.testing.assert_array_equal(motion.to_pandas()["velocities", "a"], 2.0 * VALUES[:, 0])
 
 
 def test_forces_have_units():
     pytest.importorskip("xarray")
-    wrenches = Wrenches(TIME, ("left", "right"), ("foot_l", "foot_r"), POINTS, POINTS, POINTS)
+    wrenches = Wrenches(
+        time=TIME,
+        names=("left", "right"),
+        bodies=("foot_l", "foot_r"),
+        forces=POINTS,
+        points=POINTS,
+        torques=POINTS,
+    )
     dataset = wrenches.to_xarray()
     assert {name: one.attrs["units"] for name, one in dataset.items()} == {
         "forces": "N",

@@ -17,7 +17,10 @@ from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-MODELS = ("opensim-gait-subject01/experiment/gait2354_simbody.osim", "rajagopal-walk-emg/subject_walk_scaled.osim")
+MODELS = (
+    "opensim-gait-subject01/experiment/gait2354_simbody.osim",
+    "rajagopal-walk-emg/subject_walk_scaled.osim",
+)
 
 
 def scaled_by_opensim(path, factors, keep, mass, folder):
@@ -38,7 +41,9 @@ def scaled_by_opensim(path, factors, keep, mass, folder):
 
 
 def opensim_lengths(path):
-    """Path lengths in the default pose, from OpenSim: what wraps does not matter to the rule of scaling."""
+    """Path lengths in the default pose, from OpenSim: what wraps does not matter to the rule of
+    scaling.
+    """
     osim = pytest.importorskip("opensim")
     model = osim.Model(str(path))
     state = model.initSystem()
@@ -63,7 +68,13 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
     factors = random_factors(before)
     theirs = scaled_by_opensim(data(name), factors, keep, 80.0, tmp_path)
     lengths = iter([opensim_lengths(data(name)), opensim_lengths(tmp_path / "scaled.osim")])
-    ours = scale(before, factors, 80.0, preserve_mass_distribution=keep, path_lengths=lambda model: next(lengths))
+    ours = scale(
+        before,
+        factors,
+        80.0,
+        preserve_mass_distribution=keep,
+        path_lengths=lambda model: next(lengths),
+    )
 
     def equal(part):
         np.testing.assert_allclose(
@@ -82,7 +93,9 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
         for axis, same in zip(one.axes, other.axes, strict=True):
             for x in (-1.0, 0.2, 1.1):
                 arguments = [x] * max(1, same.function.arity)
-                assert float(axis.function(*arguments)) == pytest.approx(float(same.function(*arguments)), abs=1e-12)
+                assert float(axis.function(*arguments)) == pytest.approx(
+                    float(same.function(*arguments)), abs=1e-12
+                )
     for one, other in zip(ours.markers, theirs.markers, strict=True):
         np.testing.assert_allclose(one.location, other.location, atol=1e-12)
     for one, other in zip(ours.wrap_objects, theirs.wrap_objects, strict=True):
@@ -100,7 +113,9 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
 
 
 def test_one_factor_for_all_makes_a_larger_twin():
-    """Every body's place and the center of mass grow by the factor, couplers of translations included."""
+    """Every body's place and the center of mass grow by the factor, couplers of translations
+    included.
+    """
     model = model_from_mujoco(compiled("myolegs"))
     twin = scale(model, dict.fromkeys(model.body_names, (1.2, 1.2, 1.2)))
     assert twin.mass == pytest.approx(model.mass * 1.2**3)
@@ -120,18 +135,26 @@ def test_one_factor_for_all_makes_a_larger_twin():
 
 def test_affine_inertia_is_that_of_the_stretched_points():
     rng = np.random.default_rng(2)
-    points, masses = rng.standard_normal((40, 3)), rng.uniform(0.1, 1.0, 40)
+    points = rng.standard_normal((40, 3))
+    masses = rng.uniform(0.1, 1.0, 40)
     size = np.array([1.3, 0.7, 1.1])
 
     def trunk(points):
         center = masses @ points / masses.sum()
         x = points - center
         second = (masses[:, None, None] * x[:, :, None] * x[:, None, :]).sum(axis=0)
-        return Body("trunk", masses.sum(), center, np.trace(second) * np.eye(3) - second)
+        return Body(
+            name="trunk",
+            mass=masses.sum(),
+            mass_center=center,
+            inertia=np.trace(second) * np.eye(3) - second,
+        )
 
     model = model_from_mujoco(compiled("mixed"))
     model = replace(model, bodies=(trunk(points), *model.bodies[1:]))
-    ours = scale(model, {"trunk": size}, preserve_mass_distribution=True, inertia="affine").body("trunk")
+    ours = scale(model, {"trunk": size}, preserve_mass_distribution=True, inertia="affine").body(
+        "trunk"
+    )
     expected = trunk(points * size)
     np.testing.assert_allclose(ours.mass_center, expected.mass_center, atol=1e-12)
     np.testing.assert_allclose(ours.inertia, expected.inertia, atol=1e-12)
@@ -141,7 +164,9 @@ def test_larger_twins_have_longer_paths():
     model = model_from_mujoco(compiled("myolegs"))
     factors = dict.fromkeys(model.body_names, (1.2, 1.2, 1.2))
     twin = scale(model, factors, path_lengths=default_path_lengths)
-    np.testing.assert_allclose(default_path_lengths(twin), 1.2 * default_path_lengths(model), rtol=1e-9)
+    np.testing.assert_allclose(
+        default_path_lengths(twin), 1.2 * default_path_lengths(model), rtol=1e-9
+    )
     for one, other in zip(model.muscles, twin.muscles, strict=True):
         assert other.tendon_slack_length == pytest.approx(1.2 * one.tendon_slack_length)
 
@@ -149,7 +174,11 @@ def test_larger_twins_have_longer_paths():
 def test_fiber_and_tendon_keep_their_ratio_to_the_path():
     model = model_from_mujoco(compiled("myolegs"))
     lengths = {id(model): np.full(80, 0.5)}
-    twin = scale(model, {"tibia_r": (1, 1.1, 1)}, path_lengths=lambda one: lengths.get(id(one), np.full(80, 0.6)))
+    twin = scale(
+        model,
+        {"tibia_r": (1, 1.1, 1)},
+        path_lengths=lambda one: lengths.get(id(one), np.full(80, 0.6)),
+    )
     for one, other in zip(model.muscles, twin.muscles, strict=True):
         assert other.optimal_fiber_length == pytest.approx(1.2 * one.optimal_fiber_length)
         assert other.tendon_slack_length == pytest.approx(1.2 * one.tendon_slack_length)

@@ -20,7 +20,14 @@ def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMa
     size = float(np.cbrt(abs(np.linalg.det(matrix))))
     sign = np.sign(np.linalg.det(matrix))
     whole = Similarity(sign * nearest_rotation(sign * matrix), offset, size)
-    return BoneMap(body, body, AffineMap(matrix, offset), whole, "given", **surfaces)  # type: ignore[arg-type]
+    return BoneMap(
+        body=body,
+        target_body=body,
+        map=AffineMap(matrix, offset),
+        whole=whole,
+        basis="given",
+        **surfaces,
+    )  # type: ignore[arg-type]
 
 
 def similar(model: Model, size: float, seed: int | None = None) -> dict[str, BoneMap]:
@@ -29,12 +36,16 @@ def similar(model: Model, size: float, seed: int | None = None) -> dict[str, Bon
     rng = np.random.default_rng(seed)
     for body in model.body_names:
         turn = np.eye(3) if seed is None else rotation_from_euler_xyz(rng.uniform(-3.0, 3.0, 3))
-        found[body] = given(body, size * turn, np.zeros(3) if seed is None else rng.uniform(-0.5, 0.5, 3))
+        found[body] = given(
+            body, size * turn, np.zeros(3) if seed is None else rng.uniform(-0.5, 0.5, 3)
+        )
     return found
 
 
 def sheared(model: Model, matrix: Array) -> dict[str, BoneMap]:
-    """The whole body stretched by one matrix as it stands in its default pose, in frames that turn with it."""
+    """The whole body stretched by one matrix as it stands in its default pose, in frames that turn
+    with it.
+    """
     found = {}
     for body, pose in standing_poses(model).items():
         turn = nearest_rotation(matrix) @ pose.rotation

@@ -1,4 +1,6 @@
-"""Real bones that come with a package, and the same bones smoothly deformed: what became of every point is known."""
+"""Real bones that come with a package, and the same bones smoothly deformed: what became of every
+point is known.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ def real_bone(name: str, edge: float = 0.006) -> Surface:
 
 
 def deformed(points: np.ndarray, bone: Surface, size: float = 1.0) -> np.ndarray:
-    """Points (n, 3) of a bone after it grew thicker at one end, was bent, twisted and swollen on one side."""
+    """Points (n, 3) of a bone after it grew thicker at one end, was bent, twisted and swollen on
+    one side.
+    """
     middle = bone.vertices.mean(axis=0)
     axes = np.linalg.svd(bone.vertices - middle, full_matrices=False)[2]
     axes *= np.array([1.0, 1.0, np.linalg.det(axes)])[:, None]
@@ -33,7 +37,8 @@ def deformed(points: np.ndarray, bone: Surface, size: float = 1.0) -> np.ndarray
     thick = 1.0 + size * 0.15 * along
     x = np.column_stack([x[:, :1], thick * x[:, 1:]])
     turn = size * np.radians(20.0) * along[:, 0]
-    c, s = np.cos(turn), np.sin(turn)
+    c = np.cos(turn)
+    s = np.sin(turn)
     x = np.column_stack([x[:, 0], c * x[:, 1] - s * x[:, 2], s * x[:, 1] + c * x[:, 2]])
     x[:, 1] += size * 0.06 * length * along[:, 0] ** 2
     x[:, 2] += size * 0.02 * length * np.exp(-(((along[:, 0] - 0.35) / 0.15) ** 2))

@@ -37,20 +37,36 @@ def source() -> Model:
         )
         for name in NAMES
     )
-    return Model("man", (), (), (), np.zeros(3), muscles=muscles)
+    return Model(
+        name="man", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3), muscles=muscles
+    )
 
 
 def rows(factor: float, only: tuple[str, ...] = NAMES, noise: float = 0.0) -> tuple[MuscleRow, ...]:
     rng = np.random.default_rng(1)
     return tuple(
-        MuscleRow(n.upper(), (n,), factor * 0.01 * (1 + i), factor**3 * 0.02 * np.exp(noise * rng.normal()))
+        MuscleRow(
+            name=n.upper(),
+            sources=(n,),
+            fiber=factor * 0.01 * (1 + i),
+            strength=factor**3 * 0.02 * np.exp(noise * rng.normal()),
+        )
         for i, n in enumerate(only)
     )
 
 
 def test_without_a_table_the_law_of_scaling_gives_all():
-    """Fibers with the length, forces with its square, both by the law's factors and within its intervals."""
-    law = ScalingLaw("legs", ("humerus",), 1.5, 0.4, (0.5, 2.0), (0.2, 5.0))
+    """Fibers with the length, forces with its square, both by the law's factors and within its
+    intervals.
+    """
+    law = ScalingLaw(
+        citation="legs",
+        bones=("humerus",),
+        fiber=1.5,
+        force=0.4,
+        fiber_interval=(0.5, 2.0),
+        force_interval=(0.2, 5.0),
+    )
     man = source()
     found = scaled_architectures(man, law, 0.05, NAMES[:3])
     assert tuple(found) == NAMES[:3]
@@ -77,8 +93,11 @@ def test_bones_and_body_give_fibers_and_strength():
 
 
 def test_a_relative_fills_in_at_the_level_of_the_target():
-    """A relative 3 times as large tells what the target's table lacks, whatever its own size is taken for."""
-    table, relative = ArchitectureTable("mouse", "x", rows(1.0, NAMES[:7])), ArchitectureTable("rat", "y", rows(3.0))
+    """A relative 3 times as large tells what the target's table lacks, whatever its own size is
+    taken for.
+    """
+    table = ArchitectureTable("mouse", "x", rows(1.0, NAMES[:7]))
+    relative = ArchitectureTable("rat", "y", rows(3.0))
     for size in (Size(), Size(0.2)):
         found = architectures(source(), [table, relative], [Size(), size], NAMES)
         for row in rows(1.0):
@@ -102,9 +121,9 @@ def test_parts_and_shares_keep_the_strength():
         "mouse",
         "x",
         (
-            MuscleRow("A1", ("a",), 0.01, 0.02),
-            MuscleRow("A2", ("a",), 0.02, 0.06),
-            MuscleRow("BC", ("b", "c"), 0.01, 0.04),
+            MuscleRow(name="A1", sources=("a",), fiber=0.01, strength=0.02),
+            MuscleRow(name="A2", sources=("a",), fiber=0.02, strength=0.06),
+            MuscleRow(name="BC", sources=("b", "c"), fiber=0.01, strength=0.04),
         ),
     )
     relative = ArchitectureTable("rat", "y", rows(1.0))
@@ -116,13 +135,20 @@ def test_parts_and_shares_keep_the_strength():
 
 
 def test_rats_tell_the_order_of_a_mouse(data):
-    """Nothing of the mouse's own table: its order of forces and fibers comes out of the rats' tables."""
+    """Nothing of the mouse's own table: its order of forces and fibers comes out of the rats'
+    tables.
+    """
     man = open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     species = read_species("human-mouse")
     table = species.architecture
     names = [one.name for one in man.muscles if one.name.endswith("_r")]
-    mouse, rats = (architectures(man, some, [Size()] * len(some), names) for some in (table[:1], table[1:]))
-    pairs = [one.sources for one in species.muscles if all(mouse[n].basis.startswith("mouse") for n in one.sources)]
+    mouse = architectures(man, table[:1], [Size()] * len(table[:1]), names)
+    rats = architectures(man, table[1:], [Size()] * len(table[1:]), names)
+    pairs = [
+        one.sources
+        for one in species.muscles
+        if all(mouse[n].basis.startswith("mouse") for n in one.sources)
+    ]
     assert len(pairs) > 20
     forces = [[sum(by[n].force for n in pair) for pair in pairs] for by in (mouse, rats)]
     fibers = [[np.mean([by[n].fiber for n in pair]) for pair in pairs] for by in (mouse, rats)]
@@ -132,4 +158,4 @@ def test_rats_tell_the_order_of_a_mouse(data):
 
 def test_a_muscle_without_fibers_is_refused():
     with pytest.raises(BadData, match="'A'"):
-        MuscleRow("A", ("a",), 0.0, 1.0)
+        MuscleRow(name="A", sources=("a",), fiber=0.0, strength=1.0)

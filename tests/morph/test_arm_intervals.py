@@ -26,7 +26,13 @@ def unsure(radius: float, model=None) -> Morph:
     for name, bone in morph.bones.items():
         places = BONES[name].vertices
         names = tuple(str(k) for k in range(len(places)))
-        features = FeaturePoints(names, places, SIZE * places, None, np.full(len(places), radius))
+        features = FeaturePoints(
+            names=names,
+            source=places,
+            target=SIZE * places,
+            weights=None,
+            radii=np.full(len(places), radius),
+        )
         bones[name] = replace(bone, features=features)
     points = tuple(replace(one, within=radius) for one in morph.points)
     joints = tuple(replace(one, method="mapped") for one in morph.joints)
@@ -44,7 +50,8 @@ def test_points_that_are_known_exactly_make_moment_arms_exact():
 
 
 def test_intervals_grow_with_those_of_the_points():
-    small, large = widths(unsure(2e-5)), widths(unsure(2e-4))
+    small = widths(unsure(2e-5))
+    large = widths(unsure(2e-4))
     assert small.min() > 0.0
     np.testing.assert_allclose(large, 10.0 * small, rtol=0.05)
 
@@ -52,7 +59,8 @@ def test_intervals_grow_with_those_of_the_points():
 def test_a_moment_arm_is_about_as_sure_as_its_points():
     radius = 1e-3
     found = widths(unsure(radius))
-    # Both points beside the knee and its center move by one standard deviation of an axis, more or less together.
+    # Both points beside the knee and its center move by one standard deviation of an axis, more or
+    # less together.
     sd = radius / 2.5
     assert 0.3 * NINETY * sd < np.median(found) < 3.0 * NINETY * sd
 
@@ -60,11 +68,15 @@ def test_a_moment_arm_is_about_as_sure_as_its_points():
 def test_a_muscle_with_a_point_that_is_not_known_has_no_interval():
     morph = unsure(1e-3)
     lost = tuple(
-        replace(one, within=np.nan) if (one.owner, one.name) == ("flexor", "flexor-P3") else one for one in morph.points
+        replace(one, within=np.nan) if (one.owner, one.name) == ("flexor", "flexor-P3") else one
+        for one in morph.points
     )
     (arms,) = with_arm_intervals(replace(morph, points=lost), check_morph(morph)).arms
     known = np.isfinite(arms.within).all(axis=0)
-    assert dict(zip(arms.muscles, known.tolist(), strict=True)) == {"extensor": True, "flexor": False}
+    assert dict(zip(arms.muscles, known.tolist(), strict=True)) == {
+        "extensor": True,
+        "flexor": False,
+    }
 
 
 def test_where_nothing_is_known_nothing_is_said():
@@ -76,7 +88,13 @@ def test_where_nothing_is_known_nothing_is_said():
 
 @pytest.mark.parametrize(("body", "count"), [("thigh", 1), ("ground", 0)])
 def test_wrap_objects_on_matched_bones_have_intervals(body, count):
-    around = WrapObject("knee", body, "cylinder", Transform(np.eye(3), np.array([0.0, -LENGTH, 0.0])), (0.02, 0.05))
+    around = WrapObject(
+        name="knee",
+        body=body,
+        kind="cylinder",
+        pose=Transform(np.eye(3), np.array([0.0, -LENGTH, 0.0])),
+        size=(0.02, 0.05),
+    )
     radius = 1e-3
     morph = unsure(radius, replace(leg(), wrap_objects=(around,)))
     checks = with_arm_intervals(morph, check_morph(morph))

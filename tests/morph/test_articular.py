@@ -1,4 +1,6 @@
-"""Spheres and cylinders: laws, made surfaces with noise and little cover, heads and sockets of real bones."""
+"""Spheres and cylinders: laws, made surfaces with noise and little cover, heads and sockets of real
+bones.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,12 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.articular import (
+    articular_cylinder,
+    articular_sphere,
+    spherical_patches,
+    warning_of,
+)
 from myomorph.morph.shapes.quadrics import _bent, fit_cylinder, fit_sphere
 
 CENTER = np.array([0.3, -0.2, 0.9])
@@ -21,7 +28,8 @@ ONES = np.ones(600)
 def on_sphere(share: float, count: int = 600, seed: int = 0) -> np.ndarray:
     """Directions (n, 3) spread over a cap with that share of the sphere."""
     random = np.random.default_rng(seed)
-    height, angle = 1.0 - 2.0 * share * random.random(count), 2.0 * np.pi * random.random(count)
+    height = 1.0 - 2.0 * share * random.random(count)
+    angle = 2.0 * np.pi * random.random(count)
     level = np.sqrt(1.0 - height**2)
     return np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
 
@@ -48,9 +56,13 @@ def ball(radius: float, center: np.ndarray, rings: int = 24) -> Surface:
         axis=-1,
     )
     number = np.arange(grid[..., 0].size).reshape(grid.shape[:2])
-    a, b = number[:-1], number[1:]
-    right, far = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
-    faces = np.concatenate([np.stack([a, b, right], -1).reshape(-1, 3), np.stack([right, b, far], -1).reshape(-1, 3)])
+    a = number[:-1]
+    b = number[1:]
+    right = np.roll(a, -1, axis=1)
+    far = np.roll(b, -1, axis=1)
+    faces = np.concatenate(
+        [np.stack([a, b, right], -1).reshape(-1, 3), np.stack([right, b, far], -1).reshape(-1, 3)]
+    )
     return Surface(center + radius * grid.reshape(-1, 3), faces)
 
 
@@ -68,18 +80,23 @@ def test_spheres_do_not_depend_on_frame_or_size():
     random = np.random.default_rng(3)
     looks = on_sphere(0.3)
     points = 0.02 * looks + 3e-4 * random.normal(size=(600, 3))
-    turn, shift = rotation_from_euler_xyz((0.4, -1.0, 2.2)), np.array([3.0, -5.0, 0.7])
+    turn = rotation_from_euler_xyz((0.4, -1.0, 2.2))
+    shift = np.array([3.0, -5.0, 0.7])
     area = np.full(600, 2e-6)
     one = fit_sphere(points, looks, area)
     other = fit_sphere(0.1 * points @ turn.T + shift, looks @ turn.T, 0.01 * area)
     np.testing.assert_allclose(other.center, 0.1 * turn @ one.center + shift, atol=1e-9)
     assert other.radius == pytest.approx(0.1 * one.radius, rel=1e-6)
-    np.testing.assert_allclose(other.covariance, 0.01 * turn @ one.covariance @ turn.T, rtol=1e-4, atol=1e-15)
+    np.testing.assert_allclose(
+        other.covariance, 0.01 * turn @ one.covariance @ turn.T, rtol=1e-4, atol=1e-15
+    )
 
 
 @pytest.mark.parametrize(("share", "within"), [(0.6, 1.0e-4), (0.3, 2.5e-4), (0.15, 6e-4)])
 def test_a_sphere_with_noise_and_wrong_points(share, within):
-    """A third of a millimeter of noise, a seventh of the points elsewhere, normals off by 8 degrees."""
+    """A third of a millimeter of noise, a seventh of the points elsewhere, normals off by 8
+    degrees.
+    """
     for seed in range(10):
         random = np.random.default_rng(seed)
         direction = on_sphere(share, seed=seed)
@@ -94,15 +111,23 @@ def test_a_sphere_with_noise_and_wrong_points(share, within):
         assert found.rms == pytest.approx(3e-4, rel=0.2)
 
 
-@pytest.mark.parametrize(("radii", "bent"), [((1.0, 1.0, 1.0), 1.0), ((1.0, 2.0, 4.0), 0.25), ((1.0, -1.0, 2.0), 0.0)])
+@pytest.mark.parametrize(
+    ("radii", "bent"), [((1.0, 1.0, 1.0), 1.0), ((1.0, 2.0, 4.0), 0.25), ((1.0, -1.0, 2.0), 0.0)]
+)
 def test_how_bent_normals_say_a_surface_is_does_not_depend_on_where_it_is(radii, bent):
-    """Normals that are a linear map of places, of one over the radii: the least bent way, or none of a saddle."""
+    """Normals that are a linear map of places, of one over the radii: the least bent way, or none
+    of a saddle.
+    """
     places = on_sphere(0.6)
     for shift in (np.zeros(3), np.array([4.0, -7.0, 2.0])):
-        assert _bent(places + shift, places / radii, np.ones(len(places))) == pytest.approx(bent, abs=1e-6)
+        assert _bent(places + shift, places / radii, np.ones(len(places))) == pytest.approx(
+            bent, abs=1e-6
+        )
 
 
-@pytest.mark.parametrize("weights", [np.ones(7), np.ones((600, 1)), np.zeros(600), -np.ones(600), np.full(600, np.nan)])
+@pytest.mark.parametrize(
+    "weights", [np.ones(7), np.ones((600, 1)), np.zeros(600), -np.ones(600), np.full(600, np.nan)]
+)
 def test_weights_that_are_none_are_refused(weights):
     with pytest.raises(BadData, match="weights that are not negative"):
         fit_sphere(on_sphere(0.4), on_sphere(0.4), weights)
@@ -130,7 +155,11 @@ def test_a_cylinder_with_noise_and_wrong_points():
     for seed in range(10):
         random = np.random.default_rng(seed)
         direction, along = around_axis(0.35, seed=seed)
-        points = CENTER + np.outer(along, AXIS) + direction * (0.02 + 3e-4 * random.normal(size=600))[:, None]
+        points = (
+            CENTER
+            + np.outer(along, AXIS)
+            + direction * (0.02 + 3e-4 * random.normal(size=600))[:, None]
+        )
         points[::7] += 0.008 * random.normal(size=points[::7].shape)
         found = fit_cylinder(points, direction, ONES, AXIS)
         beside = found.point - CENTER
@@ -162,7 +191,8 @@ def test_a_head_is_found_from_a_rough_start():
     shaft = Surface(shaft.vertices * [1.0, 1.0, 20.0] - [0.0, 0.0, 0.22], shaft.faces)
     head = ball(0.024, np.array([0.01, 0.0, 0.0]))
     bone = Surface(
-        np.concatenate([shaft.vertices, head.vertices]), np.concatenate([shaft.faces, head.faces + len(shaft.vertices)])
+        np.concatenate([shaft.vertices, head.vertices]),
+        np.concatenate([shaft.faces, head.faces + len(shaft.vertices)]),
     )
     for shift in 0.006 * np.vstack([np.eye(3), -np.eye(3)]):
         found = articular_sphere(bone, np.array([0.01, 0.0, 0.0]) + shift, 0.02)
@@ -185,7 +215,18 @@ def test_a_shaft_is_no_sphere():
 def test_where_nothing_is_round_it_is_said():
     box = Surface(
         [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)],
-        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]],
+        [
+            [0, 1, 3],
+            [0, 3, 2],
+            [4, 6, 7],
+            [4, 7, 5],
+            [0, 4, 5],
+            [0, 5, 1],
+            [2, 3, 7],
+            [2, 7, 6],
+            [0, 2, 6],
+            [0, 6, 4],
+        ],
     )
     with pytest.raises(BadData, match=r"vertices of the surface are round|do not determine"):
         articular_sphere(box, [0.5, 0.5, 0.5], 0.5)
@@ -220,7 +261,9 @@ def meters(path) -> Surface:
 
 @pytest.mark.long
 def test_head_and_socket_of_a_hip_share_their_center(data):
-    """Of the man in MRI, where both bones lie in one frame: cartilage and the segmentation are all that is between."""
+    """Of the man in MRI, where both bones lie in one frame: cartilage and the segmentation are all
+    that is between.
+    """
     head = spherical_patches(meters(data("bones-mri-two-adults/ICL_MRI/femur_r.ply")))[0]
     pelvis = meters(data("bones-mri-two-adults/ICL_MRI/pelvis_no_sacrum.ply"))
     socket = articular_sphere(pelvis, head.center, 1.15 * head.radius, hollow=True)

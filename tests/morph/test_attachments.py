@@ -1,4 +1,6 @@
-"""Attachments of a relative: through its landmarks to the bone, and never so that a path doubles back."""
+"""Attachments of a relative: through its landmarks to the bone, and never so that a path doubles
+back.
+"""
 
 from __future__ import annotations
 
@@ -27,32 +29,46 @@ def femora(data):
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse")
     femur = next(one for one in table.bones if one.sources[0] == "femur_r")
-    surfaces = source_bones(man, Path(data("bones-opensim-rajagopal/Geometry"))), source_bones(mouse)
+    surfaces = (
+        source_bones(man, Path(data("bones-opensim-rajagopal/Geometry"))),
+        source_bones(mouse),
+    )
     table = replace(table, bones=(femur,), relatives=())
 
     def bones(*relatives: RelativeBone, straight: tuple[str, ...] = ()):
         wanted = replace(table, relatives=relatives, straight=straight)
-        return species_bones(man, surfaces[0], mouse, surfaces[1], wanted, match=MatchOptions(features="landmarks"))
+        return species_bones(
+            man, surfaces[0], mouse, surfaces[1], wanted, match=MatchOptions(features="landmarks")
+        )
 
-    return bones, surfaces[1]["mouse__RFemur"], Posed(mouse, table.target_posture).joints("mouse__RFemur")
+    return (
+        bones,
+        surfaces[1]["mouse__RFemur"],
+        Posed(mouse, table.target_posture).joints("mouse__RFemur"),
+    )
 
 
 def relative(femora, *attachments: Attachment) -> RelativeBone:
     """The mouse's own femur three times as large and turned: where its attachments belong is known."""
     marks = femora[0]().bones["femur_r"].features
-    named = {name: tuple(3.0 * at[[2, 0, 1]]) for name, at in zip(marks.names, marks.target, strict=True)}
+    named = {
+        name: tuple(3.0 * at[[2, 0, 1]]) for name, at in zip(marks.names, marks.target, strict=True)
+    }
     return RelativeBone("femur_r", named, attachments)
 
 
 def test_an_attachment_on_a_larger_turned_bone_comes_back(femora):
     bones, surface, joints = femora
-    hip, knee = joints["mouse__RFemur"], joints["mouse__RTibia"]
+    hip = joints["mouse__RFemur"]
+    knee = joints["mouse__RTibia"]
     place = Shape(surface).closest((hip + 0.15 * (knee - hip))[None])[0][0]
     one = Attachment(("vaslat_r",), "first", tuple(3.0 * place[[2, 0, 1]]))
     found = bones(relative(femora, one))
     point = found.source.muscle("vaslat_r").path.points[0]
     assert found.bones[point.body].map.apply(point.location) == pytest.approx(place, abs=1e-5)
-    assert np.isnan(Transfer(found.bones[point.body], point.body).within(point.location[None])).all()
+    assert np.isnan(
+        Transfer(found.bones[point.body], point.body).within(point.location[None])
+    ).all()
 
 
 def test_a_path_never_doubles_back(femora):
@@ -65,8 +81,10 @@ def test_a_path_never_doubles_back(femora):
 
 
 def test_a_straight_muscle_keeps_its_ends_alone(femora):
-    before, after = (femora[0](straight=names).source for names in ((), ("iliacus_r",)))
-    points, kept = (one.muscle("iliacus_r").path.points for one in (before, after))
+    before = femora[0](straight=()).source
+    after = femora[0](straight=("iliacus_r",)).source
+    points = before.muscle("iliacus_r").path.points
+    kept = after.muscle("iliacus_r").path.points
     assert len(points) > 2
     assert not after.muscle("iliacus_r").path.wraps
     assert kept == (points[0], points[-1])

@@ -1,4 +1,6 @@
-"""Landmarks found by rules: the same place on a bone that was turned, moved, resized and smoothly deformed."""
+"""Landmarks found by rules: the same place on a bone that was turned, moved, resized and smoothly
+deformed.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,15 @@ def thorny() -> Surface:
     """A made bone: an ellipsoid with thorns, of which none is another's mirror image."""
     mesh = trimesh.creation.icosphere(subdivisions=3)
     size = np.ones(len(mesh.vertices))
-    for direction, height in (((1, 0, 0.1), 0.3), ((-1, 0.1, 0), 0.4), ((0.4, 1, 0.3), 0.9), ((-0.3, -0.2, 1), 0.8)):
-        size += height * np.exp(60.0 * (mesh.vertices @ (np.array(direction) / np.linalg.norm(direction)) - 1.0))
+    for direction, height in (
+        ((1, 0, 0.1), 0.3),
+        ((-1, 0.1, 0), 0.4),
+        ((0.4, 1, 0.3), 0.9),
+        ((-0.3, -0.2, 1), 0.8),
+    ):
+        size += height * np.exp(
+            60.0 * (mesh.vertices @ (np.array(direction) / np.linalg.norm(direction)) - 1.0)
+        )
     return Surface(mesh.vertices * size[:, None] * [0.1, 0.04, 0.03], mesh.faces)
 
 

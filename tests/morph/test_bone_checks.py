@@ -1,4 +1,6 @@
-"""Bones that cannot be what they are said to be are refused by name; what can be repaired is, and said."""
+"""Bones that cannot be what they are said to be are refused by name; what can be repaired is, and
+said.
+"""
 
 from __future__ import annotations
 
@@ -55,17 +57,23 @@ def test_a_sound_bone_passes_unchanged():
     ],
 )
 def test_other_units_are_named(factor, told):
-    with pytest.raises(BadData, match=f"the bone of 'femur_r' is .* long, and the source's .*{told}"):
+    with pytest.raises(
+        BadData, match=f"the bone of 'femur_r' is .* long, and the source's .*{told}"
+    ):
         check_bone("femur_r", grown(factor), BONE)
     if factor > 10.0:
-        with pytest.raises(BadData, match=r"no bone is longer than 3 m: give it in meters; .* in millimeters"):
+        with pytest.raises(
+            BadData, match=r"no bone is longer than 3 m: give it in meters; .* in millimeters"
+        ):
             check_bone("femur_r", grown(factor), None)
 
 
 def test_units_are_judged_by_all_bones():
     """A person's small bone in inches alone would pass for a giant's in centimeters."""
     sizes = np.array([0.55, 0.95, 1.0, 1.1]) / 0.0254
-    with pytest.raises(BadData, match=r"the bones are 38.* \(median of 4\), as if in inches: divide .* by 39.37 "):
+    with pytest.raises(
+        BadData, match=r"the bones are 38.* \(median of 4\), as if in inches: divide .* by 39.37 "
+    ):
         check_units([(0.4 * size, 0.4) for size in sizes])
     check_units([(0.5, 0.4), (0.1, 0.4), (0.3, 0.4)])
     check_units([])
@@ -73,7 +81,9 @@ def test_units_are_judged_by_all_bones():
 
 def test_a_bone_like_another_of_the_source_is_refused():
     bones = {"femur_r": BONE, "tibia_r": Surface(BONE.vertices * [1.0, 1.0, 0.4], BONE.faces)}
-    with pytest.raises(BadData, match="the bone of 'femur_r' looks like the source's 'tibia_r', which leaves "):
+    with pytest.raises(
+        BadData, match="the bone of 'femur_r' looks like the source's 'tibia_r', which leaves "
+    ):
         check_exchange("femur_r", moved(bones["tibia_r"], shift=(0.1, 0.0, 0.0)), bones)
     check_exchange("femur_r", moved(BONE, shift=(0.1, 0.0, 0.0)), bones)
 
@@ -104,13 +114,17 @@ def test_flipped_triangles_are_turned_and_said():
 
 
 def test_repeated_vertices_and_empty_triangles_go():
-    corners = Surface(BONE.vertices[BONE.faces].reshape(-1, 3), np.arange(3 * len(BONE.faces)).reshape(-1, 3))
+    corners = Surface(
+        BONE.vertices[BONE.faces].reshape(-1, 3), np.arange(3 * len(BONE.faces)).reshape(-1, 3)
+    )
     found, notes = repaired(corners)
     assert len(found.vertices) == len(np.unique(BONE.faces))
     assert not len(border_of(found.faces))
     assert "vertices that lie on others became one" in notes[0]
     doubled = Surface(BONE.vertices, np.concatenate([BONE.faces, BONE.faces[:5], [[0, 0, 1]]]))
-    assert repaired(doubled)[1] == ["the bone: 6 triangles without area or given twice are left out"]
+    assert repaired(doubled)[1] == [
+        "the bone: 6 triangles without area or given twice are left out"
+    ]
 
 
 def test_islands_and_marrow_go_but_other_bones_stay():
@@ -139,7 +153,11 @@ def test_open_bones_are_said_and_laid_on_the_whole():
     placed = place_bone(BONE, found)
     assert placed.similarity.scale == pytest.approx(1.0, abs=0.02)
     np.testing.assert_allclose(placed.similarity.translation, [0.0, 0.01, 0.0], atol=2e-3)
-    assert check_bone("femur_r", found, BONE, start=placed.similarity) == check_bone("femur_r", found, BONE) == []
+    assert (
+        check_bone("femur_r", found, BONE, start=placed.similarity)
+        == check_bone("femur_r", found, BONE)
+        == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -156,24 +174,31 @@ def test_what_is_no_surface_is_refused(surface, told):
 
 
 def test_length_does_not_depend_on_the_frame():
-    assert bone_length(moved(BONE, (0.5, -1.0, 2.0), (1.0, 2.0, 3.0))) == pytest.approx(bone_length(BONE), rel=1e-9)
+    assert bone_length(moved(BONE, (0.5, -1.0, 2.0), (1.0, 2.0, 3.0))) == pytest.approx(
+        bone_length(BONE), rel=1e-9
+    )
 
 
 def test_meshes_with_inverted_faces(data):
-    """The left tibia has 47 of its triangles turned; its twin tells which, but for the few where three meet an edge."""
+    """The left tibia has 47 of its triangles turned; its twin tells which, but for the few where
+    three meet an edge.
+    """
     inverted = read_mesh(data("bones-opensim-rajagopal/Geometry/l_tibia_SOMEINVERTEDFACES.vtp"))
     sound = read_mesh(data("bones-opensim-rajagopal/Geometry/l_tibia.vtp"))
 
     def differing(one: Surface, other: Surface) -> int:
         turned = [
-            np.array([np.roll(face, -np.argmin(face)) for face in distinct_faces(mesh.faces)]) for mesh in (one, other)
+            np.array([np.roll(face, -np.argmin(face)) for face in distinct_faces(mesh.faces)])
+            for mesh in (one, other)
         ]
         return int((turned[0] != turned[1]).any(axis=1).sum())
 
     assert differing(inverted, sound) == 47
     found, notes = repaired(inverted)
     assert differing(found, sound) <= 7
-    assert any("54 of 374 triangles looked inward and were turned outward" in note for note in notes)
+    assert any(
+        "54 of 374 triangles looked inward and were turned outward" in note for note in notes
+    )
     assert any("is open" in note for note in notes)
 
 

@@ -1,4 +1,6 @@
-"""Branching points: balance against MuJoCo and scipy, virtual work, and how they follow a model into other bones."""
+"""Branching points: balance against MuJoCo and scipy, virtual work, and how they follow a model
+into other bones.
+"""
 
 from __future__ import annotations
 
@@ -27,43 +29,104 @@ ENDS = {
     "right": ("lower", (0.07, -0.02, 0.02), (0.005, -0.001, 0.0), 30.0),
     "back": ("lower", (0.01, 0.0, -0.08), (0.0, 0.0, -0.004), 20.0),
 }
-"""By strand: the body it comes from, its ends there and on the link [m], its maximum isometric force [N]."""
+"""By strand: the body it comes from, its ends there and on the link [m], its maximum isometric
+force [N].
+"""
 AROUND = {"link": ("lower", "upper")}
 AT = np.array([0.0, 0.06, 0.0])
 """Where the link is on the lower body [m]."""
 
 
 def branched(places: dict[str, tuple[float, float, float]] | None = None) -> Model:
-    """A lower body, an upper one that turns on it, and between them a point at which four strands meet."""
+    """A lower body, an upper one that turns on it, and between them a point at which four strands
+    meet.
+    """
     still = Transform.identity()
-    turn = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("bend",))
+    turn = Axis(
+        kind="rotation",
+        vector=np.array([0.0, 0.0, 1.0]),
+        function=linear(1.0),
+        coordinates=("bend",),
+    )
     joints = (
-        Joint("base", "WeldJoint", "ground", "lower", still, still),
-        Joint("branch", "WeldJoint", "lower", "link", Transform(np.eye(3), AT), still),
-        Joint("bend", "PinJoint", "lower", "upper", Transform(np.eye(3), np.array([0.0, 0.1, -0.02])), still, (turn,),
-              ("bend",)),
-    )  # fmt: skip
+        Joint(
+            name="base",
+            kind="WeldJoint",
+            parent="ground",
+            child="lower",
+            parent_frame=still,
+            child_frame=still,
+        ),
+        Joint(
+            name="branch",
+            kind="WeldJoint",
+            parent="lower",
+            child="link",
+            parent_frame=Transform(np.eye(3), AT),
+            child_frame=still,
+        ),
+        Joint(
+            name="bend",
+            kind="PinJoint",
+            parent="lower",
+            child="upper",
+            parent_frame=Transform(np.eye(3), np.array([0.0, 0.1, -0.02])),
+            child_frame=still,
+            axes=(turn,),
+            coordinates=("bend",),
+        ),
+    )
     muscles = tuple(
-        Muscle(name, "RigidTendonMuscle", Path((PathPoint("a", body, np.array((places or {}).get(name, start))),
-               PathPoint("b", "link", np.array(end)))), force, 0.05, 0.02)
+        Muscle(
+            name=name,
+            kind="RigidTendonMuscle",
+            path=Path(
+                (
+                    PathPoint("a", body, np.array((places or {}).get(name, start))),
+                    PathPoint("b", "link", np.array(end)),
+                )
+            ),
+            max_isometric_force=force,
+            optimal_fiber_length=0.05,
+            tendon_slack_length=0.02,
+        )
         for name, (body, start, end, force) in ENDS.items()
-    )  # fmt: skip
-    bodies = tuple(Body(name, mass, np.zeros(3), 0.01 * np.eye(3)) for name, mass in
-                   (("lower", 1.0), ("link", 0.0), ("upper", 1.0)))  # fmt: skip
-    return Model("branched", bodies, joints, (Coordinate("bend", range=(-0.6, 0.6)),), np.array([0.0, -9.81, 0.0]),
-                 muscles=muscles)  # fmt: skip
+    )
+    bodies = tuple(
+        Body(name=name, mass=mass, mass_center=np.zeros(3), inertia=0.01 * np.eye(3))
+        for name, mass in (("lower", 1.0), ("link", 0.0), ("upper", 1.0))
+    )
+    return Model(
+        name="branched",
+        bodies=bodies,
+        joints=joints,
+        coordinates=(Coordinate("bend", range=(-0.6, 0.6)),),
+        gravity=np.array([0.0, -9.81, 0.0]),
+        muscles=muscles,
+    )
 
 
 def in_mujoco(load: BranchLoad) -> np.ndarray:
-    """Where MuJoCo's massless slider comes to rest between tendons of constant tension, the upper body straight."""
-    worlds, sites, tendons, pulls = [], [], [], []
+    """Where MuJoCo's massless slider comes to rest between tendons of constant tension, the upper
+    body straight.
+    """
+    worlds = []
+    sites = []
+    tendons = []
+    pulls = []
     for name, (body, start, end, _) in ENDS.items():
         offset = np.array([0.0, 0.1, -0.02]) if body == "upper" else np.zeros(3)
-        worlds.append(f'<site name="{name}0" pos="{" ".join(map(str, np.array(start) + offset))}"/>')
+        worlds.append(
+            f'<site name="{name}0" pos="{" ".join(map(str, np.array(start) + offset))}"/>'
+        )
         sites.append(f'<site name="{name}1" pos="{" ".join(map(str, end))}"/>')
-        tendons.append(f'<spatial name="{name}"><site site="{name}0"/><site site="{name}1"/></spatial>')
+        tendons.append(
+            f'<spatial name="{name}"><site site="{name}0"/><site site="{name}1"/></spatial>'
+        )
         pulls.append(f'<motor name="{name}" tendon="{name}"/>')
-    sliders = "".join(f'<joint type="slide" axis="{axis}" damping="200"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
+    sliders = "".join(
+        f'<joint type="slide" axis="{axis}" damping="200"/>' for axis in ("1 0 0", "0 1 0", "0 0 1")
+    )
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option gravity="0 0 0" timestep="0.002" integrator="implicitfast"/><worldbody>{"".join(worlds)}
         <body pos="{" ".join(map(str, AT))}">{sliders}<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
@@ -80,13 +143,20 @@ def in_mujoco(load: BranchLoad) -> np.ndarray:
 
 def test_it_rests_where_mujoco_and_scipy_let_it_rest():
     model = branched()
-    load = BranchLoad("link", tuple(ENDS), np.array([31.0, 24.0, 36.0, 18.0]), np.array([1.0, -2.0, 0.5]))
+    load = BranchLoad(
+        link="link",
+        muscles=tuple(ENDS),
+        tensions=np.array([31.0, 24.0, 36.0, 18.0]),
+        rest=np.array([1.0, -2.0, 0.5]),
+    )
     (place,), (balanced,) = branch_places(model, load)
     assert balanced
     assert np.linalg.norm(place) > 0.005
     np.testing.assert_allclose(place, in_mujoco(load), atol=2e-8)
     offsets = {"upper": np.array([0.0, 0.1, -0.02])}
-    starts = np.array([np.array(start) + offsets.get(body, 0.0) - AT for body, start, _, _ in ENDS.values()])
+    starts = np.array(
+        [np.array(start) + offsets.get(body, 0.0) - AT for body, start, _, _ in ENDS.values()]
+    )
     ends = np.array([end for _, _, end, _ in ENDS.values()])
 
     def energy(x: np.ndarray) -> float:
@@ -112,7 +182,12 @@ def test_the_sources_own_tensions_hold_it_where_it_is():
         upper = Transform(rotation_from_euler_xyz((0.0, 0.0, angle)), np.array([0.0, 0.1, -0.02]))
         pull = np.zeros(3)
         for tension, (body, start, end, _) in zip(load.tensions, ENDS.values(), strict=True):
-            away = (upper.apply(np.array(start)) if body == "upper" else np.array(start)) - AT - end - shift
+            away = (
+                (upper.apply(np.array(start)) if body == "upper" else np.array(start))
+                - AT
+                - end
+                - shift
+            )
             pull += tension * away / np.linalg.norm(away)
         np.testing.assert_allclose(pull, -load.rest, atol=1e-6)
 
@@ -123,9 +198,10 @@ def test_strands_in_one_line_hold_nothing_across():
     model = branched(line)
     ends = {one.name: replace(one.path.points[1], location=np.zeros(3)) for one in model.muscles}
     lower = tuple(
-        replace(one, path=Path((replace(one.path.points[0], body="lower"), ends[one.name]))) for one in model.muscles
+        replace(one, path=Path((replace(one.path.points[0], body="lower"), ends[one.name])))
+        for one in model.muscles
     )
-    load = BranchLoad("link", tuple(ENDS), np.ones(4), np.zeros(3))
+    load = BranchLoad(link="link", muscles=tuple(ENDS), tensions=np.ones(4), rest=np.zeros(3))
     place, balanced = branch_places(replace(model, muscles=lower), load)
     assert not balanced.any()
     assert np.isnan(place).all()
@@ -139,10 +215,16 @@ def test_strands_in_one_line_hold_nothing_across():
 
 def bone(body: str, matrix: np.ndarray) -> BoneMap:
     corners = 0.04 * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    turn, scale = np.linalg.qr(matrix)[0] * np.sign(np.diag(np.linalg.qr(matrix)[1])), np.cbrt(np.linalg.det(matrix))
+    turn = np.linalg.qr(matrix)[0] * np.sign(np.diag(np.linalg.qr(matrix)[1]))
+    scale = np.cbrt(np.linalg.det(matrix))
     features = FeaturePoints(tuple(map(str, range(8))), corners, corners @ matrix.T)
     return BoneMap(
-        body, body, AffineMap(matrix, np.zeros(3)), Similarity(turn, np.zeros(3), scale), "bone", features=features
+        body=body,
+        target_body=body,
+        map=AffineMap(matrix, np.zeros(3)),
+        whole=Similarity(turn, np.zeros(3), scale),
+        basis="bone",
+        features=features,
     )
 
 
@@ -162,7 +244,9 @@ def test_a_twin_has_it_where_the_bones_put_it():
 
 @pytest.mark.parametrize("grafted", [False, True])
 def test_in_stretched_bones_the_same_tensions_balance(grafted):
-    """The map alone leaves a force over; moved there is none but the source's, and the points tell how far."""
+    """The map alone leaves a force over; moved there is none but the source's, and the points tell
+    how far.
+    """
     model = branched()
     wide = np.diag([1.5, 1.0, 0.8])
     bones = {"lower": bone("lower", wide), "upper": bone("upper", np.diag([1.2, 1.1, 1.0]))}
@@ -173,7 +257,8 @@ def test_in_stretched_bones_the_same_tensions_balance(grafted):
             morphs.append(graft_muscles(model, skeleton, bones, options, surrounding=AROUND))
         else:
             morphs.append(morph_model(model, bones, options, surrounding=AROUND))
-    load, measures = branch_load(model, "link"), morphs[0].bones["link"].measures
+    load = branch_load(model, "link")
+    measures = morphs[0].bones["link"].measures
     away = measures["moved to balance [m]"]
     assert away > 1e-3
     for ours, theirs in zip(morphs[0].points, morphs[1].points, strict=True):

@@ -1,4 +1,6 @@
-"""Paths brought out of bones: made bones of known thickness, muscles with and without something that can be moved."""
+"""Paths brought out of bones: made bones of known thickness, muscles with and without something
+that can be moved.
+"""
 
 from dataclasses import replace
 
@@ -13,7 +15,13 @@ from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
 from myomorph.morph.checks.moment_arms import compared_coordinates
-from myomorph.morph.checks.path_changes import Ground, PathEnd, least_move, path_changes, point_effect
+from myomorph.morph.checks.path_changes import (
+    Ground,
+    PathEnd,
+    least_move,
+    path_changes,
+    point_effect,
+)
 from myomorph.morph.checks.penetration import range_poses
 from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.maps.fields import BoneMap
@@ -21,7 +29,8 @@ from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import TransferredPoint
 
 LENGTH = 0.4
-THIN, THICK = 0.02, 0.026
+THIN = 0.02
+THICK = 0.026
 STILL = Transform.identity()
 
 
@@ -33,28 +42,66 @@ def shaft(radius, size=1.0):
 
 def model(muscle, wraps=(), pose=STILL):
     """One body on a pin about z that hardly turns; `pose` of the pin in ground."""
-    body = Body("femur", 1.0, np.zeros(3), np.eye(3) * 0.01)
+    body = Body(name="femur", mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3) * 0.01)
     pin = Joint(
-        "pin", "PinJoint", "ground", "femur", pose, STILL,
-        (Axis("rotation", [0.0, 0.0, 1.0], linear(1.0, 0.0), ("q",)),), ("q",),
-    )  # fmt: skip
+        name="pin",
+        kind="PinJoint",
+        parent="ground",
+        child="femur",
+        parent_frame=pose,
+        child_frame=STILL,
+        axes=(
+            Axis(
+                kind="rotation",
+                vector=[0.0, 0.0, 1.0],
+                function=linear(1.0, 0.0),
+                coordinates=("q",),
+            ),
+        ),
+        coordinates=("q",),
+    )
     turn = Coordinate("q", range=(-0.1, 0.1))
-    return Model("made", (body,), (pin,), (turn,), [0, -9.81, 0], muscles=(muscle,), wrap_objects=wraps)
+    return Model(
+        name="made",
+        bodies=(body,),
+        joints=(pin,),
+        coordinates=(turn,),
+        gravity=[0, -9.81, 0],
+        muscles=(muscle,),
+        wrap_objects=wraps,
+    )
 
 
 def muscle(*places, wraps=()):
     points = tuple(PathPoint(f"P{i}", "femur", place) for i, place in enumerate(places))
-    return Muscle("m", "Thelen2003Muscle", Path(points, wraps), 100.0, 0.1, 0.1)
+    return Muscle(
+        name="m",
+        kind="Thelen2003Muscle",
+        path=Path(points, wraps),
+        max_isometric_force=100.0,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.1,
+    )
 
 
 def bone_of(thickness=THICK, size=1.0):
     same = AffineMap(np.eye(3), np.zeros(3))
     whole = Similarity(np.eye(3), np.zeros(3))
-    return BoneMap("femur", "femur", same, whole, "given", shaft(THIN * size, size), shaft(thickness, size))
+    return BoneMap(
+        body="femur",
+        target_body="femur",
+        map=same,
+        whole=whole,
+        basis="given",
+        source=shaft(THIN * size, size),
+        target=shaft(thickness, size),
+    )
 
 
 def ground(one, thickness=THICK, size=1.0):
-    found = Ground.of(one, one, [bone_of(thickness, size)], compared_coordinates(one, one), CheckOptions())
+    found = Ground.of(
+        one, one, [bone_of(thickness, size)], compared_coordinates(one, one), CheckOptions()
+    )
     assert found is not None
     return found
 
@@ -65,7 +112,9 @@ ALONG = ([0.03, 0.0, -0.15], [0.023, 0.0, 0.0], [0.03, 0.0, 0.15])
 def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
     one = model(muscle(*ALONG))
     found = clear_paths(one, ground(one))
-    assert found.before["m"] == pytest.approx(THICK - 0.023 - CheckOptions().deeper * LENGTH, abs=3e-4)
+    assert found.before["m"] == pytest.approx(
+        THICK - 0.023 - CheckOptions().deeper * LENGTH, abs=3e-4
+    )
     assert not found.after
     first, via, last = (point.location for point in found.model.muscle("m").path.points)
     np.testing.assert_array_equal([first, last], [ALONG[0], ALONG[2]])
@@ -74,11 +123,27 @@ def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
 
 
 @pytest.mark.parametrize(
-    ("within", "told"), [(0.01, None), (0.001, "by more than their intervals"), (np.nan, "where maps give no interval")]
+    ("within", "told"),
+    [
+        (0.01, None),
+        (0.001, "by more than their intervals"),
+        (np.nan, "where maps give no interval"),
+    ],
 )
 def test_what_goes_further_than_its_interval_is_told(within, told):
     one = model(muscle(*ALONG))
-    points = [TransferredPoint("m", f"P{i}", "femur", "femur", at, at, within=within) for i, at in enumerate(ALONG)]
+    points = [
+        TransferredPoint(
+            owner="m",
+            name=f"P{i}",
+            body="femur",
+            target_body="femur",
+            source=at,
+            target=at,
+            within=within,
+        )
+        for i, at in enumerate(ALONG)
+    ]
     _, after, notes = cleared(one, one, [bone_of()], points)
     assert [point.cleared > 0.0 for point in after] == [False, True, False]
     assert np.linalg.norm(after[1].target - ALONG[1]) == pytest.approx(after[1].cleared)
@@ -108,10 +173,14 @@ def test_origin_and_insertion_stay_and_what_cannot_be_helped_is_told():
 
 @pytest.mark.parametrize("length", [1.0, np.inf])
 def test_a_wrap_object_grows_until_the_path_is_out(length):
-    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.021, length))
+    around = WrapObject(
+        name="shaft", body="femur", kind="cylinder", pose=STILL, size=(0.021, length)
+    )
     across = ([0.03, -0.05, 0.0], [0.03, 0.05, 0.0])
     one = model(muscle(*across, wraps=(PathWrap("shaft"),)), (around,))
-    hidden = model(muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),)), (around,))
+    hidden = model(
+        muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),)), (around,)
+    )
     assert not clear_paths(one, ground(one)).before
     found = clear_paths(hidden, ground(hidden))
     assert found.before["m"] > 0.003
@@ -136,8 +205,10 @@ def test_a_via_point_is_not_moved_further_than_a_share_of_the_bone():
 
 
 def test_a_wrap_object_grows_by_half_at_most():
-    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.02, 1.0))
-    one = model(muscle([0.0, -0.08, 0.0], [0.004, 0.08, 0.0], wraps=(PathWrap("shaft"),)), (around,))
+    around = WrapObject(name="shaft", body="femur", kind="cylinder", pose=STILL, size=(0.02, 1.0))
+    one = model(
+        muscle([0.0, -0.08, 0.0], [0.004, 0.08, 0.0], wraps=(PathWrap("shaft"),)), (around,)
+    )
     found = clear_paths(one, ground(one, 0.045))
     assert found.after
     assert found.grown["shaft"] == pytest.approx(1.5)
@@ -154,26 +225,53 @@ def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
 
 
 def arm(second):
-    """A muscle from the ground over a via point of a body to a second body, which hinges turn, the first along z."""
-    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3) * 0.01) for name in ("upper", "lower"))
+    """A muscle from the ground over a via point of a body to a second body, which hinges turn, the
+    first along z.
+    """
+    bodies = tuple(
+        Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3) * 0.01)
+        for name in ("upper", "lower")
+    )
     joints = tuple(
         Joint(
-            child, "PinJoint", parent, child, pose, STILL,
-            (Axis("rotation", axis, linear(1.0, 0.0), (child,)),), (child,),
+            name=child,
+            kind="PinJoint",
+            parent=parent,
+            child=child,
+            parent_frame=pose,
+            child_frame=STILL,
+            axes=(
+                Axis(kind="rotation", vector=axis, function=linear(1.0, 0.0), coordinates=(child,)),
+            ),
+            coordinates=(child,),
         )
         for child, parent, pose, axis in (
             ("upper", "ground", STILL, [0.0, 0.0, 1.0]),
             ("lower", "upper", Transform(np.eye(3), np.array([0.0, -0.3, 0.0])), second),
         )
-    )  # fmt: skip
+    )
     turns = tuple(Coordinate(name, range=(-0.8, 1.2)) for name in ("upper", "lower"))
     points = (
         PathPoint("from", "ground", [0.06, 0.05, 0.01]),
         PathPoint("via", "upper", [0.05, -0.15, 0.02]),
         PathPoint("to", "lower", [0.04, -0.05, 0.0]),
     )
-    bent = Muscle("m", "Thelen2003Muscle", Path(points, ()), 100.0, 0.1, 0.1)
-    return Model("arm", bodies, joints, turns, [0, -9.81, 0], muscles=(bent,))
+    bent = Muscle(
+        name="m",
+        kind="Thelen2003Muscle",
+        path=Path(points, ()),
+        max_isometric_force=100.0,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.1,
+    )
+    return Model(
+        name="arm",
+        bodies=bodies,
+        joints=joints,
+        coordinates=turns,
+        gravity=[0, -9.81, 0],
+        muscles=(bent,),
+    )
 
 
 def posed(one):
@@ -190,7 +288,8 @@ def shifted(one, by):
 @pytest.mark.parametrize("second", [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
 def test_effects_tell_what_a_small_move_changes(second):
     one = arm(second)
-    poses, by = posed(one), np.array([3e-5, -2e-5, 5e-5])
+    poses = posed(one)
+    by = np.array([3e-5, -2e-5, 5e-5])
     effect = point_effect(one, one.muscles[0], 1, poses) @ by
     change = path_changes(one, shifted(one, by), poses)["m"]
     assert np.linalg.norm(effect) == pytest.approx(np.hypot(change.length, change.arm), rel=0.01)
@@ -199,10 +298,14 @@ def test_effects_tell_what_a_small_move_changes(second):
 
 def test_of_moves_as_far_out_the_one_found_changes_least():
     """With all weight on change, no other direction that brings the place out as far changes less."""
-    one, out = arm([0.6, 0.0, 0.8]), np.array([0.6, 0.48, 0.64])
+    one = arm([0.6, 0.0, 0.8])
+    out = np.array([0.6, 0.48, 0.64])
     poses = posed(one)
     ends = [PathEnd(0.8, 1)]
-    moves = {weight: least_move(one, one.muscles[0], ends, out, 1e-3, poses, weight) for weight in (0.0, 10.0, 1e6)}
+    moves = {
+        weight: least_move(one, one.muscles[0], ends, out, 1e-3, poses, weight)
+        for weight in (0.0, 10.0, 1e6)
+    }
     for move in moves.values():
         assert out @ move.by == pytest.approx(1e-3 / 0.8)
     np.testing.assert_allclose(moves[0.0].by, 1e-3 / 0.8 * out, atol=1e-12)
@@ -236,7 +339,8 @@ def test_a_move_goes_no_further_than_the_path_has_to():
 
 @pytest.mark.parametrize("size", [0.05, 20.0])
 def test_a_mouse_is_cleared_as_a_man(size):
-    one, other = model(muscle(*ALONG)), model(muscle(*(np.array(ALONG) * size)))
+    one = model(muscle(*ALONG))
+    other = model(muscle(*(np.array(ALONG) * size)))
     found = clear_paths(one, ground(one))
     again = clear_paths(other, ground(other, THICK * size, size))
     assert again.before["m"] == pytest.approx(size * found.before["m"], rel=1e-6)
@@ -245,17 +349,23 @@ def test_a_mouse_is_cleared_as_a_man(size):
 
 def test_where_the_body_stands_does_not_matter():
     pose = Transform(rotation_from_euler_xyz([0.4, -1.1, 2.0]), np.array([0.3, -0.2, 0.9]))
-    one, moved = model(muscle(*ALONG)), model(muscle(*ALONG), pose=pose)
-    found, again = (clear_paths(each, ground(each)) for each in (one, moved))
+    one = model(muscle(*ALONG))
+    moved = model(muscle(*ALONG), pose=pose)
+    found = clear_paths(one, ground(one))
+    again = clear_paths(moved, ground(moved))
     places = [each.model.muscle("m").path.points[1].location for each in (found, again)]
     np.testing.assert_allclose(*places, atol=1e-6)
 
 
 def deeper_by(change):
-    """What is left of a model whose wrap object grew and whose via point moved, where the path got deeper so much."""
-    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.02, 1.0))
+    """What is left of a model whose wrap object grew and whose via point moved, where the path got
+    deeper so much.
+    """
+    around = WrapObject(name="shaft", body="femur", kind="cylinder", pose=STILL, size=(0.02, 1.0))
     before = model(muscle(*ALONG, wraps=(PathWrap("shaft"),)), (around,))
-    points = tuple(PathPoint(f"P{i}", "femur", np.array(place) * 1.1) for i, place in enumerate(ALONG))
+    points = tuple(
+        PathPoint(f"P{i}", "femur", np.array(place) * 1.1) for i, place in enumerate(ALONG)
+    )
     path = Path(points, (PathWrap("shaft"),))
     after = replace(
         before,
@@ -288,10 +398,12 @@ def test_a_path_that_no_wrap_object_made_deeper_goes_back_itself():
 
 
 def test_what_runs_around_a_wrap_object_that_grows_is_watched_too():
-    around = WrapObject("shaft", "femur", "cylinder", STILL, (0.021, 1.0))
+    around = WrapObject(name="shaft", body="femur", kind="cylinder", pose=STILL, size=(0.021, 1.0))
     own = muscle([0.0, -0.05, 0.0], [0.004, 0.05, 0.0], wraps=(PathWrap("shaft"),))
     beside = replace(
-        own, name="beside", path=replace(own.path, points=muscle([0.03, -0.05, 0.1], [0.03, 0.05, 0.1]).path.points)
+        own,
+        name="beside",
+        path=replace(own.path, points=muscle([0.03, -0.05, 0.1], [0.03, 0.05, 0.1]).path.points),
     )
     apart = replace(muscle(*ALONG), name="apart")
     one = replace(model(own, (around,)), muscles=(own, beside, apart))

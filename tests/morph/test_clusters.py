@@ -1,4 +1,6 @@
-"""Balls of marker clusters in a scan: apart, grown together, noisy, half seen; and which marker each of them is."""
+"""Balls of marker clusters in a scan: apart, grown together, noisy, half seen; and which marker
+each of them is.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def test_a_sphere_comes_back_exactly_and_outliers_do_not_pull():
     np.testing.assert_allclose(found.center, [1, 2, 3], atol=1e-12)
     assert found.radius == pytest.approx(0.0045, abs=1e-12)
     assert found.covered > 0.95
-    strayed = np.concatenate([points, np.array([1.006, 2.0, 3.0]) + 0.0005 * random.normal(size=(30, 3))])
+    strayed = np.concatenate(
+        [points, np.array([1.006, 2.0, 3.0]) + 0.0005 * random.normal(size=(30, 3))]
+    )
     np.testing.assert_allclose(fit_ball(strayed).center, [1, 2, 3], atol=2e-5)
     with pytest.raises(BadData, match="four points"):
         fit_ball(points[:3])
@@ -46,7 +50,10 @@ def test_half_a_ball_is_enough_and_says_how_much_is_seen():
 
 def test_parts_are_told_apart_even_where_every_corner_is_written_thrice():
     surface = cluster(CENTERS)
-    torn = Surface(surface.vertices[surface.faces].reshape(-1, 3), np.arange(3 * len(surface.faces)).reshape(-1, 3))
+    torn = Surface(
+        surface.vertices[surface.faces].reshape(-1, 3),
+        np.arange(3 * len(surface.faces)).reshape(-1, 3),
+    )
     assert sorted(len(part.faces) for part in surface_parts(torn)) == sorted(
         len(part.faces) for part in surface_parts(surface)
     )
@@ -55,11 +62,14 @@ def test_parts_are_told_apart_even_where_every_corner_is_written_thrice():
 
 @pytest.mark.parametrize(("noise", "within"), [(0.0, 1e-6), (1e-4, 3e-5), (3e-4, 1e-4)])
 def test_balls_that_stand_alone_are_found_beside_plate_and_pin(noise, within):
-    turn, shift = rotation_from_euler_xyz((0.3, -1.0, 2.0)), np.array([0.1, -0.2, 0.3])
+    turn = rotation_from_euler_xyz((0.3, -1.0, 2.0))
+    shift = np.array([0.1, -0.2, 0.3])
     surface = cluster(CENTERS, noise=noise)
     found = find_balls(Surface(surface.vertices @ turn.T + shift, surface.faces))
     assert len(found) == 3
-    np.testing.assert_allclose(nearest_to(found, CENTERS @ turn.T + shift), CENTERS @ turn.T + shift, atol=within)
+    np.testing.assert_allclose(
+        nearest_to(found, CENTERS @ turn.T + shift), CENTERS @ turn.T + shift, atol=within
+    )
 
 
 def nearest_to(balls, wanted):
@@ -71,7 +81,9 @@ def nearest_to(balls, wanted):
 def test_balls_that_have_grown_together_with_their_plate_are_found(noise, within):
     surface = grown_together(CENTERS)
     random = np.random.default_rng(0)
-    rough = Surface(surface.vertices + noise * random.normal(size=surface.vertices.shape), surface.faces)
+    rough = Surface(
+        surface.vertices + noise * random.normal(size=surface.vertices.shape), surface.faces
+    )
     assert len(surface_parts(surface)) == 1
     found = find_balls(rough)
     assert len(found) == 3
@@ -126,6 +138,8 @@ def test_another_cluster_than_the_recordings_is_named():
 
 
 def test_more_balls_than_markers_are_no_trouble():
-    extra = joined([cluster(CENTERS), ball(np.array([0.06, 0.06, 0.0]), 0.009, np.random.default_rng(3), 5e-5)])
+    extra = joined(
+        [cluster(CENTERS), ball(np.array([0.06, 0.06, 0.0]), 0.009, np.random.default_rng(3), 5e-5)]
+    )
     found = name_cluster(find_balls(extra), NAMES, DISTANCES)
     np.testing.assert_allclose([found.centers[name] for name in NAMES], CENTERS, atol=5e-5)

@@ -1,4 +1,6 @@
-"""Bones that find each other without landmarks: exact affine copies, a smooth deformation, and how surely."""
+"""Bones that find each other without landmarks: exact affine copies, a smooth deformation, and how
+surely.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ def _needs_data(data):
 
 def test_moments_of_a_hull_follow_an_affine_map():
     points = np.random.default_rng(0).normal(size=(60, 3))
-    matrix, offset = np.array([[1.2, 0.3, 0.0], [-0.2, 0.7, 0.1], [0.0, 0.5, 1.5]]), np.array([3.0, -1.0, 2.0])
+    matrix = np.array([[1.2, 0.3, 0.0], [-0.2, 0.7, 0.1], [0.0, 0.5, 1.5]])
+    offset = np.array([3.0, -1.0, 2.0])
     middle, second = hull_moments(points)
     moved, grown = hull_moments(points @ matrix.T + offset)
     np.testing.assert_allclose(moved, matrix @ middle + offset, atol=1e-12)
@@ -39,7 +42,8 @@ def test_moments_of_a_hull_follow_an_affine_map():
 
 
 def test_no_rotation_is_far_from_the_grid():
-    grid, asked = rotation_grid(800), rotation_grid(97)
+    grid = rotation_grid(800)
+    asked = rotation_grid(97)
     cosines = 0.5 * (np.einsum("aij,bij->ab", asked, grid) - 1.0)
     assert np.degrees(np.arccos(cosines.max(axis=1))).max() < 30.0
 
@@ -49,7 +53,10 @@ def test_an_affine_copy_is_found_from_its_shape_alone(body):
     surface, points, _ = bone(body)
     change = Deformation(surface, 20, 0.0)
     size = 1.0 / change.length
-    ours, goal = (Shape(type(surface)(size * one.vertices, one.faces)) for one in (surface, deformed(surface, change)))
+    ours, goal = (
+        Shape(type(surface)(size * one.vertices, one.faces))
+        for one in (surface, deformed(surface, change))
+    )
     best = affine_ways(ours, goal)[0]
     apart = best.affine.apply(size * points) / size - change(points)
     assert np.abs(apart).max() < 1e-4
@@ -74,7 +81,15 @@ def test_where_the_map_is_right_no_point_is_moved(body):
         change = Deformation(surface, seed, BEND)
         target = deformed(surface, change)
         whole = procrustes(surface.vertices, change(surface.vertices), True)
-        true = BoneMap(body, body, Exact(change), whole, "given", source=surface, target=target)
+        true = BoneMap(
+            body=body,
+            target_body=body,
+            map=Exact(change),
+            whole=whole,
+            basis="given",
+            source=surface,
+            target=target,
+        )
         put = put_on_surface(Transfer(true, body), points, 0.02)
         # Flat triangles of the target are cut off from what they were bent from.
         assert np.linalg.norm(put.points - change(points), axis=1).max() < 0.003 * change.length

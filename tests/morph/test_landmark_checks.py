@@ -22,9 +22,13 @@ CHOSEN = np.random.default_rng(4).choice(len(BONE.vertices), 9, replace=False)
 NAMES = tuple("abcdefghi")
 
 
-def pairs(source: np.ndarray | None = None, target: np.ndarray | None = None, noise: float = 1e-3) -> FeaturePoints:
+def pairs(
+    source: np.ndarray | None = None, target: np.ndarray | None = None, noise: float = 1e-3
+) -> FeaturePoints:
     ours = BONE.vertices[CHOSEN] if source is None else source
-    theirs = THERE.apply(BONE.vertices[CHOSEN]) + noise * np.random.default_rng(0).normal(size=(9, 3))
+    theirs = THERE.apply(BONE.vertices[CHOSEN]) + noise * np.random.default_rng(0).normal(
+        size=(9, 3)
+    )
     return FeaturePoints(NAMES, ours, theirs if target is None else target)
 
 
@@ -41,10 +45,13 @@ def test_good_landmarks_pass_and_tell_how_the_bones_lie():
 def test_units_of_one_side_are_named(factor, unit, side):
     grown = {side: factor * getattr(pairs(), side)}
     with pytest.raises(
-        BadData, match=f"the {side} landmarks of 'femur_r' fit its bone .* divided by {factor:g}: .* {unit}"
+        BadData,
+        match=f"the {side} landmarks of 'femur_r' fit its bone .* divided by {factor:g}: .* {unit}",
     ):
         check_landmarks("femur_r", pairs(**grown), BONE, OTHER)
-    with pytest.raises(BadData, match=f"the target landmarks of 'femur_r' spread over .* as if .*in {unit}"):
+    with pytest.raises(
+        BadData, match=f"the target landmarks of 'femur_r' spread over .* as if .*in {unit}"
+    ):
         check_landmarks("femur_r", pairs(**grown))
 
 
@@ -75,7 +82,8 @@ def test_landmarks_of_the_other_side_are_named():
 def test_landmarks_in_another_frame_or_of_another_bone_are_named():
     away = pairs(target=pairs().target + [0.0, 0.4, 0.0])
     with pytest.raises(
-        BadData, match=r"the target landmarks of 'femur_r' lie .* another frame than the target's surface"
+        BadData,
+        match=r"the target landmarks of 'femur_r' lie .* another frame than the target's surface",
     ):
         check_landmarks("femur_r", away, BONE, OTHER)
     box = np.random.default_rng(1).uniform(-1, 1, (9, 3)) * 0.05
@@ -88,14 +96,18 @@ def test_a_wrong_pick_and_one_off_the_bone_are_notes():
     target[3] += [0.0, 0.0, 0.08]
     _, notes = check_landmarks("femur_r", pairs(target=target), BONE, OTHER)
     assert any("picked point 'd' lies" in note for note in notes)
-    assert any("target landmarks of 'femur_r' lie up to" in note and "'d'" in note for note in notes)
+    assert any(
+        "target landmarks of 'femur_r' lie up to" in note and "'d'" in note for note in notes
+    )
 
 
 def test_few_landmarks_say_little():
     full = pairs()
     two = FeaturePoints(NAMES[:2], full.source[:2], full.target[:2])
     assert check_landmarks("femur_r", two)[0] is None
-    line = FeaturePoints(NAMES[:3], np.outer([0, 1, 2], [0.1, 0, 0]), np.outer([0, 1, 2], [0, 0.1, 0]))
+    line = FeaturePoints(
+        NAMES[:3], np.outer([0, 1, 2], [0.1, 0, 0]), np.outer([0, 1, 2], [0, 0.1, 0])
+    )
     assert "lie on a line" in check_landmarks("femur_r", line)[1][0]
 
 
@@ -103,11 +115,12 @@ def test_few_landmarks_say_little():
 def femurs(data):
     """Twenty landmarks of a generic femur, the same of a subject's, and the generic surface."""
     folder = "bones-landmarks-leg/Geometry"
-    ours, theirs = (
-        read_landmarks(data(f"{folder}/{name}.landmarks.csv")) for name in ("femur_r_warp", "subject_femur_r")
-    )
+    ours = read_landmarks(data(f"{folder}/femur_r_warp.landmarks.csv"))
+    theirs = read_landmarks(data(f"{folder}/subject_femur_r.landmarks.csv"))
     assert set(ours) == set(theirs)
-    points = FeaturePoints(tuple(ours), np.array(list(ours.values())), np.array([theirs[name] for name in ours]))
+    points = FeaturePoints(
+        tuple(ours), np.array(list(ours.values())), np.array([theirs[name] for name in ours])
+    )
     return points, read_mesh(data(f"{folder}/femur_r.obj"))
 
 
@@ -120,14 +133,26 @@ def test_real_landmarks_pass_and_their_faults_are_named(femurs):
         check_landmarks("femur_r", FeaturePoints(points.names, points.source, target), surface)
     order = np.random.default_rng(0).permutation(20)
     with pytest.raises(BadData, match="20 of 20 interchanged"):
-        check_landmarks("femur_r", FeaturePoints(points.names, points.source, points.target[order]), surface)
+        check_landmarks(
+            "femur_r", FeaturePoints(points.names, points.source, points.target[order]), surface
+        )
     with pytest.raises(BadData, match="when mirrored"):
-        check_landmarks("femur_r", FeaturePoints(points.names, points.source, points.target * [-1, 1, 1]), surface)
+        check_landmarks(
+            "femur_r",
+            FeaturePoints(points.names, points.source, points.target * [-1, 1, 1]),
+            surface,
+        )
 
 
 def test_landmarks_of_a_pelvis_on_a_femur(femurs, data):
     points, surface = femurs
-    pelvis = np.array(list(read_landmarks(data("bones-landmarks-leg/Geometry/pelvis.landmarks.csv")).values()))
+    pelvis = np.array(
+        list(read_landmarks(data("bones-landmarks-leg/Geometry/pelvis.landmarks.csv")).values())
+    )
     names = tuple(f"p{k}" for k in range(len(pelvis)))
-    with pytest.raises(BadData, match=r"the source landmarks of 'femur_r' lie .* from its bone|do not fit"):
-        check_landmarks("femur_r", FeaturePoints(names, pelvis, points.target[: len(pelvis)]), surface)
+    with pytest.raises(
+        BadData, match=r"the source landmarks of 'femur_r' lie .* from its bone|do not fit"
+    ):
+        check_landmarks(
+            "femur_r", FeaturePoints(names, pelvis, points.target[: len(pelvis)]), surface
+        )

@@ -1,4 +1,6 @@
-"""The map of a bone: through landmarks and matched surfaces, and what cannot be a bone's counterpart named."""
+"""The map of a bone: through landmarks and matched surfaces, and what cannot be a bone's
+counterpart named.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def bone() -> Surface:
 @pytest.mark.parametrize("options", [MapOptions(), MapOptions(map="rbf")])
 def test_the_map_goes_where_the_bone_went(bone, options):
     done: list[int] = []
-    found = map_bone("humerus", bone, made_target(bone, 0.5), marks(bone), options, QUICK, progress=done.append)
+    found = map_bone(
+        "humerus", bone, made_target(bone, 0.5), marks(bone), options, QUICK, progress=done.append
+    )
     random = np.random.default_rng(0)
     beside = bone.vertices[::20] + 0.005 * random.normal(size=bone.vertices[::20].shape)
     apart = np.linalg.norm(found.map.apply(beside) - deformed(beside, bone, 0.5), axis=1)
@@ -51,14 +55,21 @@ def test_a_landmark_that_contradicts_the_surface_does_not_fold_the_map(bone):
     given = marks(bone)
     wrong = given.target + [0.0, 0.0, 0.006] * np.array([[1.0], [0], [0], [0], [0]])
     found = map_bone(
-        "humerus", bone, made_target(bone, 0.5), FeaturePoints(given.names, given.source, wrong), None, QUICK
+        "humerus",
+        bone,
+        made_target(bone, 0.5),
+        FeaturePoints(given.names, given.source, wrong),
+        None,
+        QUICK,
     )
     np.testing.assert_allclose(found.map.apply(given.source), wrong, atol=1e-6)
     assert found.measures["map inverted"] < 0.002
 
 
 def test_landmarks_are_found_by_rules_where_none_are_given(bone):
-    found = map_bone("humerus", bone, made_target(bone, 0.5), None, None, MatchOptions(features="landmarks"))
+    found = map_bone(
+        "humerus", bone, made_target(bone, 0.5), None, None, MatchOptions(features="landmarks")
+    )
     assert found.basis == "landmarks"
     assert any("found by rules" in note for note in found.notes)
     points = found.features
@@ -71,15 +82,23 @@ def test_landmarks_are_found_by_rules_where_none_are_given(bone):
 def test_of_ways_that_fit_alike_one_that_keeps_the_frame_is_taken(seed):
     rng = np.random.default_rng(seed)
     block = trimesh.creation.box((0.03, 0.02, 0.05)).subdivide_to_size(0.006)
-    ours, theirs = (Surface(block.vertices + rng.normal(0.0, 2e-4, block.vertices.shape), block.faces) for _ in "ab")
+    ours, theirs = (
+        Surface(block.vertices + rng.normal(0.0, 2e-4, block.vertices.shape), block.faces)
+        for _ in "ab"
+    )
     found = align_bones(ours, theirs)
     assert turned_by(found.similarity) < 5.0
     assert "landmarks would tell" in found.warnings()[0]
 
 
 def test_landmarks_alone(bone):
-    for surfaces, match in (((None, None), None), ((bone, made_target(bone, 0.5)), MatchOptions(features="landmarks"))):
-        found = map_bone("humerus", *surfaces, marks(bone), MapOptions(map="affine"), match, target_body="arm")
+    for surfaces, match in (
+        ((None, None), None),
+        ((bone, made_target(bone, 0.5)), MatchOptions(features="landmarks")),
+    ):
+        found = map_bone(
+            "humerus", *surfaces, marks(bone), MapOptions(map="affine"), match, target_body="arm"
+        )
         assert found.basis == "landmarks"
         assert found.target_body == "arm"
         assert len(found.features) == len(CORNERS)
@@ -90,10 +109,17 @@ def test_the_size_does_not_matter(bone):
     size = 0.9
     target = made_target(bone, 0.5)
     shrunk = map_bone(
-        "humerus", bone, Surface(size * target.vertices, target.faces), landmarks_of(bone, size), None, QUICK
+        "humerus",
+        bone,
+        Surface(size * target.vertices, target.faces),
+        landmarks_of(bone, size),
+        None,
+        QUICK,
     )
     plain = map_bone("humerus", bone, target, landmarks_of(bone, 1.0), None, QUICK)
-    np.testing.assert_allclose(shrunk.map.apply(bone.vertices) / size, plain.map.apply(bone.vertices), atol=3e-4)
+    np.testing.assert_allclose(
+        shrunk.map.apply(bone.vertices) / size, plain.map.apply(bone.vertices), atol=3e-4
+    )
 
 
 def landmarks_of(bone: Surface, size: float) -> FeaturePoints:
@@ -106,7 +132,9 @@ def test_two_parts_are_one_bone():
     shank = joined([real_bone("r_tibia", 0.012), real_bone("r_fibula", 0.012)])
     target = made_target(shank, 0.5)
     found = map_bone("tibia_r", shank, target)
-    apart = np.linalg.norm(found.map.apply(shank.vertices) - deformed(shank.vertices, shank, 0.5), axis=1)
+    apart = np.linalg.norm(
+        found.map.apply(shank.vertices) - deformed(shank.vertices, shank, 0.5), axis=1
+    )
     assert np.sqrt(np.mean(apart**2)) < 0.004
 
 
@@ -123,7 +151,9 @@ def test_what_is_no_counterpart_is_named(bone):
 
 
 def test_a_small_bone_of_another_person_is_not_taken_for_one_of_the_other_side(data):
-    """Both ways leave about the same distance; how unlikely either deformation is differs a thousandfold."""
+    """Both ways leave about the same distance; how unlikely either deformation is differs a
+    thousandfold.
+    """
     ours = read_mesh(data("bones-opensim-rajagopal/Geometry/r_talus.vtp"))
     scan = read_mesh(data("bones-mri-two-adults/ICL_MRI/talus_r.ply"))
     placed = place_bone(ours, Surface(1e-3 * scan.vertices, scan.faces))

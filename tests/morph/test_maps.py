@@ -10,7 +10,14 @@ import pytest
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import axis_rotation
-from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, feature_warnings, fit_map, inverted
+from myomorph.morph.maps.fields import (
+    FeaturePoints,
+    MapOptions,
+    PointMap,
+    feature_warnings,
+    fit_map,
+    inverted,
+)
 from myomorph.morph.maps.interpolating import fit_radial
 from myomorph.morph.maps.linear import AffineMap, fit_affine, fit_whole, procrustes
 
@@ -23,7 +30,10 @@ BENDING = [
 AFFINE = [*BENDING, MapOptions(map="affine")]
 
 TURN = axis_rotation(np.array([0.6, 0.0, 0.8]), 0.7)
-SKEWED = AffineMap(TURN @ np.array([[1.2, 0.1, 0.0], [0.0, 0.9, 0.05], [0.0, -0.1, 1.05]]), np.array([0.3, -0.1, 0.7]))
+SKEWED = AffineMap(
+    TURN @ np.array([[1.2, 0.1, 0.0], [0.0, 0.9, 0.05], [0.0, -0.1, 1.05]]),
+    np.array([0.3, -0.1, 0.7]),
+)
 
 
 def bone(count: int, seed: int = 0) -> Array:
@@ -39,7 +49,12 @@ def around(count: int = 200) -> Array:
 def bent(points: Array) -> Array:
     """A known smooth deformation."""
     x, y, z = (np.asarray(points) - 0.4).T
-    return np.column_stack([1.1 * x + 0.8 * y**2, 0.95 * y - 0.1 * z, 1.05 * z + 0.2 * x + 1.5 * y * z]) + 0.1
+    return (
+        np.column_stack(
+            [1.1 * x + 0.8 * y**2, 0.95 * y - 0.1 * z, 1.05 * z + 0.2 * x + 1.5 * y * z]
+        )
+        + 0.1
+    )
 
 
 def features(source: Array, target: Array) -> FeaturePoints:
@@ -52,7 +67,9 @@ def test_an_affine_map_is_reproduced(options: MapOptions, count: int) -> None:
     source = bone(count)
     found = fit_map(features(source, SKEWED.apply(source)), options)
     np.testing.assert_allclose(found.apply(around()), SKEWED.apply(around()), rtol=0, atol=1e-10)
-    np.testing.assert_allclose(found.jacobian(around()), np.tile(SKEWED.matrix, (200, 1, 1)), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        found.jacobian(around()), np.tile(SKEWED.matrix, (200, 1, 1)), rtol=0, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("options", [MapOptions(map="rbf"), MapOptions(map="affine")])
@@ -66,7 +83,8 @@ def test_four_features_are_too_few_to_tell_stretch_from_errors() -> None:
     source = bone(4)
     given = features(source, SKEWED.apply(source))
     assert "pick a fifth" in feature_warnings(given)[0]
-    whole, nearest = fit_whole(source, given.target), procrustes(source, given.target, True)
+    whole = fit_whole(source, given.target)
+    nearest = procrustes(source, given.target, True)
     np.testing.assert_allclose(whole.apply(around()), nearest.apply(around()), rtol=0, atol=1e-12)
     np.testing.assert_allclose(fit_map(given).apply(source), given.target, rtol=0, atol=1e-12)
 
@@ -77,7 +95,9 @@ def test_flat_features_reproduce_a_similarity(options: MapOptions) -> None:
     source[:, 2] = 0.4 + 0.3 * (source[:, 0] - 0.4)
     target = 1.3 * source @ TURN.T + 0.2
     found = fit_map(features(source, target), options)
-    np.testing.assert_allclose(found.apply(around()), 1.3 * around() @ TURN.T + 0.2, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        found.apply(around()), 1.3 * around() @ TURN.T + 0.2, rtol=0, atol=1e-9
+    )
     assert "plane" in feature_warnings(features(source, target))[0]
 
 
@@ -91,7 +111,9 @@ def test_the_map_goes_through_every_feature(options: MapOptions, count: int) -> 
 
 def differences(found: PointMap, points: Array, step: float = 1e-5) -> Array:
     """Jacobians by central differences."""
-    sides = [found.apply(points + step * axis) - found.apply(points - step * axis) for axis in np.eye(3)]
+    sides = [
+        found.apply(points + step * axis) - found.apply(points - step * axis) for axis in np.eye(3)
+    ]
     return np.stack(sides, axis=-1) / (2 * step)
 
 
@@ -99,16 +121,22 @@ def differences(found: PointMap, points: Array, step: float = 1e-5) -> Array:
 def test_the_jacobian_is_the_derivative(options: MapOptions) -> None:
     source = bone(24)
     found = fit_map(features(source, bent(source)), options)
-    np.testing.assert_allclose(found.jacobian(around(40)), differences(found, around(40)), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        found.jacobian(around(40)), differences(found, around(40)), rtol=0, atol=1e-7
+    )
     near = source + [0.0, 1e-3, 1e-3]
-    np.testing.assert_allclose(found.jacobian(near), differences(found, near, 1e-6), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        found.jacobian(near), differences(found, near, 1e-6), rtol=0, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("options", [MapOptions(), MapOptions(map="rbf", kernel="r3")])
 def test_the_jacobian_is_the_derivative_at_features(options: MapOptions) -> None:
     source = bone(24)
     found = fit_map(features(source, bent(source)), options)
-    np.testing.assert_allclose(found.jacobian(source), differences(found, source, 1e-6), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        found.jacobian(source), differences(found, source, 1e-6), rtol=0, atol=1e-7
+    )
     beside = source + 1e-9
     np.testing.assert_allclose(found.jacobian(beside), found.jacobian(source), rtol=0, atol=1e-6)
 
@@ -117,7 +145,8 @@ def test_the_jacobian_is_the_derivative_at_features(options: MapOptions) -> None
 def test_rigid_motions_of_both_bones_change_nothing(options: MapOptions) -> None:
     source = bone(12)
     found = fit_map(features(source, bent(source)), options)
-    before, after = axis_rotation((0.0, 0.6, 0.8), 1.9), axis_rotation((1.0, 0.0, 0.0), -0.8)
+    before = axis_rotation((0.0, 0.6, 0.8), 1.9)
+    after = axis_rotation((1.0, 0.0, 0.0), -0.8)
     moved = fit_map(features(source @ before.T + 0.3, bent(source) @ after.T - 0.2), options)
     goal = found.apply(around()) @ after.T - 0.2
     np.testing.assert_allclose(moved.apply(around() @ before.T + 0.3), goal, rtol=0, atol=1e-10)
@@ -131,22 +160,32 @@ def test_sizes_of_both_bones_change_nothing(options: MapOptions, size: float) ->
     source = bone(12)
     found = fit_map(features(source, bent(source)), options)
     other = fit_map(features(size * source, 2.0 * bent(source)), options)
-    np.testing.assert_allclose(other.apply(size * around()), 2.0 * found.apply(around()), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        other.apply(size * around()), 2.0 * found.apply(around()), rtol=0, atol=1e-10
+    )
 
 
 @pytest.mark.parametrize("options", BENDING)
 def test_the_other_side_is_the_mirrored_one(options: MapOptions) -> None:
-    source, mirror = bone(12), np.array([1.0, 1.0, -1.0])
+    source = bone(12)
+    mirror = np.array([1.0, 1.0, -1.0])
     found = fit_map(features(source, bent(source)), options)
     other = fit_map(features(source * mirror, bent(source) * mirror), options)
-    np.testing.assert_allclose(other.apply(around() * mirror), found.apply(around()) * mirror, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        other.apply(around() * mirror), found.apply(around()) * mirror, rtol=0, atol=1e-10
+    )
 
 
 def test_there_and_back_of_an_affine_map_and_a_similarity() -> None:
-    np.testing.assert_allclose(SKEWED.inverse().apply(SKEWED.apply(around())), around(), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        SKEWED.inverse().apply(SKEWED.apply(around())), around(), rtol=0, atol=1e-12
+    )
     similarity = procrustes(bone(6), 1.2 * bone(6) @ TURN.T, True)
     np.testing.assert_allclose(
-        AffineMap.from_similarity(similarity).apply(around()), similarity.apply(around()), rtol=0, atol=1e-14
+        AffineMap.from_similarity(similarity).apply(around()),
+        similarity.apply(around()),
+        rtol=0,
+        atol=1e-14,
     )
     with pytest.raises(BadData, match="flattens"):
         AffineMap(np.diag([1.0, 1.0, 0.0]), np.zeros(3)).inverse()
@@ -154,7 +193,9 @@ def test_there_and_back_of_an_affine_map_and_a_similarity() -> None:
 
 @pytest.mark.parametrize("options", BENDING)
 def test_a_fold_is_found(options: MapOptions) -> None:
-    source = np.array([[x, y, z] for x in (0.0, 0.1, 0.2, 0.3) for y in (0.0, 0.05) for z in (0.0, 0.05)])
+    source = np.array(
+        [[x, y, z] for x in (0.0, 0.1, 0.2, 0.3) for y in (0.0, 0.05) for z in (0.0, 0.05)]
+    )
     target = source.copy()
     target[4:8], target[8:12] = source[8:12], source[4:8]
     found = fit_map(features(source, target), options)
@@ -177,15 +218,22 @@ def test_features_at_one_place_are_one(options: MapOptions) -> None:
     target[12:] += [0.002, 0.0, 0.0]
     found = fit_map(features(source, target), options)
     if options.map != "affine":
-        np.testing.assert_allclose(found.apply(source[:3]), bent(source[:3]) + [0.001, 0, 0], rtol=0, atol=1e-10)
-    assert feature_warnings(features(source, target)) == ("3 of 15 feature points share a place: joined",)
+        np.testing.assert_allclose(
+            found.apply(source[:3]), bent(source[:3]) + [0.001, 0, 0], rtol=0, atol=1e-10
+        )
+    assert feature_warnings(features(source, target)) == (
+        "3 of 15 feature points share a place: joined",
+    )
 
 
-@pytest.mark.parametrize("options", [MapOptions(), MapOptions(map="rbf"), MapOptions(map="rbf", kernel="r3")])
+@pytest.mark.parametrize(
+    "options", [MapOptions(), MapOptions(map="rbf"), MapOptions(map="rbf", kernel="r3")]
+)
 def test_smoothing_passes_by_so_far(options: MapOptions) -> None:
     source = bone(60)
     noisy = bent(source) + 0.002 * np.random.default_rng(3).normal(size=source.shape)
-    passed, errors = [], []
+    passed = []
+    errors = []
     for smoothing in (0.0, 0.001, 0.002):
         found = fit_map(features(source, noisy), replace(options, smoothing=smoothing))
         passed.append(np.sqrt(np.mean(np.sum((found.apply(source) - noisy) ** 2, axis=1))))
@@ -194,7 +242,9 @@ def test_smoothing_passes_by_so_far(options: MapOptions) -> None:
     assert errors[0] > errors[1] > errors[2]
 
 
-@pytest.mark.parametrize("options", [MapOptions(), MapOptions(map="rbf"), MapOptions(map="rbf", kernel="r3")])
+@pytest.mark.parametrize(
+    "options", [MapOptions(), MapOptions(map="rbf"), MapOptions(map="rbf", kernel="r3")]
+)
 def test_smoothing_leaves_an_affine_map_alone(options: MapOptions) -> None:
     source = bone(12)
     found = fit_map(features(source, SKEWED.apply(source)), replace(options, smoothing=0.003))
@@ -204,7 +254,8 @@ def test_smoothing_leaves_an_affine_map_alone(options: MapOptions) -> None:
 def test_much_smoothing_ends_at_the_affine_map() -> None:
     source = bone(60)
     given = features(source, bent(source))
-    smooth, affine = fit_map(given, MapOptions(map="rbf", smoothing=1.0)), fit_map(given, MapOptions(map="affine"))
+    smooth = fit_map(given, MapOptions(map="rbf", smoothing=1.0))
+    affine = fit_map(given, MapOptions(map="affine"))
     np.testing.assert_allclose(smooth.apply(around()), affine.apply(around()), rtol=0, atol=1e-12)
 
 
@@ -274,9 +325,15 @@ def test_three_points_move_as_a_similarity_across_their_plane(kind: str) -> None
 
 @pytest.mark.parametrize("kernel", ["r", "r3"])
 def test_what_no_affine_part_is_given_for_is_found_by_the_radial_map(kernel):
-    """Shifts that are linear in place are reproduced everywhere, whatever affine map the fit begins with."""
+    """Shifts that are linear in place are reproduced everywhere, whatever affine map the fit begins
+    with.
+    """
     random = np.random.default_rng(4)
-    source, others = random.normal(size=(12, 3)) * 0.1, random.normal(size=(20, 3)) * 0.3
-    matrix, offset = np.eye(3) + 0.2 * random.normal(size=(3, 3)), np.array([0.1, -0.2, 0.3])
-    found = fit_radial(source, source @ matrix.T + offset, AffineMap(np.eye(3), np.zeros(3)), kernel)
+    source = random.normal(size=(12, 3)) * 0.1
+    others = random.normal(size=(20, 3)) * 0.3
+    matrix = np.eye(3) + 0.2 * random.normal(size=(3, 3))
+    offset = np.array([0.1, -0.2, 0.3])
+    found = fit_radial(
+        source, source @ matrix.T + offset, AffineMap(np.eye(3), np.zeros(3)), kernel
+    )
     np.testing.assert_allclose(found.apply(others), others @ matrix.T + offset, atol=1e-8)

@@ -37,7 +37,11 @@ def moved(model, frames=12, seed=0):
     rng = np.random.default_rng(seed)
     low = np.array([max(one.range[0], -1.0) for one in model.coordinates])
     high = np.maximum(low, [min(one.range[1], 1.0) for one in model.coordinates])
-    return Motion(np.arange(frames) * 0.01, model.coordinate_names, low + (high - low) * rng.random((frames, len(low))))
+    return Motion(
+        np.arange(frames) * 0.01,
+        model.coordinate_names,
+        low + (high - low) * rng.random((frames, len(low))),
+    )
 
 
 def centers(model, motion):
@@ -50,7 +54,9 @@ def centers(model, motion):
 
 def differences(model, axis):
     """Largest differences of lengths [m] and of moment arms [m] of a model and of its other side."""
-    other, motion, side = mirrored(model, axis), moved(model), other_side_of(model, axis)
+    other = mirrored(model, axis)
+    motion = moved(model)
+    side = other_side_of(model, axis)
     one = muscle_kinematics(model, motion, velocities=False)
     two = muscle_kinematics(other, mirrored_motion(model, motion, axis), velocities=False)
     rows = [two.muscles.index(side.named("muscles", name)) for name in one.muscles]
@@ -84,7 +90,10 @@ def test_a_mouse_has_two_legs(data):
     motion = moved(whole)
     there = centers(whole, motion) * (1.0, 1.0, -1.0)
     here = centers(both, mirrored_motion(whole, motion))
-    order = [whole.body_names.index(other_side_of(whole).named("bodies", name)) for name in whole.body_names]
+    order = [
+        whole.body_names.index(other_side_of(whole).named("bodies", name))
+        for name in whole.body_names
+    ]
     np.testing.assert_allclose(here[:, order], there, atol=1e-12)
 
 
@@ -110,10 +119,19 @@ def test_twice_mirrored_is_the_model(name, data):
         np.testing.assert_allclose(two.mass_center, one.mass_center, atol=1e-15)
         np.testing.assert_allclose(two.inertia, one.inertia, atol=1e-15)
     for one, two in zip(model.joints, twice.joints, strict=True):
-        assert (two.kind, two.parent, two.child, two.coordinates) == (one.kind, one.parent, one.child, one.coordinates)
+        assert (two.kind, two.parent, two.child, two.coordinates) == (
+            one.kind,
+            one.parent,
+            one.child,
+            one.coordinates,
+        )
         for end in ("parent_frame", "child_frame"):
-            np.testing.assert_allclose(getattr(two, end).rotation, getattr(one, end).rotation, atol=1e-15)
-            np.testing.assert_allclose(getattr(two, end).translation, getattr(one, end).translation, atol=1e-15)
+            np.testing.assert_allclose(
+                getattr(two, end).rotation, getattr(one, end).rotation, atol=1e-15
+            )
+            np.testing.assert_allclose(
+                getattr(two, end).translation, getattr(one, end).translation, atol=1e-15
+            )
         for here, there in zip(one.axes, two.axes, strict=True):
             np.testing.assert_allclose(there.vector, here.vector, atol=1e-15)
     for one, two in zip(model.coordinates, twice.coordinates, strict=True):
@@ -125,13 +143,24 @@ def test_twice_mirrored_is_the_model(name, data):
 
 def test_the_other_leg_of_a_real_model(data):
     model = read_model(data("ceinms-emg-walk/model/gait2392.osim"))
-    rest = Motion(np.zeros(1), model.coordinate_names, np.array([[one.default for one in model.coordinates]]))
-    kept = dict(zip(model.muscle_names, muscle_kinematics(model, rest, False, False).lengths[0], strict=True))
+    rest = Motion(
+        np.zeros(1), model.coordinate_names, np.array([[one.default for one in model.coordinates]])
+    )
+    kept = dict(
+        zip(
+            model.muscle_names, muscle_kinematics(model, rest, False, False).lengths[0], strict=True
+        )
+    )
     other = mirrored(model)
-    made = dict(zip(other.muscle_names, muscle_kinematics(other, rest, False, False).lengths[0], strict=True))
+    made = dict(
+        zip(
+            other.muscle_names, muscle_kinematics(other, rest, False, False).lengths[0], strict=True
+        )
+    )
     assert max(abs(made[name] - kept[name]) for name in kept) < 1e-3
     for name in ("hip_l", "knee_l"):
-        (one,), (two,) = ([joint for joint in m.joints if joint.name == name] for m in (model, other))
+        (one,) = [joint for joint in model.joints if joint.name == name]
+        (two,) = [joint for joint in other.joints if joint.name == name]
         for here, there in zip(one.axes, two.axes, strict=True):
             if here.kind == "rotation" and here.coordinates:
                 np.testing.assert_allclose(there.vector, here.vector, atol=1e-12)
@@ -145,12 +174,16 @@ def test_a_leg_taken_away_comes_back(data):
         bodies=tuple(one for one in whole.bodies if one.name not in left),
         joints=tuple(one for one in whole.joints if one.child not in left),
         coordinates=tuple(one for one in whole.coordinates if not one.name.endswith("_l")),
-        markers=tuple(one for one in whole.markers if one.body not in left and not one.name.startswith("L.")),
+        markers=tuple(
+            one for one in whole.markers if one.body not in left and not one.name.startswith("L.")
+        ),
         muscles=tuple(one for one in whole.muscles if not one.name.endswith("_l")),
         wrap_objects=tuple(one for one in whole.wrap_objects if not one.name.endswith("_l")),
         actuators=tuple(one for one in whole.actuators if not one.coordinate.endswith("_l")),
         couplers=tuple(one for one in whole.couplers if not one.dependent.endswith("_l")),
-        passive_torques=tuple(one for one in whole.passive_torques if not one.coordinate.endswith("_l")),
+        passive_torques=tuple(
+            one for one in whole.passive_torques if not one.coordinate.endswith("_l")
+        ),
         frames=tuple(one for one in whole.frames if one.body not in left),
         kept=(),
     )
@@ -169,7 +202,8 @@ def test_opensim_reads_the_other_side(data, tmp_path):
     write_osim(other, tmp_path / "other.osim")
     again = read_osim(tmp_path / "other.osim")
     motion = mirrored_motion(model, moved(model, 4))
-    one, two = (muscle_kinematics(m, motion, velocities=False) for m in (other, again))
+    one = muscle_kinematics(other, motion, velocities=False)
+    two = muscle_kinematics(again, motion, velocities=False)
     order = [two.muscles.index(name) for name in one.muscles]
     np.testing.assert_allclose(two.lengths[:, order], one.lengths, atol=1e-9)
 
@@ -182,13 +216,18 @@ def test_a_joint_on_an_ellipsoid_is_not_written_as_the_wrong_side(data, tmp_path
 
 
 @pytest.mark.parametrize(
-    "function", [simm_spline([-1, 0, 0.3, 2], [0, 1, 0.5, 2]), piecewise_linear([-1, 0.5, 2], [0, 1, -1])]
+    "function",
+    [simm_spline([-1, 0, 0.3, 2], [0, 1, 0.5, 2]), piecewise_linear([-1, 0.5, 2], [0, 1, -1])],
 )
 def test_functions_run_backwards(function):
     x = np.linspace(-4.0, 4.0, 201)
     np.testing.assert_allclose(backwards(function, (-1.0,), 2.0)(x), 2.0 * function(-x), atol=1e-12)
-    np.testing.assert_allclose(backwards(backwards(function, (-1.0,)), (-1.0,))(x), function(x), atol=1e-12)
-    wave = SineProduct(2.0, np.array([1.0, 3.0]), np.array([0.2, 0.1]), 0.5)
+    np.testing.assert_allclose(
+        backwards(backwards(function, (-1.0,)), (-1.0,))(x), function(x), atol=1e-12
+    )
+    wave = SineProduct(
+        factor=2.0, frequencies=np.array([1.0, 3.0]), phases=np.array([0.2, 0.1]), offset=0.5
+    )
     np.testing.assert_allclose(backwards(wave, (-1.0, 1.0))(x, x), wave(-x, x), atol=1e-14)
 
 
@@ -199,22 +238,32 @@ def test_a_reflection_is_its_own_inverse_and_goes_along_with_frames():
     points = rng.standard_normal((5, 3))
     np.testing.assert_allclose(plane.points(plane.points(points)), points, atol=1e-15)
     np.testing.assert_allclose(
-        pose.apply(plane.seen_from(pose).points(points)), plane.points(pose.apply(points)), atol=1e-14
+        pose.apply(plane.seen_from(pose).points(points)),
+        plane.points(pose.apply(points)),
+        atol=1e-14,
     )
     turned = plane.pose(pose, flip(1))
     assert np.linalg.det(turned.rotation) == pytest.approx(1.0)
-    np.testing.assert_allclose(turned.apply(points * (1, -1, 1)), plane.points(pose.apply(points)), atol=1e-14)
+    np.testing.assert_allclose(
+        turned.apply(points * (1, -1, 1)), plane.points(pose.apply(points)), atol=1e-14
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "other"),
     [
-        ("Thigh_r", "Thigh_l"), ("RightHIP", "LeftHIP"), ("Abd_R_L1", "Abd_L_L1"),
+        ("Thigh_r", "Thigh_l"),
+        ("RightHIP", "LeftHIP"),
+        ("Abd_R_L1", "Abd_L_L1"),
         ("med_gas_r_m_r-P2", "med_gas_l_m_l-P2"),
-        ("r_humerus", "l_humerus"), ("glut_med1_r-P1", "glut_med1_l-P1"), ("RKnee", "LKnee"), ("rectus", ""),
-        ("Lumbar", ""), ("RASI", ""),
+        ("r_humerus", "l_humerus"),
+        ("glut_med1_r-P1", "glut_med1_l-P1"),
+        ("RKnee", "LKnee"),
+        ("rectus", ""),
+        ("Lumbar", ""),
+        ("RASI", ""),
     ],
-)  # fmt: skip
+)
 def test_names_of_the_other_side(name, other):
     assert other_side(name) == other
     assert other == "" or other_side(other) == name

@@ -33,10 +33,16 @@ def right():
 def test_a_mirrored_map_is_the_map_seen_in_two_mirrors(model, right):
     left = with_mirrored_bones(model, right, {})["femur_l"]
     points = np.random.default_rng(0).normal(scale=0.2, size=(20, 3))
-    np.testing.assert_allclose(left.map.apply(points), (points @ FLIP @ MATRIX.T + OFFSET) @ FLIP, atol=1e-15)
-    np.testing.assert_allclose(left.map.jacobian(points), np.tile(FLIP @ MATRIX @ FLIP, (20, 1, 1)), atol=1e-15)
+    np.testing.assert_allclose(
+        left.map.apply(points), (points @ FLIP @ MATRIX.T + OFFSET) @ FLIP, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        left.map.jacobian(points), np.tile(FLIP @ MATRIX @ FLIP, (20, 1, 1)), atol=1e-15
+    )
     whole = right["femur_r"].whole
-    np.testing.assert_allclose(left.whole.apply(points), whole.apply(points @ FLIP) @ FLIP, atol=1e-14)
+    np.testing.assert_allclose(
+        left.whole.apply(points), whole.apply(points @ FLIP) @ FLIP, atol=1e-14
+    )
     assert np.linalg.det(left.whole.rotation) == pytest.approx(1.0)
 
 
@@ -53,7 +59,9 @@ def test_left_muscles_are_the_right_ones_mirrored(model, right):
     for j, name in enumerate(morphed.coordinate_names):
         if name.endswith("_r"):
             other = morphed.coordinate_names.index(f"{name[:-2]}_l")
-            values[:, j] = values[:, other] = np.clip(rng.normal(scale=0.3, size=5), *morphed.coordinates[j].range)
+            values[:, j] = values[:, other] = np.clip(
+                rng.normal(scale=0.3, size=5), *morphed.coordinates[j].range
+            )
     motion = Motion(np.arange(5.0), morphed.coordinate_names, values)
     lengths = muscle_kinematics(morphed, motion, velocities=False, moment_arms=False).lengths
     names = morphed.muscle_names
@@ -78,7 +86,10 @@ def test_a_source_whose_sides_differ_is_told(model, right):
     rng = np.random.default_rng(2)
     ours = Surface(rng.normal(size=(30, 3)), np.arange(30).reshape(-1, 3))
     same = Surface(ours.vertices @ FLIP, ours.faces)
-    assert len(with_mirrored_bones(model, right, {"femur_r": ours, "femur_l": same})["femur_l"].notes) == 1
+    assert (
+        len(with_mirrored_bones(model, right, {"femur_r": ours, "femur_l": same})["femur_l"].notes)
+        == 1
+    )
     other = Surface(ours.vertices, ours.faces)
     notes = with_mirrored_bones(model, right, {"femur_r": ours, "femur_l": other})["femur_l"].notes
     assert any("give the bone itself" in note for note in notes)

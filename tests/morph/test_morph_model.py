@@ -33,7 +33,9 @@ MODELS = (
     "myolegs",
     "mixed",
 )
-"""Moving and conditional points, cylinders, ellipsoids, joints with travel, ligaments, muscles on ground; tendons."""
+"""Moving and conditional points, cylinders, ellipsoids, joints with travel, ligaments, muscles on
+ground; tendons.
+"""
 
 SIZE = 1.3
 LENGTH = 0.4
@@ -42,7 +44,11 @@ LENGTH = 0.4
 
 @pytest.fixture(params=MODELS)
 def model(request, data) -> Model:
-    return read(data(request.param)) if request.param.endswith(".osim") else model_from_mujoco(compiled(request.param))
+    return (
+        read(data(request.param))
+        if request.param.endswith(".osim")
+        else model_from_mujoco(compiled(request.param))
+    )
 
 
 read = cache(read_osim)
@@ -57,13 +63,17 @@ def lengths_and_arms(model, motion):
 def test_identity_leaves_everything(model):
     morph = morph_model(model, similar(model, 1.0))
     motion = poses_of(model, 5, sliding=True)
-    for ours, theirs in zip(lengths_and_arms(morph.model, motion), lengths_and_arms(model, motion), strict=True):
+    for ours, theirs in zip(
+        lengths_and_arms(morph.model, motion), lengths_and_arms(model, motion), strict=True
+    ):
         np.testing.assert_allclose(ours, theirs, atol=1e-9 * LENGTH)
     for one in morph.points:
         np.testing.assert_allclose(one.target, one.source, atol=1e-12)
     for before, after in zip(model.muscles, morph.model.muscles, strict=True):
         assert after.optimal_fiber_length == pytest.approx(before.optimal_fiber_length, rel=1e-9)
-        assert after.tendon_slack_length == pytest.approx(before.tendon_slack_length, rel=1e-9, abs=1e-9)
+        assert after.tendon_slack_length == pytest.approx(
+            before.tendon_slack_length, rel=1e-9, abs=1e-9
+        )
         assert after.max_isometric_force == pytest.approx(before.max_isometric_force, rel=1e-9)
     for before, after in zip(model.bodies, morph.model.bodies, strict=True):
         np.testing.assert_allclose(after.mass_center, before.mass_center, atol=1e-12)
@@ -71,16 +81,24 @@ def test_identity_leaves_everything(model):
 
 
 def test_a_larger_twin_in_other_frames(model):
-    """Lengths and moment arms are those of the twin that scaling makes, however its bodies' frames lie."""
-    bones = similar(model, SIZE, seed=3) | {"ground": given("ground", SIZE * np.eye(3), np.zeros(3))}
+    """Lengths and moment arms are those of the twin that scaling makes, however its bodies' frames
+    lie.
+    """
+    bones = similar(model, SIZE, seed=3) | {
+        "ground": given("ground", SIZE * np.eye(3), np.zeros(3))
+    }
     morph = morph_model(model, bones)
     motion = poses_of(model, 5, sliding=True)
     twin = morph_model(model, similar(model, SIZE) | {"ground": bones["ground"]}).model
     ours = lengths_and_arms(morph.model, grown(model, motion, SIZE))
     for one, other in zip(ours, lengths_and_arms(twin, grown(model, motion, SIZE)), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-9 * LENGTH)
-    # OpenSim's surfaces stop their iterations at distances in meters: paths around them do not grow exactly.
-    loose = np.array([any(isinstance(wrap, PathWrap) for wrap in one.path.wraps) for one in model.muscles], dtype=bool)
+    # OpenSim's surfaces stop their iterations at distances in meters: paths around them do not grow
+    # exactly.
+    loose = np.array(
+        [any(isinstance(wrap, PathWrap) for wrap in one.path.wraps) for one in model.muscles],
+        dtype=bool,
+    )
     for one, other in zip(ours, lengths_and_arms(model, motion), strict=True):
         np.testing.assert_allclose(one[:, ~loose], SIZE * other[:, ~loose], atol=1e-9 * LENGTH)
         np.testing.assert_allclose(one[:, loose], SIZE * other[:, loose], atol=2e-4)
@@ -88,7 +106,11 @@ def test_a_larger_twin_in_other_frames(model):
 
 def test_points_surfaces_and_masses_of_a_larger_twin_are_those_of_scaling(model):
     morph = morph_model(model, similar(model, SIZE))
-    twin = scale(model, dict.fromkeys(model.body_names, (SIZE, SIZE, SIZE)), path_lengths=default_path_lengths)
+    twin = scale(
+        model,
+        dict.fromkeys(model.body_names, (SIZE, SIZE, SIZE)),
+        path_lengths=default_path_lengths,
+    )
     for ours, theirs in zip(morph.model.wrap_objects, twin.wrap_objects, strict=True):
         if ours.body != "ground":
             np.testing.assert_allclose(ours.size, theirs.size, rtol=1e-9)
@@ -105,17 +127,24 @@ def test_points_surfaces_and_masses_of_a_larger_twin_are_those_of_scaling(model)
 
 
 def test_an_affine_map_of_the_whole_body(model):
-    """In the default pose every point is where the matrix puts it, joints included, and polygons are as long."""
+    """In the default pose every point is where the matrix puts it, joints included, and polygons
+    are as long.
+    """
     rng = np.random.default_rng(5)
-    matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (np.diag([1.2, 0.8, 1.1]) + 0.05 * rng.standard_normal((3, 3)))
+    matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (
+        np.diag([1.2, 0.8, 1.1]) + 0.05 * rng.standard_normal((3, 3))
+    )
     morph = morph_model(model, sheared(model, matrix))
-    before, after = standing_poses(model), standing_poses(morph.model)
+    before = standing_poses(model)
+    after = standing_poses(morph.model)
     # The ground turns as its bone does, so what is left is the matrix without its rotation.
     _, d, vt = np.linalg.svd(matrix)
     stretch = vt.T * d @ vt
     for one in morph.points:
         there = after[one.target_body].apply(one.target)
-        np.testing.assert_allclose(there, stretch @ before[one.body].apply(one.source), atol=1e-9 * LENGTH)
+        np.testing.assert_allclose(
+            there, stretch @ before[one.body].apply(one.source), atol=1e-9 * LENGTH
+        )
 
 
 def test_points_that_move_go_where_the_map_sends_them(data):
@@ -140,16 +169,26 @@ def test_points_that_move_go_where_the_map_sends_them(data):
 
 
 def test_a_symmetric_model_stays_so(data):
-    """Left bones that are the mirrored right ones give left muscles that are the mirrored right ones."""
+    """Left bones that are the mirrored right ones give left muscles that are the mirrored right
+    ones.
+    """
     model = read(data(MODELS[0]))
-    flip, rng, bones = np.diag([1.0, 1.0, -1.0]), np.random.default_rng(1), {}
+    flip = np.diag([1.0, 1.0, -1.0])
+    rng = np.random.default_rng(1)
+    bones = {}
     for body in model.body_names:
-        matrix, offset = np.eye(3) + 0.1 * rng.standard_normal((3, 3)), rng.uniform(-0.1, 0.1, 3)
+        matrix = np.eye(3) + 0.1 * rng.standard_normal((3, 3))
+        offset = rng.uniform(-0.1, 0.1, 3)
         if body.endswith("_r"):
             left = body[:-2] + "_l"
-            bones |= {body: given(body, matrix, offset), left: given(left, flip @ matrix @ flip, flip @ offset)}
+            bones |= {
+                body: given(body, matrix, offset),
+                left: given(left, flip @ matrix @ flip, flip @ offset),
+            }
         elif not body.endswith("_l"):
-            bones[body] = given(body, 0.5 * (matrix + flip @ matrix @ flip), 0.5 * (offset + flip @ offset))
+            bones[body] = given(
+                body, 0.5 * (matrix + flip @ matrix @ flip), 0.5 * (offset + flip @ offset)
+            )
     morph = morph_model(model, bones)
     motion = poses_of(model, 4)
     other = mirrored_motion(model, motion)
@@ -192,14 +231,22 @@ def test_bodies_without_a_bone_take_their_neighbors_size(data):
     assert sizes["toes_r"] == pytest.approx(1.44)
     assert sizes["torso"] == sizes["toes_l"] == pytest.approx(1.0)
     assert morph.model.mass == pytest.approx(60.0)
-    assert any("scaled with their neighbors by 1 to 1.44" in note and "in all" in note for note in morph.notes)
+    assert any(
+        "scaled with their neighbors by 1 to 1.44" in note and "in all" in note
+        for note in morph.notes
+    )
 
 
 def test_one_transform_for_all_at_the_scanner(data):
-    """Bones that share a frame give joints one center, and the gap says how far their maps disagreed."""
+    """Bones that share a frame give joints one center, and the gap says how far their maps
+    disagreed.
+    """
     model = read(data(MODELS[0]))
     poses = standing_poses(model)
-    bones = {body: given(body, poses[body].rotation, poses[body].translation) for body in model.body_names}
+    bones = {
+        body: given(body, poses[body].rotation, poses[body].translation)
+        for body in model.body_names
+    }
     wrong = bones["femur_r"]
     bones["femur_r"] = given("femur_r", wrong.map.matrix, wrong.map.offset + [0.0, 0.0, 0.004])
     morph = morph_model(model, bones, together=True)
@@ -224,18 +271,26 @@ def test_parameters_of_a_larger_twin(model, fibers):
         assert change.fiber == pytest.approx(size, rel=2e-3)
         assert change.force == pytest.approx(SIZE**3 / size, rel=2e-3)
         if fibers != "keep":
-            np.testing.assert_allclose(change.range_target, change.range_source, rtol=3e-3, atol=1e-3)
+            np.testing.assert_allclose(
+                change.range_target, change.range_source, rtol=3e-3, atol=1e-3
+            )
     for muscle in morph.model.muscles:
         given = muscle.parameters
         if "L0" in given:
             assert given["L0"] == pytest.approx(muscle.optimal_fiber_length)
             assert given["LT"] == pytest.approx(muscle.tendon_slack_length)
-            assert given["lengthrange0"] == pytest.approx(given["LT"] + given["range0"] * given["L0"])
-            assert given["lengthrange1"] == pytest.approx(given["LT"] + given["range1"] * given["L0"])
+            assert given["lengthrange0"] == pytest.approx(
+                given["LT"] + given["range0"] * given["L0"]
+            )
+            assert given["lengthrange1"] == pytest.approx(
+                given["LT"] + given["range1"] * given["L0"]
+            )
 
 
 def test_fibers_keep_their_range_in_other_proportions(data):
-    """A longer thigh, a shorter shank: normalized fiber lengths over the range of motion hardly change."""
+    """A longer thigh, a shorter shank: normalized fiber lengths over the range of motion hardly
+    change.
+    """
     model = read(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
     bones = similar(model, 1.0)
     for side in "rl":
@@ -244,17 +299,22 @@ def test_fibers_keep_their_range_in_other_proportions(data):
     spread = {}
     for fibers in ("range", "path", "keep"):
         changes = morph_model(model, bones, MorphOptions(fibers=fibers)).muscles
-        spread[fibers] = np.median([np.abs(np.subtract(one.range_target, one.range_source)).max() for one in changes])
+        spread[fibers] = np.median(
+            [np.abs(np.subtract(one.range_target, one.range_source)).max() for one in changes]
+        )
     assert spread["range"] < 0.01 < spread["path"] < spread["keep"]
 
 
 @pytest.mark.parametrize(
-    ("force", "expected"), [("volume", 1.3**2), ("area", 1.3**2), ("mass", 90.0 / 75.0 / 1.3), ("keep", 1.0)]
+    ("force", "expected"),
+    [("volume", 1.3**2), ("area", 1.3**2), ("mass", 90.0 / 75.0 / 1.3), ("keep", 1.0)],
 )
 def test_force_grows_as_wanted(data, force, expected):
     model = read(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
     mass = 90.0 / 75.0 * model.mass
-    morph = morph_model(model, similar(model, 1.3), MorphOptions(fibers="path", force=force), mass=mass)
+    morph = morph_model(
+        model, similar(model, 1.3), MorphOptions(fibers="path", force=force), mass=mass
+    )
     assert {one.name for one in morph.muscles} == set(model.muscle_names)
     for change in morph.muscles:
         assert change.force == pytest.approx(expected, rel=1e-5)
@@ -264,10 +324,15 @@ def test_thickness_of_a_muscle_grows_with_its_bones(data):
     model = read(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
     bones = {body: given(body, np.diag([1.0, 1.2, 1.0]), np.zeros(3)) for body in model.body_names}
     morph = morph_model(model, bones, MorphOptions(pennation="thickness"))
-    for before, after, change in zip(model.muscles, morph.model.muscles, morph.muscles, strict=True):
-        thick, was = (one.optimal_fiber_length * np.sin(one.pennation_at_optimal) for one in (after, before))
+    for before, after, change in zip(
+        model.muscles, morph.model.muscles, morph.muscles, strict=True
+    ):
+        thick = after.optimal_fiber_length * np.sin(after.pennation_at_optimal)
+        was = before.optimal_fiber_length * np.sin(before.pennation_at_optimal)
         assert thick == pytest.approx(was * np.cbrt(1.2), abs=1e-12)
-        assert change.pennation == pytest.approx(after.pennation_at_optimal - before.pennation_at_optimal)
+        assert change.pennation == pytest.approx(
+            after.pennation_at_optimal - before.pennation_at_optimal
+        )
 
 
 def test_a_muscle_without_fiber_data_is_carried(data):

@@ -1,4 +1,6 @@
-"""Dense correspondence: known deformations of real bones, laws, thin bones, parts, persons of a shape model."""
+"""Dense correspondence: known deformations of real bones, laws, thin bones, parts, persons of a
+shape model.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,13 @@ def rms(points: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(points**2, axis=1))))
 
 
-@pytest.mark.parametrize(("name", "slid"), [("humerus", 1e-3), ("scapula", 1e-3), ("r_pelvis", 1.5e-3)])
+@pytest.mark.parametrize(
+    ("name", "slid"), [("humerus", 1e-3), ("scapula", 1e-3), ("r_pelvis", 1.5e-3)]
+)
 def test_a_known_deformation_is_found(name, slid):
     bone = real_bone(name, 0.01)
-    target, truth = made_target(bone), deformed(bone.vertices, bone)
+    target = made_target(bone)
+    truth = deformed(bone.vertices, bone)
     found = match_surfaces(bone, target, None, QUICK, placed(bone))
     off, along = errors(found.points, truth, target)
     affine = np.column_stack([bone.vertices, np.ones(len(bone.vertices))])
@@ -59,29 +64,43 @@ def test_a_similar_bone_is_found_to_a_tenth_of_a_millimeter_from_its_shape_alone
 
 def test_both_frames_and_both_sizes_do_not_matter():
     bone = real_bone("humerus", 0.01)
-    target, begin = made_target(bone, 0.5), placed(bone, 0.5)
+    target = made_target(bone, 0.5)
+    begin = placed(bone, 0.5)
     plain = match_surfaces(bone, target, None, QUICK, begin).points
     turn = Similarity(rotation_from_euler_xyz((0.3, 1.0, -2.0)), np.array([0.5, -3.0, 1.0]))
-    after = PlacedBone(Similarity(turn.rotation @ begin.similarity.rotation,
-                                  turn.apply(begin.similarity.translation), begin.similarity.scale))  # fmt: skip
+    after = PlacedBone(
+        Similarity(
+            turn.rotation @ begin.similarity.rotation,
+            turn.apply(begin.similarity.translation),
+            begin.similarity.scale,
+        )
+    )
     moved = Surface(turn.apply(target.vertices), target.faces)
     again = turn.inverse().apply(match_surfaces(bone, moved, None, QUICK, after).points)
     assert rms(again - plain) < 5e-5
     size = 0.033
     small = Surface(size * target.vertices, target.faces)
-    begin = PlacedBone(Similarity(begin.similarity.rotation, size * begin.similarity.translation,
-                                  size * begin.similarity.scale))  # fmt: skip
+    begin = PlacedBone(
+        Similarity(
+            begin.similarity.rotation,
+            size * begin.similarity.translation,
+            size * begin.similarity.scale,
+        )
+    )
     assert rms(match_surfaces(bone, small, None, QUICK, begin).points / size - plain) < 5e-5
 
 
 def test_landmarks_pull():
     bone = real_bone("humerus", 0.01)
-    target, truth = made_target(bone, 0.5), deformed(bone.vertices, bone, 0.5)
+    target = made_target(bone, 0.5)
+    truth = deformed(bone.vertices, bone, 0.5)
     corners = np.array([0, 300, 700, 1100])
     slid = Similarity(np.eye(3), np.array([0.0, 0.01, 0.0]))
     marks = FeaturePoints(("a", "b", "c", "d"), bone.vertices[corners], slid.apply(truth[corners]))
     free = match_surfaces(bone, target, None, QUICK, placed(bone, 0.5)).points[corners]
-    near = match_surfaces(bone, target, marks, replace(QUICK, landmark_error=0.002), placed(bone, 0.5)).points[corners]
+    near = match_surfaces(
+        bone, target, marks, replace(QUICK, landmark_error=0.002), placed(bone, 0.5)
+    ).points[corners]
     assert rms(near - marks.target) < rms(free - marks.target) - 0.001
 
 
@@ -121,7 +140,8 @@ def test_points_are_spread_evenly():
 def test_a_patella_that_might_lie_upside_down_is_doubted(data):
     shapes = persons(data)["patella"]
     mean = mean_shape(np.delete(shapes.nodes, 12, axis=0))
-    source, target = Surface(mean, shapes.faces), Surface(shapes.nodes[12], shapes.faces)
+    source = Surface(mean, shapes.faces)
+    target = Surface(shapes.nodes[12], shapes.faces)
     assert any("fits nearly as well turned by" in line for line in place_bone(source, target).notes)
 
 
@@ -141,7 +161,8 @@ def persons(data):
     return leg_shapes()
 
 
-# Of the patellas of persons 3 and 11 the match is worse than the similarity: that of person 3 is far from the mean.
+# Of the patellas of persons 3 and 11 the match is worse than the similarity: that of person 3 is
+# far from the mean.
 @pytest.mark.parametrize(("bone", "pair"), [("femur", (3, 11)), ("patella", (5, 11))])
 def test_a_match_is_nearer_than_a_similarity_between_persons_of_the_shape_model(data, bone, pair):
     shapes = persons(data)[bone]

@@ -33,7 +33,9 @@ def _needs_data(data):
 
 def test_bones_are_closed_surfaces_over_the_nodes():
     for bone, shapes in leg_shapes().items():
-        edges = np.sort(np.concatenate([shapes.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
+        edges = np.sort(
+            np.concatenate([shapes.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1
+        )
         assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
         assert igl.facet_components(shapes.faces)[0] == PARTS[bone]
         assert set(np.unique(shapes.faces)) == set(range(shapes.nodes.shape[1]))
@@ -45,7 +47,8 @@ def of_femurs(make: Maker, count: int) -> Errors:
 
 
 def test_twelve_landmarks_halve_the_error_of_scaling():
-    scaled, ours = of_femurs(scaled_by_pairs, 12), of_femurs(by_map(MapOptions()), 12)
+    scaled = of_femurs(scaled_by_pairs, 12)
+    ours = of_femurs(by_map(MapOptions()), 12)
     assert ours.on.mean() < 0.5 * scaled.on.mean()
     assert ours.inverted == 0.0
 

@@ -1,4 +1,6 @@
-"""Markers of a scan on a model's bones: an arm of two bones, scanned, comes back with its markers where they were."""
+"""Markers of a scan on a model's bones: an arm of two bones, scanned, comes back with its markers
+where they were.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Joint, Mesh, Model
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.registration.clusters import Picks, bone_surface, place_cluster_markers, place_scanned_bone
+from myomorph.morph.registration.clusters import (
+    Picks,
+    bone_surface,
+    place_cluster_markers,
+    place_scanned_bone,
+)
 from myomorph.morph.registration.rigid import SurfaceOptions
 from scans import made_scan, sharper
 
@@ -26,22 +33,48 @@ POSE = Transform.from_euler_xyz((0.2, 0.1, -0.3), (0.01, 0.02, 0.03))
 
 
 def arm() -> Model:
-    humerus = Body("humerus", 1.0, np.zeros(3), np.eye(3) * 0.01, (Mesh("humerus.stl", POSE, np.full(3, 1.1)),))
-    joint = Joint("shoulder", "BallJoint", "ground", "humerus", Transform.identity(), Transform.identity())
-    return Model("arm", (humerus,), (joint,), (), np.array([0.0, -9.81, 0.0]))
+    humerus = Body(
+        name="humerus",
+        mass=1.0,
+        mass_center=np.zeros(3),
+        inertia=np.eye(3) * 0.01,
+        meshes=(Mesh("humerus.stl", POSE, np.full(3, 1.1)),),
+    )
+    joint = Joint(
+        name="shoulder",
+        kind="BallJoint",
+        parent="ground",
+        child="humerus",
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+    )
+    return Model(
+        name="arm",
+        bodies=(humerus,),
+        joints=(joint,),
+        coordinates=(),
+        gravity=np.array([0.0, -9.81, 0.0]),
+    )
 
 
 def scanned(seed: int = 1, scale: float = 1.02):
     """Scan of the body's bone with three markers beside it, and the similarity that it hides."""
     surface = bone_surface(arm().body("humerus"), {"humerus.stl": BONE})
     scan, truth = made_scan(surface, seed=seed, scale=scale, refine=0)
-    return surface, scan, truth, {name: truth.inverse().apply(place) for name, place in MARKERS.items()}
+    return (
+        surface,
+        scan,
+        truth,
+        {name: truth.inverse().apply(place) for name, place in MARKERS.items()},
+    )
 
 
 def test_a_bodys_meshes_lie_in_its_frame():
     surface = bone_surface(arm().body("humerus"), {"humerus.stl": BONE})
     np.testing.assert_allclose(surface.vertices, POSE.apply(1.1 * BONE.vertices))
-    with pytest.raises(BadData, match=r"no bone mesh that can be read \(the model names humerus.stl\)"):
+    with pytest.raises(
+        BadData, match=r"no bone mesh that can be read \(the model names humerus.stl\)"
+    ):
         bone_surface(arm().body("humerus"), {})
 
 
@@ -67,7 +100,9 @@ def test_picked_points_start_the_fit_and_a_wrong_one_is_named_and_not_followed()
     wrong[3] += 0.02
     bad = place_scanned_bone("humerus", scan, surface, markers, Picks(names, wrong, points))
     assert "picked point 'd' lies" in bad.notes[0]
-    np.testing.assert_allclose(bad.fit.similarity.apply(scan.vertices), truth.apply(scan.vertices), atol=5e-4)
+    np.testing.assert_allclose(
+        bad.fit.similarity.apply(scan.vertices), truth.apply(scan.vertices), atol=5e-4
+    )
 
 
 def test_picks_that_lead_elsewhere_are_noticed():
@@ -77,18 +112,29 @@ def test_picks_that_lead_elsewhere_are_noticed():
     middle = surface.vertices.mean(axis=0)
     turned = (points - middle) @ rotation_from_euler_xyz((0.0, np.pi, 0.0)).T + middle
     found = place_scanned_bone(
-        "humerus", scan, surface, markers, Picks(("a", "b", "c", "d"), truth.inverse().apply(turned), points)
+        "humerus",
+        scan,
+        surface,
+        markers,
+        Picks(("a", "b", "c", "d"), truth.inverse().apply(turned), points),
     )
     assert any("from other starts" in line for line in found.notes)
-    np.testing.assert_allclose(found.fit.similarity.apply(scan.vertices), truth.apply(scan.vertices), atol=5e-4)
+    np.testing.assert_allclose(
+        found.fit.similarity.apply(scan.vertices), truth.apply(scan.vertices), atol=5e-4
+    )
 
 
 def test_wrong_units_bones_and_far_markers_are_named():
     surface, scan, _, markers = scanned()
-    far = place_scanned_bone("humerus", scan, surface, {"hum1": markers["hum1"] + 1.0}, options=QUICK)
+    far = place_scanned_bone(
+        "humerus", scan, surface, {"hum1": markers["hum1"] + 1.0}, options=QUICK
+    )
     assert any("'hum1' lies" in line for line in far.notes)
     small = Surface(0.5 * scan.vertices, scan.faces)
-    assert any("wrong unit" in line for line in place_scanned_bone("humerus", small, surface, {}, options=QUICK).notes)
+    assert any(
+        "wrong unit" in line
+        for line in place_scanned_bone("humerus", small, surface, {}, options=QUICK).notes
+    )
 
 
 def test_bad_bones_are_refused():

@@ -20,30 +20,39 @@ from myomorph.study.subject.species_morphing import read_species
 def test_points_keep_their_side_and_the_map_its_derivative():
     turn = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.7)
     whole = Similarity(turn, np.array([0.1, 0.2, 0.3]), 0.5)
-    along, dorsal = np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
+    along = np.array([0.6, 0.8, 0.0])
+    dorsal = np.array([-0.8, 0.6, 0.0])
     center = whole.apply(np.zeros(3))
-    made = SidedMap(whole, center, along, dorsal, 0.02, 0.01)
+    made = SidedMap(whole=whole, center=center, along=along, dorsal=dorsal, ahead=0.02, above=0.01)
     points = np.random.default_rng(0).normal(0.0, 0.1, (40, 3))
     away = made.apply(points) - center
     assert (away @ along).min() >= 0.02 - 1e-12
     assert (away @ dorsal).min() >= 0.01 - 1e-12
-    free = ((whole.apply(points) - center) @ along > 0.02) & ((whole.apply(points) - center) @ dorsal > 0.01)
+    free = ((whole.apply(points) - center) @ along > 0.02) & (
+        (whole.apply(points) - center) @ dorsal > 0.01
+    )
     assert 0 < free.sum() < len(points)
     assert made.apply(points)[free] == pytest.approx(whole.apply(points)[free])
     step = 1e-6
     slopes = np.stack(
-        [(made.apply(points + step * e) - made.apply(points - step * e)) / (2 * step) for e in np.eye(3)], 2
+        [
+            (made.apply(points + step * e) - made.apply(points - step * e)) / (2 * step)
+            for e in np.eye(3)
+        ],
+        2,
     )
     assert made.jacobian(points) == pytest.approx(slopes, abs=1e-8)
 
 
 def test_a_muscle_cannot_extend_and_flex():
     with pytest.raises(BadData, match="edl_r"):
-        Ray("toe", "metatarsal", ("edl_r",), ("edl_r",))
+        Ray(toe="toe", metatarsal="metatarsal", extensors=("edl_r",), flexors=("edl_r",))
 
 
 def test_tendons_of_a_mouse_stay_on_their_ray(data):
-    """Every tendon of man's toes on one toe of the mouse, behind and in front of its joint, above or below it."""
+    """Every tendon of man's toes on one toe of the mouse, behind and in front of its joint, above
+    or below it.
+    """
     geometry = Path(data("bones-opensim-rajagopal/Geometry"))
     man = open_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
@@ -58,13 +67,23 @@ def test_tendons_of_a_mouse_stay_on_their_ray(data):
     for ray in bone.rays:
         for names, sign in ((ray.extensors, 1.0), (ray.flexors, -1.0)):
             for name in names:
-                points = [(rays.bones[p.body], p) for p in rays.source.muscle(name).path.points if p.body in rays.bones]
+                points = [
+                    (rays.bones[p.body], p)
+                    for p in rays.source.muscle(name).path.points
+                    if p.body in rays.bones
+                ]
                 assert {made.target_body for made, _ in points} == {ray.toe, ray.metatarsal}
                 on_toes = [p for p in man.muscle(name).path.points if p.body == "toes_r"]
                 assert sum(made.target_body == ray.toe for made, _ in points) == len(on_toes)
                 joint = posed[1].joints("mouse")[ray.toe]
-                placed = [posed[1].within(m.target_body, "mouse").apply(m.map.apply(p.location)) for m, p in points]
-                behind = max(i for i, (m, _) in enumerate(points) if m.target_body == ray.metatarsal)
-                line, from_joint = placed[behind + 1] - placed[behind], placed[behind] - joint
+                placed = [
+                    posed[1].within(m.target_body, "mouse").apply(m.map.apply(p.location))
+                    for m, p in points
+                ]
+                behind = max(
+                    i for i, (m, _) in enumerate(points) if m.target_body == ray.metatarsal
+                )
+                line = placed[behind + 1] - placed[behind]
+                from_joint = placed[behind] - joint
                 # Turning the toes up shortens what passes above the joint.
                 assert sign * np.cross(from_joint, line) @ across < 0.0, name

@@ -1,4 +1,6 @@
-"""Bones laid on bones: laws, scans made of the real bones of the models, wrong picks and mirrored bones named."""
+"""Bones laid on bones: laws, scans made of the real bones of the models, wrong picks and mirrored
+bones named.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
 from scans import made_scan, sharper
 
 GEOMETRY = "shoulder-thoracoscapular/model_cmc/Geometry"
-POINTS = np.array([[0.0, 0, 0], [0.3, 0.02, 0.0], [0.28, -0.03, 0.02], [0.02, 0.03, 0.01], [0.01, -0.02, 0.03]])
+POINTS = np.array(
+    [[0.0, 0, 0], [0.3, 0.02, 0.0], [0.28, -0.03, 0.02], [0.02, 0.03, 0.01], [0.01, -0.02, 0.03]]
+)
 NAMES = ("head", "lateral", "medial", "greater", "lesser")
 
 
@@ -48,14 +52,18 @@ def test_procrustes_never_mirrors_and_is_the_least():
     for _ in range(50):
         turn = rotation_from_euler_xyz(1e-3 * random.normal(size=3)) @ found.rotation
         other = Similarity(
-            turn, found.translation + 1e-4 * random.normal(size=3), found.scale * (1 + 1e-3 * random.normal())
+            turn,
+            found.translation + 1e-4 * random.normal(size=3),
+            found.scale * (1 + 1e-3 * random.normal()),
         )
         assert np.sum((other.apply(POINTS) - target) ** 2) > least
 
 
 def test_three_points_are_enough_unless_they_lie_on_a_line():
     truth = a_similarity(1.0)
-    np.testing.assert_allclose(procrustes(POINTS[:3], truth.apply(POINTS[:3])).rotation, truth.rotation, atol=1e-9)
+    np.testing.assert_allclose(
+        procrustes(POINTS[:3], truth.apply(POINTS[:3])).rotation, truth.rotation, atol=1e-9
+    )
     with pytest.raises(BadData, match="lie on a line"):
         procrustes(POINTS[:1] + np.outer([0, 1, 2], [0.1, 0, 0]), POINTS[:3])
     with pytest.raises(BadData, match="at least three pairs"):
@@ -83,11 +91,17 @@ def test_picks_on_a_bone_of_the_other_side_are_named():
     assert "better mirrored" in fit_points(NAMES, POINTS, target).notes[0]
 
 
-def pose_error(found: Similarity, truth: Similarity, surface: Surface) -> tuple[float, float, float]:
+def pose_error(
+    found: Similarity, truth: Similarity, surface: Surface
+) -> tuple[float, float, float]:
     """Root mean square error of the places [mm], angle [degrees] and share of size."""
     apart = np.linalg.norm(found.apply(surface.vertices) - truth.apply(surface.vertices), axis=1)
     angle = np.arccos(np.clip(0.5 * (np.trace(found.rotation.T @ truth.rotation) - 1), -1, 1))
-    return 1e3 * float(np.sqrt(np.mean(apart**2))), float(np.degrees(angle)), found.scale / truth.scale - 1
+    return (
+        1e3 * float(np.sqrt(np.mean(apart**2))),
+        float(np.degrees(angle)),
+        found.scale / truth.scale - 1,
+    )
 
 
 def test_a_shape_without_noise_comes_back_exactly():
@@ -103,7 +117,8 @@ def test_a_shape_without_noise_comes_back_exactly():
 
 
 @pytest.mark.parametrize(
-    ("name", "cut"), [("rhumerus", 0.0), ("rhumerus", 0.4), ("rscapula", 0.3), ("rulna", 0.0), ("rclavicle", 0.0)]
+    ("name", "cut"),
+    [("rhumerus", 0.0), ("rhumerus", 0.4), ("rscapula", 0.3), ("rulna", 0.0), ("rclavicle", 0.0)],
 )
 def test_scans_of_real_bones_find_their_place_without_picks(data: object, name: str, cut: float):
     """Turned anywhere, 2 % smaller, 0.3 mm of noise, another mesh, part of the bone."""
@@ -134,7 +149,9 @@ def test_a_coarser_scan_with_a_start_stays_there(data: object):
     model, _ = made_scan(bone, scale=1.0, noise=0.0, refine=2, seed=3)
     coarse, truth = made_scan(bone, refine=0, seed=5)
     off = Similarity(
-        rotation_from_euler_xyz((0.05, -0.05, 0.05)) @ truth.rotation, truth.translation + 0.006, truth.scale
+        rotation_from_euler_xyz((0.05, -0.05, 0.05)) @ truth.rotation,
+        truth.translation + 0.006,
+        truth.scale,
     )
     found = register_surface(coarse, bone, off)
     assert pose_error(found.similarity, truth, coarse)[0] < 0.3

@@ -12,8 +12,11 @@ from myomorph.morph.shapes.surface_points import Samples
 
 def test_normals_follow_an_affine_displacement():
     random = np.random.default_rng(0)
-    points, normals = random.normal(size=(40, 3)), unit(random.normal(size=(40, 3)))
-    before = AffineMap(np.array([[1.1, 0.2, 0.0], [0.0, 0.9, -0.1], [0.3, 0.0, 1.2]]), np.array([0.5, -0.2, 0.1]))
+    points = random.normal(size=(40, 3))
+    normals = unit(random.normal(size=(40, 3)))
+    before = AffineMap(
+        np.array([[1.1, 0.2, 0.0], [0.0, 0.9, -0.1], [0.3, 0.0, 1.2]]), np.array([0.5, -0.2, 0.1])
+    )
     change = np.array([[0.2, -0.3, 0.1], [0.0, 0.1, 0.4], [-0.2, 0.0, -0.1]])
     moving = _Moving(Samples(points, normals, np.zeros(40, np.bool_)), before)
     moving.follow(lambda places: places)

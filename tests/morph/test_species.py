@@ -1,4 +1,6 @@
-"""Landmarks by rule and maps between species: they turn with the bone, and a bone enlarged is found enlarged."""
+"""Landmarks by rule and maps between species: they turn with the bone, and a bone enlarged is found
+enlarged.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,12 @@ from myomorph.morph.checks.moment_arms import CoordinatePair
 from myomorph.morph.maps.fields import MapOptions, PlacedMap
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.species.counterparts import AnatomicalFrame, BoneHomology, LandmarkRule, SpeciesTable
+from myomorph.morph.species.counterparts import (
+    AnatomicalFrame,
+    BoneHomology,
+    LandmarkRule,
+    SpeciesTable,
+)
 from myomorph.morph.species.landmarks import landmarks_by_rules, section
 from myomorph.morph.species.maps import coordinate_table, species_bones, species_morph
 
@@ -36,20 +43,28 @@ RULES = (
 
 def bone(length: float = 0.4) -> Surface:
     """A club with a foot in front: nothing on it is twice the same."""
-    rings, around = 24, 16
+    rings = 24
+    around = 16
     height = np.linspace(-length, 0.0, rings)[:, None]
     angle = 2.0 * np.pi * np.arange(around) / around
-    thick = 0.03 + 0.02 * (height / length) ** 2 + 0.02 * np.exp(-((height + 0.9 * length) ** 2) / 0.002)
+    thick = (
+        0.03
+        + 0.02 * (height / length) ** 2
+        + 0.02 * np.exp(-((height + 0.9 * length) ** 2) / 0.002)
+    )
     x = thick * (1.0 + 0.4 * np.cos(angle)) * np.cos(angle)
     z = 0.7 * thick * np.sin(angle) + 0.05 * (height / length) ** 2
     vertices = np.stack([x, np.broadcast_to(height, x.shape), z], axis=2).reshape(-1, 3)
     faces = []
     for i in range(rings - 1):
         for j in range(around):
-            a, b = i * around + j, i * around + (j + 1) % around
+            a = i * around + j
+            b = i * around + (j + 1) % around
             faces += [[a, a + around, b], [b, a + around, b + around]]
     ends = [len(vertices), len(vertices) + 1]
-    vertices = np.vstack([vertices, vertices[:around].mean(axis=0), vertices[-around:].mean(axis=0)])
+    vertices = np.vstack(
+        [vertices, vertices[:around].mean(axis=0), vertices[-around:].mean(axis=0)]
+    )
     last = (rings - 1) * around
     for j in range(around):
         k = (j + 1) % around
@@ -59,33 +74,57 @@ def bone(length: float = 0.4) -> Surface:
 
 def limb(names: tuple[str, str, str], axes: np.ndarray, size: float, muscles: bool) -> Model:
     """Two bones that hang from each other."""
-    bodies = tuple(Body(name, size**3, np.zeros(3), 1e-3 * size**5 * np.eye(3)) for name in names[:2])
+    bodies = tuple(
+        Body(name=name, mass=size**3, mass_center=np.zeros(3), inertia=1e-3 * size**5 * np.eye(3))
+        for name in names[:2]
+    )
     side = axes @ [0.0, 0.0, 1.0]
     joints = tuple(
         Joint(
-            f"joint_{child}",
-            "PinJoint",
-            parent,
-            child,
-            Transform(np.eye(3), size * axes @ place),
-            Transform.identity(),
-            (Axis("rotation", side, linear(1.0), (coordinate,)),),
-            (coordinate,),
+            name=f"joint_{child}",
+            kind="PinJoint",
+            parent=parent,
+            child=child,
+            parent_frame=Transform(np.eye(3), size * axes @ place),
+            child_frame=Transform.identity(),
+            axes=(
+                Axis(kind="rotation", vector=side, function=linear(1.0), coordinates=(coordinate,)),
+            ),
+            coordinates=(coordinate,),
         )
         for parent, child, place, coordinate in (
             ("ground", names[0], np.zeros(3), f"{names[2]}_hip"),
             (names[0], names[1], np.array([0.0, -0.4, 0.0]), f"{names[2]}_knee"),
         )
     )
-    points = [(names[0], [0.04, -0.1, 0.01]), (names[0], [0.05, -0.35, 0.0]), (names[1], [0.04, -0.08, 0.0])]
-    path = Path(tuple(PathPoint(f"P{i}", body, axes @ place) for i, (body, place) in enumerate(points)))
+    points = [
+        (names[0], [0.04, -0.1, 0.01]),
+        (names[0], [0.05, -0.35, 0.0]),
+        (names[1], [0.04, -0.08, 0.0]),
+    ]
+    path = Path(
+        tuple(PathPoint(f"P{i}", body, axes @ place) for i, (body, place) in enumerate(points))
+    )
     return Model(
-        names[2],
-        bodies,
-        joints,
-        tuple(Coordinate(one, range=(-1.0, 1.0)) for joint in joints for one in joint.coordinates),
-        axes @ [0.0, -9.8, 0.0],
-        muscles=(Muscle("front", "Millard2012EquilibriumMuscle", path, 500.0, 0.08, 0.25),) if muscles else (),
+        name=names[2],
+        bodies=bodies,
+        joints=joints,
+        coordinates=tuple(
+            Coordinate(one, range=(-1.0, 1.0)) for joint in joints for one in joint.coordinates
+        ),
+        gravity=axes @ [0.0, -9.8, 0.0],
+        muscles=(
+            Muscle(
+                name="front",
+                kind="Millard2012EquilibriumMuscle",
+                path=path,
+                max_isometric_force=500.0,
+                optimal_fiber_length=0.08,
+                tendon_slack_length=0.25,
+            ),
+        )
+        if muscles
+        else (),
     )
 
 
@@ -101,7 +140,9 @@ def table(match: str = "landmarks") -> SpeciesTable:
         for ours, theirs in (("thigh", "upper"), ("shank", "leg"))
     )
     pairs = (CoordinatePair("man_hip", "mouse_hip"), CoordinatePair("man_knee", "mouse_knee"))
-    return SpeciesTable("test", UPRIGHT, ON_FOURS, bones, pairs)
+    return SpeciesTable(
+        name="test", source_frame=UPRIGHT, target_frame=ON_FOURS, bones=bones, coordinates=pairs
+    )
 
 
 def both() -> tuple[Model, dict[str, Surface], Model, dict[str, Surface]]:
@@ -150,7 +191,9 @@ def test_a_smaller_limb_gets_smaller_muscles_at_the_same_places(kind):
 def test_coordinates_that_one_model_lacks_are_left_out():
     source, _, target, _ = both()
     assert set(coordinate_table(table(), source, target)) == {"man_hip", "man_knee"}
-    fewer = replace(table(), coordinates=(*table().coordinates, CoordinatePair("toe", "mouse_knee")))
+    fewer = replace(
+        table(), coordinates=(*table().coordinates, CoordinatePair("toe", "mouse_knee"))
+    )
     assert set(coordinate_table(fewer, source, target)) == {"man_hip", "man_knee"}
 
 
@@ -162,7 +205,9 @@ def test_a_posture_brings_a_riding_bone_along():
     place = np.array([0.02, -0.1, 0.03])
     on_thigh = axis_rotation([0.0, 0.0, 1.0], 0.5 * np.pi) @ place + [0.0, -0.4, 0.0]
     assert found["shank"].target_body == "upper"
-    assert found["shank"].map.apply(place) == pytest.approx(SMALL * TURN @ on_thigh, abs=1e-6 * SMALL)
+    assert found["shank"].map.apply(place) == pytest.approx(
+        SMALL * TURN @ on_thigh, abs=1e-6 * SMALL
+    )
 
 
 def test_muscle_points_go_to_the_nearest_of_several_bones():
@@ -175,7 +220,12 @@ def test_muscle_points_go_to_the_nearest_of_several_bones():
     fused = replace(
         source,
         muscles=tuple(
-            replace(m, path=replace(m.path, points=(*m.path.points[:2], PathPoint("P2", "thigh", [0.04, -0.6, 0.0]))))
+            replace(
+                m,
+                path=replace(
+                    m.path, points=(*m.path.points[:2], PathPoint("P2", "thigh", [0.04, -0.6, 0.0]))
+                ),
+            )
             for m in source.muscles
         ),
     )
@@ -183,7 +233,9 @@ def test_muscle_points_go_to_the_nearest_of_several_bones():
     points = found.source.muscle("front").path.points
     assert [one.body for one in points] == ["thigh", "thigh", "thigh@leg"]
     below = found.bones["thigh@leg"]
-    assert below.map.apply(points[2].location) == pytest.approx(SMALL * TURN @ [0.04, -0.2, 0.0], abs=1e-6 * SMALL)
+    assert below.map.apply(points[2].location) == pytest.approx(
+        SMALL * TURN @ [0.04, -0.2, 0.0], abs=1e-6 * SMALL
+    )
 
 
 def test_landmarks_that_contradict_each_other_are_left_out():
@@ -206,8 +258,12 @@ def test_jacobian_of_a_placed_map():
     inner = AffineMap(np.eye(3) + 0.2 * random.normal(size=(3, 3)), random.normal(size=3))
     pose = AffineMap(axis_rotation([0.3, 0.5, 0.8], 0.7), random.normal(size=3))
     placed = PlacedMap(pose, inner, AffineMap(random.normal(size=(3, 3)), random.normal(size=3)))
-    place, step = random.normal(size=3), 1e-6
-    columns = [(placed.apply(place + step * one) - placed.apply(place - step * one)) / (2 * step) for one in np.eye(3)]
+    place = random.normal(size=3)
+    step = 1e-6
+    columns = [
+        (placed.apply(place + step * one) - placed.apply(place - step * one)) / (2 * step)
+        for one in np.eye(3)
+    ]
     assert placed.jacobian(place) == pytest.approx(np.stack(columns, axis=1), abs=1e-8)
 
 
@@ -225,6 +281,8 @@ def test_what_cannot_be_is_named():
         species_bones(source, ours, target, theirs, replace(table(), posture={"ankle": 0.1}))
     with pytest.raises(BadData, match="no pair of its bodies"):
         species_morph(target, theirs, target, theirs, table())
-    few = replace(table(), bones=(replace(table().bones[0], landmarks=table().bones[0].landmarks[:2]),))
+    few = replace(
+        table(), bones=(replace(table().bones[0], landmarks=table().bones[0].landmarks[:2]),)
+    )
     with pytest.raises(BadData, match="expected four or more"):
         species_bones(source, ours, target, theirs, few)

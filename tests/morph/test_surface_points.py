@@ -49,7 +49,10 @@ def test_what_a_box_and_a_ball_hold():
 def test_points_beside_a_sharp_edge_are_outside(apart, inward):
     surface = wedge()
     if apart:  # as an STL file has them
-        surface = Surface(surface.vertices[surface.faces].reshape(-1, 3), np.arange(surface.faces.size).reshape(-1, 3))
+        surface = Surface(
+            surface.vertices[surface.faces].reshape(-1, 3),
+            np.arange(surface.faces.size).reshape(-1, 3),
+        )
     if inward:
         surface = Surface(surface.vertices, surface.faces[:, ::-1])
     x, y, z = np.random.default_rng(0).uniform((-0.2, -0.2, -0.2), (0.3, 0.2, 1.2), (4000, 3)).T

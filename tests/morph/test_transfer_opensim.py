@@ -1,4 +1,6 @@
-"""Morphed models as OpenSim 4.6 reads them: the same places of bodies, markers and points, the same lengths."""
+"""Morphed models as OpenSim 4.6 reads them: the same places of bodies, markers and points, the same
+lengths.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def morphed(model: Model) -> Model:
     bones = {}
     for body in model.body_names:
         turn = rotation_from_euler_xyz(rng.uniform(-1.0, 1.0, 3))
-        bones[body] = given(body, turn @ np.diag(rng.uniform(0.9, 1.2, 3)), rng.uniform(-0.1, 0.1, 3))
+        bones[body] = given(
+            body, turn @ np.diag(rng.uniform(0.9, 1.2, 3)), rng.uniform(-0.1, 0.1, 3)
+        )
     return morph_model(model, bones, mass=60.0).model
 
 
@@ -50,12 +54,16 @@ def test_opensim_finds_everything_where_it_was_carried(answers, name):
     models, warnings, facts = answers
     if name not in models:
         pytest.skip(f"needs the data set '{name.split('/')[0]}'")
-    model, fact = models[name], facts[name]
+    model = models[name]
+    fact = facts[name]
     assert not isinstance(fact, str), fact
     assert fact["mass"] == pytest.approx(60.0)
     sampled = any("spline through" in line for line in warnings[name])
-    # The oracle moves each coordinate alone, those that follow others too: what hangs on them is compared at rest only.
-    following = {one.child for one in model.joints if set(one.coordinates) & set(model.dependent_coordinates)}
+    # The oracle moves each coordinate alone, those that follow others too: what hangs on them is
+    # compared at rest only.
+    following = {
+        one.child for one in model.joints if set(one.coordinates) & set(model.dependent_coordinates)
+    }
     for rest, pose in zip((True, False, False), fact["poses"], strict=True):
         values = pose["coordinates"]
         poses = body_poses(model, values)
@@ -68,7 +76,13 @@ def test_opensim_finds_everything_where_it_was_carried(answers, name):
         motion = Motion(np.zeros(1), tuple(values), np.array([list(values.values())]))
         lengths = muscle_kinematics(model, motion, velocities=False).lengths[0]
         for i, muscle in enumerate(model.muscles):
-            points = [poses[point.body].apply(point_place(point, values)) for point in muscle.path.points]
-            np.testing.assert_allclose(points, pose["points"][muscle.name], atol=2e-6 if sampled else 1e-9)
+            points = [
+                poses[point.body].apply(point_place(point, values)) for point in muscle.path.points
+            ]
+            np.testing.assert_allclose(
+                points, pose["points"][muscle.name], atol=2e-6 if sampled else 1e-9
+            )
             if rest or not following & {point.body for point in muscle.path.points}:
-                assert lengths[i] == pytest.approx(pose["lengths"][muscle.name], abs=2e-6 if sampled else 1e-9)
+                assert lengths[i] == pytest.approx(
+                    pose["lengths"][muscle.name], abs=2e-6 if sampled else 1e-9
+                )

@@ -32,37 +32,78 @@ TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)
 
 def animal() -> Model:
     """A pelvis, x to the right, with two thighs that flex about x."""
-    bodies = tuple(Body(name, mass, np.zeros(3), mass * np.eye(3)) for name, mass in
-                   (("pelvis", 2.0), ("thigh_r", 0.5), ("thigh_l", 0.3)))  # fmt: skip
+    bodies = tuple(
+        Body(name=name, mass=mass, mass_center=np.zeros(3), inertia=mass * np.eye(3))
+        for name, mass in (("pelvis", 2.0), ("thigh_r", 0.5), ("thigh_l", 0.3))
+    )
     still = Transform.identity()
-    joints = [Joint("root", "WeldJoint", "ground", "pelvis", still, still)]
+    joints = [
+        Joint(
+            name="root",
+            kind="WeldJoint",
+            parent="ground",
+            child="pelvis",
+            parent_frame=still,
+            child_frame=still,
+        )
+    ]
     for side, x, turn in (("r", 1.0, np.eye(3)), ("l", -1.0, TURNED)):
         seat = Transform(turn, np.array([0.02 * x, 0.0, 0.0]))
-        # The child's frame is turned in its joint too, so that both legs flex about the same axis of ground.
-        axis = Axis("rotation", np.array([1.0, 0.0, 0.0]), linear(1.0), (f"hip_{side}",))
+        # The child's frame is turned in its joint too, so that both legs flex about the same axis
+        # of ground.
+        axis = Axis(
+            kind="rotation",
+            vector=np.array([1.0, 0.0, 0.0]),
+            function=linear(1.0),
+            coordinates=(f"hip_{side}",),
+        )
         flat = Transform(np.eye(3), seat.translation)
         joints.append(
             Joint(
-                f"hip_{side}", "CustomJoint", "pelvis", f"thigh_{side}", flat, Transform(turn.T, np.zeros(3)), (axis,),
-                (f"hip_{side}",),
+                name=f"hip_{side}",
+                kind="CustomJoint",
+                parent="pelvis",
+                child=f"thigh_{side}",
+                parent_frame=flat,
+                child_frame=Transform(turn.T, np.zeros(3)),
+                axes=(axis,),
+                coordinates=(f"hip_{side}",),
             )
-        )  # fmt: skip
+        )
     path = Path(
         (
             PathPoint("P1", "pelvis", np.array([0.03, 0.05, 0.02])),
             PathPoint("P2", "thigh_r", np.array([0.01, 0.02, -0.15])),
         ),
-        (PathWrap("round_r", "hybrid", -1, -1),),
+        (PathWrap(wrap_object="round_r", method="hybrid", first=-1, last=-1),),
     )
     round_hip = WrapObject(
-        "round_r", "pelvis", "cylinder",
-        Transform(axis_rotation(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi), np.array([0.02, 0.03, 0.0])), (0.012, 0.2),
-    )  # fmt: skip
+        name="round_r",
+        body="pelvis",
+        kind="cylinder",
+        pose=Transform(
+            axis_rotation(np.array([0.0, 1.0, 0.0]), 0.5 * np.pi), np.array([0.02, 0.03, 0.0])
+        ),
+        size=(0.012, 0.2),
+    )
     return Model(
-        "animal", bodies, tuple(joints), tuple(Coordinate(f"hip_{side}", range=(-1.0, 1.0)) for side in "rl"),
-        np.array([0.0, 0.0, -9.8]), muscles=(Muscle("front_r", "Millard2012EquilibriumMuscle", path, 9.0, 0.02, 0.1),),
+        name="animal",
+        bodies=bodies,
+        joints=tuple(joints),
+        coordinates=tuple(Coordinate(f"hip_{side}", range=(-1.0, 1.0)) for side in "rl"),
+        gravity=np.array([0.0, 0.0, -9.8]),
+        muscles=(
+            Muscle(
+                name="front_r",
+                kind="Millard2012EquilibriumMuscle",
+                path=path,
+                max_isometric_force=9.0,
+                optimal_fiber_length=0.02,
+                tendon_slack_length=0.1,
+            ),
+        ),
         wrap_objects=(round_hip,),
-    )  # fmt: skip
+    )
 
 
 def test_the_other_sides_muscle_moves_as_this_one_does():
@@ -73,7 +114,9 @@ def test_the_other_sides_muscle_moves_as_this_one_does():
     assert "1 muscles" in notes[0]
     angles = np.linspace(-0.9, 0.9, 7)
     found = muscle_kinematics(
-        model, Motion(np.arange(7.0), ("hip_r", "hip_l"), np.stack([angles, angles], 1)), velocities=False
+        model,
+        Motion(np.arange(7.0), ("hip_r", "hip_l"), np.stack([angles, angles], 1)),
+        velocities=False,
     )
     assert found.lengths[:, 1] == pytest.approx(found.lengths[:, 0], abs=1e-9)
     assert np.ptp(found.lengths[:, 0]) > 0.01
@@ -88,14 +131,19 @@ def test_a_muscle_whose_name_tells_no_side_is_mirrored_by_its_bodies():
     (muscle,) = one.muscles
     wrap = replace(one.wrap_objects[0], name="round")
     path = replace(muscle.path, wraps=(replace(muscle.path.wraps[0], wrap_object="round"),))
-    middle = replace(muscle, name="belly", path=Path((path.points[0], replace(path.points[0], name="P3"))))
-    nameless = replace(one, muscles=(replace(muscle, name="front", path=path), middle), wrap_objects=(wrap,))
+    middle = replace(
+        muscle, name="belly", path=Path((path.points[0], replace(path.points[0], name="P3")))
+    )
+    nameless = replace(
+        one, muscles=(replace(muscle, name="front", path=path), middle), wrap_objects=(wrap,)
+    )
     model, _ = with_other_muscles(nameless, "x")
     assert model.muscle_names == ("front", "belly", "front_l")
     assert {name.name for name in model.wrap_objects} == {"round", "round_l"}
     wanted, _ = with_other_muscles(one, "x")
     motion = Motion(np.arange(3.0), ("hip_l",), np.array([[-0.5], [0.0], [0.5]]))
-    ours, theirs = (muscle_kinematics(each, motion, velocities=False).lengths[:, -1] for each in (model, wanted))
+    ours = muscle_kinematics(model, motion, velocities=False).lengths[:, -1]
+    theirs = muscle_kinematics(wanted, motion, velocities=False).lengths[:, -1]
     assert ours == pytest.approx(theirs, abs=1e-12)
 
 
@@ -110,7 +158,9 @@ def test_inertias_no_bone_can_have_are_replaced():
     changed = {one.name: one for one in (unlikely, likely)}
     model = replace(model, bodies=tuple(changed.get(one.name, one) for one in model.bodies))
     found, notes = with_possible_inertias(model, {"thigh_r": bone, "thigh_l": bone})
-    assert found.body("thigh_r").inertia == pytest.approx(thigh.mass / 12.0 * np.diag([1.16, 1.04, 0.2]))
+    assert found.body("thigh_r").inertia == pytest.approx(
+        thigh.mass / 12.0 * np.diag([1.16, 1.04, 0.2])
+    )
     assert found.body("thigh_l").inertia == pytest.approx(likely.inertia)
     assert found.mass == model.mass
     assert "2e+03 mm" in notes[0]
@@ -118,7 +168,9 @@ def test_inertias_no_bone_can_have_are_replaced():
 
 
 def test_segments_get_their_share_and_the_whole_its_mass():
-    share = SegmentShare("thighs", ("thigh_r", "thigh_l"), 0.1, (0.05, 0.12))
+    share = SegmentShare(
+        name="thighs", bodies=("thigh_r", "thigh_l"), share=0.1, interval=(0.05, 0.12)
+    )
     found, notes = with_segment_shares(animal(), (share,), 4.0)
     assert found.mass == pytest.approx(4.0)
     assert found.body("thigh_r").mass + found.body("thigh_l").mass == pytest.approx(0.4)
@@ -126,13 +178,21 @@ def test_segments_get_their_share_and_the_whole_its_mass():
     assert found.body("pelvis").inertia == pytest.approx(3.6 * np.eye(3))
     assert "10.0 % of" in notes[0]
     with pytest.raises(BadData, match="nothing is left"):
-        with_segment_shares(animal(), (share, replace(share, bodies=("pelvis",), share=0.95, interval=(0.9, 0.99))))
+        with_segment_shares(
+            animal(), (share, replace(share, bodies=("pelvis",), share=0.95, interval=(0.9, 0.99)))
+        )
     with pytest.raises(UnknownName):
         with_segment_shares(animal(), (replace(share, bodies=("tail",)),))
 
 
 def test_markers_of_a_protocol_lock_what_they_do_not_show():
-    table = MarkerTable("lab", "x", {"KNEE": ("thigh_r", (0.0, 0.0, -0.1))}, ("hip_r",), {"hip_r": 0.3})
+    table = MarkerTable(
+        name="lab",
+        citation="x",
+        places={"KNEE": ("thigh_r", (0.0, 0.0, -0.1))},
+        moving=("hip_r",),
+        start={"hip_r": 0.3},
+    )
     model, notes = with_markers_of(animal(), (table,), "lab")
     assert model.marker_names == ("KNEE",)
     assert [one.locked for one in model.coordinates] == [False, True]
@@ -143,12 +203,28 @@ def test_markers_of_a_protocol_lock_what_they_do_not_show():
     with pytest.raises(BadData, match=r"no coordinate fits"):
         with_markers_of(animal(), (replace(table, moving=("knee*",)),), "lab")
     with pytest.raises(UnknownName, match="wing"):
-        with_markers_of(animal(), (replace(table, places={"TIP": ("wing", (0.0, 0.0, 0.0))}),), "lab")
+        with_markers_of(
+            animal(), (replace(table, places={"TIP": ("wing", (0.0, 0.0, 0.0))}),), "lab"
+        )
 
 
 def test_a_tarsus_is_a_foot_and_a_metatarsus_is_none():
     still = Transform.identity()
     names = ("mouse__RTarsus", "mouse__RTarsus_interim_0", "mouse__RMetatarsus3", "mouse__LTarsus")
-    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3)) for name in names)
-    joints = tuple(Joint(name, "WeldJoint", "ground", name, still, still) for name in names)
-    assert feet_of(Model("mouse", bodies, joints, (), np.zeros(3))) == ("mouse__RTarsus", "mouse__LTarsus")
+    bodies = tuple(
+        Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3)) for name in names
+    )
+    joints = tuple(
+        Joint(
+            name=name,
+            kind="WeldJoint",
+            parent="ground",
+            child=name,
+            parent_frame=still,
+            child_frame=still,
+        )
+        for name in names
+    )
+    assert feet_of(
+        Model(name="mouse", bodies=bodies, joints=joints, coordinates=(), gravity=np.zeros(3))
+    ) == ("mouse__RTarsus", "mouse__LTarsus")

@@ -1,4 +1,6 @@
-"""A task of inverse kinematics from outside the package: points of bodies at measured heights. See docs/adding.md."""
+"""A task of inverse kinematics from outside the package: points of bodies at measured heights. See
+docs/adding.md.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from myomorph.rigid.vectors import matrix, plus, turned, vector
 
 
 class HeightArrays(NamedTuple):
-    """Bodies of the points, places on them, heights (frames, points), weights, the vertical, and what remains."""
+    """Bodies of the points, places on them, heights (frames, points), weights, the vertical, and
+    what remains.
+    """
 
     body: NDArray[np.int64]
     location: NDArray[np.float64]
@@ -42,7 +46,8 @@ def _place(points, i, work):
 
 @bare
 def _residual(points, frame, i, work):
-    x, up = _place(points, i, work), points.up
+    x = _place(points, i, work)
+    up = points.up
     return x[0] * up[0] + x[1] * up[1] + x[2] * up[2] - points.height[frame, i]
 
 
@@ -57,11 +62,14 @@ def _cost(points, c, frame, work):
 
 @bare
 def _add(points, c, frame, work):
-    cost, up = 0.0, (points.up[0], points.up[1], points.up[2])
+    cost = 0.0
+    up = (points.up[0], points.up[1], points.up[2])
     for i in range(points.body.shape[0]):
         if np.isfinite(points.height[frame, i]):
             slope = point_slope(work, _place(points, i, work), up)
-            cost += add_row(work, points.body[i], slope, _residual(points, frame, i, work), points.weight[i])
+            cost += add_row(
+                work, points.body[i], slope, _residual(points, frame, i, work), points.weight[i]
+            )
     return cost
 
 
@@ -80,16 +88,21 @@ class HeightTask(Task):
     heights: NDArray[np.float64]
     weight: float = 1.0
 
-    kernels = TaskKernels(HeightArrays, _shown, _cost, _add, _keep)
+    kernels = TaskKernels(arrays=HeightArrays, shown=_shown, cost=_cost, add=_add, keep=_keep)
 
     @classmethod
-    def together(cls, tasks: Sequence[Self], tree: Tree, targets: NDArray[np.float64]) -> HeightArrays:
-        heights = [per_frame(task.heights, len(targets), f"heights of a point of '{task.body}'") for task in tasks]
+    def together(
+        cls, tasks: Sequence[Self], tree: Tree, targets: NDArray[np.float64]
+    ) -> HeightArrays:
+        heights = [
+            per_frame(task.heights, len(targets), f"heights of a point of '{task.body}'")
+            for task in tasks
+        ]
         return HeightArrays(
-            np.array([tree.body_number(task.body) for task in tasks], np.int64),
-            np.array([task.location for task in tasks]).reshape(-1, 3),
-            np.stack(heights, axis=1) if heights else np.empty((len(targets), 0)),
-            np.array([task.weight for task in tasks], np.float64),
-            np.array(tree.model.up, dtype=np.float64),
-            np.full((len(targets), len(tasks)), np.nan),
+            body=np.array([tree.body_number(task.body) for task in tasks], np.int64),
+            location=np.array([task.location for task in tasks]).reshape(-1, 3),
+            height=np.stack(heights, axis=1) if heights else np.empty((len(targets), 0)),
+            weight=np.array([task.weight for task in tasks], np.float64),
+            up=np.array(tree.model.up, dtype=np.float64),
+            errors=np.full((len(targets), len(tasks)), np.nan),
         )

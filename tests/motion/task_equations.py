@@ -28,7 +28,9 @@ def equations_at(T, P, independent):
 
 
 def held_against_differences(tree, tasks, fitting, away):
-    """Tasks that fit at a pose, where the Gauss-Newton curvature is all of it; away from it cost and gradient."""
+    """Tasks that fit at a pose, where the Gauss-Newton curvature is all of it; away from it cost
+    and gradient.
+    """
     options = InverseKinematicsOptions(tasks=tasks)
     P = pose_problem(tree, (), np.empty(0), options, Markers(np.zeros(1), (), np.empty((1, 0, 3))))
     plain, cost, g, H = equations_at(tree.arrays, P, fitting)
@@ -39,6 +41,12 @@ def held_against_differences(tree, tasks, fitting, away):
     assert cost == pytest.approx(plain, rel=1e-12)
     for i in P.free:
         step = STEP * np.eye(len(fitting))[i]
-        around = [equations_at(tree.arrays, P, pose + sign * step) for pose in (fitting, away) for sign in (1.0, -1.0)]
-        np.testing.assert_allclose(H[i][P.free], ((around[0][2] - around[1][2]) / (2.0 * STEP))[P.free], atol=1e-6)
+        around = [
+            equations_at(tree.arrays, P, pose + sign * step)
+            for pose in (fitting, away)
+            for sign in (1.0, -1.0)
+        ]
+        np.testing.assert_allclose(
+            H[i][P.free], ((around[0][2] - around[1][2]) / (2.0 * STEP))[P.free], atol=1e-6
+        )
         assert slope[i] == pytest.approx((around[2][0] - around[3][0]) / (4.0 * STEP), abs=1e-7)

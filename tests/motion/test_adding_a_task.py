@@ -1,4 +1,6 @@
-"""A kind of task is one file (`height_task.py`) and one line: measured heights count beside markers."""
+"""A kind of task is one file (`height_task.py`) and one line: measured heights count beside
+markers.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,14 @@ FRAMES = 12
 @pytest.mark.parametrize("seed", range(3))
 def test_gradient_and_curvature_are_derivatives_of_the_cost(seed):
     model = random_tree(seed)
-    tree, rng = compile_tree(model), np.random.default_rng(seed)
+    tree = compile_tree(model)
+    rng = np.random.default_rng(seed)
     c = rng.uniform(-0.5, 0.5, len(tree.defaults))
-    poses, tasks = forward_kinematics(tree, c[None]), []
+    poses = forward_kinematics(tree, c[None])
+    tasks = []
     for name in model.body_names[-3:]:
-        location, number = rng.normal(size=3), tree.body_index[name]
+        location = rng.normal(size=3)
+        number = tree.body_index[name]
         place = poses.rotations[0, number] @ location + poses.origins[0, number]
         tasks.append(HeightTask(name, location, np.array([place @ model.up]), 0.5))
     held_against_differences(tree, tasks, c, c + rng.normal(scale=0.2, size=len(c)))
@@ -63,7 +68,9 @@ def test_a_measured_height_moves_the_body():
 
 
 def test_one_line_makes_it_a_kind_of_the_package(monkeypatch):
-    """With the line, problems without a measured height have empty arrays of it, and the same results."""
+    """With the line, problems without a measured height have empty arrays of it, and the same
+    results.
+    """
     model, _, markers = moving()
     before = inverse_kinematics(model, markers)
     monkeypatch.setattr(newton, "KINDS", (*newton.KINDS, HeightTask))

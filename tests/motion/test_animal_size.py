@@ -1,4 +1,6 @@
-"""A body and its recording, both made a twentieth as large, move alike: nothing assumes the size of a human."""
+"""A body and its recording, both made a twentieth as large, move alike: nothing assumes the size of
+a human.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,20 @@ SMALL = 0.05
 
 
 def resized(model, factor=SMALL):
-    """The model so many times as large, and as near to the laboratory's origin; its masses as they were."""
+    """The model so many times as large, and as near to the laboratory's origin; its masses as they
+    were.
+    """
     joints = tuple(
-        replace(one, parent_frame=Transform(one.parent_frame.rotation, factor * one.parent_frame.translation))
-        if one.parent == GROUND
-        else one
+        (
+            replace(
+                one,
+                parent_frame=Transform(
+                    one.parent_frame.rotation, factor * one.parent_frame.translation
+                ),
+            )
+            if one.parent == GROUND
+            else one
+        )
         for one in model.joints
     )
     coordinates = tuple(
@@ -49,7 +60,8 @@ def subject():
 
 
 def test_units_are_metres_for_humans_and_follow_the_size_below(subject):
-    tree, tiny = compile_tree(subject.generic), compile_tree(resized(subject.generic))
+    tree = compile_tree(subject.generic)
+    tiny = compile_tree(resized(subject.generic))
     assert length_unit(tree) == 1.0
     assert set(coordinate_units(tree)) == {1.0}
     unit = length_unit(tiny)
@@ -62,9 +74,14 @@ def angles(model, markers, posture_weight, *sizes):
     """Angles [rad] and relative marker errors of bodies of several sizes under inverse kinematics."""
     options = InverseKinematicsOptions(posture_weight=posture_weight)
     turning = [k for k, one in enumerate(model.coordinates) if one.motion == "rotational"]
-    fits = [inverse_kinematics(resized(model, size), seen(markers, size), options) for size in sizes]
+    fits = [
+        inverse_kinematics(resized(model, size), seen(markers, size), options) for size in sizes
+    ]
     assert all(fit.converged.all() for fit in fits)
-    return [(fit.motion.values[:, turning], fit.errors / size) for fit, size in zip(fits, sizes, strict=True)]
+    return [
+        (fit.motion.values[:, turning], fit.errors / size)
+        for fit, size in zip(fits, sizes, strict=True)
+    ]
 
 
 def mouse_and_beetle_agree(model, markers):
@@ -76,7 +93,8 @@ def test_angles_of_a_walk_do_not_depend_on_size(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     markers = cut(read_trc(data("rajagopal-walk-emg/markers_walk.trc")).markers, 0.5, 1.0)
     mouse_and_beetle_agree(model, markers)
-    # A unit stays one metre for humans of any size: the default pull is not the same share of theirs, but as nothing.
+    # A unit stays one metre for humans of any size: the default pull is not the same share of
+    # theirs, but as nothing.
     for human, mouse in zip(*angles(model, markers, 1e-11, 1.0, SMALL), strict=True):
         np.testing.assert_allclose(mouse, human, atol=5e-5)
 
@@ -85,12 +103,16 @@ def test_angles_of_markers_that_come_and_go_do_not_depend_on_size(subject):
     """A pull towards the default pose that is nothing for a human must be nothing for a mouse too."""
     values = subject.markers.values[:60].copy()
     values[np.random.default_rng(5).uniform(size=values.shape[:2]) < 0.2] = np.nan
-    mouse_and_beetle_agree(subject.model, Markers(subject.markers.time[:60], subject.markers.names, values))
+    mouse_and_beetle_agree(
+        subject.model, Markers(subject.markers.time[:60], subject.markers.names, values)
+    )
 
 
 def test_lengths_and_places_do_not_depend_on_size(subject):
-    human, mouse, beetle = (
-        calibrate(resized(subject.generic, size), [seen(subject.markers, size)]) for size in (1.0, SMALL, 0.1 * SMALL)
+    human = calibrate(resized(subject.generic, 1.0), [seen(subject.markers, 1.0)])
+    mouse = calibrate(resized(subject.generic, SMALL), [seen(subject.markers, SMALL)])
+    beetle = calibrate(
+        resized(subject.generic, (0.1 * SMALL)), [seen(subject.markers, (0.1 * SMALL))]
     )
     assert mouse.converged
     np.testing.assert_array_equal(beetle.frames[0], mouse.frames[0])

@@ -1,4 +1,6 @@
-"""The cutoff that a motion asks for: by laws, by motions of known accelerations, and by measured ground forces."""
+"""The cutoff that a motion asks for: by laws, by motions of known accelerations, and by measured
+ground forces.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,20 @@ from myomorph.rigid.dynamics import inverse_dynamics
 RATE = 120.0
 
 
-def _walk(noise: float, seconds: float = 4.0, fundamental: float = 1.0) -> tuple[Motion, np.ndarray]:
-    """Three coordinates of five harmonics that fall off as those of a walk, and their accelerations; synthetic."""
+def _walk(
+    noise: float, seconds: float = 4.0, fundamental: float = 1.0
+) -> tuple[Motion, np.ndarray]:
+    """Three coordinates of five harmonics that fall off as those of a walk, and their
+    accelerations; synthetic.
+    """
     random = np.random.default_rng(5)
     time = np.arange(int(seconds * RATE)) / RATE
-    values, accelerations = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    values = np.zeros((len(time), 3))
+    accelerations = np.zeros((len(time), 3))
     for j in range(3):
         for k in range(1, 6):
-            w, phase = 2.0 * np.pi * fundamental * k, random.uniform(0.0, 2.0 * np.pi)
+            w = 2.0 * np.pi * fundamental * k
+            phase = random.uniform(0.0, 2.0 * np.pi)
             values[:, j] += 0.4 / k**3 * np.sin(w * time + phase)
             accelerations[:, j] -= 0.4 / k**3 * w**2 * np.sin(w * time + phase)
     values += noise * random.standard_normal(values.shape)
@@ -39,7 +47,9 @@ def _error(motion: Motion, truth: np.ndarray, cutoff: float | None) -> float:
 
 
 @pytest.mark.parametrize(("noise", "worse"), [(0.01, 3.0), (0.02, 1.5)])
-def test_with_errors_of_skin_markers_accelerations_come_near_the_best_of_any_cutoff(noise: float, worse: float) -> None:
+def test_with_errors_of_skin_markers_accelerations_come_near_the_best_of_any_cutoff(
+    noise: float, worse: float
+) -> None:
     motion, truth = _walk(noise)
     cutoff = automatic_cutoff(motion)
     best = min(_error(motion, truth, one) for one in np.arange(2.0, 20.0, 0.5))
@@ -56,13 +66,16 @@ def test_a_smooth_motion_is_left_as_it_is() -> None:
 def test_a_motion_that_is_twice_as_fast_has_twice_the_cutoff() -> None:
     motion, _ = _walk(0.01)
     faster = Motion(motion.time / 2.0, motion.names, motion.values)
-    slow, fast = automatic_cutoff(motion), automatic_cutoff(faster)
+    slow = automatic_cutoff(motion)
+    fast = automatic_cutoff(faster)
     assert slow is not None
     assert fast == pytest.approx(2.0 * slow, rel=1e-9)
 
 
 def test_faster_movements_need_higher_cutoffs_and_noisier_markers_lower_ones() -> None:
-    quick, quiet, noisy = (automatic_cutoff(_walk(*of)[0]) for of in ((0.01, 4.0, 2.0), (0.01,), (0.05,)))
+    quick = automatic_cutoff(_walk(*(0.01, 4.0, 2.0))[0])
+    quiet = automatic_cutoff(_walk(*(0.01,))[0])
+    noisy = automatic_cutoff(_walk(*(0.05,))[0])
     assert quick is not None
     assert quiet is not None
     assert noisy is not None
@@ -94,7 +107,9 @@ def test_gaps_short_motions_and_motions_at_rest_are_borne() -> None:
 
 def test_what_holds_the_pelvis_of_a_recorded_walk_is_a_fifth_of_that_without_a_filter(data) -> None:
     model = read_model(data("opensim-gait-subject01/ref_id/subject01.osim"))
-    recorded = motion_from_table(read_sto(data("opensim-gait-subject01/ref_id/subject01_walk1_ik.mot")), model)
+    recorded = motion_from_table(
+        read_sto(data("opensim-gait-subject01/ref_id/subject01_walk1_ik.mot")), model
+    )
     measured = read_external_loads(data("opensim-gait-subject01/ref_id/subject01_walk1_grf.xml"))
     residuals = {}
     for cutoff in (None, automatic_cutoff(recorded)):
@@ -109,5 +124,7 @@ def test_what_holds_the_pelvis_of_a_recorded_walk_is_a_fifth_of_that_without_a_f
 def test_it_is_found_once_for_a_motion(monkeypatch) -> None:
     motion, _ = _walk(0.01)
     first = automatic_cutoff(motion)
-    monkeypatch.setattr("myomorph.motion.automatic_cutoff._cutoff", lambda motion: pytest.fail("found again"))
+    monkeypatch.setattr(
+        "myomorph.motion.automatic_cutoff._cutoff", lambda motion: pytest.fail("found again")
+    )
     assert automatic_cutoff(motion) == first

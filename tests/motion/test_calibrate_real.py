@@ -1,4 +1,6 @@
-"""On recordings: a calibrated model tracks motions that it was not made from better than an expert's."""
+"""On recordings: a calibrated model tracks motions that it was not made from better than an
+expert's.
+"""
 
 import numpy as np
 import pytest
@@ -16,7 +18,10 @@ def test_held_out_motions_of_a_person(data):
     """Sit-to-stand and standing shown; walking and a jump not."""
     generic = read_model(data(f"{FOLDER}/models/unscaled_generic.osim"))
     expert = read_model(data(f"{FOLDER}/models/manually_scaled.osim"))
-    recorded = {name: read_trc(data(f"{FOLDER}/markers/{name}.trc")).markers for name in ("STS1", "walking1", "DJ1")}
+    recorded = {
+        name: read_trc(data(f"{FOLDER}/markers/{name}.trc")).markers
+        for name in ("STS1", "walking1", "DJ1")
+    }
     static = read_trc(data(f"{FOLDER}/markers/static1.trc")).markers
     found = calibrate(generic, [recorded["STS1"]], CalibrationOptions(static=static, mass=62.6))
     assert found.converged
@@ -25,7 +30,9 @@ def test_held_out_motions_of_a_person(data):
     for name in ("walking1", "DJ1"):
         seen = set(recorded[name].names)
         common = [one for one in generic.marker_names if one in seen and one in expert.marker_names]
-        options = InverseKinematicsOptions(marker_weights=dict.fromkeys(common, 1.0), only_weighted=True)
+        options = InverseKinematicsOptions(
+            marker_weights=dict.fromkeys(common, 1.0), only_weighted=True
+        )
         error = [
             np.sqrt(np.nanmean(inverse_kinematics(model, recorded[name], options).errors ** 2))
             for model in (found.model, expert)

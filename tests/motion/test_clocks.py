@@ -1,4 +1,6 @@
-"""Clocks of two recordings: known offsets and drifts come back, round trips, and what cannot be told is named."""
+"""Clocks of two recordings: known offsets and drifts come back, round trips, and what cannot be
+told is named.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from myomorph.motion.clocks import Clock, ClockOptions, fit_clock, resample
 
 
 def estimate_clock(time, signal, other_time, other_signal, options=None):
-    """Clock of one recording against another that holds the same signal, up to a factor and a constant."""
+    """Clock of one recording against another that holds the same signal, up to a factor and a
+    constant.
+    """
     rows = np.stack([signal, np.ones(len(time))], axis=1)[:, None]
     return fit_clock(time, rows, other_time, np.reshape(other_signal, (-1, 1)), options)
 
@@ -20,20 +24,30 @@ def wandering(seed: int = 0, cutoff: float = 3.0, seconds: float = 40.0):
     """A smooth random function of time that never repeats itself."""
     random = np.random.default_rng(seed)
     frequencies = random.uniform(0.1, cutoff, 60)
-    phases, sizes = random.uniform(0, 2 * np.pi, 60), random.normal(size=60)
+    phases = random.uniform(0, 2 * np.pi, 60)
+    sizes = random.normal(size=60)
     return lambda time: np.sin(2 * np.pi * np.multiply.outer(time, frequencies) + phases) @ sizes
 
 
 def recorded(offset: float, drift: float, noise: float = 0.0, seconds: float = 30.0):
     """Two recordings of one signal, the second at 2000 Hz, another unit and another clock."""
-    signal, random = wandering(), np.random.default_rng(7)
-    time, other = np.arange(0, seconds, 0.005), np.arange(0, seconds, 0.0005)
+    signal = wandering()
+    random = np.random.default_rng(7)
+    time = np.arange(0, seconds, 0.005)
+    other = np.arange(0, seconds, 0.0005)
     there = signal(other + offset + drift * other)
     mine = signal(time)
-    return time, mine + noise * mine.std() * random.normal(size=len(time)), other, -3.2 * there + 40.0
+    return (
+        time,
+        mine + noise * mine.std() * random.normal(size=len(time)),
+        other,
+        -3.2 * there + 40.0,
+    )
 
 
-@pytest.mark.parametrize(("offset", "drift"), [(0.0, 0.0), (0.0371, 60e-6), (-0.84, -250e-6), (1.3, 1e-3)])
+@pytest.mark.parametrize(
+    ("offset", "drift"), [(0.0, 0.0), (0.0371, 60e-6), (-0.84, -250e-6), (1.3, 1e-3)]
+)
 def test_offset_and_drift_come_back(offset, drift):
     clock = estimate_clock(*recorded(offset, drift), ClockOptions(cutoff=10.0))
     assert clock.offset == pytest.approx(offset + drift * clock.epoch, abs=2e-6)
@@ -61,17 +75,26 @@ def test_a_clock_without_drift_says_none_and_can_be_told_not_to_look():
 
 
 def test_deviations_are_those_that_runs_show():
-    errors, deviations = [], []
-    time, other = np.arange(0, 30, 0.005), np.arange(0, 30, 0.0005)
-    signal, random = wandering(), np.random.default_rng(1)
-    there, mine = signal(other), signal(time)
+    errors = []
+    deviations = []
+    time = np.arange(0, 30, 0.005)
+    other = np.arange(0, 30, 0.0005)
+    signal = wandering()
+    random = np.random.default_rng(1)
+    there = signal(other)
+    mine = signal(time)
     for _ in range(16):
         clock = estimate_clock(
-            time, mine + 0.5 * random.normal(size=len(time)), other, there + random.normal(size=len(other))
+            time,
+            mine + 0.5 * random.normal(size=len(time)),
+            other,
+            there + random.normal(size=len(other)),
         )
         errors.append((clock.offset, clock.drift))
         deviations.append((clock.offset_sd, clock.drift_sd))
-    found = np.sqrt(np.mean(np.square(errors), axis=0)) / np.sqrt(np.mean(np.square(deviations), axis=0))
+    found = np.sqrt(np.mean(np.square(errors), axis=0)) / np.sqrt(
+        np.mean(np.square(deviations), axis=0)
+    )
     assert np.all((found > 0.65) & (found < 1.5))
 
 
@@ -87,28 +110,40 @@ def test_gaps_and_left_out_frames_do_no_harm():
 
 
 def test_a_swing_that_repeats_itself_is_called_doubtful():
-    time, other = np.arange(0, 20, 0.005), np.arange(0, 20, 0.0005)
+    time = np.arange(0, 20, 0.005)
+    other = np.arange(0, 20, 0.0005)
     clock = estimate_clock(time, np.sin(2 * np.pi * time), other, np.sin(2 * np.pi * (other + 0.1)))
     assert "repeats itself" in clock.notes[0]
     near = estimate_clock(
-        time, np.sin(2 * np.pi * time), other, np.sin(2 * np.pi * (other + 0.1)), ClockOptions(search=0.3)
+        time,
+        np.sin(2 * np.pi * time),
+        other,
+        np.sin(2 * np.pi * (other + 0.1)),
+        ClockOptions(search=0.3),
     )
     assert near.offset == pytest.approx(0.1, abs=1e-5)
 
 
 def test_recordings_of_different_things_are_refused():
-    time, other = np.arange(0, 20, 0.005), np.arange(0, 20, 0.0005)
+    time = np.arange(0, 20, 0.005)
+    other = np.arange(0, 20, 0.0005)
     random = np.random.default_rng(0)
     with pytest.raises(BadData, match="do not explain each other"):
         estimate_clock(
-            time, random.normal(size=len(time)), other, random.normal(size=len(other)), ClockOptions(cutoff=20.0)
+            time,
+            random.normal(size=len(time)),
+            other,
+            random.normal(size=len(other)),
+            ClockOptions(cutoff=20.0),
         )
 
 
 def test_bad_input_is_named():
     time, mine, other, there = recorded(0.0, 0.0, seconds=5.0)
     with pytest.raises(BadData, match="missing frames"):
-        estimate_clock(np.delete(time, slice(100, 120)), np.delete(mine, slice(100, 120)), other, there)
+        estimate_clock(
+            np.delete(time, slice(100, 120)), np.delete(mine, slice(100, 120)), other, there
+        )
     with pytest.raises(BadData, match="not finite"):
         estimate_clock(time, mine, other, np.where(other == other[50], np.nan, there))
     with pytest.raises(BadData, match="no time in common"):
@@ -122,18 +157,30 @@ def test_times_drift_about_the_epoch():
     time = np.linspace(0, 30, 7)
     np.testing.assert_allclose(clock.times(time), time + 0.02 + 1e-4 * (time - 15.0), atol=1e-12)
     zeros = np.zeros((7, 1, 3))
-    wrenches = Wrenches(time, ("plate",), ("",), zeros, zeros, zeros)
+    wrenches = Wrenches(
+        time=time, names=("plate",), bodies=("",), forces=zeros, points=zeros, torques=zeros
+    )
     np.testing.assert_allclose(clock.apply(wrenches).time, clock.times(time))
-    np.testing.assert_allclose(clock.apply(Series(time, ("a",), time[:, None])).time, clock.times(time))
+    np.testing.assert_allclose(
+        clock.apply(Series(time, ("a",), time[:, None])).time, clock.times(time)
+    )
 
 
 def test_resampling_keeps_what_is_slow_and_drops_what_the_new_rate_cannot_hold():
-    time, new = np.arange(0, 4, 0.0005), np.arange(0, 4, 0.005)
+    time = np.arange(0, 4, 0.0005)
+    new = np.arange(0, 4, 0.005)
     slow = np.sin(2 * np.pi * 3 * time)
-    analog = Analog(time, ("slow", "both"), np.stack([slow, slow + np.sin(2 * np.pi * 190 * time)], axis=1), ("V", "V"))
+    analog = Analog(
+        time=time,
+        names=("slow", "both"),
+        values=np.stack([slow, slow + np.sin(2 * np.pi * 190 * time)], axis=1),
+        units=("V", "V"),
+    )
     found = resample(analog, new)
     inner = slice(40, -40)
-    np.testing.assert_allclose(found.values[inner, 0], np.sin(2 * np.pi * 3 * new)[inner], atol=1e-3)
+    np.testing.assert_allclose(
+        found.values[inner, 0], np.sin(2 * np.pi * 3 * new)[inner], atol=1e-3
+    )
     # 190 Hz would come back as 10 Hz.
     np.testing.assert_allclose(found.values[inner, 1], found.values[inner, 0], atol=0.05)
     assert np.isnan(resample(analog, np.arange(0, 5, 0.005)).values[-1]).all()

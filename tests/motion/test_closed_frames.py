@@ -1,4 +1,6 @@
-"""Frames of a four-bar linkage in inverse kinematics: bounds and locks of one coordinate hold back the whole loop."""
+"""Frames of a four-bar linkage in inverse kinematics: bounds and locks of one coordinate hold back
+the whole loop.
+"""
 
 from __future__ import annotations
 
@@ -37,5 +39,9 @@ def test_a_locked_coordinate_of_a_loop_stops_all_of_it():
     true = four_bar_angles(np.linspace(1.0, 1.4, 5))
     coordinates = list(model.coordinates)
     coordinates[0] = replace(coordinates[0], locked=True, default=1.2)
-    fit = inverse_kinematics(replace(model, coordinates=tuple(coordinates)), markers_of(model, true))
-    np.testing.assert_allclose(fit.motion.values, np.tile(four_bar_angles(np.array([1.2])), (5, 1)), atol=1e-9)
+    fit = inverse_kinematics(
+        replace(model, coordinates=tuple(coordinates)), markers_of(model, true)
+    )
+    np.testing.assert_allclose(
+        fit.motion.values, np.tile(four_bar_angles(np.array([1.2])), (5, 1)), atol=1e-9
+    )

@@ -1,4 +1,6 @@
-"""Inverse kinematics and calibration of models that close loops: recovered motion, bounds, laws, real bones."""
+"""Inverse kinematics and calibration of models that close loops: recovered motion, bounds, laws,
+real bones.
+"""
 
 from __future__ import annotations
 
@@ -34,17 +36,25 @@ BONES = "shoulder-bonepin/"
 
 
 def marked(seed, functional, kinds=("PointConstraint", "WeldConstraint")):
-    """A looped random tree with three markers a body, starting near where it is closed, and a closed motion."""
+    """A looped random tree with three markers a body, starting near where it is closed, and a
+    closed motion.
+    """
     model, closed = looped_tree(seed, kinds, functional)
     rng = np.random.default_rng(seed)
     markers = tuple(
-        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.1, size=3)) for body in model.bodies for i in range(3)
+        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.1, size=3))
+        for body in model.bodies
+        for i in range(3)
     )
-    coordinates = tuple(replace(one, default=value) for one, value in zip(model.coordinates, closed, strict=True))
+    coordinates = tuple(
+        replace(one, default=value) for one, value in zip(model.coordinates, closed, strict=True)
+    )
     model = replace(model, markers=markers, coordinates=coordinates)
     tree = compile_tree(model)
     t = np.linspace(0.0, 1.0, 80)[:, None]
-    values = closed + 0.08 * np.sin(t * rng.uniform(1, 5, len(closed)) + rng.uniform(0, 6, len(closed)))
+    values = closed + 0.08 * np.sin(
+        t * rng.uniform(1, 5, len(closed)) + rng.uniform(0, 6, len(closed))
+    )
     couple_frames(tree.arrays, values)
     return model, close_loops(tree, values)
 
@@ -58,7 +68,9 @@ def test_a_known_motion_is_recovered_and_closed(seed, functional):
     assert fit.closure.max() < 1e-9
     assert np.nanmax(fit.errors) < 1e-5
     assert fit.iterations.mean() < 5
-    poses = [forward_kinematics(compile_tree(model), one).origins for one in (fit.motion.values, values)]
+    poses = [
+        forward_kinematics(compile_tree(model), one).origins for one in (fit.motion.values, values)
+    ]
     np.testing.assert_allclose(*poses, atol=1e-5)
 
 
@@ -78,7 +90,8 @@ def test_the_closed_optimum_is_stationary_in_noise():
         couple_frames(tree.arrays, c)
         return ((markers_of(model, c).values - markers.values) ** 2).sum(axis=(1, 2))
 
-    h, found = 1e-6, fit.motion.values
+    h = 1e-6
+    found = fit.motion.values
     gradient = np.zeros((len(found), len(free)))
     for i, j in enumerate(free):
         ends = []
@@ -98,7 +111,9 @@ def test_a_loop_that_cannot_close_is_named():
     model = four_bar()
     far = replace(model.loops[0], pose_2=Transform(np.eye(3), np.array([9.0, 0.0, 0.0])))
     with pytest.raises(BadData, match="PointConstraint 'pin' cannot be closed"):
-        inverse_kinematics(replace(model, loops=(far,)), markers_of(model, four_bar_angles(np.ones(3))))
+        inverse_kinematics(
+            replace(model, loops=(far,)), markers_of(model, four_bar_angles(np.ones(3)))
+        )
 
 
 def test_frames_that_arrive_are_closed_too():
@@ -106,20 +121,26 @@ def test_frames_that_arrive_are_closed_too():
     true = four_bar_angles(np.linspace(0.3, 2.0, 30))
     markers = markers_of(model, true)
     online = OnlineKinematics(model, markers.names)
-    found = np.array([online.solve(t, row)[0] for t, row in zip(markers.time, markers.values, strict=True)])
+    found = np.array(
+        [online.solve(t, row)[0] for t, row in zip(markers.time, markers.values, strict=True)]
+    )
     np.testing.assert_allclose(found, true, atol=1e-6)
     assert np.abs(closure(compile_tree(model), found)).max() < 1e-9
 
 
 def test_bone_pins_cost_less_than_the_stored_result(data):
-    """Real: every frame of OpenSim's stored result costs at least as much, and its loop stands open further."""
+    """Real: every frame of OpenSim's stored result costs at least as much, and its loop stands open
+    further.
+    """
     model = read_model(data(BONES + "subject1_abdbonepin.osim"))
     markers = read_trc(data(BONES + "abdbonepin.trc")).markers
     weights = read_ik_tasks(data(BONES + "setup_ik_abdbonepin.xml")).marker_weights
     stored = motion_from_table(read_sto(data(BONES + "std_subject1_abdbonepin_IK.mot")), model)
     rows = np.abs(markers.time[:, None] - stored.time[None]).argmin(axis=0)
     markers = Markers(markers.time[rows], markers.names, markers.values[rows])
-    fit = inverse_kinematics(model, markers, InverseKinematicsOptions(marker_weights=weights, only_weighted=True))
+    fit = inverse_kinematics(
+        model, markers, InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
+    )
     assert fit.converged.all()
     assert fit.closure.max() < 1e-9
     tree = compile_tree(model)
@@ -135,21 +156,43 @@ def test_bone_pins_cost_less_than_the_stored_result(data):
 
 
 def test_reduced_gradient_is_that_of_the_settled_cost():
-    """How the cost of all frames, angles settled and loops closed, changes with the lengths and marker places."""
+    """How the cost of all frames, angles settled and loops closed, changes with the lengths and
+    marker places.
+    """
     model = four_bar()
-    markers = markers_of(model, four_bar_angles(1.5 + 0.8 * np.sin(np.linspace(0.0, 6.0, 7))), noise=0.01)
+    markers = markers_of(
+        model, four_bar_angles(1.5 + 0.8 * np.sin(np.linspace(0.0, 6.0, 7))), noise=0.01
+    )
     tree = compile_tree(model)
     lengths = lengths_of(model, True)
-    arrays = pose_problem(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
-    # Values that can be written, as calibration gives them: for others the kernels would be compiled once more.
-    frames = FrameSet(np.array(markers.values), np.tile(tree.defaults, (len(markers), 1)), np.zeros(3))
+    arrays = pose_problem(
+        tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions()
+    )
+    # Values that can be written, as calibration gives them: for others the kernels would be
+    # compiled once more.
+    frames = FrameSet(
+        np.array(markers.values), np.tile(tree.defaults, (len(markers), 1)), np.zeros(3)
+    )
     unknowns = len(lengths) + 3 * len(model.markers) + 1
     problem = SharedProblem(
-        model, lengths, stretch_of(model, lengths, model.marker_names), arrays, (frames,),
-        Prior(np.zeros((0, unknowns)), np.zeros(0)), tree.defaults, 1e-9,
-    )  # fmt: skip
-    x = np.concatenate([np.random.default_rng(1).uniform(0.97, 1.03, len(lengths)), np.zeros(unknowns - len(lengths))])
-    x[len(lengths) : -1] = np.random.default_rng(2).normal(scale=0.01, size=unknowns - len(lengths) - 1)
+        model=model,
+        lengths=lengths,
+        stretch=stretch_of(model, lengths, model.marker_names),
+        pose=arrays,
+        sets=(frames,),
+        prior=Prior(np.zeros((0, unknowns)), np.zeros(0)),
+        posture=tree.defaults,
+        posture_weight=1e-9,
+    )
+    x = np.concatenate(
+        [
+            np.random.default_rng(1).uniform(0.97, 1.03, len(lengths)),
+            np.zeros(unknowns - len(lengths)),
+        ]
+    )
+    x[len(lengths) : -1] = np.random.default_rng(2).normal(
+        scale=0.01, size=unknowns - len(lengths) - 1
+    )
     start = [np.tile(four_bar_angles(np.array([1.5])), (len(markers), 1))]
     at = settle(problem, x, start, 1.0)
     assert at.settled == 1.0
@@ -161,7 +204,9 @@ def test_reduced_gradient_is_that_of_the_settled_cost():
             moved = x.copy()
             moved[i] += sign * h
             ends.append(settle(problem, moved, at.angles, 1.0).cost(0.0))
-        assert 2.0 * reduced.g[i] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3, abs=1e-5), i
+        assert 2.0 * reduced.g[i] == pytest.approx(
+            (ends[0] - ends[1]) / (2 * h), rel=1e-3, abs=1e-5
+        ), i
 
 
 def test_calibration_finds_lengths_and_keeps_loops_closed(data):
@@ -176,7 +221,9 @@ def test_calibration_finds_lengths_and_keeps_loops_closed(data):
     assert found.converged
     tree = compile_tree(found.model)
     assert max(np.abs(closure(tree, angles)).max() for angles in found.angles) < 1e-9
-    shown = {one.length.segment: one.factor for one in found.lengths if one.length.along and one.shown}
+    shown = {
+        one.length.segment: one.factor for one in found.lengths if one.length.along and one.shown
+    }
     assert shown
     for factor in shown.values():
         assert factor == pytest.approx(1.15, abs=0.01)

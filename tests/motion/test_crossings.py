@@ -1,4 +1,6 @@
-"""Parts of a recording in which enough is seen: by the markers alone, and by what they tell of a model."""
+"""Parts of a recording in which enough is seen: by the markers alone, and by what they tell of a
+model.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
-from myomorph.motion.crossings import CrossingOptions, crossings, marker_slopes, shown_shares, within_crossings
+from myomorph.motion.crossings import (
+    CrossingOptions,
+    crossings,
+    marker_slopes,
+    shown_shares,
+    within_crossings,
+)
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import person
@@ -45,7 +53,8 @@ def test_gaps_are_bridged_or_cut_and_short_parts_left_out(subject):
 
 def test_a_model_tells_which_markers_are_missed(subject):
     """Three markers on the pelvis tell as much as four; none on a foot leaves its turns open."""
-    model, markers = subject.model, subject.markers
+    model = subject.model
+    markers = subject.markers
     assert shown_shares(hidden(markers, (0, 50), names="pelvis0"), model)[0] == 1.0
     one_foot = shown_shares(hidden(markers, (0, 50), names="foot_r"), model)
     free = len([one for one in model.coordinates if not one.locked])
@@ -70,14 +79,16 @@ def test_slopes_are_those_of_the_markers(subject):
 
 def test_inverse_kinematics_waits_through_a_gap(subject):
     """The pose found after a long gap is that of the whole recording, whatever came before."""
-    model, markers = subject.model, subject.markers
+    model = subject.model
+    markers = subject.markers
     whole = inverse_kinematics(model, markers)
     for start, stop in ((70, 260), (10, 45), (0, 100)):
         part = inverse_kinematics(model, hidden(markers, (start, stop)))
         seen = np.r_[0:start, stop : len(markers)]
         assert np.isnan(part.motion.values[start:stop]).all()
         assert not part.converged[start:stop].any()
-        # Angles may be whole turns apart, and so feel another pull: what they explain is the same, to the noise.
+        # Angles may be whole turns apart, and so feel another pull: what they explain is the same,
+        # to the noise.
         np.testing.assert_allclose(part.errors[seen], whole.errors[seen], atol=2e-4)
 
 

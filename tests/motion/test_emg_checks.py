@@ -44,10 +44,15 @@ def test_a_sound_channel_has_no_faults():
 
 def test_what_is_wrong_with_published_envelopes_is_named(data):
     texts = []
-    for name in ("rajagopal-walk-emg/electromyography.sto", "walk-so-jointload-emg/EMG_allMuscles.sto"):
+    for name in (
+        "rajagopal-walk-emg/electromyography.sto",
+        "walk-so-jointload-emg/EMG_allMuscles.sto",
+    ):
         table = read_sto(data(name))
         texts += [one.text for one in envelope_faults(Emg(table.time, table.names, table.values))]
-    assert any("'tibialis_anterior' is negative in" in one and "down to -0.0267" in one for one in texts)
+    assert any(
+        "'tibialis_anterior' is negative in" in one and "down to -0.0267" in one for one in texts
+    )
     assert any("'vasint_l_activation' is a copy of 'vaslat_l_activation'" in one for one in texts)
 
 
@@ -92,7 +97,9 @@ def test_a_wrong_rate_shows_in_the_spectrum():
 
 def test_a_wrong_rate_shows_in_the_length():
     motion = np.linspace(0.0, 3.0, 301)
-    assert "probably 2000 Hz" in rate_against(Series(np.arange(6000) / 1000.0, ("a",), muscle()[:, None]), motion)
+    assert "probably 2000 Hz" in rate_against(
+        Series(np.arange(6000) / 1000.0, ("a",), muscle()[:, None]), motion
+    )
     assert rate_against(Series(TIME, ("a",), muscle()[:, None]), motion) == ""
 
 
@@ -100,16 +107,25 @@ def test_unknown_samples_are_named():
     raw = muscle()
     raw[:3000] = np.nan
     assert kinds(raw)["unknown"] == pytest.approx((0.0, 1.4995))
-    assert "no known value" in raw_faults(Series(TIME, ("a",), np.full((len(TIME), 1), np.nan)))[0].text
+    assert (
+        "no known value"
+        in raw_faults(Series(TIME, ("a",), np.full((len(TIME), 1), np.nan)))[0].text
+    )
 
 
 def test_negative_large_and_dead_envelopes_are_named_and_taken_out():
     time = np.arange(300) / 100.0
     values = 0.5 + 0.4 * np.sin(np.outer(time, [7.0, 8.0, 9.0]))
-    values[10:20, 0], values[50, 1], values[100:200, 2] = -0.1, 2.0, 0.3
+    values[10:20, 0] = -0.1
+    values[50, 1] = 2.0
+    values[100:200, 2] = 0.3
     emg = Emg(time, ("a", "b", "c"), values)
     faults = envelope_faults(emg)
-    assert [(one.channel, one.kind) for one in faults] == [("a", "negative"), ("b", "large"), ("c", "dead")]
+    assert [(one.channel, one.kind) for one in faults] == [
+        ("a", "negative"),
+        ("b", "large"),
+        ("c", "dead"),
+    ]
     assert faults[0].start == pytest.approx(0.10)
     assert "down to -0.1" in faults[0].text
     clean = without_faults(emg, faults)
@@ -129,7 +145,8 @@ def test_emg_that_does_not_overlap_or_is_unknown_is_refused():
 def test_a_notch_takes_out_the_mains_and_little_else():
     raw = muscle()
     hum = 2000.0 * np.sin(2 * np.pi * 50.0 * TIME) + 1000.0 * np.sin(2 * np.pi * 150.0 * TIME)
-    pure, humming = Series(TIME, ("a",), raw[:, None]), Series(TIME, ("a",), (raw + hum)[:, None])
+    pure = Series(TIME, ("a",), raw[:, None])
+    humming = Series(TIME, ("a",), (raw + hum)[:, None])
     options = EnvelopeOptions(notch=50.0)
     truth = linear_envelope(pure)["a"][500:-500]
     notched = linear_envelope(humming, options)["a"][500:-500]
@@ -151,16 +168,23 @@ def test_references_scale_envelopes():
 def test_a_calibration_is_applied_late_and_within_bounds():
     time = np.arange(101) / 100.0
     emg = Emg(time, ("a", "b"), np.array([time, 1.0 - time]).T)
-    calibration = EmgCalibration(("b", "a"), np.array([0.1, 0.2]), np.array([3.0, 0.5]), np.array([0.0, 0.1]))
+    calibration = EmgCalibration(
+        channels=("b", "a"),
+        delays=np.array([0.1, 0.2]),
+        gains=np.array([3.0, 0.5]),
+        offsets=np.array([0.0, 0.1]),
+    )
     told = calibration.applied(emg, np.array([0.05, 0.5, 1.0]))
     np.testing.assert_allclose(told["a"], [np.nan, 0.25, 0.5])
     np.testing.assert_allclose(told["b"], [np.nan, 1.0, 0.3])
     with pytest.raises(BadData, match="0 or more"):
-        EmgCalibration(("a",), np.zeros(1), -np.ones(1), np.zeros(1))
+        EmgCalibration(channels=("a",), delays=np.zeros(1), gains=-np.ones(1), offsets=np.zeros(1))
 
 
 def test_a_muscle_that_does_not_exist_is_named_with_its_channel():
-    with pytest.raises(UnknownName, match=r"muscle of EMG channel 'c' 'soleus': the model has 'soleus_r'"):
+    with pytest.raises(
+        UnknownName, match=r"muscle of EMG channel 'c' 'soleus': the model has 'soleus_r'"
+    ):
         channel_means({"c": ("soleus",)}, ("soleus_r",), np.zeros((3, 1)))
 
 
@@ -171,12 +195,15 @@ def test_a_channel_of_noise_among_muscles_is_named():
     (fault,) = noise_faults(emg)
     assert (fault.channel, fault.kind) == ("noise", "noise")
     assert "noise throughout" in fault.text
-    # Where nothing bursts, a posture is held: nothing is known against any channel. Nor of those not asked for.
+    # Where nothing bursts, a posture is held: nothing is known against any channel. Nor of those
+    # not asked for.
     assert noise_faults(Emg(emg.time, ("noise", "other"), emg.values[:, [1, 1]])) == ()
     assert noise_faults(emg, ("a", "b")) == ()
 
 
-@pytest.mark.parametrize("path", ["ceinms-emg-walk/walk36/emgFilt.sto", "walk-so-jointload-emg/EMG_allMuscles.sto"])
+@pytest.mark.parametrize(
+    "path", ["ceinms-emg-walk/walk36/emgFilt.sto", "walk-so-jointload-emg/EMG_allMuscles.sto"]
+)
 def test_no_channel_of_clean_walks_is_noise(data, path):
     table = read_sto(data(path))
     for start in (5.0, 20.0, 40.0):

@@ -21,7 +21,9 @@ def test_independent_samples_of_noise_are_all_and_of_slow_series_few():
 
 def test_independent_samples_of_autoregressive_series_are_those_of_the_formula():
     """Of x_k = 0.9 x_(k-1) + noise (Bartlett 1946): n (1 - 0.81) / (1 + 0.81)."""
-    first, second = lfilter([1.0], [1.0, -0.9], np.random.default_rng(7).standard_normal((2, 40000)))
+    first, second = lfilter(
+        [1.0], [1.0, -0.9], np.random.default_rng(7).standard_normal((2, 40000))
+    )
     assert independent_samples(first, second) == pytest.approx(40000 * 0.19 / 1.81, rel=0.08)
 
 
@@ -40,7 +42,13 @@ def test_a_shape_joins_nothing_and_all_by_a_curve_above_the_line():
 def test_a_calibration_shapes_then_scales_then_adds_rest():
     time = np.arange(0.0, 1.0, 0.01)
     emg = Emg(time, ("a",), np.full((100, 1), 0.4))
-    found = EmgCalibration(("a",), np.array([0.1]), np.array([0.5]), np.array([0.05]), shapes=np.array([-2.0]))
+    found = EmgCalibration(
+        channels=("a",),
+        delays=np.array([0.1]),
+        gains=np.array([0.5]),
+        offsets=np.array([0.05]),
+        shapes=np.array([-2.0]),
+    )
     told = found.applied(emg, time).values[:, 0]
     wanted = 0.5 * np.expm1(-0.8) / np.expm1(-2.0) + 0.05
     np.testing.assert_allclose(told[11:], wanted)

@@ -24,7 +24,8 @@ def test_envelope_follows_the_amplitude():
 def test_drift_and_offset_are_not_muscle():
     carrier = np.sin(2 * np.pi * 100.0 * TIME)
     drift = 5.0 + 3.0 * np.sin(2 * np.pi * 1.0 * TIME)
-    plain, drifting = (envelopes(Series(TIME, ("a",), one[:, None])) for one in (carrier, carrier + drift))
+    plain = envelopes(Series(TIME, ("a",), carrier[:, None]))
+    drifting = envelopes(Series(TIME, ("a",), (carrier + drift)[:, None]))
     np.testing.assert_allclose(drifting.values[1000:-1000], plain.values[1000:-1000], atol=0.02)
 
 

@@ -14,7 +14,8 @@ from myomorph.motion.sync import cut, resample_wrenches
 def test_lowpass_equals_opensim():
     opensim = pytest.importorskip("opensim")
     rng = np.random.default_rng(0)
-    frames, rate = 101, 128.0
+    frames = 101
+    rate = 128.0
     # A step that is a power of two, so that OpenSim takes the samples as they are.
     signal = np.cumsum(rng.normal(size=frames))
     storage = opensim.Storage()
@@ -48,7 +49,9 @@ def test_natural_spline_equals_opensim(degree):
     ours = natural_spline(time, values, degree)
     at = np.linspace(time[0], time[-1], 101)
     scale = np.abs(ours(at)).max()
-    np.testing.assert_allclose(ours(at), [theirs.calcValue(opensim.Vector(1, x)) for x in at], atol=1e-6 * scale)
+    np.testing.assert_allclose(
+        ours(at), [theirs.calcValue(opensim.Vector(1, x)) for x in at], atol=1e-6 * scale
+    )
     first = opensim.StdVectorInt()
     first.push_back(0)
     expected = [theirs.calcDerivative(first, opensim.Vector(1, x)) for x in at]
@@ -57,7 +60,8 @@ def test_natural_spline_equals_opensim(degree):
 
 def test_lowpass_keeps_slow_motion_and_halves_the_cutoff():
     t = np.arange(2000) / 1000.0
-    slow, at_cutoff = np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 20.0 * t)
+    slow = np.sin(2 * np.pi * 0.5 * t)
+    at_cutoff = np.sin(2 * np.pi * 20.0 * t)
     np.testing.assert_allclose(lowpass(slow, 1000.0, 20.0), slow, atol=2e-3)
     assert np.abs(lowpass(at_cutoff, 1000.0, 20.0)[500:1500]).max() == pytest.approx(0.5, abs=0.01)
 
@@ -72,7 +76,9 @@ def test_derivatives_of_a_known_motion_and_over_a_gap():
     inside = seen.copy()
     inside[[0, 1, 2, 77, 78, 79, 90, 91, 92, -3, -2, -1]] = False
     np.testing.assert_allclose(motion.velocities[inside, 0], 3 * np.cos(3 * t[inside]), atol=1e-4)
-    np.testing.assert_allclose(motion.accelerations[inside, 1], -4 * np.cos(2 * t[inside]), atol=1e-2)
+    np.testing.assert_allclose(
+        motion.accelerations[inside, 1], -4 * np.cos(2 * t[inside]), atol=1e-2
+    )
 
 
 def wandering(frames=200):
@@ -81,7 +87,9 @@ def wandering(frames=200):
 
 def test_a_filtered_motion_is_that_of_the_filter_and_its_extensions():
     """Also where the recording does not begin at 0 s."""
-    rate, cutoff, values = 100.0, 6.0, wandering()
+    rate = 100.0
+    cutoff = 6.0
+    values = wandering()
     time = 3.0 + np.arange(len(values)) / rate
     found = differentiate(Motion(time, ("a", "b"), values), cutoff)
     np.testing.assert_allclose(found.values, lowpass(values, rate, cutoff), atol=1e-9)
@@ -92,7 +100,8 @@ def test_a_filtered_motion_is_that_of_the_filter_and_its_extensions():
 
 
 def test_values_at_uneven_times_are_filtered_at_even_ones():
-    values, cutoff = wandering(), 6.0
+    values = wandering()
+    cutoff = 6.0
     time = 3.0 + np.cumsum(np.where(np.arange(len(values)) % 3, 0.01, 0.012))
     found = differentiate(Motion(time, ("a", "b"), values), cutoff)
     even = np.linspace(time[0], time[-1], int(np.ceil(np.ptp(time) / 0.01)) + 1)
@@ -100,12 +109,15 @@ def test_values_at_uneven_times_are_filtered_at_even_ones():
     expected = natural_spline(even, filtered)
     inside = slice(30, -30)
     np.testing.assert_allclose(found.values[inside], expected(time)[inside], atol=1e-8)
-    np.testing.assert_allclose(found.velocities[inside], expected.derivative(1)(time)[inside], atol=1e-6)
+    np.testing.assert_allclose(
+        found.velocities[inside], expected.derivative(1)(time)[inside], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(("uneven", "taken_as_even"), [(0.99e-3, True), (1.01e-3, False)])
 def test_steps_that_differ_by_less_than_a_thousandth_are_even(uneven, taken_as_even):
-    values, cutoff = wandering(), 6.0
+    values = wandering()
+    cutoff = 6.0
     steps = np.full(len(values) - 1, 0.01)
     steps[50:100] += 0.01 * uneven
     time = np.concatenate([[3.0], 3.0 + np.cumsum(steps)])
@@ -125,7 +137,9 @@ def wrenches_with_unknown_points(frames=50):
     rng = np.random.default_rng(0)
     time = np.arange(frames) / 500.0
     forces, points, torques = np.cumsum(rng.normal(size=(3, frames, 1, 3)), axis=1)
-    return Wrenches(time, ("plate",), ("foot",), forces, points, torques)
+    return Wrenches(
+        time=time, names=("plate",), bodies=("foot",), forces=forces, points=points, torques=torques
+    )
 
 
 def test_unknown_centers_of_pressure_leave_the_wrench_alone():
@@ -136,7 +150,14 @@ def test_unknown_centers_of_pressure_leave_the_wrench_alone():
     torques[:10] = 0.0
     points = known.points.copy()
     points[:10] = np.nan
-    unloaded = Wrenches(known.time, known.names, known.bodies, forces, points, torques)
+    unloaded = Wrenches(
+        time=known.time,
+        names=known.names,
+        bodies=known.bodies,
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
     moved = resample_wrenches(unloaded, known.time)
     about_ground = moved.torques + np.cross(np.nan_to_num(moved.points), moved.forces)
     expected = torques + np.cross(np.nan_to_num(points), forces)
@@ -156,7 +177,9 @@ def test_forces_are_extended_by_a_step_and_a_half_at_either_end(share):
     given = Wrenches(time, ("plate",), ("foot",), *(np.ones((33, 1, 3)) for _ in range(3)))
     for wanted in (time[0] - share * step, time[-1] + share * step):
         if share < 1.5:
-            assert resample_wrenches(given, np.sort([wanted, time[16]])).forces == pytest.approx(1.0)
+            assert resample_wrenches(given, np.sort([wanted, time[16]])).forces == pytest.approx(
+                1.0
+            )
         else:
             with pytest.raises(BadData, match=r"external forces run from 0 to 0\.25 s"):
                 resample_wrenches(given, np.sort([wanted, time[16]]))

@@ -1,4 +1,6 @@
-"""A body is found however it stands: inverse kinematics tries headings of the whole body, knowing none."""
+"""A body is found however it stands: inverse kinematics tries headings of the whole body, knowing
+none.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,18 @@ from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 
-@pytest.mark.parametrize("turns", [(0.0, 0.0, np.pi), (np.pi, 0.0, 0.0), (0.0, np.pi, 0.0), (0.5 * np.pi, 0.2, 3.0)])
+@pytest.mark.parametrize(
+    "turns", [(0.0, 0.0, np.pi), (np.pi, 0.0, 0.0), (0.0, np.pi, 0.0), (0.5 * np.pi, 0.2, 3.0)]
+)
 def test_a_turned_body_is_found(turns):
     model = stick_figure()
     rng = np.random.default_rng(1)
     values = np.tile(rng.normal(scale=0.15, size=len(model.coordinates)), (3, 1))
     for side in "rl":
         values[:, model.coordinate_names.index(f"tibia_{side}_r0")] = -0.6
-    values[:, [k for k, name in enumerate(model.coordinate_names) if name.startswith("pelvis_r")]] += turns
+    values[
+        :, [k for k, name in enumerate(model.coordinate_names) if name.startswith("pelvis_r")]
+    ] += turns
     tree = compile_tree(model)
     poses = forward_kinematics(tree, values)
     bodies = np.array([tree.body_index[marker.body] for marker in model.markers])

@@ -19,48 +19,116 @@ from myomorph.rigid.tree import compile_tree
 
 
 def walker():
-    """A floating trunk with two legs of hip (3) and knee (1), the knee caps coupled, four markers a body."""
+    """A floating trunk with two legs of hip (3) and knee (1), the knee caps coupled, four markers a
+    body.
+    """
     rng = np.random.default_rng(0)
     still = Transform.identity()
-    bodies = [Body("trunk", 40.0, np.zeros(3), np.eye(3))]
+    bodies = [Body(name="trunk", mass=40.0, mass_center=np.zeros(3), inertia=np.eye(3))]
     root = ["root_rz", "root_rx", "root_ry", "root_tx", "root_ty", "root_tz"]
     x, y, z = np.eye(3)
-    turns = tuple(Axis("rotation", v, linear(1.0), (n,)) for v, n in zip((z, x, y), root[:3], strict=True))
-    shifts = tuple(Axis("translation", v, linear(1.0), (n,)) for v, n in zip((x, y, z), root[3:], strict=True))
-    joints = [Joint("root", "FreeJoint", GROUND, "trunk", still, still, shifts + turns, tuple(root))]
-    coordinates = [Coordinate(n) for n in root[:3]] + [Coordinate(n, "translational") for n in root[3:]]
+    turns = tuple(
+        Axis(kind="rotation", vector=v, function=linear(1.0), coordinates=(n,))
+        for v, n in zip((z, x, y), root[:3], strict=True)
+    )
+    shifts = tuple(
+        Axis(kind="translation", vector=v, function=linear(1.0), coordinates=(n,))
+        for v, n in zip((x, y, z), root[3:], strict=True)
+    )
+    joints = [
+        Joint(
+            name="root",
+            kind="FreeJoint",
+            parent=GROUND,
+            child="trunk",
+            parent_frame=still,
+            child_frame=still,
+            axes=shifts + turns,
+            coordinates=tuple(root),
+        )
+    ]
+    coordinates = [Coordinate(n) for n in root[:3]] + [
+        Coordinate(n, "translational") for n in root[3:]
+    ]
     couplers = []
     for side, sign in (("r", 1.0), ("l", -1.0)):
         hip = Transform(np.eye(3), np.array([0.0, -0.1, 0.1 * sign]))
         names = tuple(f"hip_{a}_{side}" for a in ("z", "x", "y"))
-        axes = tuple(Axis("rotation", v, linear(1.0), (n,)) for v, n in zip((z, x, y), names, strict=True))
-        joints.append(Joint(f"hip_{side}", "CustomJoint", "trunk", f"thigh_{side}", hip, still, axes, names))
+        axes = tuple(
+            Axis(kind="rotation", vector=v, function=linear(1.0), coordinates=(n,))
+            for v, n in zip((z, x, y), names, strict=True)
+        )
+        joints.append(
+            Joint(
+                name=f"hip_{side}",
+                kind="CustomJoint",
+                parent="trunk",
+                child=f"thigh_{side}",
+                parent_frame=hip,
+                child_frame=still,
+                axes=axes,
+                coordinates=names,
+            )
+        )
         knee = Transform(np.eye(3), np.array([0.0, -0.4, 0.0]))
         slide = simm_spline([-2.0, -1.0, 0.0, 1.0], [0.02, 0.01, 0.0, 0.0])
-        axes = (Axis("translation", x, slide, (f"knee_{side}",)), Axis("rotation", z, linear(1.0), (f"knee_{side}",)))
-        joints.append(
-            Joint(f"knee_{side}", "CustomJoint", f"thigh_{side}", f"shank_{side}", knee, still, axes, (f"knee_{side}",))
+        axes = (
+            Axis(kind="translation", vector=x, function=slide, coordinates=(f"knee_{side}",)),
+            Axis(kind="rotation", vector=z, function=linear(1.0), coordinates=(f"knee_{side}",)),
         )
-        cap = (Axis("rotation", z, linear(1.0), (f"cap_{side}",)),)
         joints.append(
-            Joint(f"cap_{side}", "PinJoint", f"thigh_{side}", f"cap_{side}", knee, still, cap, (f"cap_{side}",))
+            Joint(
+                name=f"knee_{side}",
+                kind="CustomJoint",
+                parent=f"thigh_{side}",
+                child=f"shank_{side}",
+                parent_frame=knee,
+                child_frame=still,
+                axes=axes,
+                coordinates=(f"knee_{side}",),
+            )
         )
-        couplers.append(Coupler(f"cap_{side}", f"cap_{side}", linear(0.7, 0.1), (f"knee_{side}",)))
-        bodies += [Body(f"{b}_{side}", 5.0, np.zeros(3), np.eye(3) * 0.1) for b in ("thigh", "shank", "cap")]
+        cap = (Axis(kind="rotation", vector=z, function=linear(1.0), coordinates=(f"cap_{side}",)),)
+        joints.append(
+            Joint(
+                name=f"cap_{side}",
+                kind="PinJoint",
+                parent=f"thigh_{side}",
+                child=f"cap_{side}",
+                parent_frame=knee,
+                child_frame=still,
+                axes=cap,
+                coordinates=(f"cap_{side}",),
+            )
+        )
+        couplers.append(
+            Coupler(
+                name=f"cap_{side}",
+                dependent=f"cap_{side}",
+                function=linear(0.7, 0.1),
+                independents=(f"knee_{side}",),
+            )
+        )
+        bodies += [
+            Body(name=f"{b}_{side}", mass=5.0, mass_center=np.zeros(3), inertia=np.eye(3) * 0.1)
+            for b in ("thigh", "shank", "cap")
+        ]
         coordinates += [Coordinate(n) for n in names] + [
             Coordinate(f"knee_{side}", range=(-2.0, 0.1)),
             Coordinate(f"cap_{side}"),
         ]
     markers = tuple(
-        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.15, size=3)) for body in bodies for i in range(4)
+        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.15, size=3))
+        for body in bodies
+        for i in range(4)
     )
     return Model(
-        "walker",
-        tuple(bodies),
-        tuple(joints),
-        tuple(coordinates),
-        np.array([0, -9.81, 0]),
-        markers,
+        name="walker",
+        bodies=tuple(bodies),
+        joints=tuple(joints),
+        coordinates=tuple(coordinates),
+        gravity=np.array([0, -9.81, 0]),
+        markers=markers,
         couplers=tuple(couplers),
     )
 
@@ -73,7 +141,9 @@ def walking(model, frames=300, seed=0):
     knees = [i for i, name in enumerate(model.coordinate_names) if name.startswith("knee")]
     values[:, knees] -= 0.5
     return Motion(
-        t, model.coordinate_names, compile_tree(model).coordinates_of(Motion(t, model.coordinate_names, values))
+        t,
+        model.coordinate_names,
+        compile_tree(model).coordinates_of(Motion(t, model.coordinate_names, values)),
     )
 
 
@@ -81,7 +151,11 @@ def seen(model, motion):
     tree = compile_tree(model)
     poses = forward_kinematics(tree, motion.values)
     bodies = np.array([tree.body_index[m.body] for m in model.markers])
-    return Markers(motion.time, model.marker_names, poses.points(bodies, np.array([m.location for m in model.markers])))
+    return Markers(
+        motion.time,
+        model.marker_names,
+        poses.points(bodies, np.array([m.location for m in model.markers])),
+    )
 
 
 def test_a_known_motion_is_recovered():
@@ -109,8 +183,12 @@ def test_the_optimum_is_stationary_in_noise():
     model = walker()
     markers = seen(model, walking(model, 40))
     rng = np.random.default_rng(1)
-    noisy = replace(markers, values=markers.values + rng.normal(scale=0.01, size=markers.values.shape))
-    fit = inverse_kinematics(model, noisy, InverseKinematicsOptions(tolerance=1e-9, posture_weight=0.0))
+    noisy = replace(
+        markers, values=markers.values + rng.normal(scale=0.01, size=markers.values.shape)
+    )
+    fit = inverse_kinematics(
+        model, noisy, InverseKinematicsOptions(tolerance=1e-9, posture_weight=0.0)
+    )
     tree = compile_tree(model)
 
     def cost(values):
@@ -166,8 +244,12 @@ def test_coordinate_tasks_pull_and_weights_choose():
     model = walker()
     markers = seen(model, walking(model))
     strong = InverseKinematicsOptions(tasks=[CoordinateTask("knee_l", 1e6, -1.0)])
-    np.testing.assert_allclose(inverse_kinematics(model, markers, strong).motion["knee_l"], -1.0, atol=1e-3)
-    few = InverseKinematicsOptions(marker_weights={"trunk_0": 1.0, "trunk_1": 2.0, "trunk_2": 1.0}, only_weighted=True)
+    np.testing.assert_allclose(
+        inverse_kinematics(model, markers, strong).motion["knee_l"], -1.0, atol=1e-3
+    )
+    few = InverseKinematicsOptions(
+        marker_weights={"trunk_0": 1.0, "trunk_1": 2.0, "trunk_2": 1.0}, only_weighted=True
+    )
     fit = inverse_kinematics(model, markers, few)
     assert fit.marker_names == ("trunk_0", "trunk_1", "trunk_2")
     np.testing.assert_allclose(fit.motion["knee_l"], 0.0, atol=1e-6)
@@ -182,4 +264,6 @@ def test_what_does_not_match_is_refused_by_name():
     with pytest.raises(BadData, match="none of the 10 frames"):
         inverse_kinematics(model, replace(markers, values=np.full(markers.values.shape, np.nan)))
     with pytest.raises(UnknownName, match="'trunk_9'"):
-        inverse_kinematics(model, markers, InverseKinematicsOptions(marker_weights={"trunk_9": 1.0}))
+        inverse_kinematics(
+            model, markers, InverseKinematicsOptions(marker_weights={"trunk_9": 1.0})
+        )

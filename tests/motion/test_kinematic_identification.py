@@ -1,4 +1,6 @@
-"""Lengths and marker positions of persons whose truth is known; laws; and recordings that tell little."""
+"""Lengths and marker positions of persons whose truth is known; laws; and recordings that tell
+little.
+"""
 
 from dataclasses import replace
 
@@ -32,7 +34,13 @@ def distances(model):
     frames = {joint.child: joint.parent_frame.translation for joint in model.joints}
     hips = np.linalg.norm(frames["femur_r"] - frames["femur_l"])
     trunk = np.linalg.norm(frames["torso"] - 0.5 * (frames["femur_r"] + frames["femur_l"]))
-    return np.array([hips, trunk, *(np.linalg.norm(frames[f"{a}_{s}"]) for a in ("tibia", "foot") for s in "rl")])
+    return np.array(
+        [
+            hips,
+            trunk,
+            *(np.linalg.norm(frames[f"{a}_{s}"]) for a in ("tibia", "foot") for s in "rl"),
+        ]
+    )
 
 
 def test_lengths_come_back(subject, found):
@@ -46,7 +54,9 @@ def test_markers_that_the_motion_shows_come_back(subject, found):
     known = [one for one in found.markers if one.sd.max() < 1e-3]
     assert len(known) > len(found.markers) // 2
     for one in known:
-        np.testing.assert_allclose(one.location, subject.model.marker(one.name).location, atol=3e-3, err_msg=one.name)
+        np.testing.assert_allclose(
+            one.location, subject.model.marker(one.name).location, atol=3e-3, err_msg=one.name
+        )
 
 
 def test_the_noise_is_told_by_the_residual(found):
@@ -55,7 +65,9 @@ def test_the_noise_is_told_by_the_residual(found):
 
 def test_errors_agree_with_their_deviations(subject, found):
     """Errors over deviations of what the data show are about as large as they should be."""
-    error = np.array([one.location - subject.model.marker(one.name).location for one in found.markers])
+    error = np.array(
+        [one.location - subject.model.marker(one.name).location for one in found.markers]
+    )
     ratio = error / np.array([one.sd for one in found.markers])
     assert 0.3 < np.sqrt(np.mean(ratio**2)) < 2.0
 
@@ -71,7 +83,11 @@ def test_the_model_is_the_stretched_one_with_its_markers(subject, found):
 
 def test_the_laboratory_may_be_turned(subject, found):
     turn = axis_rotation(np.array([0.0, 1.0, 0.0]), 2.1)
-    moved = Markers(subject.markers.time, subject.markers.names, (subject.markers.values + [1.0, 0.2, -2.0]) @ turn.T)
+    moved = Markers(
+        subject.markers.time,
+        subject.markers.names,
+        (subject.markers.values + [1.0, 0.2, -2.0]) @ turn.T,
+    )
     other = calibrate(subject.generic, [moved], EXACT)
     for one, two in zip(found.lengths, other.lengths, strict=True):
         assert one.factor == pytest.approx(two.factor, abs=2e-3)
@@ -85,7 +101,9 @@ def test_symmetric_gives_one_factor_for_both_sides(subject):
 
 
 def test_in_turn_as_the_dissertation_reaches_the_same_place(subject):
-    """[D] (a), (b), (c) against all at once: the same cost to 2 %, the same lengths to 2 mm, in many more steps."""
+    """[D] (a), (b), (c) against all at once: the same cost to 2 %, the same lengths to 2 mm, in
+    many more steps.
+    """
     options = CalibrationOptions(noise=0.02, frames=12, posture_sd=1e6)
     joint = calibrate(subject.generic, [subject.markers], options)
     turns = calibrate(subject.generic, [subject.markers], replace(options, method="alternating"))
@@ -102,7 +120,9 @@ def test_costs_never_rise_at_one_noise(subject):
 def test_without_knowledge_from_markers_deviations_are_those_of_the_prior(subject):
     """The overall size is known to a half at first; each length varies about it on its own."""
     found = calibrate(
-        subject.generic, [subject.markers], CalibrationOptions(noise=1e3, frames=4, iterations=3, posture_sd=1e6)
+        subject.generic,
+        [subject.markers],
+        CalibrationOptions(noise=1e3, frames=4, iterations=3, posture_sd=1e6),
     )
     assert len(found.lengths) > 10
     for one in found.lengths:
@@ -114,19 +134,25 @@ def test_hidden_markers_do_not_count(subject):
     values = subject.markers.values.copy()
     rng = np.random.default_rng(3)
     values[rng.random(values.shape[:2]) < 0.15] = np.nan
-    found = calibrate(subject.generic, [Markers(subject.markers.time, subject.markers.names, values)], EXACT)
+    found = calibrate(
+        subject.generic, [Markers(subject.markers.time, subject.markers.names, values)], EXACT
+    )
     np.testing.assert_allclose(distances(found.model), distances(subject.model), atol=2e-3)
 
 
 def test_fixed_markers_and_bounds_hold(subject):
     found = calibrate(
-        subject.generic, [subject.markers], CalibrationOptions(fixed_markers=("pelvis0", "femur_r1"), mass=70.0)
+        subject.generic,
+        [subject.markers],
+        CalibrationOptions(fixed_markers=("pelvis0", "femur_r1"), mass=70.0),
     )
     for name in ("pelvis0", "femur_r1"):
         one = next(one for one in found.markers if one.name == name)
         np.testing.assert_array_equal(one.shift, 0.0)
         body = subject.generic.marker(name).body
-        np.testing.assert_allclose(one.location, subject.generic.marker(name).location * found.factors[body])
+        np.testing.assert_allclose(
+            one.location, subject.generic.marker(name).location * found.factors[body]
+        )
     knee = subject.generic.coordinate_names.index("tibia_r_r0")
     assert max(one[:, knee].max() for one in found.angles) <= 0.0
     assert found.model.mass == pytest.approx(70.0)
@@ -144,14 +170,20 @@ def test_locked_coordinates_stay(subject):
 
 
 def test_a_static_pose_that_is_known_pulls(subject):
-    """One frame of standing whose foot is known to be flat: the gauge between foot markers and angle is told."""
+    """One frame of standing whose foot is known to be flat: the gauge between foot markers and
+    angle is told.
+    """
     still = Markers(subject.markers.time[:1], subject.markers.names, subject.markers.values[:1])
     pose = {"foot_r_r0": 0.3, "foot_r_r1": -0.2}
     found = calibrate(
-        subject.generic, [subject.markers], CalibrationOptions(static=still, static_pose=pose, static_sd=1e-4)
+        subject.generic,
+        [subject.markers],
+        CalibrationOptions(static=still, static_pose=pose, static_sd=1e-4),
     )
     for name, value in pose.items():
-        assert found.angles[-1][0, subject.generic.coordinate_names.index(name)] == pytest.approx(value, abs=2e-3)
+        assert found.angles[-1][0, subject.generic.coordinate_names.index(name)] == pytest.approx(
+            value, abs=2e-3
+        )
 
 
 def test_one_frame_is_told(subject):
@@ -163,16 +195,27 @@ def test_one_frame_is_told(subject):
 
 
 def test_a_second_frame_of_a_posture_is_no_evidence(subject):
-    still = np.repeat(subject.markers.values[:1], 100, axis=0) + 1e-4 * np.random.default_rng(0).normal(size=3)
-    found = calibrate(subject.generic, [Markers(np.arange(100) / 50.0, subject.markers.names, still)])
+    still = np.repeat(subject.markers.values[:1], 100, axis=0) + 1e-4 * np.random.default_rng(
+        0
+    ).normal(size=3)
+    found = calibrate(
+        subject.generic, [Markers(np.arange(100) / 50.0, subject.markers.names, still)]
+    )
     assert sum(len(one) for one in found.frames) == 1
 
 
 def test_segments_without_markers_follow_the_size(subject):
     kept = [name for name in subject.markers.names if not name.startswith(("foot", "tibia"))]
     columns = [subject.markers.names.index(name) for name in kept]
-    found = calibrate(subject.generic, [Markers(subject.markers.time, tuple(kept), subject.markers.values[:, columns])])
-    hidden = {one.length.name: one for one in found.lengths if one.length.segment.startswith(("foot", "tibia"))}
+    found = calibrate(
+        subject.generic,
+        [Markers(subject.markers.time, tuple(kept), subject.markers.values[:, columns])],
+    )
+    hidden = {
+        one.length.name: one
+        for one in found.lengths
+        if one.length.segment.startswith(("foot", "tibia"))
+    }
     assert not any(one.shown for one in hidden.values())
     assert hidden["tibia_r_y"].factor == pytest.approx(found.size, abs=0.02)
     assert any("tibia_r_y" in note for note in found.notes)

@@ -1,4 +1,6 @@
-"""Gradient and Hessian of the tasks are derivatives of their cost, on joints of every kind of function."""
+"""Gradient and Hessian of the tasks are derivatives of their cost, on joints of every kind of
+function.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ STEP = 1e-5
 
 @kernel
 def equations_at(T, P, independent):
-    """Cost of poses alone, cost with derivatives, gradient, Hessian, its Gauss-Newton diagonal; distances are kept."""
+    """Cost of poses alone, cost with derivatives, gradient, Hessian, its Gauss-Newton diagonal;
+    distances are kept.
+    """
     c = independent.copy()
     work = new_work(T, c.shape[0])
     couple(T, c)
@@ -36,14 +40,19 @@ def equations_at(T, P, independent):
 
 
 def problem(model, seed):
-    """Kernel arguments for three markers a body, their places there, one of them unseen, and a pose."""
+    """Kernel arguments for three markers a body, their places there, one of them unseen, and a
+    pose.
+    """
     rng = np.random.default_rng(seed)
     markers = tuple(
-        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.2, size=3)) for body in model.bodies for i in range(3)
+        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.2, size=3))
+        for body in model.bodies
+        for i in range(3)
     )
     model = replace(model, markers=markers)
     tree = compile_tree(model)
-    weights, observed = rng.uniform(0.5, 2.0, len(markers)), rng.normal(size=(1, len(markers), 3))
+    weights = rng.uniform(0.5, 2.0, len(markers))
+    observed = rng.normal(size=(1, len(markers), 3))
     observed[0, 4] = np.nan
     n = len(model.coordinates)
     options = InverseKinematicsOptions(tasks=[CoordinateTask("c7", 0.3, float(rng.normal()))])
@@ -66,7 +75,8 @@ def test_the_derivatives_are_those_of_the_cost(made, seed):
     assert plain == pytest.approx(mean + pulls, rel=1e-12)
     assert cost == pytest.approx(plain, rel=1e-12)
     for i in P.free:
-        ahead, behind = (equations_at(T, P, c + s * STEP * np.eye(len(c))[i]) for s in (1.0, -1.0))
+        ahead = equations_at(T, P, c + 1.0 * STEP * np.eye(len(c))[i])
+        behind = equations_at(T, P, c + (-1.0) * STEP * np.eye(len(c))[i])
         # Of half the cost.
         slope = (ahead[0] - behind[0]) / (4.0 * STEP)
         assert g[i] == pytest.approx(slope, rel=1e-6, abs=1e-7), i
@@ -76,11 +86,14 @@ def test_the_derivatives_are_those_of_the_cost(made, seed):
 
 def test_where_markers_fit_the_gauss_newton_diagonal_is_the_hessians():
     T, P, c = problem(random_tree(5), 5)
-    bare, places = P.with_coordinates(weight=np.zeros_like(c)), np.zeros_like(P.markers.observed)
+    bare = P.with_coordinates(weight=np.zeros_like(c))
+    places = np.zeros_like(P.markers.observed)
     for i in range(3):
         # The distances from two points on an axis give the place along it.
         distances = []
-        for point in np.array([1.0, -1.0])[:, None, None, None] * np.eye(3)[i] + np.zeros_like(places):
+        for point in np.array([1.0, -1.0])[:, None, None, None] * np.eye(3)[i] + np.zeros_like(
+            places
+        ):
             equations_at(T, bare.with_markers(observed=point), c)
             distances.append(P.markers.errors[0] ** 2)
         places[0, :, i] = (distances[1] - distances[0]) / 4.0

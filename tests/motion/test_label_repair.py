@@ -1,4 +1,6 @@
-"""Labels exchanged throughout are put back on a model of any size, before lengths and marker places are known."""
+"""Labels exchanged throughout are put back on a model of any size, before lengths and marker places
+are known.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,10 @@ from myomorph.motion.label_repair import mended_labels
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.recordings import bare, look_at, sites_of
 
-RECORDINGS = ("c3d-vendor-samples/C3DSamples/others/FunctionalWalk.c3d", "lifting-box-15kg/stoop1.c3d")
+RECORDINGS = (
+    "c3d-vendor-samples/C3DSamples/others/FunctionalWalk.c3d",
+    "lifting-box-15kg/stoop1.c3d",
+)
 
 
 @pytest.fixture(scope="module", params=RECORDINGS)
@@ -22,7 +27,9 @@ def recording(request, data):
     model, _ = generic_model(sites_of([one]))
     names = tuple(map(bare, turned.names))
     own = [k for k, name in enumerate(names) if name in model.marker_names]
-    return model, Markers(turned.time[::5], tuple(names[k] for k in own), turned.values[::5][:, own])
+    return model, Markers(
+        turned.time[::5], tuple(names[k] for k in own), turned.values[::5][:, own]
+    )
 
 
 def test_nothing_is_changed_where_labels_are_right(recording):
@@ -32,7 +39,9 @@ def test_nothing_is_changed_where_labels_are_right(recording):
     assert findings == ()
 
 
-@pytest.mark.parametrize("change", [faults.swapped_pair(0.0, False), faults.swapped_leg], ids=["pair", "leg"])
+@pytest.mark.parametrize(
+    "change", [faults.swapped_pair(0.0, False), faults.swapped_leg], ids=["pair", "leg"]
+)
 def test_exchanged_labels_come_back(recording, change):
     model, markers = recording
     found, findings = mended_labels(model, change(model, markers))

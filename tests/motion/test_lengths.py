@@ -1,4 +1,6 @@
-"""Which bodies stretch together, and derivatives of marker places against differences of scaled models."""
+"""Which bodies stretch together, and derivatives of marker places against differences of scaled
+models.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ LARGE = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
 
 
 def placing(model, lengths, values):
-    """A model stretched: its tree, and a function of coordinates that gives its markers' places and them consistent."""
+    """A model stretched: its tree, and a function of coordinates that gives its markers' places and
+    them consistent.
+    """
     stretched = scale(model, factors_of(lengths, values))
     tree = compile_tree(stretched)
     bodies = np.array([tree.body_index[one.body] for one in stretched.markers])
@@ -41,18 +45,24 @@ def hold_against_differences(model):
     start = defaults + 0.2 * rng.normal(size=len(defaults))
     tree, placed = placing(model, lengths, values)
     places, c = placed(start)
-    problem = pose_problem(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
+    problem = pose_problem(
+        tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions()
+    )
     stretch = with_travel(stretch_of(model, lengths, model.marker_names), model, values)
     found, by_length, by_coordinate = slopes_of_frame(tree.arrays, problem.markers, stretch, c)
     np.testing.assert_allclose(found.ravel(), places, atol=1e-12)
     h = 1e-6
     for i in range(len(lengths)):
         d = h * np.eye(len(lengths))[i]
-        ahead, behind = (placing(model, lengths, moved)[1](start)[0] for moved in (values + d, values - d))
-        np.testing.assert_allclose(by_length[:, i], (ahead - behind) / (2 * h), atol=1e-8, err_msg=lengths[i].name)
+        ahead = placing(model, lengths, (values + d))[1](start)[0]
+        behind = placing(model, lengths, (values - d))[1](start)[0]
+        np.testing.assert_allclose(
+            by_length[:, i], (ahead - behind) / (2 * h), atol=1e-8, err_msg=lengths[i].name
+        )
     for j in tree.independent[:: max(1, len(tree.independent) // 40)]:
         d = h * np.eye(len(start))[j]
-        ahead, behind = placed(start + d)[0], placed(start - d)[0]
+        ahead = placed(start + d)[0]
+        behind = placed(start - d)[0]
         np.testing.assert_allclose(by_coordinate[:, j], (ahead - behind) / (2 * h), atol=1e-8)
 
 
@@ -67,7 +77,9 @@ def test_slopes_on_real_models(name, data):
     if not model.markers:
         from myomorph.model.model import Marker
 
-        model = model.with_markers(tuple(Marker(f"m_{one}", one, [0.1, 0.2, 0.3]) for one in model.body_names))
+        model = model.with_markers(
+            tuple(Marker(f"m_{one}", one, [0.1, 0.2, 0.3]) for one in model.body_names)
+        )
     hold_against_differences(model)
 
 
@@ -91,7 +103,9 @@ def test_every_body_axis_has_one_length(data):
     for model in (stick_figure(), read_model(data(LARGE))):
         for symmetric in (False, True):
             stretched = [one for length in lengths_of(model, symmetric) for one in length.stretched]
-            assert sorted(stretched) == sorted((body, axis) for body in model.body_names for axis in range(3))
+            assert sorted(stretched) == sorted(
+                (body, axis) for body in model.body_names for axis in range(3)
+            )
 
 
 def test_joint_to_joint_lengths_of_a_figure():

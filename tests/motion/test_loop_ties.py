@@ -1,4 +1,6 @@
-"""Multipliers of closed loops: which variables count as at a bound, which are held there, and what the ties add."""
+"""Multipliers of closed loops: which variables count as at a bound, which are held there, and what
+the ties add.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,12 @@ PROBLEM = pose_problem(TREE, NAMES, np.ones(len(NAMES)), InverseKinematicsOption
 
 @kernel
 def at_closed(ties, T, K, c, gradient):
-    """Held variables, given ones, multipliers, derivatives of the gaps and what is added to the Hessian at c."""
+    """Held variables, given ones, multipliers, derivatives of the gaps and what is added to the
+    Hessian at c.
+    """
     n = c.shape[0]
-    work, closing = new_work(T, n), new_closing(ties, n, n)
+    work = new_work(T, n)
+    closing = new_closing(ties, n, n)
     closed = close(ties, T, K, c, work, closing)
     for i in range(n):
         work.g[i] = gradient[i]
@@ -42,7 +47,8 @@ def at_closed(ties, T, K, c, gradient):
 @kernel
 def slopes_at(ties, T, K, c):
     """Derivatives of the gaps at c."""
-    work, closing = new_work(T, c.shape[0]), new_closing(ties, c.shape[0], c.shape[0])
+    work = new_work(T, c.shape[0])
+    closing = new_closing(ties, c.shape[0], c.shape[0])
     ties_at(ties, T, c, work, closing)
     return closing.G
 
@@ -74,10 +80,12 @@ def test_the_multipliers_balance_the_gradient_of_the_variables_that_the_ties_giv
 def test_the_curvature_is_that_of_the_gaps():
     gradient = np.array([0.7, -1.3, 0.4])
     *_, push, _, added = solved(gradient)
-    step, expected = 1e-6, np.empty((3, 3))
+    step = 1e-6
+    expected = np.empty((3, 3))
     for j in range(3):
         d = step * np.eye(3)[j]
-        ahead, behind = (slopes_at(TIES, TREE.arrays, PROBLEM, c) for c in (CLOSED + d, CLOSED - d))
+        ahead = slopes_at(TIES, TREE.arrays, PROBLEM, (CLOSED + d))
+        behind = slopes_at(TIES, TREE.arrays, PROBLEM, (CLOSED - d))
         expected[j] = push @ (ahead - behind) / (2.0 * step)
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(added, expected, atol=1e-8)
@@ -88,11 +96,13 @@ def test_a_variable_at_a_bound_is_not_moved_to_close_the_loop_while_others_can_b
     natural = solved()[1]
     others = ~np.eye(3, dtype=bool)[i]
     for share in (0.0, 0.98):
-        below, above = CLOSED[i] - share * slack(i), CLOSED[i] + share * slack(i)
+        below = CLOSED[i] - share * slack(i)
+        above = CLOSED[i] + share * slack(i)
         np.testing.assert_array_equal(solved(lower=bound(i, below, -FREE))[1], others)
         np.testing.assert_array_equal(solved(upper=bound(i, above, FREE))[1], others)
     # Farther than the slack it is as good as any other.
-    below, above = CLOSED[i] - 1.01 * slack(i), CLOSED[i] + 1.01 * slack(i)
+    below = CLOSED[i] - 1.01 * slack(i)
+    above = CLOSED[i] + 1.01 * slack(i)
     np.testing.assert_array_equal(solved(lower=bound(i, below, -FREE))[1], natural)
     np.testing.assert_array_equal(solved(upper=bound(i, above, FREE))[1], natural)
 

@@ -1,4 +1,6 @@
-"""Faults put into recordings are found, named with their frames and mended; clean recordings are not called faulty."""
+"""Faults put into recordings are found, named with their frames and mended; clean recordings are
+not called faulty.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,12 @@ import numpy as np
 import pytest
 from tests.motion.test_turns import bounded_walker, recorded
 
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    inverse_kinematics,
+    pose_problem,
+    tracked_markers,
+)
 from myomorph.motion.label_repair import front_pairs, limb_pairs, side_pairs
 from myomorph.motion.marker_checks import (
     MarkerCheckOptions,
@@ -51,7 +58,8 @@ def kinds(found):
 def swapped(markers, pairs, span=slice(None)):
     values = np.array(markers.values)
     for one, other in pairs:
-        i, j = markers.names.index(one), markers.names.index(other)
+        i = markers.names.index(one)
+        j = markers.names.index(other)
         values[span, i], values[span, j] = values[span, j].copy(), values[span, i].copy()
     return replace(markers, values=values)
 
@@ -65,7 +73,9 @@ def test_a_clean_walk_is_left_as_it_is(walk):
     model, markers = walk
     found = checked_kinematics(model, markers)
     assert kinds(found) == set()
-    np.testing.assert_array_equal(found.fit.motion.values, inverse_kinematics(model, markers).motion.values)
+    np.testing.assert_array_equal(
+        found.fit.motion.values, inverse_kinematics(model, markers).motion.values
+    )
 
 
 @pytest.mark.parametrize("which", [0, 5, -1])
@@ -135,20 +145,27 @@ def test_what_is_only_told_is_not_mended(walk):
     found = checked_kinematics(model, wrong, checks=MarkerCheckOptions(mend=False))
     assert kinds(found) == {"jumping marker"}
     assert not any(one.mended or "mended" in one.text for one in found.findings)
-    np.testing.assert_array_equal(found.fit.motion.values, inverse_kinematics(model, wrong).motion.values)
+    np.testing.assert_array_equal(
+        found.fit.motion.values, inverse_kinematics(model, wrong).motion.values
+    )
 
 
 def test_a_marker_five_centimetres_off_is_named(walk):
     model, markers = walk
     names, _ = tracked_markers(model, markers, InverseKinematicsOptions())
     others = {
-        one: [two for two in names if two != one and model.marker(two).body == model.marker(one).body] for one in names
+        one: [
+            two for two in names if two != one and model.marker(two).body == model.marker(one).body
+        ]
+        for one in names
     }
     name = next(one for one, _ in reversed(sided(model, markers)) if others[one])
     mate = others[name][0]
     towards = markers[mate] - markers[name]
     values = np.array(markers.values)
-    values[:, markers.names.index(name)] += 0.05 * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    values[:, markers.names.index(name)] += (
+        0.05 * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    )
     found = checked_kinematics(model, replace(markers, values=values))
     assert kinds(found) == {"displaced marker"}
     assert next(one for one in found.findings if one.kind == "displaced marker").place == name
@@ -156,7 +173,9 @@ def test_a_marker_five_centimetres_off_is_named(walk):
 
 def test_a_recording_whose_vertical_is_another_axis_is_told(walk):
     model, markers = walk
-    found = checked_kinematics(model, replace(markers, values=markers.values[:, :, [0, 2, 1]] * [1.0, -1.0, 1.0]))
+    found = checked_kinematics(
+        model, replace(markers, values=markers.values[:, :, [0, 2, 1]] * [1.0, -1.0, 1.0])
+    )
     assert "vertical axis" in kinds(found)
 
 
@@ -164,7 +183,10 @@ def test_a_coordinate_at_its_bound_is_told_with_what_the_markers_ask_for():
     model = bounded_walker()
     markers, true = recorded(model, 0.2, 0.0)
     bound = replace(model.coordinate("hip_z_r"), clamped=True, range=(-1.0, 0.2))
-    held = replace(model, coordinates=tuple(bound if one.name == "hip_z_r" else one for one in model.coordinates))
+    held = replace(
+        model,
+        coordinates=tuple(bound if one.name == "hip_z_r" else one for one in model.coordinates),
+    )
     found = checked_kinematics(held, markers)
     (finding,) = [one for one in found.findings if one.kind == "at its bound"]
     assert finding.place == "hip_z_r"
@@ -178,14 +200,22 @@ def test_a_coordinate_that_no_marker_shows_is_told():
     model = bounded_walker()
     markers, _ = recorded(model, 0.2, 0.0)
     kept = [i for i, one in enumerate(model.markers) if one.body not in ("shank_l", "cap_l")]
-    some = replace(markers, names=tuple(markers.names[i] for i in kept), values=markers.values[:, kept])
-    (finding,) = [one for one in checked_kinematics(model, some).findings if one.kind == "undetermined"]
+    some = replace(
+        markers, names=tuple(markers.names[i] for i in kept), values=markers.values[:, kept]
+    )
+    (finding,) = [
+        one for one in checked_kinematics(model, some).findings if one.kind == "undetermined"
+    ]
     assert finding.place == "knee_l"
-    assert not [one for one in checked_kinematics(model, markers).findings if one.kind == "undetermined"]
+    assert not [
+        one for one in checked_kinematics(model, markers).findings if one.kind == "undetermined"
+    ]
 
 
 def test_frames_that_do_not_show_where_the_body_is_are_left_empty():
-    """A walker who enters the view: two of its markers tell no pose, and the frames with all are as they were."""
+    """A walker who enters the view: two of its markers tell no pose, and the frames with all are as
+    they were.
+    """
     model = bounded_walker()
     markers, _ = recorded(model, 0.2, 0.0)
     values = np.array(markers.values)
@@ -210,7 +240,9 @@ def test_a_coordinate_hidden_in_part_of_the_frames_is_named_with_them():
     model = bounded_walker()
     markers, _ = recorded(model, 0.2, 0.0)
     values = np.array(markers.values)
-    shank = [i for i, name in enumerate(markers.names) if model.marker(name).body in ("shank_l", "cap_l")]
+    shank = [
+        i for i, name in enumerate(markers.names) if model.marker(name).body in ("shank_l", "cap_l")
+    ]
     values[4:7, shank] = np.nan
     found = checked_kinematics(model, replace(markers, values=values))
     (finding,) = [one for one in found.findings if "hidden" in one.kind]
@@ -224,9 +256,12 @@ def test_what_a_marker_left_out_says_is_what_a_fit_without_it_gives():
     model = bounded_walker()
     markers, _ = recorded(model, 0.2, 0.0)
     rng = np.random.default_rng(3)
-    noisy = replace(markers, values=markers.values + rng.normal(scale=1e-4, size=markers.values.shape))
+    noisy = replace(
+        markers, values=markers.values + rng.normal(scale=1e-4, size=markers.values.shape)
+    )
     fit = inverse_kinematics(model, noisy, InverseKinematicsOptions(tolerance=1e-10))
-    tree, options = compile_tree(model), InverseKinematicsOptions()
+    tree = compile_tree(model)
+    options = InverseKinematicsOptions()
     arrays = pose_problem(tree, fit.marker_names, fit.weights, options)
     columns = [noisy.names.index(name) for name in fit.marker_names]
     frames = marker_frames(tree, arrays, noisy.values[:, columns], fit.motion.values)
@@ -257,7 +292,8 @@ def test_names_that_are_spelled_otherwise_are_hinted_and_sides_are_not_confused(
 
 
 def test_few_markers_that_match_are_told_and_enough_are_not():
-    missing, unused = tuple(f"m{i}" for i in range(56)), tuple(f"x{i}" for i in range(20))
+    missing = tuple(f"m{i}" for i in range(56))
+    unused = tuple(f"x{i}" for i in range(20))
     (finding,) = name_findings(missing, unused, 10)
     assert "only 10 of the model's 66 markers" in finding.text
     assert name_findings(missing[:20], unused, 30) == ()

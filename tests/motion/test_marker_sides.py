@@ -13,18 +13,28 @@ from myomorph.motion.marker_sides import side_findings
 from myomorph.study.analyze.recordings import bare, look_at
 
 RIGHT = {
-    "RASI": (0.01, 0.0, 0.12), "RPSI": (-0.15, 0.02, 0.04), "RKNE": (0.0, -0.40, 0.13), "RANK": (-0.02, -0.80, 0.12),
-    "RHEE": (-0.07, -0.85, 0.09), "RTOE": (0.12, -0.85, 0.10), "RTHI": (0.0, -0.25, 0.16),
-}  # fmt: skip
+    "RASI": (0.01, 0.0, 0.12),
+    "RPSI": (-0.15, 0.02, 0.04),
+    "RKNE": (0.0, -0.40, 0.13),
+    "RANK": (-0.02, -0.80, 0.12),
+    "RHEE": (-0.07, -0.85, 0.09),
+    "RTOE": (0.12, -0.85, 0.10),
+    "RTHI": (0.0, -0.25, 0.16),
+}
 RECORDING = "c3d-functional-joints/static.trc"
 
 
 def walking(frames=40, seed=0):
     """Markers of a body whose sides mirror each other, which turns and walks away."""
     places = dict(RIGHT)
-    places |= {f"L{name[1:]}": (x, y, -z) for name, (x, y, z) in RIGHT.items()} | {"CLAV": (0.05, 0.5, 0.0)}
+    places |= {f"L{name[1:]}": (x, y, -z) for name, (x, y, z) in RIGHT.items()} | {
+        "CLAV": (0.05, 0.5, 0.0)
+    }
     angle = np.linspace(0.0, 1.0, frames)
-    c, s, zero, one = np.cos(angle), np.sin(angle), np.zeros(frames), np.ones(frames)
+    c = np.cos(angle)
+    s = np.sin(angle)
+    zero = np.zeros(frames)
+    one = np.ones(frames)
     turns = np.array([[c, zero, s], [zero, one, zero], [-s, zero, c]]).transpose(2, 0, 1)
     values = np.einsum("fij,mj->fmi", turns, np.array(list(places.values())))
     values[:, :, 0] += np.linspace(0.0, 3.0, frames)[:, None]
@@ -33,7 +43,8 @@ def walking(frames=40, seed=0):
 
 
 def moved(markers, name, towards, distance=0.05):
-    i, j = markers.names.index(name), markers.names.index(towards)
+    i = markers.names.index(name)
+    j = markers.names.index(towards)
     values = np.array(markers.values)
     way = values[:, j] - values[:, i]
     values[:, i] += distance * way / np.linalg.norm(way, axis=1, keepdims=True)
@@ -48,7 +59,9 @@ def test_a_body_whose_sides_mirror_each_other_has_no_misplaced_marker():
     assert found(walking()) == []
 
 
-@pytest.mark.parametrize(("name", "towards"), [("LKNE", "LANK"), ("RANK", "RKNE"), ("LASI", "LPSI"), ("RTOE", "RHEE")])
+@pytest.mark.parametrize(
+    ("name", "towards"), [("LKNE", "LANK"), ("RANK", "RKNE"), ("LASI", "LPSI"), ("RTOE", "RHEE")]
+)
 def test_a_misplaced_marker_is_named_with_its_pair_and_size(name, towards):
     (finding,) = found(moved(walking(), name, towards))
     assert finding.kind == "displaced marker"
@@ -91,7 +104,9 @@ def test_a_real_body_has_none_until_a_marker_is_moved(recording):
 def test_the_distances_told_are_those_of_the_markers_named():
     markers = moved(walking(), "RANK", "RKNE")
     (finding,) = found(markers)
-    told = re.search(r"'(\w+)' and '(\w+)' are ([\d.]+) cm apart, '(\w+)' and '(\w+)' ([\d.]+) cm", finding.text)
+    told = re.search(
+        r"'(\w+)' and '(\w+)' are ([\d.]+) cm apart, '(\w+)' and '(\w+)' ([\d.]+) cm", finding.text
+    )
     for first, other, length in (told.groups()[:3], told.groups()[3:]):
         apart = np.linalg.norm(markers[first] - markers[other], axis=1)
         assert float(length) == pytest.approx(100.0 * np.median(apart), abs=0.15)

@@ -14,7 +14,13 @@ from myomorph.model.model import Marker
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.measurements import default_markers, frames_around, measure, place_on_pose, with_measured
+from myomorph.motion.measurements import (
+    default_markers,
+    frames_around,
+    measure,
+    place_on_pose,
+    with_measured,
+)
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -33,7 +39,9 @@ def recorded(model, frames=1, motion=None):
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_index[one.body] for one in model.markers])
-    return Markers(motion.time, names, poses.points(bodies, np.array([one.location for one in model.markers])))
+    return Markers(
+        motion.time, names, poses.points(bodies, np.array([one.location for one in model.markers]))
+    )
 
 
 def factors_of(model, markers, lengths, factors=None):
@@ -44,7 +52,11 @@ def test_known_factors_are_recovered(walker):
     """Markers of one body: the distance grows as the body."""
     grown = scale(walker, {"femur_r": (1.1, 1.1, 1.1), "torso": (0.9, 0.9, 0.9)})
     lengths = (
-        Measurement("thigh", (("R.Thigh.Upper", "R.Knee.Lat"), ("R.Thigh.Front", "R.Thigh.Rear")), {"femur_r": "xyz"}),
+        Measurement(
+            "thigh",
+            (("R.Thigh.Upper", "R.Knee.Lat"), ("R.Thigh.Front", "R.Thigh.Rear")),
+            {"femur_r": "xyz"},
+        ),
         Measurement("trunk", (("R.Acromium", "L.Acromium"),), {"torso": "xz", "pelvis": "y"}),
     )
     factors = factors_of(walker, recorded(grown, frames=3), lengths)
@@ -56,7 +68,10 @@ def test_known_factors_are_recovered(walker):
 def test_a_later_measurement_counts_and_others_stay(walker):
     trial = recorded(scale(walker, {"femur_r": (1.2, 1.2, 1.2)}))
     pair = (("R.Thigh.Upper", "R.Knee.Lat"),)
-    lengths = (Measurement("a", pair, {"femur_r": "xy"}), Measurement("b", (("R.ASIS", "L.ASIS"),), {"femur_r": "y"}))
+    lengths = (
+        Measurement("a", pair, {"femur_r": "xy"}),
+        Measurement("b", (("R.ASIS", "L.ASIS"),), {"femur_r": "y"}),
+    )
     given = {"femur_r": np.array([2.0, 2.0, 3.0])}
     factors = factors_of(walker, trial, lengths, given)
     np.testing.assert_allclose(factors["femur_r"], (1.2, 1.0, 3.0), rtol=1e-12)
@@ -64,11 +79,14 @@ def test_a_later_measurement_counts_and_others_stay(walker):
 
 
 def test_distances_are_averaged_over_the_frames_that_show_both(walker):
-    small, large = recorded(walker), recorded(scale(walker, {"femur_r": (1.2, 1.2, 1.2)}))
+    small = recorded(walker)
+    large = recorded(scale(walker, {"femur_r": (1.2, 1.2, 1.2)}))
     values = np.concatenate([small.values, large.values, large.values])
     values[2, small.names.index("R.Knee.Lat")] = np.nan
     trial = Markers(np.arange(3.0), small.names, values)
-    found = measure(walker, trial, Measurement("thigh", (("R.Thigh.Upper", "R.Knee.Lat"),), {"femur_r": "x"}))
+    found = measure(
+        walker, trial, Measurement("thigh", (("R.Thigh.Upper", "R.Knee.Lat"),), {"femur_r": "x"})
+    )
     assert found.factor == pytest.approx(1.1, rel=1e-12)
     assert "1 of 3 frames do not show both 'R.Thigh.Upper' and 'R.Knee.Lat'" in found.notes[0]
 
@@ -90,9 +108,14 @@ def test_a_measurement_that_cannot_be_used_says_why(walker, pairs, said):
 
 def test_unseen_and_unrecorded_markers_are_not_used(walker):
     trial = recorded(walker)
-    hidden = replace(trial, values=np.where(np.arange(len(trial.names))[:, None] == 0, np.nan, trial.values))
-    first, other = trial.names[0], trial.names[1]
-    assert np.isnan(measure(walker, hidden, Measurement("a", ((first, other),), {"torso": "x"})).factor)
+    hidden = replace(
+        trial, values=np.where(np.arange(len(trial.names))[:, None] == 0, np.nan, trial.values)
+    )
+    first = trial.names[0]
+    other = trial.names[1]
+    assert np.isnan(
+        measure(walker, hidden, Measurement("a", ((first, other),), {"torso": "x"})).factor
+    )
     fewer = Markers(trial.time, trial.names[1:], trial.values[:, 1:])
     found = measure(walker, fewer, Measurement("a", ((first, other),), {"torso": "x"}))
     assert found.notes == (f"measurement 'a' is not used: marker '{first}' was not recorded",)
@@ -126,7 +149,11 @@ def test_frames_around_nothing():
 def test_markers_go_to_where_they_were_recorded(walker):
     """The pose comes from good markers; the others find back to their true places, fixed ones stay."""
     random = np.random.default_rng(3)
-    pose = Motion(np.zeros(1), walker.coordinate_names, random.uniform(-0.2, 0.2, (1, len(walker.coordinates))))
+    pose = Motion(
+        np.zeros(1),
+        walker.coordinate_names,
+        random.uniform(-0.2, 0.2, (1, len(walker.coordinates))),
+    )
     trial = recorded(walker, motion=pose)
     lost = {"R.Thigh.Front", "L.Toe.Lat", "Top.Head"}
     wrong = {
@@ -138,7 +165,9 @@ def test_markers_go_to_where_they_were_recorded(walker):
     extra = Marker("not recorded", "torso", np.zeros(3))
     start = replace(walker, markers=(*(wrong.get(one.name, one) for one in walker.markers), extra))
     good = {name: 1.0 for name in walker.marker_names if name not in lost}
-    options = InverseKinematicsOptions(marker_weights=good, only_weighted=True, tolerance=1e-10, posture_weight=0.0)
+    options = InverseKinematicsOptions(
+        marker_weights=good, only_weighted=True, tolerance=1e-10, posture_weight=0.0
+    )
     found = place_on_pose(start, trial, options=options)
     assert found.removed == ("not recorded",)
     for one in found.model.markers:
@@ -153,14 +182,17 @@ def test_markers_go_to_where_they_were_recorded(walker):
 def test_a_static_trial_with_gaps_and_movement_is_told(walker):
     trial = recorded(walker, frames=4)
     values = np.array(trial.values)
-    values[0, 0], values[:, 1] = np.nan, np.nan
+    values[0, 0] = np.nan
+    values[:, 1] = np.nan
     values[3, 2, 1] += 0.02
     found = place_on_pose(walker, replace(trial, values=values), most_movement=0.01)
     told = "\n".join(found.notes)
     assert f"marker '{trial.names[0]}' is not seen in 1 of 4 static frames" in told
     assert f"marker '{trial.names[1]}' is not seen in the static frames: it stays" in told
     assert f"marker '{trial.names[2]}' moves 20.0 mm" in told
-    assert found.model.marker(trial.names[1]).location == pytest.approx(walker.marker(trial.names[1]).location)
+    assert found.model.marker(trial.names[1]).location == pytest.approx(
+        walker.marker(trial.names[1]).location
+    )
 
 
 def test_no_static_frame_in_the_range(walker):

@@ -1,4 +1,6 @@
-"""A real mouse through calibration, inverse kinematics and inverse dynamics: millimetres, strides, a paw on a plate."""
+"""A real mouse through calibration, inverse kinematics and inverse dynamics: millimetres, strides,
+a paw on a plate.
+"""
 
 from __future__ import annotations
 
@@ -56,10 +58,16 @@ def test_strides_of_a_trotting_mouse(folder):
 def test_muscles_lengthen_against_each_other(folder):
     """Hip flexors and hamstrings in turn, both sides alike."""
     analysis = lengths_of(folder, NAME)
-    flexor, extensor = (band(analysis.curves(name)).mean for name in ("ILI", "SM"))
+    flexor = band(analysis.curves("ILI")).mean
+    extensor = band(analysis.curves("SM")).mean
     assert np.corrcoef(flexor, extensor)[0, 1] < -0.8
     for name in ("ILI", "SM", "BFP_cranial"):
-        assert np.corrcoef(band(analysis.curves(name)).mean, band(analysis.curves(f"{name}_l")).mean)[0, 1] > 0.9
+        assert (
+            np.corrcoef(band(analysis.curves(name)).mean, band(analysis.curves(f"{name}_l")).mean)[
+                0, 1
+            ]
+            > 0.9
+        )
     assert len(analysis.ranges) == 84
 
 

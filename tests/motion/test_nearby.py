@@ -1,4 +1,6 @@
-"""Inverse kinematics near a known motion, on a recorded drop jump whose arms come near a singular pose."""
+"""Inverse kinematics near a known motion, on a recorded drop jump whose arms come near a singular
+pose.
+"""
 
 from __future__ import annotations
 
@@ -32,18 +34,26 @@ def jump(data: Callable[[str], Path]) -> tuple[Model, Motion, Markers]:
     values = tree.coordinates_of(given)[50:110]
     motion = Motion(given.time[50:110], model.coordinate_names, values)
     bodies = np.array([tree.body_number(one.body) for one in model.markers], np.int64)
-    places = forward_kinematics(tree, values).points(bodies, np.array([one.location for one in model.markers]))
+    places = forward_kinematics(tree, values).points(
+        bodies, np.array([one.location for one in model.markers])
+    )
     return model, motion, Markers(motion.time, model.marker_names, places)
 
 
 def free(model: Model) -> list[int]:
     driven = {one.dependent for one in model.couplers}
-    named = [(j, one) for j, one in enumerate(model.coordinates) if not one.locked and one.name not in driven]
+    named = [
+        (j, one)
+        for j, one in enumerate(model.coordinates)
+        if not one.locked and one.name not in driven
+    ]
     return [j for j, one in named if not one.name.startswith(("pro_sup", "mtp"))]
 
 
 def test_it_is_the_solution_of_inverse_kinematics(jump: tuple[Model, Motion, Markers]) -> None:
-    """From the solution of the same markers nothing moves; from one nearby the same solution is found."""
+    """From the solution of the same markers nothing moves; from one nearby the same solution is
+    found.
+    """
     model, _, markers = jump
     found = inverse_kinematics(model, markers).motion
     np.testing.assert_allclose(poses_near(model, markers, found).values, found.values, atol=1e-5)
@@ -63,7 +73,9 @@ def test_angles_of_a_raised_arm_stay_near(jump: tuple[Model, Motion, Markers]) -
         assert np.abs(errors[:, free(model)]).max() < 0.8
 
 
-def test_hidden_frames_stay_unknown_and_other_times_are_refused(jump: tuple[Model, Motion, Markers]) -> None:
+def test_hidden_frames_stay_unknown_and_other_times_are_refused(
+    jump: tuple[Model, Motion, Markers],
+) -> None:
     model, motion, markers = jump
     values = np.array(markers.values)
     values[4:6] = np.nan

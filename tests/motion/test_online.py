@@ -22,18 +22,24 @@ def test_parabolas_are_differentiated_exactly() -> None:
 
 @pytest.mark.parametrize(("rate", "cutoff"), [(100.0, 6.0), (250.0, 10.0), (60.0, 7.5)])
 def test_power_is_halved_at_the_cutoff(rate: float, cutoff: float) -> None:
-    """A sine at the cutoff comes out with 1/sqrt(2) of its amplitude and no shift; far above it, with nothing."""
+    """A sine at the cutoff comes out with 1/sqrt(2) of its amplitude and no shift; far above it,
+    with nothing.
+    """
     filter = OnlineFilter(rate, cutoff)
     time = np.arange(0.0, 4.0, 1.0 / rate)
     middle = time[filter.half : -filter.half]
     passed = filter.values(np.sin(2 * np.pi * cutoff * time))
-    np.testing.assert_allclose(passed, np.sin(2 * np.pi * cutoff * middle) / np.sqrt(2.0), atol=2e-3)
+    np.testing.assert_allclose(
+        passed, np.sin(2 * np.pi * cutoff * middle) / np.sqrt(2.0), atol=2e-3
+    )
     if 5.0 * cutoff < 0.5 * rate:
         assert np.abs(filter.values(np.sin(2 * np.pi * 5.0 * cutoff * time))).max() < 1e-3
 
 
 def test_derivatives_are_those_of_the_filtered_motion() -> None:
-    """Velocity and acceleration keep to the sine that comes out, to a thousandth at walking's frequencies."""
+    """Velocity and acceleration keep to the sine that comes out, to a thousandth at walking's
+    frequencies.
+    """
     filter = OnlineFilter(100.0, 6.0)
     time = np.arange(400) / 100.0
     omega = 2 * np.pi * 2.0
@@ -68,7 +74,8 @@ def test_frame_by_frame_is_the_whole_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rate", "cutoff", "told"), [(0.0, 6.0, "rate"), (100.0, 0.0, "cutoff"), (100.0, 30.0, "at most an eighth")]
+    ("rate", "cutoff", "told"),
+    [(0.0, 6.0, "rate"), (100.0, 0.0, "cutoff"), (100.0, 30.0, "at most an eighth")],
 )
 def test_impossible_filters_are_refused(rate: float, cutoff: float, told: str) -> None:
     with pytest.raises(BadData, match=told):
@@ -90,13 +97,17 @@ def test_uneven_frames_are_refused() -> None:
 
 
 def test_single_frames_agree_with_the_batch(data: Callable[[str], Path]) -> None:
-    """Inverse kinematics frame by frame finds the poses that the batch finds, and comes back after a gap."""
+    """Inverse kinematics frame by frame finds the poses that the batch finds, and comes back after
+    a gap.
+    """
     folder = data("opensim-gait-subject01")
     model = read_model(folder / "ref_ik/subject01_simbody.osim")
     markers = read_trc(folder / "experiment/subject01_walk1.trc").markers
     assert markers is not None
     frames = slice(0, 120)
-    fit = inverse_kinematics(model, type(markers)(markers.time[frames], markers.names, markers.values[frames]))
+    fit = inverse_kinematics(
+        model, type(markers)(markers.time[frames], markers.names, markers.values[frames])
+    )
     online = OnlineKinematics(model, markers.names)
     for i in range(120):
         positions = np.full_like(markers.values[i], np.nan) if 50 <= i < 60 else markers.values[i]

@@ -29,22 +29,31 @@ def moving(model):
     poses = forward_kinematics(tree, values)
     bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
     points = poses.points(bodies, np.array([marker.location for marker in model.markers]))
-    turned = {name: poses.rotations[:, index] for name, index in tree.body_index.items() if index > 0}
+    turned = {
+        name: poses.rotations[:, index] for name, index in tree.body_index.items() if index > 0
+    }
     return values, turned, Markers(0.01 * np.arange(FRAMES), model.marker_names, points)
 
 
 def sensors(turned, names):
-    return InverseKinematicsOptions(tasks=[OrientationTask(name, name, turned[name]) for name in names], tolerance=1e-9)
+    return InverseKinematicsOptions(
+        tasks=[OrientationTask(name, name, turned[name]) for name in names], tolerance=1e-9
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_gradient_and_curvature_are_derivatives_of_the_cost(seed):
     model = random_tree(seed)
-    tree, rng = compile_tree(model), np.random.default_rng(seed)
+    tree = compile_tree(model)
+    rng = np.random.default_rng(seed)
     c = rng.uniform(-0.5, 0.5, len(tree.defaults))
     # Sensors that fit at c: there the Gauss-Newton curvature is all of it.
-    rotations, names = forward_kinematics(tree, c[None]).rotations, model.body_names[-3:]
-    tasks = [OrientationTask(name, name, rotations[:, tree.body_index[name]], 0.5 + i) for i, name in enumerate(names)]
+    rotations = forward_kinematics(tree, c[None]).rotations
+    names = model.body_names[-3:]
+    tasks = [
+        OrientationTask(name, name, rotations[:, tree.body_index[name]], 0.5 + i)
+        for i, name in enumerate(names)
+    ]
     held_against_differences(tree, tasks, c, c + rng.normal(scale=0.2, size=len(c)))
 
 
@@ -95,8 +104,14 @@ def test_what_counts_more_has_the_smaller_error():
     _, turned, markers = moving(model)
     nothing = Markers(markers.time, (), np.empty((FRAMES, 0, 3)))
     angle = 0.2
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     other = turned["torso"] @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-    tasks = [OrientationTask("a", "torso", turned["torso"], 3.0), OrientationTask("b", "torso", other, 1.0)]
+    tasks = [
+        OrientationTask("a", "torso", turned["torso"], 3.0),
+        OrientationTask("b", "torso", other, 1.0),
+    ]
     fit = inverse_kinematics(model, nothing, InverseKinematicsOptions(tasks=tasks, tolerance=1e-9))
-    np.testing.assert_allclose(fit.sensor_errors, np.tile([0.25 * angle, 0.75 * angle], (FRAMES, 1)), atol=1e-5)
+    np.testing.assert_allclose(
+        fit.sensor_errors, np.tile([0.25 * angle, 0.75 * angle], (FRAMES, 1)), atol=1e-5
+    )

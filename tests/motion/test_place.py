@@ -53,4 +53,6 @@ def test_what_cannot_be_placed_is_named(recorded):
     with pytest.raises(UnknownName, match="'skull'"):
         place_markers(model, motion, markers, {"hip": "skull"})
     with pytest.raises(BadData, match="frames"):
-        place_markers(model, Motion(motion.time[:2], motion.names, motion.values[:2]), markers, BODIES)
+        place_markers(
+            model, Motion(motion.time[:2], motion.names, motion.values[:2]), markers, BODIES
+        )

@@ -1,4 +1,6 @@
-"""Postures by which frames are chosen: places of markers seen from the first body, whatever that does."""
+"""Postures by which frames are chosen: places of markers seen from the first body, whatever that
+does.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from stick_figure import stick_figure
 
 
 def test_a_posture_is_the_same_wherever_the_first_body_stands():
-    """Against places in ground turned and moved back; the pelvis's own markers stay where the model has them."""
+    """Against places in ground turned and moved back; the pelvis's own markers stay where the model
+    has them.
+    """
     model = stick_figure()
     rng = np.random.default_rng(0)
     values = np.tile(rng.normal(scale=0.3, size=len(model.coordinates)), (4, 1))
@@ -34,17 +38,23 @@ def test_a_posture_is_the_same_wherever_the_first_body_stands():
 
 
 def test_a_small_body_shows_the_postures_that_a_larger_one_does():
-    """Below the size of a man, of whom a length unit is a metre, the same frames are chosen at every scale."""
+    """Below the size of a man, of whom a length unit is a metre, the same frames are chosen at
+    every scale.
+    """
     model = stick_figure()
     values = np.zeros((30, len(model.coordinates)))
     bent = [model.coordinate_names.index(name) for name in ("femur_r_r0", "tibia_r_r0")]
     values[:, bent] = np.linspace(0.0, 1.0, 30)[:, None] * [0.3, -0.5]
-    sliding = [k for k, coordinate in enumerate(model.coordinates) if coordinate.motion == "translational"]
+    sliding = [
+        k for k, coordinate in enumerate(model.coordinates) if coordinate.motion == "translational"
+    ]
     chosen = []
     for size in (0.4, 0.05):
         body = scale(model, {one.name: np.full(3, size) for one in model.bodies})
         tree = compile_tree(body)
-        poses = forward_kinematics(tree, np.where(np.isin(np.arange(values.shape[1]), sliding), size * values, values))
+        poses = forward_kinematics(
+            tree, np.where(np.isin(np.arange(values.shape[1]), sliding), size * values, values)
+        )
         places = poses.points(
             np.array([tree.body_index[marker.body] for marker in body.markers]),
             np.array([marker.location for marker in body.markers]),
@@ -62,9 +72,14 @@ def test_the_first_posture_is_the_mean_of_all_unless_the_last_recording_is_stati
     values = np.zeros((21, len(model.coordinates)))
     values[:, model.coordinate_names.index("tibia_r_r0")] = -np.linspace(0.5, 1.5, 21)
     tree = compile_tree(model)
-    bodies, at = zip(*((tree.body_index[marker.body], marker.location) for marker in model.markers), strict=True)
+    bodies, at = zip(
+        *((tree.body_index[marker.body], marker.location) for marker in model.markers), strict=True
+    )
     places = forward_kinematics(tree, values).points(np.array(bodies), np.array(at))
-    trials = [Markers(np.arange(len(part)) / 10.0, model.marker_names, part) for part in (places[:20], places[20:])]
+    trials = [
+        Markers(np.arange(len(part)) / 10.0, model.marker_names, part)
+        for part in (places[:20], places[20:])
+    ]
     for static, expected in ((False, [1, 0]), (True, [0, 1])):
         chosen = spread_postures(model, trials, InverseKinematicsOptions(), 1, static)
         assert [len(frames) for frames, _ in chosen] == expected

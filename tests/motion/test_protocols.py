@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadData
-from myomorph.motion.protocols import find_protocol, labels_between, protocol_table, protocols, recognize
+from myomorph.motion.protocols import (
+    find_protocol,
+    labels_between,
+    protocol_table,
+    protocols,
+    recognize,
+)
 
 
 @pytest.mark.parametrize("name", list(protocols().protocols))
@@ -30,7 +36,9 @@ def test_medial_markers_tell_cgm2_from_plug_in_gait() -> None:
 
 
 def test_root_tells_halpe_from_body_25b() -> None:
-    limbs = [f"{side}{part}" for side in "RL" for part in ("Hip", "Knee", "Ankle", "BigToe", "Heel")]
+    limbs = [
+        f"{side}{part}" for side in "RL" for part in ("Hip", "Knee", "Ankle", "BigToe", "Heel")
+    ]
     assert find_protocol(["Hip", *limbs]).name == "halpe_26"  # type: ignore[union-attr]
     assert find_protocol(["CHip", *limbs]).name == "body_25b"  # type: ignore[union-attr]
 
@@ -47,7 +55,8 @@ def test_two_labels_never_lie_on_one_bony_landmark() -> None:
 
 
 def test_labels_between_protocols_keep_landmark_and_side() -> None:
-    one, other = (protocols().protocols[name].labels for name in ("plug_in_gait", "gait2392"))
+    one = protocols().protocols["plug_in_gait"].labels
+    other = protocols().protocols["gait2392"].labels
     found = labels_between(one, other)
     assert found["LASI"] == "L.ASIS"
     assert found["RHEE"] == "R.Heel"
@@ -95,7 +104,10 @@ def test_a_table_has_letters_of_its_own_for_sides() -> None:
         ("[protocol]", "unknown table 'protocol'"),
         ("[protocols.a.labels]\nx = 'pelvis.asi'", "unknown landmark 'pelvis.asi'"),
         ("[protocols.a]\nalso = ['b']", "unknown protocol 'b'"),
-        ("[protocols.a.labels]\n'#ASI' = 'pelvis.asis'\nRASI = 'pelvis.asis'", "'RASI' is there twice"),
+        (
+            "[protocols.a.labels]\n'#ASI' = 'pelvis.asis'\nRASI = 'pelvis.asis'",
+            "'RASI' is there twice",
+        ),
         ("[", "is not TOML"),
     ],
 )

@@ -1,4 +1,6 @@
-"""Joint angles by inertial sensors that are simulated: mounting, heading, clock and drift are found."""
+"""Joint angles by inertial sensors that are simulated: mounting, heading, clock and drift are
+found.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,11 @@ def walk(seconds=20.0):
     values = np.zeros((len(time), len(model.coordinates)))
     for j, coordinate in enumerate(model.coordinates):
         part = coordinate.name.split("_")[0]
-        size = 0.4 if coordinate.name.startswith("femur") and coordinate.name.endswith("r0") else sizes[part]
+        size = (
+            0.4
+            if coordinate.name.startswith("femur") and coordinate.name.endswith("r0")
+            else sizes[part]
+        )
         phase = rng.uniform(0, 2 * np.pi)
         turns = 2 * np.pi * (time + 0.1 * np.sin(0.7 * time)) + phase
         values[:, j] = size * (np.sin(turns) + 0.3 * np.sin(2.0 * turns + phase))
@@ -51,7 +57,9 @@ def angles(model):
 
 def errors_of(fit, motion, model):
     """RMS of all angles of joints [deg]."""
-    joints = angles(model) & ~np.array([name.startswith("pelvis") for name in model.coordinate_names])
+    joints = angles(model) & ~np.array(
+        [name.startswith("pelvis") for name in model.coordinate_names]
+    )
     return np.degrees(np.sqrt(np.mean((fit.fit.motion.values - motion.values)[:, joints] ** 2)))
 
 
@@ -73,7 +81,9 @@ def test_perfect_sensors_give_back_the_motion(walking):
     options = SensorOptions(imu_mounting="recording", imu_heading_error=1e-4)
     fit = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose), sizes=options)
     np.testing.assert_allclose(
-        vector_from_rotation(fit.mounting.rotations @ np.swapaxes(made.rotations, 1, 2)), 0, atol=0.02
+        vector_from_rotation(fit.mounting.rotations @ np.swapaxes(made.rotations, 1, 2)),
+        0,
+        atol=0.02,
     )
     assert errors_of(fit, motion, model) < 0.6
     assert fit.fit.converged.all()
@@ -83,9 +93,13 @@ def test_the_recording_tells_the_heading_of_the_calibration_pose(walking):
     model, motion = walking
     made = simulated_sensors(model, motion, BODIES, NO_ERRORS, seed=3)
     fit = sensor_kinematics(
-        model, SensorRecording(made.sensors, pose=made.pose), sizes=SensorOptions(imu_mounting="pose")
+        model,
+        SensorRecording(made.sensors, pose=made.pose),
+        sizes=SensorOptions(imu_mounting="pose"),
     )
-    heading = (fit.mounting.headings[0].mean() - made.headings[0].mean() + np.pi) % (2 * np.pi) - np.pi
+    heading = (fit.mounting.headings[0].mean() - made.headings[0].mean() + np.pi) % (
+        2 * np.pi
+    ) - np.pi
     assert abs(heading) < np.radians(1.0)
 
 
@@ -114,7 +128,9 @@ def test_a_sensor_that_slipped_after_the_pose_is_found(walking):
     index = BODIES.index("tibia_r")
     quaternions = np.array(made.sensors.orientations)
     earth = rotation_from_quaternion(quaternions[:, index])
-    about = made.rotations[index].T @ axis_rotation((0, 1, 0), np.radians(20.0)) @ made.rotations[index]
+    about = (
+        made.rotations[index].T @ axis_rotation((0, 1, 0), np.radians(20.0)) @ made.rotations[index]
+    )
     quaternions[:, index] = quaternion_from_rotation(earth @ about)
     slipped = SensorRecording(replace(made.sensors, orientations=quaternions), pose=made.pose)
     by_pose = sensor_kinematics(model, slipped, sizes=SensorOptions(imu_mounting="pose"))
@@ -146,7 +162,9 @@ def test_markers_show_headings_that_have_nothing_in_common(walking):
     turns = np.array([axis_rotation((0.0, 0.0, 1.0), angle) for angle in apart])
     own = replace(made.sensors, orientations=quaternion_from_rotation(turns @ earth))
     markers = marker_positions(model, motion)
-    fit = sensor_kinematics(model, SensorRecording(own, same_clock=True), markers, inverse_kinematics(model, markers))
+    fit = sensor_kinematics(
+        model, SensorRecording(own, same_clock=True), markers, inverse_kinematics(model, markers)
+    )
     np.testing.assert_allclose(turned_by(fit, made), 0.0, atol=5e-3)
     assert any("headings of the sensors" in note for note in fit.mounting.notes)
 
@@ -155,14 +173,22 @@ def test_headings_that_differ_are_reported(walking):
     """No marker and no name says how the sensors face: at least nothing is wrong in silence."""
     model, motion = walking
     made = simulated_sensors(model, motion, BODIES, SensorErrors(), seed=2)
-    assert not any("about another axis" in note for note in sensor_kinematics(
-        model, SensorRecording(made.sensors, pose=made.pose), sizes=SensorOptions(imu_mounting="pose")
-    ).mounting.notes)  # fmt: skip
-    turned, index = axis_rotation((0.0, 0.0, 1.0), np.radians(70.0)), BODIES.index("tibia_l")
+    assert not any(
+        "about another axis" in note
+        for note in sensor_kinematics(
+            model,
+            SensorRecording(made.sensors, pose=made.pose),
+            sizes=SensorOptions(imu_mounting="pose"),
+        ).mounting.notes
+    )
+    turned = axis_rotation((0.0, 0.0, 1.0), np.radians(70.0))
+    index = BODIES.index("tibia_l")
 
     def with_own_heading(sensors):
         quaternions = np.array(sensors.orientations)
-        quaternions[:, index] = quaternion_from_rotation(turned @ rotation_from_quaternion(quaternions[:, index]))
+        quaternions[:, index] = quaternion_from_rotation(
+            turned @ rotation_from_quaternion(quaternions[:, index])
+        )
         return replace(sensors, orientations=quaternions)
 
     own = SensorRecording(with_own_heading(made.sensors), pose=with_own_heading(made.pose))
@@ -171,17 +197,25 @@ def test_headings_that_differ_are_reported(walking):
 
 
 def test_the_recording_does_not_spoil_what_the_pose_gives(walking):
-    """Large errors, and two minutes of sitting between walks, whose mean angles no heading makes up for."""
+    """Large errors, and two minutes of sitting between walks, whose mean angles no heading makes up
+    for.
+    """
     model, motion = walking
     seated = np.array(motion.values[0])
     for j, name in enumerate(model.coordinate_names):
-        seated[j] = {"femur_r0": 1.3, "femur_l0": 1.3}.get(name, -1.5 if name.startswith("tibia") else 0.0)
+        seated[j] = {"femur_r0": 1.3, "femur_l0": 1.3}.get(
+            name, -1.5 if name.startswith("tibia") else 0.0
+        )
     values = np.concatenate([motion.values, np.tile(seated, (6000, 1)), motion.values])
     whole = Motion(np.arange(len(values)) / RATE, motion.names, values)
-    made = simulated_sensors(model, whole, BODIES, SensorErrors(heading=0.15, skin=0.1, axes=0.1), seed=6)
+    made = simulated_sensors(
+        model, whole, BODIES, SensorErrors(heading=0.15, skin=0.1, axes=0.1), seed=6
+    )
     recording = SensorRecording(made.sensors, pose=made.pose)
     by_pose = sensor_kinematics(model, recording, sizes=SensorOptions(imu_mounting="pose"))
-    assert errors_of(sensor_kinematics(model, recording), whole, model) < errors_of(by_pose, whole, model)
+    assert errors_of(sensor_kinematics(model, recording), whole, model) < errors_of(
+        by_pose, whole, model
+    )
 
 
 def test_sensors_bridge_hidden_markers(walking):
@@ -210,7 +244,8 @@ def test_headings_that_drift_are_followed():
     """Three minutes: one sensor's heading turns by 20 degrees; the hinge of the knee holds it back."""
     model, motion = walk(180.0)
     made = simulated_sensors(model, motion, BODIES, NO_ERRORS, seed=6)
-    index, quaternions = BODIES.index("tibia_r"), np.array(made.sensors.orientations)
+    index = BODIES.index("tibia_r")
+    quaternions = np.array(made.sensors.orientations)
     drift = np.radians(20.0) * motion.time / motion.time[-1]
     earth = rotation_from_quaternion(quaternions[:, index])
     about = np.array([axis_rotation((0, 0, 1), angle) for angle in drift])
@@ -219,7 +254,9 @@ def test_headings_that_drift_are_followed():
     held = sensor_kinematics(model, drifting, sizes=SensorOptions(imu_heading_drift=0.0))
     followed = sensor_kinematics(model, drifting, sizes=SensorOptions(imu_heading_drift=0.1))
     assert errors_of(followed, motion, model) < 0.5 * errors_of(held, motion, model)
-    assert np.ptp(followed.mounting.headings[:, index]) == pytest.approx(np.radians(20.0), abs=np.radians(5.0))
+    assert np.ptp(followed.mounting.headings[:, index]) == pytest.approx(
+        np.radians(20.0), abs=np.radians(5.0)
+    )
     assert any("tibia_r_imu" in note and "drifts" in note for note in followed.mounting.notes)
 
 
@@ -243,13 +280,32 @@ def test_bodies_by_names():
 
 def test_makers_words_name_bodies():
     model = stick_figure()
-    xsens = ("Pelvis", "L5", "T8", "RightUpperLeg", "RightLowerLeg", "RightFoot", "RightToe", "LeftUpperLeg")
+    xsens = (
+        "Pelvis",
+        "L5",
+        "T8",
+        "RightUpperLeg",
+        "RightLowerLeg",
+        "RightFoot",
+        "RightToe",
+        "LeftUpperLeg",
+    )
     assert named_bodies(model, xsens) == {
-        "Pelvis": "pelvis", "T8": "torso", "RightUpperLeg": "femur_r", "RightLowerLeg": "tibia_r",
-        "RightFoot": "foot_r", "LeftUpperLeg": "femur_l",
-    }  # fmt: skip
+        "Pelvis": "pelvis",
+        "T8": "torso",
+        "RightUpperLeg": "femur_r",
+        "RightLowerLeg": "tibia_r",
+        "RightFoot": "foot_r",
+        "LeftUpperLeg": "femur_l",
+    }
     apdm = ("Lumbar", "Sternum", "Right Upper Leg", "Left Lower Leg", "Left Foot")
-    assert tuple(named_bodies(model, apdm).values()) == ("pelvis", "torso", "femur_r", "tibia_l", "foot_l")
+    assert tuple(named_bodies(model, apdm).values()) == (
+        "pelvis",
+        "torso",
+        "femur_r",
+        "tibia_l",
+        "foot_l",
+    )
 
 
 def test_without_pose_or_markers_the_mounting_is_asked_for(walking):
@@ -258,7 +314,9 @@ def test_without_pose_or_markers_the_mounting_is_asked_for(walking):
     with pytest.raises(BadData, match="--imu-pose"):
         sensor_kinematics(model, SensorRecording(made.sensors))
     with pytest.raises(UnknownName, match="pelvis_imu"):
-        sensor_kinematics(model, SensorRecording(made.sensors), sizes=SensorOptions(imu_mounting="model"))
+        sensor_kinematics(
+            model, SensorRecording(made.sensors), sizes=SensorOptions(imu_mounting="model")
+        )
 
 
 def test_times_of_the_tree_are_those_of_the_model(walking):

@@ -27,14 +27,17 @@ def turning():
     time = np.arange(0.0, 30.0, 0.01)
     phases = np.array([[0.0, 1.0, 2.0], [3.0, 0.5, 4.0]])
     vectors = 0.6 * np.sin(time[:, None, None] * np.array([1.3, 0.9, 1.7]) + phases)
-    return InertialSensors(time, ("a", "b"), quaternion_from_rotation(rotation_from_vector(vectors)))
+    return InertialSensors(
+        time, ("a", "b"), quaternion_from_rotation(rotation_from_vector(vectors))
+    )
 
 
 def errors(found, true):
     """Rotation vectors in the earth, z up, the first seconds left out [rad]."""
     flat = true.orientations.reshape(len(true), -1).T
     at = np.array([np.interp(found.time, true.time, column) for column in flat]).T.reshape(-1, 2, 4)
-    rotations, reference = rotation_from_quaternion(found.orientations), rotation_from_quaternion(at)
+    rotations = rotation_from_quaternion(found.orientations)
+    reference = rotation_from_quaternion(at)
     return vector_from_rotation(rotations @ np.swapaxes(reference, 2, 3))[500:]
 
 

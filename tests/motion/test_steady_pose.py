@@ -27,14 +27,23 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, Markers]:
     return model, Markers(markers.time[FRAMES], markers.names, markers.values[FRAMES])
 
 
-def followed(model: Model, markers: Markers, hidden: tuple[str, ...] = (), frames: slice = HIDDEN) -> np.ndarray:
-    """(frames, coordinates) with some markers hidden in some frames; all of them where none is named."""
+def followed(
+    model: Model, markers: Markers, hidden: tuple[str, ...] = (), frames: slice = HIDDEN
+) -> np.ndarray:
+    """(frames, coordinates) with some markers hidden in some frames; all of them where none is
+    named.
+    """
     positions = np.array(markers.values)
     columns = [markers.names.index(name) for name in hidden] or list(range(len(markers.names)))
     for column in columns:
         positions[frames, column] = np.nan
     steady = SteadyKinematics(model, markers.names)
-    return np.array([steady.solve(float(t), row).coordinates for t, row in zip(markers.time, positions, strict=True)])
+    return np.array(
+        [
+            steady.solve(float(t), row).coordinates
+            for t, row in zip(markers.time, positions, strict=True)
+        ]
+    )
 
 
 def left(frames: int) -> float:
@@ -55,15 +64,21 @@ def test_with_all_markers_it_is_inverse_kinematics(walk: tuple[Model, Markers]) 
 
 
 @pytest.mark.parametrize("hidden", [("R.Knee",), ("R.SH1", "R.SH2", "R.Ankle"), ("R.ASIS", "S2")])
-def test_markers_that_come_and_go_make_no_jump(walk: tuple[Model, Markers], hidden: tuple[str, ...]) -> None:
-    """Where plain inverse kinematics jumps, this goes on as steadily as when nothing is hidden, to 0.3 degrees."""
+def test_markers_that_come_and_go_make_no_jump(
+    walk: tuple[Model, Markers], hidden: tuple[str, ...]
+) -> None:
+    """Where plain inverse kinematics jumps, this goes on as steadily as when nothing is hidden, to
+    0.3 degrees.
+    """
     model, markers = walk
     free = followed(model, markers, (), slice(0, 0))
     found = followed(model, markers, hidden)
     plain = OnlineKinematics(model, markers.names)
     positions = np.array(markers.values)
     positions[HIDDEN, [[markers.names.index(name)] for name in hidden]] = np.nan
-    jumping = np.array([plain.solve(float(t), row)[0] for t, row in zip(markers.time, positions, strict=True)])
+    jumping = np.array(
+        [plain.solve(float(t), row)[0] for t, row in zip(markers.time, positions, strict=True)]
+    )
     for event in (HIDDEN.start, HIDDEN.stop):
         at = event - 2
         excess = steps(found)[at] - steps(free)[at]
@@ -81,34 +96,48 @@ def test_after_the_blend_it_is_as_if_nothing_had_been_hidden(walk: tuple[Model, 
 
 
 def test_what_no_marker_shows_keeps_its_value(walk: tuple[Model, Markers]) -> None:
-    """Without the forearm's and hand's markers, elbow and forearm stay while the rest of the body walks on."""
+    """Without the forearm's and hand's markers, elbow and forearm stay while the rest of the body
+    walks on.
+    """
     model, markers = walk
     bodies = {one.name: one.body for one in model.markers}
     lost = tuple(
-        name for name in markers.names if bodies.get(name) in ("ulna_r", "radius_r", "hand_r") or name == "R.Elbow"
+        name
+        for name in markers.names
+        if bodies.get(name) in ("ulna_r", "radius_r", "hand_r") or name == "R.Elbow"
     )
     assert len(lost) >= 2
     found = followed(model, markers, lost)
-    elbow, hip = (model.coordinate_names.index(name) for name in ("elbow_flex_r", "hip_flexion_r"))
+    elbow = model.coordinate_names.index("elbow_flex_r")
+    hip = model.coordinate_names.index("hip_flexion_r")
     # Once the jump is given back, nothing moves it.
     settled = found[HIDDEN.start + 15 : HIDDEN.stop]
     assert np.ptp(settled[:, elbow]) < np.deg2rad(0.5)
     assert np.ptp(settled[:, hip]) > np.deg2rad(1.0)
 
 
-def test_without_any_marker_the_body_is_held_and_found_again_without_a_jump(walk: tuple[Model, Markers]) -> None:
+def test_without_any_marker_the_body_is_held_and_found_again_without_a_jump(
+    walk: tuple[Model, Markers],
+) -> None:
     model, markers = walk
     free = followed(model, markers, (), slice(0, 0))
     found = followed(model, markers)
     held = found[HIDDEN.start - 1]
     np.testing.assert_array_equal(found[HIDDEN], np.tile(held, (HIDDEN.stop - HIDDEN.start, 1)))
     np.testing.assert_allclose(found[HIDDEN.stop], held, atol=1e-9)
-    assert np.abs(np.diff(found[HIDDEN.stop :], axis=0)).max() < 0.5 * np.abs(found[HIDDEN.stop + 20] - held).max()
+    assert (
+        np.abs(np.diff(found[HIDDEN.stop :], axis=0)).max()
+        < 0.5 * np.abs(found[HIDDEN.stop + 20] - held).max()
+    )
     apart = np.abs(free[HIDDEN.stop] - held).max()
-    np.testing.assert_allclose(found[-1], free[-1], atol=2.0 * left(len(free) - 1 - HIDDEN.stop) * apart)
+    np.testing.assert_allclose(
+        found[-1], free[-1], atol=2.0 * left(len(free) - 1 - HIDDEN.stop) * apart
+    )
 
 
-def test_a_marker_that_flickers_moves_the_body_by_less_than_the_marker_does(walk: tuple[Model, Markers]) -> None:
+def test_a_marker_that_flickers_moves_the_body_by_less_than_the_marker_does(
+    walk: tuple[Model, Markers],
+) -> None:
     """Hidden in every second frame: the pose stays between that with the marker and that without."""
     model, markers = walk
     free = followed(model, markers, (), slice(0, 0))

@@ -1,4 +1,6 @@
-"""Synergies: mixtures of few courses come back, and a channel that is missing for a while does no harm."""
+"""Synergies: mixtures of few courses come back, and a channel that is missing for a while does no
+harm.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def test_as_many_as_were_mixed(mixed):
 
 
 def test_what_factors_leave_is_orthogonal_to_what_they_explain(mixed):
-    """As of any least-squares fit of which a multiple fits no better: of the data, <D - H V, H V> = 0."""
+    """As of any least-squares fit of which a multiple fits no better: of the data, <D - H V, H V> =
+    0.
+    """
     rng = np.random.default_rng(0)
     for data in (mixed[2], rng.random((60, 5))):
         for count in (1, 2):
@@ -46,14 +50,16 @@ def test_what_factors_leave_is_orthogonal_to_what_they_explain(mixed):
 
 def test_units_of_a_channel_make_no_difference(mixed):
     _, _, envelopes = mixed
-    one, other = find_synergies(NAMES, envelopes), find_synergies(NAMES, envelopes * np.array([1, 10, 1, 0.1, 1, 5]))
+    one = find_synergies(NAMES, envelopes)
+    other = find_synergies(NAMES, envelopes * np.array([1, 10, 1, 0.1, 1, 5]))
     np.testing.assert_allclose(one.vectors, other.vectors, atol=1e-6)
 
 
 def test_a_channel_that_is_missing_is_left_out(mixed):
     _, _, envelopes = mixed
     found = find_synergies(NAMES, envelopes, explained=0.99)
-    whole, broken = found.courses(envelopes), envelopes.copy()
+    whole = found.courses(envelopes)
+    broken = envelopes.copy()
     broken[50:80, 1] = np.nan
     broken[10] = np.nan
     some = found.courses(broken)
@@ -68,12 +74,20 @@ def test_activations_of_muscles_that_nobody_measured(mixed):
     found = find_synergies(NAMES, envelopes, explained=0.99)
     weights = np.array([[0.4, 0.0], [0.0, 3.0]])
     one = SynergyWeights(found, ("x", "y"), weights)
-    calibration = EmgCalibration(NAMES, np.full(6, 0.1), np.ones(6), np.zeros(6), synergies=(one,))
+    calibration = EmgCalibration(
+        channels=NAMES,
+        delays=np.full(6, 0.1),
+        gains=np.ones(6),
+        offsets=np.zeros(6),
+        synergies=(one,),
+    )
     told = calibration.extrapolated(Emg(time, NAMES, envelopes), time)
     assert told.names == ("x", "y")
     wanted = np.clip(found.courses(envelopes) @ weights.T, 0.0, 1.0)
     np.testing.assert_allclose(
-        told.values[20:], np.array([np.interp(time[20:] - 0.1, time, column) for column in wanted.T]).T, atol=0.08
+        told.values[20:],
+        np.array([np.interp(time[20:] - 0.1, time, column) for column in wanted.T]).T,
+        atol=0.08,
     )
     assert np.nanmax(told.values) == 1.0
     assert np.isnan(told.values[0]).all()

@@ -1,4 +1,6 @@
-"""Angles that give the same pose: a floating root has no bounds, and a ball joint keeps to one of two triples."""
+"""Angles that give the same pose: a floating root has no bounds, and a ball joint keeps to one of
+two triples.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,12 @@ from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.motion import ik
 from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    inverse_kinematics,
+    pose_problem,
+    tracked_markers,
+)
 from myomorph.motion.starts import nearest_turns
 from myomorph.motion.turns import (
     floating_coordinates,
@@ -38,9 +45,15 @@ def bounded_walker():
     """The walker with a root that may turn by 90 degrees and stand within 5 m."""
     model = walker()
     coordinates = [
-        replace(one, clamped=True, range=(-5.0, 5.0) if one.motion == "translational" else (-np.pi / 2, np.pi / 2))
-        if one.name in ROOT
-        else one
+        (
+            replace(
+                one,
+                clamped=True,
+                range=(-5.0, 5.0) if one.motion == "translational" else (-np.pi / 2, np.pi / 2),
+            )
+            if one.name in ROOT
+            else one
+        )
         for one in model.coordinates
     ]
     return replace(model, coordinates=tuple(coordinates))
@@ -65,9 +78,26 @@ def recorded(model, turn: float, x: float) -> tuple[Markers, Motion]:
 def test_the_floating_root_is_found_and_a_hinge_is_not():
     model = walker()
     assert set(floating_coordinates(model)) == set(ROOT)
-    hinge = replace(model.joints[0], axes=(Axis("rotation", np.eye(3)[2], linear(1.0), ("root_rz",)),))
+    hinge = replace(
+        model.joints[0],
+        axes=(
+            Axis(
+                kind="rotation", vector=np.eye(3)[2], function=linear(1.0), coordinates=("root_rz",)
+            ),
+        ),
+    )
     assert floating_coordinates(replace(model, joints=(hinge, *model.joints[1:]))) == ()
-    sled = replace(model.joints[0], axes=(Axis("translation", np.eye(3)[0], linear(1.0), ("root_tx",)),))
+    sled = replace(
+        model.joints[0],
+        axes=(
+            Axis(
+                kind="translation",
+                vector=np.eye(3)[0],
+                function=linear(1.0),
+                coordinates=("root_tx",),
+            ),
+        ),
+    )
     assert floating_coordinates(replace(model, joints=(sled, *model.joints[1:]))) == ()
 
 
@@ -102,8 +132,12 @@ def test_of_all_angles_of_a_rotation_the_nearest_to_the_reference_are_taken():
     other[turning] = 0.3 + np.pi, np.pi + 0.2, 3.0 - np.pi
     before = forward_kinematics(tree, np.array([pose, other])).rotations
     np.testing.assert_allclose(before[0], before[1], atol=1e-12)
-    np.testing.assert_allclose(nearest_turns(tree, turning, other, pose)[turning], pose[turning], atol=1e-12)
-    np.testing.assert_allclose(nearest_turns(tree, turning, pose, other)[turning], other[turning], atol=1e-12)
+    np.testing.assert_allclose(
+        nearest_turns(tree, turning, other, pose)[turning], pose[turning], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        nearest_turns(tree, turning, pose, other)[turning], other[turning], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("degrees", [90.0, 180.0, -90.0])
@@ -112,11 +146,15 @@ def test_a_walk_along_another_axis_has_the_same_joint_angles(data, degrees):
     markers = read_trc(data("knee-implant-walk/walk1.trc")).markers
     markers = replace(markers, time=markers.time[:40], values=markers.values[:40])
     angle = np.radians(degrees)
-    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    turn = np.array(
+        [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    )
     straight = inverse_kinematics(model, markers).motion
     turned = inverse_kinematics(model, replace(markers, values=markers.values @ turn.T)).motion
     inner = [i for i, name in enumerate(straight.names) if not name.startswith("pelvis")]
-    np.testing.assert_allclose(turned.values[:, inner], straight.values[:, inner], atol=np.radians(0.01))
+    np.testing.assert_allclose(
+        turned.values[:, inner], straight.values[:, inner], atol=np.radians(0.01)
+    )
 
 
 STILL = Transform.identity()
@@ -125,14 +163,35 @@ NAMES = ("flexion", "adduction", "rotation")
 
 def arm(reach: float = np.pi) -> Model:
     """An arm on a shoulder of three hinges, each free within a reach to either side."""
-    axes = tuple(Axis("rotation", np.eye(3)[k], linear(1.0), (name,)) for k, name in zip((2, 0, 1), NAMES, strict=True))
+    axes = tuple(
+        Axis(kind="rotation", vector=np.eye(3)[k], function=linear(1.0), coordinates=(name,))
+        for k, name in zip((2, 0, 1), NAMES, strict=True)
+    )
     coordinates = tuple(Coordinate(name, range=(-reach, reach), clamped=True) for name in NAMES)
     places = ((0.0, -0.3, 0.0), (0.05, -0.2, 0.0), (0.0, -0.1, 0.06), (-0.04, -0.25, 0.03))
     return Model(
         name="arm",
         gravity=np.array([0.0, -9.81, 0.0]),
-        bodies=(Body("humerus", mass=2.0, mass_center=np.array([0.0, -0.15, 0.0]), inertia=0.01 * np.eye(3)),),
-        joints=(Joint("shoulder", "CustomJoint", GROUND, "humerus", STILL, STILL, axes, NAMES),),
+        bodies=(
+            Body(
+                "humerus",
+                mass=2.0,
+                mass_center=np.array([0.0, -0.15, 0.0]),
+                inertia=0.01 * np.eye(3),
+            ),
+        ),
+        joints=(
+            Joint(
+                name="shoulder",
+                kind="CustomJoint",
+                parent=GROUND,
+                child="humerus",
+                parent_frame=STILL,
+                child_frame=STILL,
+                axes=axes,
+                coordinates=NAMES,
+            ),
+        ),
         coordinates=coordinates,
         markers=tuple(Marker(f"m{i}", "humerus", np.array(one)) for i, one in enumerate(places)),
     )
@@ -146,8 +205,11 @@ def through_the_side() -> np.ndarray:
 
 def problem_of(model: Model, frames: int):
     """What inverse kinematics solves for frames of a model, whatever the markers are."""
-    markers = Markers(np.arange(frames) * 0.01, model.marker_names, np.zeros((frames, len(model.markers), 3)))
-    options, tree = InverseKinematicsOptions(), compile_tree(model)
+    markers = Markers(
+        np.arange(frames) * 0.01, model.marker_names, np.zeros((frames, len(model.markers), 3))
+    )
+    options = InverseKinematicsOptions()
+    tree = compile_tree(model)
     return tree, pose_problem(tree, *tracked_markers(model, markers, options), options)
 
 
@@ -157,12 +219,15 @@ def branched(model: Model, values: np.ndarray) -> np.ndarray:
 
 
 def test_stretches_on_the_other_branch_come_back_to_the_one_of_the_first_frame():
-    model, true = arm(2.0 * np.pi), through_the_side()
+    model = arm(2.0 * np.pi)
+    true = through_the_side()
     given = true.copy()
     for part in (slice(16, 32), slice(48, 64)):
         given[part] = [other_branch(one) for one in true[part]]
     given[40] = np.nan
-    rotations = [forward_kinematics(compile_tree(model), one[16:32]).rotations for one in (true, given)]
+    rotations = [
+        forward_kinematics(compile_tree(model), one[16:32]).rotations for one in (true, given)
+    ]
     np.testing.assert_allclose(*rotations, atol=1e-12)
     seen = np.isfinite(given).all(axis=1)
     np.testing.assert_allclose(branched(model, given)[seen], true[seen], atol=1e-12)
@@ -177,7 +242,8 @@ def test_angles_that_would_leave_their_bounds_stay():
 
 
 def test_inverse_kinematics_that_begins_a_stretch_on_the_other_branch_does_not_jump(monkeypatch):
-    model, true = arm(), through_the_side()
+    model = arm()
+    true = through_the_side()
     motion = Motion(np.arange(80) * 0.01, NAMES, true)
     poses = forward_kinematics(compile_tree(model), true)
     places = poses.points(np.ones(4, int), np.array([one.location for one in model.markers]))
@@ -202,28 +268,45 @@ def test_two_triples_of_angles_about_any_axes_are_one_rotation(last):
     axes = np.array([(0.0, 0.0, 1.0), (0.6, 0.8, 0.0), np.array(last) / np.linalg.norm(last)])
 
     def rotation(angles: np.ndarray) -> np.ndarray:
-        return np.linalg.multi_dot([axis_rotation(axis, angle) for axis, angle in zip(axes, angles, strict=True)])
+        return np.linalg.multi_dot(
+            [axis_rotation(axis, angle) for axis, angle in zip(axes, angles, strict=True)]
+        )
 
     for angles in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3)):
         other = other_angles(angles, axes)
         np.testing.assert_allclose(rotation(other), rotation(angles), atol=1e-12)
         assert np.abs(nearest_turn(other, angles) - angles).max() > 0.1
-        np.testing.assert_allclose(nearest_turn(other_angles(other, axes), angles), angles, atol=1e-9)
+        np.testing.assert_allclose(
+            nearest_turn(other_angles(other, axes), angles), angles, atol=1e-9
+        )
 
 
 def test_stretches_on_the_other_branch_come_back_where_axes_are_not_perpendicular():
     model = arm(2.0 * np.pi)
-    tilted = Axis("rotation", np.array([0.6, 0.0, 0.8]), linear(1.0), ("adduction",))
-    joint = replace(model.joints[0], axes=(model.joints[0].axes[0], tilted, model.joints[0].axes[2]))
+    tilted = Axis(
+        kind="rotation",
+        vector=np.array([0.6, 0.0, 0.8]),
+        function=linear(1.0),
+        coordinates=("adduction",),
+    )
+    joint = replace(
+        model.joints[0], axes=(model.joints[0].axes[0], tilted, model.joints[0].axes[2])
+    )
     true = 0.3 * through_the_side()
     turned = true.copy()
-    turned[20:50] = [other_angles(angles, np.array([axis.vector for axis in joint.axes])) for angles in true[20:50]]
+    turned[20:50] = [
+        other_angles(angles, np.array([axis.vector for axis in joint.axes]))
+        for angles in true[20:50]
+    ]
     np.testing.assert_allclose(branched(replace(model, joints=(joint,)), turned), true, atol=1e-9)
 
 
 def free(model: Model) -> Model:
     """The model without bounds of angles."""
-    turning = [replace(one, clamped=one.clamped and one.motion != "rotational") for one in model.coordinates]
+    turning = [
+        replace(one, clamped=one.clamped and one.motion != "rotational")
+        for one in model.coordinates
+    ]
     return replace(model, coordinates=tuple(turning))
 
 
@@ -234,7 +317,9 @@ def test_angles_go_on_on_the_nearest_turn_after_a_gap_and_stay_within_bounds():
     found = of_one_turn(*problem_of(free(arm()), 8), given)
     np.testing.assert_allclose(found[:, 0], angle, atol=1e-12)
     np.testing.assert_array_equal(found[:, 1:], 0.0)
-    np.testing.assert_allclose(of_one_turn(*problem_of(arm(2.5 * np.pi), 8), given)[:, 0], angle, atol=1e-12)
+    np.testing.assert_allclose(
+        of_one_turn(*problem_of(arm(2.5 * np.pi), 8), given)[:, 0], angle, atol=1e-12
+    )
     # 6 rad are beyond the bounds: nothing moves.
     np.testing.assert_array_equal(of_one_turn(*problem_of(arm(), 8), given)[:, 0], given[:, 0])
 
@@ -244,7 +329,9 @@ def test_a_whole_turn_and_another_branch_at_once_come_back():
     given = through_the_side()[:20]
     turned = given.copy()
     turned[8:12, 2] -= 2.0 * np.pi
-    turned[12:16] = [other_branch(one) for one in given[12:16]] + 2.0 * np.pi * np.array([1.0, 0.0, -1.0])
+    turned[12:16] = [other_branch(one) for one in given[12:16]] + 2.0 * np.pi * np.array(
+        [1.0, 0.0, -1.0]
+    )
     np.testing.assert_allclose(branched(model, turned), given, atol=1e-12)
 
 
@@ -252,9 +339,12 @@ def test_a_whole_turn_and_another_branch_at_once_come_back():
 def test_without_bounds_a_motion_in_chunks_has_no_turns_and_its_torques_are_those_of_one(seed):
     """Simulated markers with errors of 1 mm: stretches of frames are solved from poses found apart."""
     model = free(stick_figure())
-    tree, rng = compile_tree(model), np.random.default_rng(seed)
+    tree = compile_tree(model)
+    rng = np.random.default_rng(seed)
     time = 0.01 * np.arange(200)
-    phase = 2.0 * np.pi * time[:, None] * rng.uniform(0.3, 1.0, len(tree.defaults)) + rng.uniform(0.0, 6.0)
+    phase = 2.0 * np.pi * time[:, None] * rng.uniform(0.3, 1.0, len(tree.defaults)) + rng.uniform(
+        0.0, 6.0
+    )
     poses = forward_kinematics(tree, tree.defaults + 0.5 * np.sin(phase))
     bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
     places = poses.points(bodies, np.array([marker.location for marker in model.markers]))

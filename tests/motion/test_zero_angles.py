@@ -1,4 +1,6 @@
-"""What fixes the zero of angles: laws of the gauge, the symmetry of the mean posture, static trials, unequal legs."""
+"""What fixes the zero of angles: laws of the gauge, the symmetry of the mean posture, static
+trials, unequal legs.
+"""
 
 from dataclasses import replace
 
@@ -36,7 +38,9 @@ def walk(model: Model, frames: int = 40, noise: float = 2e-3) -> Markers:
         if name.startswith("tibia"):
             q[:, j] = -0.6 + 0.4 * np.sin(phase + late)
         elif name.startswith(("femur", "foot")):
-            q[:, j] = (0.35 if name.endswith("r0") else 0.1) * np.sin(phase + late + len(name) + j % 2 * 0.3)
+            q[:, j] = (0.35 if name.endswith("r0") else 0.1) * np.sin(
+                phase + late + len(name) + j % 2 * 0.3
+            )
         elif name.startswith("torso"):
             q[:, j] = 0.1 * np.sin(phase)
     left = [names.index(name.replace("_r_", "_l_")) for name in names if "_r_" in name]
@@ -46,14 +50,19 @@ def walk(model: Model, frames: int = 40, noise: float = 2e-3) -> Markers:
     bodies = np.array([tree.body_index[one.body] for one in model.markers])
     places = poses.points(bodies, np.array([one.location for one in model.markers]))
     rng = np.random.default_rng(1)
-    return Markers(np.arange(frames) / 50.0, model.marker_names, places + noise * rng.normal(size=places.shape))
+    return Markers(
+        np.arange(frames) / 50.0, model.marker_names, places + noise * rng.normal(size=places.shape)
+    )
 
 
 def with_turned_foot(model: Model, angle: float, axis: int = 2) -> Model:
     """The right foot's markers turned about its flexion axis, or another one."""
     turn = axis_rotation(np.eye(3)[axis], angle)
     return model.with_markers(
-        tuple(replace(one, location=turn @ one.location) if one.body == "foot_r" else one for one in model.markers)
+        tuple(
+            replace(one, location=turn @ one.location) if one.body == "foot_r" else one
+            for one in model.markers
+        )
     )
 
 
@@ -68,15 +77,21 @@ def test_turned_markers_turn_the_angle_and_leave_the_error():
     """The gauge: no recording of markers alone can tell a turned foot from a turned zero."""
     model = stick_figure()
     markers = walk(model)
-    turned = with_turned_foot(model, TURN, axis=0)  # about the last axis of the ankle, so that no other angle changes
+    # about the last axis of the ankle, so that no other angle changes
+    turned = with_turned_foot(model, TURN, axis=0)
     fits = [inverse_kinematics(one, markers, InverseKinematicsOptions()) for one in (model, turned)]
-    np.testing.assert_allclose(fits[1].errors, fits[0].errors, atol=1e-5)  # IK settles to a micrometer
+    # IK settles to a micrometer
+    np.testing.assert_allclose(fits[1].errors, fits[0].errors, atol=1e-5)
     j = fits[0].motion.names.index("foot_r_r1")
-    np.testing.assert_allclose(fits[1].motion.values[:, j], fits[0].motion.values[:, j] - TURN, atol=1e-4)
+    np.testing.assert_allclose(
+        fits[1].motion.values[:, j], fits[0].motion.values[:, j] - TURN, atol=1e-4
+    )
 
 
 def test_symmetry_of_the_mean_posture_picks_among_them():
-    """A person whose right foot's markers are turned against the model: symmetry sees it where marker places do not."""
+    """A person whose right foot's markers are turned against the model: symmetry sees it where
+    marker places do not.
+    """
     generic = stick_figure()
     markers = walk(with_turned_foot(generic, TURN))
     apart = []
@@ -97,7 +112,8 @@ def test_uneven_recordings_have_no_row():
     even = inverse_kinematics(model, walk(model), InverseKinematicsOptions()).motion.values
     rows = symmetric_posture(tree, free, [even], 0.07)
     assert "tibia_r_r0 - tibia_l_r0" in rows.names
-    # Mirrored, adduction and rotation change their sign in this model, whose axes are the same on both sides.
+    # Mirrored, adduction and rotation change their sign in this model, whose axes are the same on
+    # both sides.
     assert "femur_r_r1 + femur_l_r1" in rows.names
     assert {"torso_r1", "torso_r2"} <= set(rows.names)
     assert "torso_r0" not in rows.names
@@ -108,17 +124,22 @@ def test_uneven_recordings_have_no_row():
 
 def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, np.ndarray]:
     """The problem of these frames, its unknowns on the model as it is, and the frames' angles."""
-    lengths, names = lengths_of(model), model.marker_names
+    lengths = lengths_of(model)
+    names = model.marker_names
     tree = compile_tree(model)
     fit = inverse_kinematics(model, markers, InverseKinematicsOptions())
     unknowns = len(lengths) + 3 * len(names) + 1
     still = np.zeros(len(tree.defaults))
     problem = SharedProblem(
-        model, lengths, stretch_of(model, lengths, names),
-        pose_problem(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
-        (FrameSet(markers.values, np.tile(still, (len(markers), 1)), still),),
-        Prior(np.eye(unknowns), np.zeros(unknowns)), tree.defaults, 1e-10,
-    )  # fmt: skip
+        model=model,
+        lengths=lengths,
+        stretch=stretch_of(model, lengths, names),
+        pose=pose_problem(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
+        sets=(FrameSet(markers.values, np.tile(still, (len(markers), 1)), still),),
+        prior=Prior(np.eye(unknowns), np.zeros(unknowns)),
+        posture=tree.defaults,
+        posture_weight=1e-10,
+    )
     x = np.zeros(unknowns)
     x[: len(lengths)] = 1.0
     return problem, x, fit.motion.values
@@ -126,26 +147,34 @@ def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, n
 
 def test_slopes_of_mean_angles_are_differences():
     model = stick_figure()
-    lengths, names = lengths_of(model), model.marker_names
+    lengths = lengths_of(model)
+    names = model.marker_names
     problem, x, angles = shared(model, walk(model, frames=8))
     rng = np.random.default_rng(2)
-    way = np.concatenate([0.01 * rng.normal(size=len(lengths)), 1e-3 * rng.normal(size=3 * len(names)), [0.0]])
+    way = np.concatenate(
+        [0.01 * rng.normal(size=len(lengths)), 1e-3 * rng.normal(size=3 * len(names)), [0.0]]
+    )
     ends = [settle(problem, x + h * way, [angles], 1e-4) for h in (-0.5, 0.5)]
     means = [end.angles[0].mean(axis=0) for end in ends]
-    # Residuals of 2 mm over 0.1 m bend the minimum by a few percent: the slopes leave their second derivatives out.
+    # Residuals of 2 mm over 0.1 m bend the minimum by a few percent: the slopes leave their second
+    # derivatives out.
     slopes = angle_slopes(problem, settle(problem, x, [angles], 1e-4)).mean @ way
     np.testing.assert_allclose(slopes, means[1] - means[0], atol=0.03 * np.abs(slopes).max())
 
 
 def test_sliding_skin_adds_the_spread_of_its_gradients():
-    """One frame: each slide of each segment, put into the markers, moves gradient and angles by what is stated."""
+    """One frame: each slide of each segment, put into the markers, moves gradient and angles by
+    what is stated.
+    """
     model = stick_figure()
     markers = walk(model, frames=1, noise=0.0)
     problem, x, angles = shared(model, markers)
     at = settle(problem, x, [angles], 1e-4)
-    shift, turn = 1e-4, 1e-3
+    shift = 1e-4
+    turn = 1e-3
     poses = forward_kinematics(compile_tree(model), at.angles[0])
-    bodies, places = problem.pose.markers.body, problem.placed(x)
+    bodies = problem.pose.markers.body
+    places = problem.placed(x)
     before = reduce(problem, at).g
     moves = []
     for body in np.unique(bodies):
@@ -157,17 +186,24 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
                 observed[0, of] += move @ poses.rotations[0, body].T
                 slid = replace(problem, sets=(replace(problem.sets[0], observed=observed),))
                 there = settle(slid, x, [at.angles[0]], 1e-4)
-                moves.append(np.concatenate([reduce(slid, there).g - before, (there.angles[0] - at.angles[0])[0]]))
+                moves.append(
+                    np.concatenate(
+                        [reduce(slid, there).g - before, (there.angles[0] - at.angles[0])[0]]
+                    )
+                )
     expected = np.array(moves).T @ np.array(moves)
     found = sliding(problem, at, shift, turn, 1)
     for part in (slice(None, len(x)), slice(len(x), None)):
-        np.testing.assert_allclose(found[part, part], expected[part, part], atol=0.03 * expected[part, part].max())
+        np.testing.assert_allclose(
+            found[part, part], expected[part, part], atol=0.03 * expected[part, part].max()
+        )
 
 
 def test_intervals_without_skin_have_no_slides():
     model = stick_figure()
     found = [
-        calibrate(model, [walk(model)], CalibrationOptions(frames=12, slide_sd=sd)).lengths for sd in (None, 0.005, 0.0)
+        calibrate(model, [walk(model)], CalibrationOptions(frames=12, slide_sd=sd)).lengths
+        for sd in (None, 0.005, 0.0)
     ]
     sd = np.array([[one.sd for one in lengths] for lengths in found])
     np.testing.assert_array_equal(sd[0], sd[1])
@@ -182,9 +218,12 @@ def test_a_static_trial_comes_first():
     pose = {"foot_r_r0": 0.0, "foot_l_r0": 0.0}
     alone = calibrate(model, [walk(model)], CalibrationOptions(frames=12))
     known = calibrate(
-        model, [walk(model)], CalibrationOptions(frames=12, static=still, static_pose=pose, static_sd=0.01)
+        model,
+        [walk(model)],
+        CalibrationOptions(frames=12, static=still, static_pose=pose, static_sd=0.01),
     )
-    before, after = ({one.coordinate: one for one in found.zero_angles} for found in (alone, known))
+    before = {one.coordinate: one for one in alone.zero_angles}
+    after = {one.coordinate: one for one in known.zero_angles}
     for name in pose:
         assert before[name].source != STATIC
         assert after[name].source == STATIC
@@ -197,7 +236,9 @@ def test_a_static_trial_comes_first():
 
 @pytest.mark.parametrize(("longer", "differs"), [(0.0, False), (0.09, True)])
 def test_unequal_legs_are_found_and_named(longer, differs):
-    """Right thigh and shank 9 % longer, skin noise of 5 mm: lengths within 6 mm, and one line says so."""
+    """Right thigh and shank 9 % longer, skin noise of 5 mm: lengths within 6 mm, and one line says
+    so.
+    """
     model = stick_figure()
     person = with_unequal_legs(model, longer)
     found = calibrate(model, [walk(person, noise=5e-3)])
@@ -205,7 +246,9 @@ def test_unequal_legs_are_found_and_named(longer, differs):
     for one in found.lengths:
         if one.length.along and one.length.segment.startswith(("femur", "tibia")):
             true = 1.0 + longer * one.length.segment.endswith("_r")
-            assert one.factor * one.length.extent == pytest.approx(true * one.length.extent, abs=6e-3)
+            assert one.factor * one.length.extent == pytest.approx(
+                true * one.length.extent, abs=6e-3
+            )
 
 
 def test_segments_with_few_markers_and_unknown_names_are_said():
@@ -215,10 +258,15 @@ def test_segments_with_few_markers_and_unknown_names_are_said():
     found = calibrate(model, [replace(markers, names=renamed)], CalibrationOptions(frames=8))
     note = next(note for note in found.notes if "fewer than 3" in note)
     assert all(part in note for part in ("foot_r (foot_r0, foot_r1)", "foot_r2", "strange"))
-    assert not any("fewer than 3" in note for note in calibrate(model, [markers], CalibrationOptions(frames=8)).notes)
+    assert not any(
+        "fewer than 3" in note
+        for note in calibrate(model, [markers], CalibrationOptions(frames=8)).notes
+    )
 
 
-def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_bones_have_them(monkeypatch):
+def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_bones_have_them(
+    monkeypatch,
+):
     model = stick_figure()
     moving = walk(model)
     still = Markers(moving.time[:5], moving.names, np.repeat(moving.values[:1], 5, axis=0))
@@ -228,7 +276,8 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     monkeypatch.setattr("myomorph.motion.body.zero_angles.FAR", -10.0)
     assert not calibrate(model, [moving], options).warnings[0].mended
     monkeypatch.setattr("myomorph.motion.body.zero_angles.REFUTED", -10.0)
-    mended, alone = calibrate(model, [moving], options), calibrate(model, [], options)
+    mended = calibrate(model, [moving], options)
+    alone = calibrate(model, [], options)
     assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
     assert mended.warnings[0].mended
     (warning,) = calibrate(model, [moving], replace(options, static=None)).warnings

@@ -1,4 +1,6 @@
-"""A model in MuJoCo: joints, masses, lengths, moment arms and torques are the model's, and the file gives it back."""
+"""A model in MuJoCo: joints, masses, lengths, moment arms and torques are the model's, and the file
+gives it back.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def test_joints_of_mujoco_move_the_paths_as_the_models_do(name, data):
     coordinates, _ = poses_over_ranges(model, POSES)
     lengths = compile_paths(model).evaluate(coordinates)[0]
     np.testing.assert_allclose(
-        compile_paths(jointed).evaluate(in_copy(jointed, model, coordinates))[0], lengths, atol=1e-12
+        compile_paths(jointed).evaluate(in_copy(jointed, model, coordinates))[0],
+        lengths,
+        atol=1e-12,
     )
 
 
@@ -63,9 +67,14 @@ def test_lengths_and_moment_arms_are_certified(gait):
     assert 0 < len(beyond) <= 9
     # Hips that turn by 120 degrees to all sides: the path's point holds on both sides there.
     wide = ("iliacus", "psoas")
-    assert all(one.length < TOLERANCE for one in certificate.differences if not one.muscle.startswith(wide))
+    assert all(
+        one.length < TOLERANCE for one in certificate.differences if not one.muscle.startswith(wide)
+    )
     worst = max(beyond, key=lambda one: max(one.length, one.arm))
-    assert f"'{worst.muscle}', length by {1e3 * worst.length:.2f} mm at {worst.length_at[0]}" in certificate.lines[0]
+    assert (
+        f"'{worst.muscle}', length by {1e3 * worst.length:.2f} mm at {worst.length_at[0]}"
+        in certificate.lines[0]
+    )
 
 
 def test_masses_and_torques_are_the_models(gait):
@@ -76,20 +85,29 @@ def test_masses_and_torques_are_the_models(gait):
 
 
 def test_torques_of_the_copy_are_those_of_the_model(gait):
-    """The generalized force of a coordinate is that of its axis and of those that follow it, by virtual work."""
+    """The generalized force of a coordinate is that of its axis and of those that follow it, by
+    virtual work.
+    """
     model, path, _ = gait
     copied = mujoco_model(model)[0]
     coordinates, _ = poses_over_ranges(model, POSES)
     coordinates = coordinates[-POSES:]
     speeds, accelerations = np.random.default_rng(3).standard_normal((2, *coordinates.shape))
     time = np.arange(POSES, dtype=np.float64)
-    motion = Motion(time, model.coordinate_names, coordinates, speeds, accelerations)
+    motion = Motion(
+        time=time,
+        names=model.coordinate_names,
+        values=coordinates,
+        velocities=speeds,
+        accelerations=accelerations,
+    )
     ours = inverse_dynamics(model, motion).values
     copy = MujocoCopy(path, copied)
     there = in_copy(copied, model, coordinates)
     rates = np.zeros((2, *there.shape))
     columns = [copied.coordinate_names.index(name) for name in model.coordinate_names]
-    rates[0][:, columns], rates[1][:, columns] = speeds, accelerations
+    rates[0][:, columns] = speeds
+    rates[1][:, columns] = accelerations
     full = Motion(time, copied.coordinate_names, there, *rates)
     values = motion_arrays(compile_tree(copied), full)
     theirs = dict(zip(copy.simple, copy.generalized_forces(*values).T, strict=True))
@@ -107,13 +125,18 @@ def test_muscles_of_mujoco_pull_as_those_that_were_fitted(gait):
     fitted = replace(model, muscles=mujoco_muscles(model))
     random = np.random.default_rng(4)
     shape = 50, len(model.muscles)
-    fiber, slack = (np.array([getattr(muscle, name) for muscle in fitted.muscles]) for name in FIBER_AND_TENDON)
-    lengths, speeds = slack + fiber * random.uniform(0.4, 1.7, shape), fiber * random.uniform(-8.0, 8.0, shape)
+    fiber, slack = (
+        np.array([getattr(muscle, name) for muscle in fitted.muscles]) for name in FIBER_AND_TENDON
+    )
+    lengths = slack + fiber * random.uniform(0.4, 1.7, shape)
+    speeds = fiber * random.uniform(-8.0, 8.0, shape)
     ours = hill_forces(fitted, lengths, speeds)
     active, passive = MujocoCopy(path, mujoco_joints(model)).muscle_forces(lengths, speeds)
     np.testing.assert_allclose(active, ours.active, atol=1e-6)
     np.testing.assert_allclose(passive, ours.passive, atol=1e-6)
-    assert any("differ by up to" in line and "where they move" in line for line in certificate.lines)
+    assert any(
+        "differ by up to" in line and "where they move" in line for line in certificate.lines
+    )
 
 
 def test_the_file_gives_the_model_back(gait):
@@ -126,7 +149,9 @@ def test_the_file_gives_the_model_back(gait):
         model.marker_names,
     )
     assert [muscle.kind for muscle in back.muscles] == [muscle.kind for muscle in model.muscles]
-    assert [muscle.parameters for muscle in back.muscles] == [muscle.parameters for muscle in model.muscles]
+    assert [muscle.parameters for muscle in back.muscles] == [
+        muscle.parameters for muscle in model.muscles
+    ]
     for ours, theirs in zip(model.bodies, back.bodies, strict=True):
         assert ours.mass == theirs.mass
         np.testing.assert_array_equal(ours.inertia, theirs.inertia)
@@ -143,13 +168,19 @@ def test_an_edited_file_is_read_as_mujoco_has_it(gait, tmp_path):
     back = mm.read_model(edited)
     assert {muscle.kind for muscle in back.muscles} == {"mujoco"}
     assert back.mass == pytest.approx(model.mass, abs=1e-7)
-    assert {coupler.independents[0] for coupler in back.couplers} == {"knee_angle_r", "knee_angle_l"}
+    assert {coupler.independents[0] for coupler in back.couplers} == {
+        "knee_angle_r",
+        "knee_angle_l",
+    }
     coordinates, _ = poses_over_ranges(model, POSES)
     there = np.tile([coordinate.default for coordinate in back.coordinates], (len(coordinates), 1))
     for i, name in enumerate(model.coordinate_names):
         there[:, back.coordinate_names.index(name)] = coordinates[:, i]
     order = [back.muscle_names.index(name) for name in model.muscle_names]
-    off = np.abs(compile_paths(back).evaluate(there)[0][:, order] - compile_paths(model).evaluate(coordinates)[0])
+    off = np.abs(
+        compile_paths(back).evaluate(there)[0][:, order]
+        - compile_paths(model).evaluate(coordinates)[0]
+    )
     within = [one.within and one.share == 1.0 for one in certificate.differences]
     assert off[:, within].max() < TOLERANCE
 
@@ -168,16 +199,34 @@ def test_a_spline_is_held_by_a_cam(tmp_path):
     """A slide that follows a hinge by a spline stays on it."""
     x = np.linspace(-2.0, 0.2, 9)
     spline = simm_spline(x, 0.005 * np.random.default_rng(1).standard_normal(9))
-    body = Body("shank", 3.0, np.array([0.0, -0.2, 0.0]), np.diag([0.05, 0.01, 0.05]))
+    body = Body(
+        name="shank",
+        mass=3.0,
+        mass_center=np.array([0.0, -0.2, 0.0]),
+        inertia=np.diag([0.05, 0.01, 0.05]),
+    )
     axes = (
-        Axis("translation", np.eye(3)[0], spline, ("knee",)),
-        Axis("rotation", np.eye(3)[2], linear(1.0), ("knee",)),
+        Axis(kind="translation", vector=np.eye(3)[0], function=spline, coordinates=("knee",)),
+        Axis(kind="rotation", vector=np.eye(3)[2], function=linear(1.0), coordinates=("knee",)),
     )
     joint = Joint(
-        "joint", "CustomJoint", "ground", "shank", Transform.identity(), Transform.identity(), axes, ("knee",)
+        name="joint",
+        kind="CustomJoint",
+        parent="ground",
+        child="shank",
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+        axes=axes,
+        coordinates=("knee",),
     )
     knee = Coordinate("knee", range=(-2.0, 0.2))
-    model = Model("leg", (body,), (joint,), (knee,), np.array([0.0, -9.81, 0.0]))
+    model = Model(
+        name="leg",
+        bodies=(body,),
+        joints=(joint,),
+        coordinates=(knee,),
+        gravity=np.array([0.0, -9.81, 0.0]),
+    )
     path = tmp_path / "leg.xml"
     assert mm.write_mjcf(model, path).torque < 1e-6
     copied, cams, _ = mujoco_model(model)
@@ -207,20 +256,34 @@ def test_an_axis_that_moves_by_two_coordinates_is_refused(data):
 def test_a_coordinate_that_follows_another_by_a_line_needs_no_cam():
     joints = tuple(
         Joint(
-            name,
-            "PinJoint",
-            "ground",
-            f"body_{name}",
-            Transform.identity(),
-            Transform.identity(),
-            (Axis("rotation", np.eye(3)[2], linear(1.0), (name,)),),
-            (name,),
+            name=name,
+            kind="PinJoint",
+            parent="ground",
+            child=f"body_{name}",
+            parent_frame=Transform.identity(),
+            child_frame=Transform.identity(),
+            axes=(
+                Axis(
+                    kind="rotation", vector=np.eye(3)[2], function=linear(1.0), coordinates=(name,)
+                ),
+            ),
+            coordinates=(name,),
         )
         for name in ("a", "b")
     )
-    bodies = tuple(Body(joint.child, 1.0, np.zeros(3), np.eye(3)) for joint in joints)
-    coupler = Coupler("follow", "b", linear(2.0, 0.1), ("a",))
-    model = Model("two", bodies, joints, (Coordinate("a"), Coordinate("b")), np.zeros(3), couplers=(coupler,))
+    bodies = tuple(
+        Body(name=joint.child, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
+        for joint in joints
+    )
+    coupler = Coupler(name="follow", dependent="b", function=linear(2.0, 0.1), independents=("a",))
+    model = Model(
+        name="two",
+        bodies=bodies,
+        joints=joints,
+        coordinates=(Coordinate("a"), Coordinate("b")),
+        gravity=np.zeros(3),
+        couplers=(coupler,),
+    )
     assert cams_of(mujoco_joints(model)) == ((), ())
 
 

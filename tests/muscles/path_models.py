@@ -9,7 +9,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 QUADRANTS = ("all", "+x", "-x", "+y", "-y", "+z", "-z")
-SIZES = {"cylinder": (0.12, 0.5), "sphere": (0.12,), "ellipsoid": (0.08, 0.12, 0.16), "torus": (0.05, 0.15)}
+SIZES = {
+    "cylinder": (0.12, 0.5),
+    "sphere": (0.12,),
+    "ellipsoid": (0.08, 0.12, 0.16),
+    "torus": (0.05, 0.15),
+}
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,9 @@ def opensim_model(opensim, ways: tuple[Way, ...], folder: Path):
     document = ElementTree.parse(path)
     ranges = {way.name: [surface.range for surface in way.surfaces] for way in ways}
     for muscle in document.iter("Thelen2003Muscle"):
-        for used, (first, last) in zip(muscle.iter("PathWrap"), ranges.get(muscle.get("name", ""), ()), strict=False):
+        for used, (first, last) in zip(
+            muscle.iter("PathWrap"), ranges.get(muscle.get("name", ""), ()), strict=False
+        ):
             for old in used.findall("range"):
                 used.remove(old)
             ElementTree.SubElement(used, "range").text = f"{first} {last}"

@@ -1,4 +1,6 @@
-"""A new muscle model is one file (`winters_muscle.py`) and one line in the table of classes; all else follows."""
+"""A new muscle model is one file (`winters_muscle.py`) and one line in the table of classes; all
+else follows.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ KIND = "Winters1995Muscle"
 
 @pytest.fixture
 def arm(data, monkeypatch):
-    """OpenSim's arm with muscles of the new class, its motion and torques; the first line registers the class."""
+    """OpenSim's arm with muscles of the new class, its motion and torques; the first line registers
+    the class.
+    """
     monkeypatch.setitem(MODELS, KIND, "tests.muscles.winters_muscle:Winters1995")
     model = read_osim(data("opensim-reference-small/arm26_bounds.osim"))
     muscles = (replace(muscle, kind=KIND, parameters={"width": 0.5}) for muscle in model.muscles)
@@ -33,7 +37,11 @@ def arm(data, monkeypatch):
     whole = differentiate(motion_from_table(table, model), 6.0)
     keep = slice(0, 80, 2)
     motion = Motion(
-        whole.time[keep], whole.names, whole.values[keep], whole.velocities[keep], whole.accelerations[keep]
+        time=whole.time[keep],
+        names=whole.names,
+        values=whole.values[keep],
+        velocities=whole.velocities[keep],
+        accelerations=whole.accelerations[keep],
     )
     return model, motion, inverse_dynamics(model, motion)
 
@@ -48,20 +56,33 @@ def test_forces_on_rigid_tendons_follow_its_formulas(arm):
             along = paths.lengths[:, m] - muscle.tendon_slack_length
             x = np.hypot(along, height) / muscle.optimal_fiber_length
             cosine = along / np.hypot(along, height)
-            v = paths.velocities[:, m] * cosine / muscle.optimal_fiber_length / muscle.max_contraction_velocity
+            v = (
+                paths.velocities[:, m]
+                * cosine
+                / muscle.optimal_fiber_length
+                / muscle.max_contraction_velocity
+            )
             k = (1.0 + 1.0 / 0.3) / 0.4
-            factor = np.where(v < 0.0, (1.0 + v) / (1.0 - v / 0.3), (1.0 + 1.4 * k * v) / (1.0 + k * v))
-            active = muscle.max_isometric_force * np.exp(-(((x - 1.0) / 0.5) ** 2)) * factor * cosine
+            factor = np.where(
+                v < 0.0, (1.0 + v) / (1.0 - v / 0.3), (1.0 + 1.4 * k * v) / (1.0 + k * v)
+            )
+            active = (
+                muscle.max_isometric_force * np.exp(-(((x - 1.0) / 0.5) ** 2)) * factor * cosine
+            )
             passive = np.maximum(np.expm1(4.0 * (x - 1.0) / 0.6) / np.expm1(4.0), 0.0) * cosine
             assert along.min() > 0.0
             np.testing.assert_allclose(forces.active[:, m], active, rtol=1e-12)
-            np.testing.assert_allclose(forces.passive[:, m], muscle.max_isometric_force * passive, atol=1e-9)
+            np.testing.assert_allclose(
+                forces.passive[:, m], muscle.max_isometric_force * passive, atol=1e-9
+            )
 
 
 def test_tensions_are_found_with_rigid_tendons_and_with_elastic_ones(arm):
     model, motion, torques = arm
     rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"))
-    forces = hill_forces(model, *(lambda paths: (paths.lengths, paths.velocities))(muscle_kinematics(model, motion)))
+    forces = hill_forces(
+        model, *(lambda paths: (paths.lengths, paths.velocities))(muscle_kinematics(model, motion))
+    )
     assert rigid.optimal.all()
     np.testing.assert_allclose(rigid.forces, rigid.activations * forces.active, atol=1e-6)
     elastic = solve_tension(model, motion, torques, TensionOptions(tendons="elastic", passive=True))

@@ -34,12 +34,17 @@ def strung(model, ends):
     rng = np.random.default_rng(8)
     muscles = tuple(
         Muscle(
-            f"m{i}",
-            "Thelen2003Muscle",
-            Path(tuple(PathPoint(f"p{k}", body, 0.2 * rng.normal(size=3)) for k, body in enumerate(pair))),
-            100.0,
-            0.1,
-            0.1,
+            name=f"m{i}",
+            kind="Thelen2003Muscle",
+            path=Path(
+                tuple(
+                    PathPoint(f"p{k}", body, 0.2 * rng.normal(size=3))
+                    for k, body in enumerate(pair)
+                )
+            ),
+            max_isometric_force=100.0,
+            optimal_fiber_length=0.1,
+            tendon_slack_length=0.1,
         )
         for i, pair in enumerate(ends)
     )
@@ -51,17 +56,26 @@ def poses_of(values, names):
 
 
 def test_crank_arm_is_the_slope_of_length_along_the_linkage():
-    model = strung(four_bar(), [("ground", "coupler_bar"), ("crank_bar", "rocker_bar"), ("ground", "rocker_bar")])
+    model = strung(
+        four_bar(),
+        [("ground", "coupler_bar"), ("crank_bar", "rocker_bar"), ("ground", "rocker_bar")],
+    )
     turn = np.linspace(0.3, 1.5, 5)
-    arms = muscle_kinematics(model, poses_of(four_bar_angles(turn), model.coordinate_names), velocities=False)
-    paths, step = compile_paths(model), 1e-5
+    arms = muscle_kinematics(
+        model, poses_of(four_bar_angles(turn), model.coordinate_names), velocities=False
+    )
+    paths = compile_paths(model)
+    step = 1e-5
     lengths = [paths.evaluate(four_bar_angles(turn + sign * step))[0] for sign in (1, -1)]
     angles = [four_bar_angles(turn + sign * step) for sign in (1, -1)]
     slope = (lengths[0] - lengths[1]) / (2 * step)
     rates = (angles[0] - angles[1]) / (2 * step)
-    # One degree of freedom: the arm about each coordinate is the slope of length per slope of that coordinate.
+    # One degree of freedom: the arm about each coordinate is the slope of length per slope of that
+    # coordinate.
     for j in range(3):
-        np.testing.assert_allclose(arms.moment_arms[:, :, j], -slope / rates[:, j, None], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(
+            arms.moment_arms[:, :, j], -slope / rates[:, j, None], rtol=1e-6, atol=1e-8
+        )
 
 
 @pytest.mark.parametrize("functional", [False, True])
@@ -69,12 +83,15 @@ def test_virtual_work_along_the_closed_motion(functional):
     model, start = looped_tree(3, functional=functional)
     bodies = model.body_names
     model = strung(model, [(bodies[i], bodies[-1 - i]) for i in range(4)])
-    tree, paths = compile_tree(model), compile_paths(model)
+    tree = compile_tree(model)
+    paths = compile_paths(model)
     rng = np.random.default_rng(2)
     near = start + 0.02 * rng.normal(size=(2, len(start)))
     couple_frames(tree.arrays, near)
     c = close_loops(tree, near)
-    arms = muscle_kinematics(model, poses_of(c, model.coordinate_names), velocities=False).moment_arms
+    arms = muscle_kinematics(
+        model, poses_of(c, model.coordinate_names), velocities=False
+    ).moment_arms
     step = 1e-5
     for group in loop_groups(tree):
         couplings = loop_couplings(tree, group, c)
@@ -115,7 +132,9 @@ def test_a_follower_of_a_loop_belongs_to_it():
         model,
         joints=(replace(joint, axes=(axis,), coordinates=("crank", "half")), *model.joints[1:]),
         coordinates=(*model.coordinates, Coordinate("half")),
-        couplers=(Coupler("gear", "half", linear(0.5), ("crank",)),),
+        couplers=(
+            Coupler(name="gear", dependent="half", function=linear(0.5), independents=("crank",)),
+        ),
     )
     (group,) = loop_groups(compile_tree(model))
     assert group.coordinates.tolist() == [0, 1, 2, 3]
@@ -124,7 +143,9 @@ def test_a_follower_of_a_loop_belongs_to_it():
     turn = np.array([0.5, 0.9])
     angles = four_bar_angles(turn)
     values = np.column_stack([2 * angles[:, 0], angles[:, 1:], angles[:, 0]])
-    arms = muscle_kinematics(model, poses_of(values, model.coordinate_names), velocities=False).moment_arms[:, 0]
+    arms = muscle_kinematics(
+        model, poses_of(values, model.coordinate_names), velocities=False
+    ).moment_arms[:, 0]
     np.testing.assert_allclose(arms[:, 3], 2.0 * arms[:, 0])
 
 
@@ -134,7 +155,9 @@ def test_files_and_values_agree(data):
     motion = motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/SHRUG01.mot")), model)
     tree = compile_tree(model)
     values = tree.coordinates_of(motion)[::150]
-    dense = muscle_kinematics(model, poses_of(values, model.coordinate_names), velocities=False).moment_arms
+    dense = muscle_kinematics(
+        model, poses_of(values, model.coordinate_names), velocities=False
+    ).moment_arms
     reported = ReportedPaths(model)
     still = poses_of(values, model.coordinate_names)
     found = reported.evaluate(replace(still, velocities=np.zeros_like(values)), slice(None))[2]
@@ -145,13 +168,17 @@ def test_files_and_values_agree(data):
 
 
 def trusted(model, theirs, state, name):
-    """Whether OpenSim's forces of a muscle fit its length: neither a moving point beside one of its own body, nor
-    two surfaces at once, whose points it places in ground as they were before the last round."""
+    """Whether OpenSim's forces of a muscle fit its length: neither a moving point beside one of its
+    own body, nor two surfaces at once, whose points it places in ground as they were before the
+    last round.
+    """
     points = model.muscle(name).path.points
     if any(isinstance(point, MovingPathPoint) for point in points):
         return False
     path = theirs.getMuscles().get(name).getGeometryPath().getCurrentPath(state)
-    wrapped = sum(path.get(i).getConcreteClassName() == "PathWrapPoint" for i in range(path.getSize()))
+    wrapped = sum(
+        path.get(i).getConcreteClassName() == "PathWrapPoint" for i in range(path.getSize())
+    )
     return wrapped <= 2
 
 
@@ -163,7 +190,9 @@ def test_opensim_has_the_same_arms(name, data):
     tree = compile_tree(model)
     motion = motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/FLX01.mot")), model)
     values = close_loops(tree, tree.coordinates_of(motion)[[100, 400]])
-    arms = muscle_kinematics(model, poses_of(values, model.coordinate_names), velocities=False).moment_arms
+    arms = muscle_kinematics(
+        model, poses_of(values, model.coordinate_names), velocities=False
+    ).moment_arms
     theirs = opensim.Model(str(data(name)))
     state = theirs.initSystem()
     named = theirs.getCoordinateSet()
@@ -176,18 +205,24 @@ def test_opensim_has_the_same_arms(name, data):
             if not trusted(model, theirs, state, muscle):
                 continue
             path = theirs.getMuscles().get(muscle).getGeometryPath()
-            expected = [path.computeMomentArm(state, named.get(one)) for one in model.coordinate_names]
+            expected = [
+                path.computeMomentArm(state, named.get(one)) for one in model.coordinate_names
+            ]
             np.testing.assert_allclose(arms[frame, i], expected, atol=1e-9)
             compared += 1
     assert compared > 50
 
 
 def test_a_locked_coordinate_stays_but_for_its_own_arm(data):
-    """As OpenSim where it is asked first; asked for a locked coordinate once, it leaves that one free ever after."""
+    """As OpenSim where it is asked first; asked for a locked coordinate once, it leaves that one
+    free ever after.
+    """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
     model = read_osim(data(SHOULDERS[1]))
-    locked = tuple(replace(one, locked=one.locked or one.name == "clav_prot") for one in model.coordinates)
+    locked = tuple(
+        replace(one, locked=one.locked or one.name == "clav_prot") for one in model.coordinates
+    )
     model = replace(model, coordinates=locked)
     theirs = opensim.Model(str(data(SHOULDERS[1])))
     theirs.updCoordinateSet().get("clav_prot").set_locked(True)

@@ -1,4 +1,6 @@
-"""Fibers on elastic tendons with derivatives: against finite differences, and against the curves used elsewhere."""
+"""Fibers on elastic tendons with derivatives: against finite differences, and against the curves
+used elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ def factors_of(kind: str, x: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(values, 3) f_L, f_PE and f_V of a class."""
     muscle = model(kind).muscles[0]
     curves = muscle_model(muscle).curves(muscle)
-    return np.stack([curves.active(x), curves.passive(x), np.maximum(curves.velocity(v), 0.0)], axis=1)
+    return np.stack(
+        [curves.active(x), curves.passive(x), np.maximum(curves.velocity(v), 0.0)], axis=1
+    )
 
 
 @kernel
@@ -37,9 +41,21 @@ def _stretch_jets(E, f, out):
 def model(kind: str, count: int = 1) -> Model:
     """Muscles of one class, pennate, of different sizes."""
     muscles = tuple(
-        Muscle(f"m{i}", kind, Path(()), 500.0, 0.05 + 0.002 * i, 0.1 + 0.01 * i, 0.01 * i, 10.0) for i in range(count)
+        Muscle(
+            name=f"m{i}",
+            kind=kind,
+            path=Path(()),
+            max_isometric_force=500.0,
+            optimal_fiber_length=0.05 + 0.002 * i,
+            tendon_slack_length=0.1 + 0.01 * i,
+            pennation_at_optimal=0.01 * i,
+            max_contraction_velocity=10.0,
+        )
+        for i in range(count)
     )
-    return Model("muscles", (), (), (), np.zeros(3), muscles=muscles)
+    return Model(
+        name="muscles", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3), muscles=muscles
+    )
 
 
 def arrays(kind: str, count: int = 1, passive: bool = True):
@@ -48,9 +64,15 @@ def arrays(kind: str, count: int = 1, passive: bool = True):
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind):
-    """Slopes of the pull over length, speed and activation, their slopes, and both slopes of a tendon's stretch."""
-    E, rng, h = arrays(kind), np.random.default_rng(0), 1e-6
-    at = np.stack([rng.uniform(0.6, 1.4, 200), rng.uniform(-3.0, 3.0, 200), rng.uniform(0.05, 0.95, 200)])
+    """Slopes of the pull over length, speed and activation, their slopes, and both slopes of a
+    tendon's stretch.
+    """
+    E = arrays(kind)
+    rng = np.random.default_rng(0)
+    h = 1e-6
+    at = np.stack(
+        [rng.uniform(0.6, 1.4, 200), rng.uniform(-3.0, 3.0, 200), rng.uniform(0.05, 0.95, 200)]
+    )
     scale = np.array([E.hill.fiber[0], E.hill.fiber[0], 1.0])
 
     def of(x, u, a):
@@ -58,7 +80,8 @@ def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind
         _pulls(E, x * scale[0], u * scale[1], a, out)
         return out
 
-    told, over = of(*at), []
+    told = of(*at)
+    over = []
     for step in h * np.eye(3):
         over.append((of(*(at + step[:, None])) - of(*(at - step[:, None]))) / (2.0 * h))
     x, u, a = (one / size for one, size in zip(over, scale, strict=True))
@@ -80,13 +103,17 @@ def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind
 def test_what_fibers_pull_with_is_what_their_curves_say(kind):
     E = arrays(kind)
     rng = np.random.default_rng(1)
-    x, v, a = rng.uniform(0.6, 1.5, 200), rng.uniform(-0.6, 0.6, 200), rng.uniform(0.3, 1.0, 200)
+    x = rng.uniform(0.6, 1.5, 200)
+    v = rng.uniform(-0.6, 0.6, 200)
+    a = rng.uniform(0.3, 1.0, 200)
     kappa = 1.0 - E.slowed[0] * (1.0 - a)
     v *= kappa
-    # Outside of where corners of Thelen's curves are rounded; how much that changes is a test of its own.
+    # Outside of where corners of Thelen's curves are rounded; how much that changes is a test of
+    # its own.
     v = np.where(np.abs(v / kappa) < 0.02, 0.02 * kappa, v)
     x = np.where(np.abs(x - 1.0) < TAKEN_UP, 1.0 + TAKEN_UP, x)
-    factors, out = factors_of(kind, x, v / kappa), np.empty((200, 10))
+    factors = factors_of(kind, x, v / kappa)
+    out = np.empty((200, 10))
     _pulls(E, x * E.hill.fiber[0], v * E.hill.speed[0], a, out)
     expected = a * factors[:, 0] * factors[:, 2] + factors[:, 1] + E.damping[0] * v
     pulling = expected > 0.05
@@ -95,13 +122,17 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
 
 
 def test_where_thelens_passive_force_sets_in_it_is_rounded_by_a_thousandth():
-    E, x = arrays("Thelen2003Muscle"), np.linspace(1.0 - 1.5 * TAKEN_UP, 1.0 + 1.5 * TAKEN_UP, 300)
-    factors, out = factors_of("Thelen2003Muscle", x, np.full(300, 0.1)), np.empty((300, 10))
+    E = arrays("Thelen2003Muscle")
+    x = np.linspace(1.0 - 1.5 * TAKEN_UP, 1.0 + 1.5 * TAKEN_UP, 300)
+    factors = factors_of("Thelen2003Muscle", x, np.full(300, 0.1))
+    out = np.empty((300, 10))
     _pulls(E, x * E.hill.fiber[0], np.full(300, 0.1 * E.hill.speed[0]), np.ones(300), out)
     left = out[:, 0] - factors[:, 0] * factors[:, 2] - factors[:, 1] - TONE - FLOOR
     assert 1e-4 < np.abs(left).max() < 1e-3
-    # No step in the slope any more: neighbors differ by a small part of the slope with which the curve begins.
-    steps, begins = np.abs(np.diff(out[:, 1])), (factors[-1, 1] - factors[-2, 1]) / (x[-1] - x[-2]) / E.hill.fiber[0]
+    # No step in the slope any more: neighbors differ by a small part of the slope with which the
+    # curve begins.
+    steps = np.abs(np.diff(out[:, 1]))
+    begins = (factors[-1, 1] - factors[-2, 1]) / (x[-1] - x[-2]) / E.hill.fiber[0]
     assert steps.max() < 0.1 * begins
 
 
@@ -117,7 +148,22 @@ def test_the_stretch_of_a_tendon_is_the_inverse_of_its_force(kind):
 
 def test_a_tendon_that_the_model_calls_rigid_is_not_elastic():
     muscle = Muscle(
-        "m", "Millard2012EquilibriumMuscle", Path(()), 1.0, 0.1, 0.1, parameters={"ignore_tendon_compliance": 1.0}
+        name="m",
+        kind="Millard2012EquilibriumMuscle",
+        path=Path(()),
+        max_isometric_force=1.0,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.1,
+        parameters={"ignore_tendon_compliance": 1.0},
     )
     assert not has_elastic_tendon(muscle)
-    assert not has_elastic_tendon(Muscle("r", "RigidTendonMuscle", Path(()), 1.0, 0.1, 0.1))
+    assert not has_elastic_tendon(
+        Muscle(
+            name="r",
+            kind="RigidTendonMuscle",
+            path=Path(()),
+            max_isometric_force=1.0,
+            optimal_fiber_length=0.1,
+            tendon_slack_length=0.1,
+        )
+    )

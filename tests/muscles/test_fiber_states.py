@@ -1,4 +1,6 @@
-"""Fibers and elastic tendons: balance of forces and powers, equilibrium, and the rigid tendon as a limit."""
+"""Fibers and elastic tendons: balance of forces and powers, equilibrium, and the rigid tendon as a
+limit.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +25,36 @@ def one_muscle(kind, pennation=0.2, **parameters):
     """A model of one muscle from the ground to a block that slides."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
     muscle = Muscle("m", kind, path, pennation_at_optimal=pennation, parameters=parameters, **SIZES)
-    axis = Axis("translation", np.array([1.0, 0, 0]), linear(1.0), ("x",))
-    joint = Joint(
-        "slider", "SliderJoint", "ground", "block", Transform.identity(), Transform.identity(), (axis,), ("x",)
+    axis = Axis(
+        kind="translation", vector=np.array([1.0, 0, 0]), function=linear(1.0), coordinates=("x",)
     )
-    body = Body("block", 1.0, np.zeros(3), np.eye(3))
-    return Model("sliding", (body,), (joint,), (Coordinate("x", "translational"),), np.zeros(3), muscles=(muscle,))
+    joint = Joint(
+        name="slider",
+        kind="SliderJoint",
+        parent="ground",
+        child="block",
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+        axes=(axis,),
+        coordinates=("x",),
+    )
+    body = Body(name="block", mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
+    return Model(
+        name="sliding",
+        bodies=(body,),
+        joints=(joint,),
+        coordinates=(Coordinate("x", "translational"),),
+        gravity=np.zeros(3),
+        muscles=(muscle,),
+    )
 
 
 def states_of(kind, activation=0.4):
     """States of the muscle that are not in balance."""
     last = "normalized_tendon_force" if kind.startswith("DeGroote") else "fiber_length"
-    values = np.linspace(0.1, 0.9, 11) if kind.startswith("DeGroote") else np.linspace(0.075, 0.1, 11)
+    values = (
+        np.linspace(0.1, 0.9, 11) if kind.startswith("DeGroote") else np.linspace(0.075, 0.1, 11)
+    )
     return {("m", "activation"): np.full(11, activation), ("m", last): values}
 
 
@@ -43,8 +63,12 @@ def test_fibers_pull_what_the_tendon_pulls(kind):
     found, _ = fiber_states(one_muscle(kind), LENGTHS, SPEEDS, states_of(kind))
     along = found.fiber_force * np.cos(found.pennation)
     np.testing.assert_allclose(along, found.tendon_force, rtol=1e-9, atol=1e-6)
-    np.testing.assert_allclose(found.active_force + found.passive_force, found.fiber_force, rtol=1e-9, atol=1e-6)
-    np.testing.assert_allclose(found.fiber_length * np.cos(found.pennation) + found.tendon_length, LENGTHS, atol=1e-12)
+    np.testing.assert_allclose(
+        found.active_force + found.passive_force, found.fiber_force, rtol=1e-9, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        found.fiber_length * np.cos(found.pennation) + found.tendon_length, LENGTHS, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("kind", ELASTIC)
@@ -56,8 +80,11 @@ def test_powers_of_fibers_and_tendon_are_the_muscles(kind):
 
 @pytest.mark.parametrize("kind", ELASTIC)
 def test_equilibrium_stands_still_where_the_path_does(kind):
-    model, rest = one_muscle(kind), np.zeros_like(LENGTHS)
-    found, states = fiber_states(model, LENGTHS, rest, {("m", "activation"): np.full(11, 0.5)}, balanced=True)
+    model = one_muscle(kind)
+    rest = np.zeros_like(LENGTHS)
+    found, states = fiber_states(
+        model, LENGTHS, rest, {("m", "activation"): np.full(11, 0.5)}, balanced=True
+    )
     assert found.in_balance.all()
     assert np.abs(found.normalized_velocity).max() < 1e-6
     again, _ = fiber_states(model, LENGTHS, rest, states)
@@ -66,24 +93,35 @@ def test_equilibrium_stands_still_where_the_path_does(kind):
 
 
 def test_thelens_fibers_move_at_the_speed_of_his_formula():
-    """Thelen 2003, eq. 3 (passive force), 4 (active force and length), 6 and 7 (speed), of the tendon's force."""
-    a, af, most = 0.4, 0.25, 1.4
+    """Thelen 2003, eq. 3 (passive force), 4 (active force and length), 6 and 7 (speed), of the
+    tendon's force.
+    """
+    a = 0.4
+    af = 0.25
+    most = 1.4
     lengths = np.linspace(0.295, 0.312, 11)[:, None]
-    found, _ = fiber_states(one_muscle("Thelen2003Muscle"), lengths, SPEEDS, states_of("Thelen2003Muscle", a))
+    found, _ = fiber_states(
+        one_muscle("Thelen2003Muscle"), lengths, SPEEDS, states_of("Thelen2003Muscle", a)
+    )
     x = found.fiber_length / SIZES["optimal_fiber_length"]
     pull = found.tendon_force / SIZES["max_isometric_force"] / np.sqrt(1.0 - (np.sin(0.2) / x) ** 2)
     passive = np.where(x > 1.0, np.expm1(5.0 * (x - 1.0) / 0.6) / np.expm1(5.0), 0.0)
-    isometric, force = a * np.exp(-((x - 1.0) ** 2) / 0.45), pull - passive
+    isometric = a * np.exp(-((x - 1.0) ** 2) / 0.45)
+    force = pull - passive
     lengthening = (2.0 + 2.0 / af) * (isometric * most - force) / (most - 1.0)
     b = np.where(force <= isometric, isometric + force / af, lengthening)
     inside = (force > 0.0) & (force < 0.95 * most * isometric)
     assert np.count_nonzero(inside & (passive > 0.003)) >= 3
     speeds = (0.25 + 0.75 * a) * (force - isometric) / b
-    np.testing.assert_allclose(found.normalized_velocity[inside], speeds[inside], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        found.normalized_velocity[inside], speeds[inside], rtol=1e-6, atol=1e-9
+    )
 
 
 def test_a_rigid_tendon_gives_the_rigid_tendons_forces():
-    model = one_muscle("Millard2012EquilibriumMuscle", ignore_tendon_compliance=1.0, fiber_damping=0.0)
+    model = one_muscle(
+        "Millard2012EquilibriumMuscle", ignore_tendon_compliance=1.0, fiber_damping=0.0
+    )
     found, _ = fiber_states(model, LENGTHS, SPEEDS, {("m", "activation"): np.full(11, 0.3)})
     rigid = hill_forces(model, LENGTHS, SPEEDS)
     np.testing.assert_allclose(found.tendon_force, 0.3 * rigid.active + rigid.passive, rtol=1e-9)
@@ -91,9 +129,15 @@ def test_a_rigid_tendon_gives_the_rigid_tendons_forces():
 
 
 def test_stiff_tendons_come_near_rigid_ones():
-    """A tendon of 1 % of the usual strain: forces of the equilibrium at rest within 1 % of the rigid tendon's."""
-    stiff = one_muscle("Millard2012EquilibriumMuscle", **{"TendonForceLengthCurve/strain_at_one_norm_force": 4.9e-4})
-    rest, states = np.zeros_like(LENGTHS), {("m", "activation"): np.full(11, 0.5)}
+    """A tendon of 1 % of the usual strain: forces of the equilibrium at rest within 1 % of the
+    rigid tendon's.
+    """
+    stiff = one_muscle(
+        "Millard2012EquilibriumMuscle",
+        **{"TendonForceLengthCurve/strain_at_one_norm_force": 4.9e-4},
+    )
+    rest = np.zeros_like(LENGTHS)
+    states = {("m", "activation"): np.full(11, 0.5)}
     found, _ = fiber_states(stiff, LENGTHS, rest, states, balanced=True)
     rigid = hill_forces(stiff, LENGTHS, rest)
     np.testing.assert_allclose(found.tendon_force, 0.5 * rigid.active + rigid.passive, rtol=0.01)
@@ -121,8 +165,12 @@ def test_fibers_on_a_rigid_tendon_pull_most_at_their_optimal_length(activation):
     stretched = np.linspace(0.6, 1.4, 9)
     lengths = (SIZES["tendon_slack_length"] + SIZES["optimal_fiber_length"] * stretched)[:, None]
     given = {("m", "activation"): np.full(9, activation)}
-    found, _ = fiber_states(one_muscle("RigidTendonMuscle", 0.0), lengths, np.zeros_like(lengths), given)
-    np.testing.assert_allclose(found.fiber_length[:, 0], SIZES["optimal_fiber_length"] * stretched, rtol=1e-12)
+    found, _ = fiber_states(
+        one_muscle("RigidTendonMuscle", 0.0), lengths, np.zeros_like(lengths), given
+    )
+    np.testing.assert_allclose(
+        found.fiber_length[:, 0], SIZES["optimal_fiber_length"] * stretched, rtol=1e-12
+    )
     shares = found.active_force[:, 0] / (activation * SIZES["max_isometric_force"])
     assert shares[4] == pytest.approx(1.0, rel=2e-2)
     assert (np.diff(shares[:5]) > 0.0).all()
@@ -134,7 +182,9 @@ def test_millards_fiber_moves_at_the_speed_whose_force_is_left():
     muscle = one_muscle("Millard2012EquilibriumMuscle").muscles[0]
     model = muscle_model(muscle)
     pull = np.linspace(0.05, 1.2, 12)
-    v, f_v = model.balancing_velocity(muscle, np.full(12, 0.6), np.full(12, 0.9), np.full(12, 0.1), pull)
+    v, f_v = model.balancing_velocity(
+        muscle, np.full(12, 0.6), np.full(12, 0.9), np.full(12, 0.1), pull
+    )
     assert v.min() < -0.1
     assert v.max() > 0.1
     left = 0.6 * 0.9 * f_v + model.fiber_damping(muscle) * v + 0.1 - pull

@@ -22,12 +22,28 @@ SPEEDS = np.concatenate([np.linspace(-1.1, 1.1, 43), rng.uniform(-0.5, 0.5, 20)]
 
 def sliding_model(*muscles: Muscle) -> Model:
     """A body on a slider and muscles from the ground to it."""
-    axis = Axis("translation", np.array([1.0, 0, 0]), linear(1.0), ("x",))
-    joint = Joint(
-        "slider", "SliderJoint", "ground", "block", Transform.identity(), Transform.identity(), (axis,), ("x",)
+    axis = Axis(
+        kind="translation", vector=np.array([1.0, 0, 0]), function=linear(1.0), coordinates=("x",)
     )
-    body = Body("block", 1.0, np.zeros(3), np.eye(3))
-    return Model("sliding", (body,), (joint,), (Coordinate("x", "translational"),), np.zeros(3), muscles=muscles)
+    joint = Joint(
+        name="slider",
+        kind="SliderJoint",
+        parent="ground",
+        child="block",
+        parent_frame=Transform.identity(),
+        child_frame=Transform.identity(),
+        axes=(axis,),
+        coordinates=("x",),
+    )
+    body = Body(name="block", mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
+    return Model(
+        name="sliding",
+        bodies=(body,),
+        joints=(joint,),
+        coordinates=(Coordinate("x", "translational"),),
+        gravity=np.zeros(3),
+        muscles=muscles,
+    )
 
 
 CLASS_DEFAULTS = {
@@ -47,7 +63,14 @@ CLASS_DEFAULTS = {
 def muscle(kind: str, pennation: float = 0.0, **parameters: float) -> Muscle:
     """A muscle of the class at its default parameters but for those given."""
     path = Path((PathPoint("a", "ground", np.zeros(3)), PathPoint("b", "block", np.zeros(3))))
-    return Muscle(kind + f"{pennation}", kind, path, pennation_at_optimal=pennation, parameters=parameters, **SIZES)
+    return Muscle(
+        kind + f"{pennation}",
+        kind,
+        path,
+        pennation_at_optimal=pennation,
+        parameters=parameters,
+        **SIZES,
+    )
 
 
 def opensim_muscle(kind: str, pennation: float):
@@ -93,7 +116,9 @@ def evaluate(model, state, length: float, speed: float) -> None:
 @pytest.mark.parametrize("kind", OPENSIM_KINDS)
 def test_active_force_is_that_of_opensims_static_optimization(kind, pennation):
     model, other, state = opensim_muscle(kind, pennation)
-    ours = hill_forces(sliding_model(muscle(kind, pennation)), LENGTHS[:, None], SPEEDS[:, None], "opensim")
+    ours = hill_forces(
+        sliding_model(muscle(kind, pennation)), LENGTHS[:, None], SPEEDS[:, None], "opensim"
+    )
     theirs = np.empty(len(LENGTHS))
     for i, (length, speed) in enumerate(zip(LENGTHS, SPEEDS, strict=True)):
         evaluate(model, state, length, speed)
@@ -102,7 +127,9 @@ def test_active_force_is_that_of_opensims_static_optimization(kind, pennation):
         # Beyond the maximum velocity OpenSim's curve goes below zero; a muscle does not push.
         theirs = np.maximum(theirs, 0.0)
     # OpenSim stops its own iterations at 0.01 N (deprecated classes) and 1e-6 (Thelen's velocity).
-    tolerance = 0.05 if kind.endswith("Deprecated") else 1e-2 if kind == "Thelen2003Muscle" else 1e-7
+    tolerance = (
+        0.05 if kind.endswith("Deprecated") else 1e-2 if kind == "Thelen2003Muscle" else 1e-7
+    )
     np.testing.assert_allclose(ours.active[:, 0], theirs, rtol=0, atol=tolerance)
     assert np.ptp(theirs) > 500.0
 
@@ -113,7 +140,8 @@ def test_rigid_tendon_forces_are_those_of_opensims_muscle_dynamics(kind):
     lengths = 0.21 + 0.09 * np.linspace(0.35, 1.5, 40)
     speeds = np.linspace(-0.7, 0.7, 40)
     ours = hill_forces(sliding_model(muscle(kind, 0.35)), lengths[:, None], speeds[:, None])
-    active, passive = np.empty(40), np.empty(40)
+    active = np.empty(40)
+    passive = np.empty(40)
     for i, (length, speed) in enumerate(zip(lengths, speeds, strict=True)):
         evaluate(model, state, length, speed)
         model.realizeDynamics(state)
@@ -126,7 +154,9 @@ def test_rigid_tendon_forces_are_those_of_opensims_muscle_dynamics(kind):
 
 def test_passive_force_of_thelens_muscle_follows_its_formula():
     lengths = 0.21 + 0.09 * np.array([0.5, 1.0, 1.3, 1.6])
-    ours = hill_forces(sliding_model(muscle("Thelen2003Muscle")), lengths[:, None], np.zeros((4, 1)))
+    ours = hill_forces(
+        sliding_model(muscle("Thelen2003Muscle")), lengths[:, None], np.zeros((4, 1))
+    )
     expected = [0.0, 0.0, (np.exp(5 * 0.3 / 0.6) - 1) / (np.exp(5) - 1), 1.0]
     np.testing.assert_allclose(ours.passive[:, 0] / 950.0, expected, atol=1e-12)
 
@@ -135,8 +165,11 @@ def test_passive_force_of_thelens_muscle_follows_its_formula():
 def test_every_class_pulls_with_its_maximum_isometric_force_at_optimal_length(kind):
     pennation = 0.0 if kind == "mujoco" else 0.3
     length = 0.21 + 0.09 * np.cos(pennation)
-    ours = hill_forces(sliding_model(muscle(kind, pennation)), np.array([[length]]), np.zeros((1, 1)))
-    # SIMM's generic spline peaks at 0.993 beside the optimal length, and its velocity curve passes 0.9996.
+    ours = hill_forces(
+        sliding_model(muscle(kind, pennation)), np.array([[length]]), np.zeros((1, 1))
+    )
+    # SIMM's generic spline peaks at 0.993 beside the optimal length, and its velocity curve passes
+    # 0.9996.
     assert ours.active[0, 0] == pytest.approx(950.0 * np.cos(pennation), rel=1e-2)
     assert ours.active[0, 0] * 0.0 == ours.passive[0, 0] * 0.0
 
@@ -155,26 +188,37 @@ def test_no_muscle_ever_pushes(kind):
 
 def test_mujoco_muscles_have_mujocos_gain_and_bias():
     mujoco = pytest.importorskip("mujoco")
-    low, high, force, vmax, fpmax, fvmax = 0.75, 1.05, 730.0, 1.5, 1.3, 1.2
+    low = 0.75
+    high = 1.05
+    force = 730.0
+    vmax = 1.5
+    fpmax = 1.3
+    fvmax = 1.2
     length_range = np.array([[0.24], [0.31]])
     optimal = (0.31 - 0.24) / (high - low)
-    lmin, lmax = 0.5, 1.6
-    parameters = np.array([[low], [high], [force], [200.0], [lmin], [lmax], [vmax], [fpmax], [fvmax]])
+    lmin = 0.5
+    lmax = 1.6
+    parameters = np.array(
+        [[low], [high], [force], [200.0], [lmin], [lmax], [vmax], [fpmax], [fvmax]]
+    )
     path = muscle("mujoco").path
     ours = Muscle(
-        "m",
-        "mujoco",
-        path,
-        force,
-        optimal,
-        0.24 - low * optimal,
+        name="m",
+        kind="mujoco",
+        path=path,
+        max_isometric_force=force,
+        optimal_fiber_length=optimal,
+        tendon_slack_length=0.24 - low * optimal,
         max_contraction_velocity=vmax,
         parameters={"lmin": lmin, "lmax": lmax, "fpmax": fpmax, "fvmax": fvmax},
     )
     lengths = rng.uniform(0.05, 0.55, 400)
     speeds = rng.uniform(-0.6, 0.6, 400)
     found = hill_forces(sliding_model(ours), lengths[:, None], speeds[:, None])
-    gain = [-mujoco.mju_muscleGain(a, b, length_range, 1.0, parameters) for a, b in zip(lengths, speeds, strict=True)]
+    gain = [
+        -mujoco.mju_muscleGain(a, b, length_range, 1.0, parameters)
+        for a, b in zip(lengths, speeds, strict=True)
+    ]
     bias = [-mujoco.mju_muscleBias(a, length_range, 1.0, parameters) for a in lengths]
     np.testing.assert_allclose(found.active[:, 0], gain, rtol=0, atol=1e-10)
     np.testing.assert_allclose(found.passive[:, 0], bias, rtol=0, atol=1e-10)

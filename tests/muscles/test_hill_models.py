@@ -8,7 +8,8 @@ import pytest
 from myomorph.io.osim.read import read_osim
 from myomorph.muscles.hill import hill_forces
 
-# Thelen's velocity curve is inverted by OpenSim to 1e-6, and the deprecated classes settle to 0.01 N.
+# Thelen's velocity curve is inverted by OpenSim to 1e-6, and the deprecated classes settle to 0.01
+# N.
 MODELS = {
     "rajagopal-walk-emg/subject_walk_scaled.osim": 1e-6,
     "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim": 1e-6,
@@ -36,7 +37,8 @@ def test_every_muscle_of_a_model_has_opensims_force(data, name):
         for coordinate in other.getComponentsList():
             one = opensim.Coordinate.safeDownCast(coordinate)
             if one is not None and not one.isConstrained(state):
-                low, high = one.getRangeMin(), one.getRangeMax()
+                low = one.getRangeMin()
+                high = one.getRangeMax()
                 inside = min(max(one.getDefaultValue(), low), high)
                 one.setValue(state, inside + 0.25 * rng.uniform(low - inside, high - inside), False)
                 one.setSpeedValue(state, rng.uniform(-1.0, 1.0))

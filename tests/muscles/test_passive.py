@@ -22,12 +22,17 @@ def strung():
     names = model.body_names
     muscles = tuple(
         Muscle(
-            f"m{i}",
-            "Thelen2003Muscle",
-            Path(tuple(PathPoint(f"p{k}", body, 0.2 * rng.normal(size=3)) for k, body in enumerate(pair))),
-            100.0,
-            0.1,
-            0.1,
+            name=f"m{i}",
+            kind="Thelen2003Muscle",
+            path=Path(
+                tuple(
+                    PathPoint(f"p{k}", body, 0.2 * rng.normal(size=3))
+                    for k, body in enumerate(pair)
+                )
+            ),
+            max_isometric_force=100.0,
+            optimal_fiber_length=0.1,
+            tendon_slack_length=0.1,
         )
         for i, pair in enumerate([("ground", names[9]), (names[0], names[8]), (names[2], names[7])])
     )
@@ -35,7 +40,9 @@ def strung():
 
 
 def test_viscosity_takes_the_power_of_lengthening():
-    """Every coordinate's own share times its own rate, dependent ones too, is the power of the dampers."""
+    """Every coordinate's own share times its own rate, dependent ones too, is the power of the
+    dampers.
+    """
     model, motion = strung()
     assert model.couplers
     viscosity = {"m0": 30.0, "m1": 70.0, "m2": 10.0}
@@ -50,7 +57,9 @@ def test_viscosity_takes_the_power_of_lengthening():
 def test_parts_are_left_out_by_name():
     model, motion = strung()
     free = [model.coordinate_names[j] for j in compile_tree(model).independent[:2]]
-    made = with_passive_dynamics(model, {free[0]: 0.3}, {free[1]: 2.0}, viscosity={"m0": 30.0, "m1": 70.0})
+    made = with_passive_dynamics(
+        model, {free[0]: 0.3}, {free[1]: 2.0}, viscosity={"m0": 30.0, "m1": 70.0}
+    )
     whole = passive_generalized_forces(made, motion).values
     parts = [f"passive_{free[0]}", f"passive_{free[1]}", "m0_viscosity", "m1_viscosity"]
     alone = [passive_generalized_forces(made, motion, set(parts) - {part}).values for part in parts]

@@ -33,7 +33,10 @@ def right(paths):
 
 def test_quadriceps_of_both_sides_are_found(bent) -> None:
     model, _, paths, *_ = bent
-    found = {group.knee.name: {model.muscle_names[muscle] for muscle in group.muscles} for group in extensors(paths)}
+    found = {
+        group.knee.name: {model.muscle_names[muscle] for muscle in group.muscles}
+        for group in extensors(paths)
+    }
     names = ("recfem", "vasint", "vaslat", "vasmed")
     assert found == {f"knee_{side}": {f"{name}_{side}" for name in names} for side in "rl"}
 
@@ -49,28 +52,39 @@ def test_the_arm_of_the_whole_path_is_minus_its_slope(bent) -> None:
 
 
 def test_the_tendons_arm_is_the_slope_of_its_own_part_with_a_patella_that_stays(bent) -> None:
-    """Length of the last part by finite differences of the knee, patella and thigh held: nothing of the path's code."""
+    """Length of the last part by finite differences of the knee, patella and thigh held: nothing of
+    the path's code.
+    """
     model, motion, paths, coordinates, pulls, work = bent
-    tree, group, step = paths.tree, right(paths), 1e-5
+    tree = paths.tree
+    group = right(paths)
+    step = 1e-5
     arms = tendon_arms(paths, group, coordinates, pulls, work)
     moved = Motion(motion.time, motion.names, motion.values + step)
-    before, after = (forward_kinematics(tree, tree.coordinates_of(each)) for each in (motion, moved))
+    before = forward_kinematics(tree, tree.coordinates_of(motion))
+    after = forward_kinematics(tree, tree.coordinates_of(moved))
     for column, muscle in enumerate(group.muscles):
         upper, lower = model.muscles[muscle].path.points[-2:]
         patella = before.points(np.array([tree.body_index[upper.body]]), upper.location[None])[:, 0]
         ends = [
-            each.points(np.array([tree.body_index[lower.body]]), lower.location[None])[:, 0] for each in (before, after)
+            each.points(np.array([tree.body_index[lower.body]]), lower.location[None])[:, 0]
+            for each in (before, after)
         ]
         lengths = [np.linalg.norm(end - patella, axis=1) for end in ends]
-        np.testing.assert_allclose(arms.tendon[:, column], -(lengths[1] - lengths[0]) / step, atol=2e-6)
+        np.testing.assert_allclose(
+            arms.tendon[:, column], -(lengths[1] - lengths[0]) / step, atol=2e-6
+        )
 
 
 def test_the_lever_keeps_forces_balanced_and_work_at_the_knee(bent) -> None:
     _, _, paths, coordinates, pulls, work = bent
-    group, levered = right(paths), with_lever(paths, coordinates, pulls, work)
+    group = right(paths)
+    levered = with_lever(paths, coordinates, pulls, work)
     for muscle in range(len(paths.muscles)):
         pairs = paths.pull_muscle == muscle
-        np.testing.assert_allclose(levered[:, pairs].sum(axis=1), pulls[:, pairs].sum(axis=1), atol=1e-12)
+        np.testing.assert_allclose(
+            levered[:, pairs].sum(axis=1), pulls[:, pairs].sum(axis=1), atol=1e-12
+        )
     touched = np.zeros(len(paths.pull_muscle), bool)
     for each in extensors(paths):
         touched[each.shank] = touched[each.patella] = True
@@ -81,7 +95,9 @@ def test_the_lever_keeps_forces_balanced_and_work_at_the_knee(bent) -> None:
 
 
 def test_ratios_and_arms_of_the_generic_model_are_as_published(bent) -> None:
-    """Buff et al. 1988: 1.16 at 10 and 0.645 at 70 degrees; Krevolin et al. 2004: tendon arms of 4 to 6 cm at most."""
+    """Buff et al. 1988: 1.16 at 10 and 0.645 at 70 degrees; Krevolin et al. 2004: tendon arms of 4
+    to 6 cm at most.
+    """
     _, _, paths, coordinates, pulls, work = bent
     arms = tendon_arms(paths, right(paths), coordinates, pulls, work)
     whole = arms.ratio.mean(axis=1)

@@ -1,4 +1,6 @@
-"""Laws that hold whatever the model: slopes, rigid motion, reversal, virtual work, and what geometry gives."""
+"""Laws that hold whatever the model: slopes, rigid motion, reversal, virtual work, and what
+geometry gives.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,15 @@ import pytest
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.functions import linear, polynomial
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Model
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.model.paths import (
+    MovingPathPoint,
+    Muscle,
+    Path,
+    PathPoint,
+    PathWrap,
+    TendonWrap,
+    WrapObject,
+)
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.muscles.kinematics import muscle_kinematics
@@ -26,50 +36,146 @@ def at(x, y, z, rotation=None):
 
 
 def muscle(name, points, wraps=(), divisors=()):
-    return Muscle(name, "Thelen2003Muscle", Path(tuple(points), tuple(wraps), tuple(divisors)), 1.0, 0.1, 0.2)
+    return Muscle(
+        name=name,
+        kind="Thelen2003Muscle",
+        path=Path(tuple(points), tuple(wraps), tuple(divisors)),
+        max_isometric_force=1.0,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.2,
+    )
 
 
 def leg(muscles=None):
-    """A free trunk, a thigh on a hinge and a shank that turns and glides, as a knee with a coupler does."""
+    """A free trunk, a thigh on a hinge and a shank that turns and glides, as a knee with a coupler
+    does.
+    """
     axes = tuple(
-        Axis("rotation" if i < 3 else "translation", np.eye(3)[i % 3], linear(1.0), (name,))
+        Axis(
+            kind="rotation" if i < 3 else "translation",
+            vector=np.eye(3)[i % 3],
+            function=linear(1.0),
+            coordinates=(name,),
+        )
         for i, name in enumerate(ROOT)
     )
     hip = (
-        Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("hip",)),
-        Axis("rotation", np.array([1.0, 0.0, 0.0]), linear(1.0), ("out",)),
+        Axis(
+            kind="rotation",
+            vector=np.array([0.0, 0.0, 1.0]),
+            function=linear(1.0),
+            coordinates=("hip",),
+        ),
+        Axis(
+            kind="rotation",
+            vector=np.array([1.0, 0.0, 0.0]),
+            function=linear(1.0),
+            coordinates=("out",),
+        ),
     )
     knee = (
-        Axis("translation", np.array([1.0, 0.0, 0.0]), polynomial([0.0, 0.01, 0.02]), ("knee",)),
-        Axis("translation", np.array([0.0, 1.0, 0.0]), linear(1.0), ("glide",)),
-        Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("knee",)),
-    )
-    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3)) for name in ("trunk", "thigh", "shank"))
-    return Model(
-        "leg",
-        bodies,
-        (
-            Joint("root", "CustomJoint", GROUND, "trunk", HERE, HERE, axes, ROOT),
-            Joint("hip", "CustomJoint", "trunk", "thigh", at(0.0, -0.1, 0.0), HERE, hip, ("hip", "out")),
-            Joint("knee", "CustomJoint", "thigh", "shank", at(0.0, -0.4, 0.0), HERE, knee, ("knee", "glide")),
+        Axis(
+            kind="translation",
+            vector=np.array([1.0, 0.0, 0.0]),
+            function=polynomial([0.0, 0.01, 0.02]),
+            coordinates=("knee",),
         ),
-        tuple(Coordinate(name, range=(-2.0, 2.0)) for name in (*ROOT, "hip", "out", "knee", "glide")),
-        np.array([0.0, -9.81, 0.0]),
+        Axis(
+            kind="translation",
+            vector=np.array([0.0, 1.0, 0.0]),
+            function=linear(1.0),
+            coordinates=("glide",),
+        ),
+        Axis(
+            kind="rotation",
+            vector=np.array([0.0, 0.0, 1.0]),
+            function=linear(1.0),
+            coordinates=("knee",),
+        ),
+    )
+    bodies = tuple(
+        Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
+        for name in ("trunk", "thigh", "shank")
+    )
+    return Model(
+        name="leg",
+        bodies=bodies,
+        joints=(
+            Joint(
+                name="root",
+                kind="CustomJoint",
+                parent=GROUND,
+                child="trunk",
+                parent_frame=HERE,
+                child_frame=HERE,
+                axes=axes,
+                coordinates=ROOT,
+            ),
+            Joint(
+                name="hip",
+                kind="CustomJoint",
+                parent="trunk",
+                child="thigh",
+                parent_frame=at(0.0, -0.1, 0.0),
+                child_frame=HERE,
+                axes=hip,
+                coordinates=("hip", "out"),
+            ),
+            Joint(
+                name="knee",
+                kind="CustomJoint",
+                parent="thigh",
+                child="shank",
+                parent_frame=at(0.0, -0.4, 0.0),
+                child_frame=HERE,
+                axes=knee,
+                coordinates=("knee", "glide"),
+            ),
+        ),
+        coordinates=tuple(
+            Coordinate(name, range=(-2.0, 2.0)) for name in (*ROOT, "hip", "out", "knee", "glide")
+        ),
+        gravity=np.array([0.0, -9.81, 0.0]),
         muscles=ways() if muscles is None else muscles,
         wrap_objects=(
-            WrapObject("shaft", "thigh", "cylinder", at(0.0, -0.4, 0.0), (0.04, 1.0)),
-            WrapObject("ball", "thigh", "sphere", at(0.0, -0.38, 0.01), (0.04,)),
-            WrapObject("egg", "thigh", "ellipsoid", at(0.0, -0.38, 0.01), (0.03, 0.05, 0.06)),
+            WrapObject(
+                name="shaft",
+                body="thigh",
+                kind="cylinder",
+                pose=at(0.0, -0.4, 0.0),
+                size=(0.04, 1.0),
+            ),
+            WrapObject(
+                name="ball", body="thigh", kind="sphere", pose=at(0.0, -0.38, 0.01), size=(0.04,)
+            ),
+            WrapObject(
+                name="egg",
+                body="thigh",
+                kind="ellipsoid",
+                pose=at(0.0, -0.38, 0.01),
+                size=(0.03, 0.05, 0.06),
+            ),
         ),
-        couplers=(Coupler("glide", "glide", polynomial([0.0, 0.03, -0.01]), ("knee",)),),
+        couplers=(
+            Coupler(
+                name="glide",
+                dependent="glide",
+                function=polynomial([0.0, 0.03, -0.01]),
+                independents=("knee",),
+            ),
+        ),
     )
 
 
 def ways():
-    high, low = PathPoint("high", "thigh", (0.06, -0.1, 0.0)), PathPoint("low", "shank", (0.05, -0.15, 0.0))
+    high = PathPoint("high", "thigh", (0.06, -0.1, 0.0))
+    low = PathPoint("low", "shank", (0.05, -0.15, 0.0))
     top = PathPoint("top", "trunk", (0.05, 0.05, 0.02))
     sliding = MovingPathPoint(
-        "sliding", "shank", (polynomial([0.05, 0.02]), linear(-0.03, -0.05), polynomial([0.0])), ("knee", "knee", "")
+        name="sliding",
+        body="shank",
+        functions=(polynomial([0.05, 0.02]), linear(-0.03, -0.05), polynomial([0.0])),
+        coordinates=("knee", "knee", ""),
     )
     side = PathPoint("side", "shank", (0.03, -0.1, 0.03))
     return (
@@ -102,20 +208,27 @@ def test_moment_arm_is_the_slope_of_length(name):
     paths = compile_paths(model)
     values = poses()
     m = model.muscle_names.index(name)
-    arms = muscle_kinematics(model, Motion(np.arange(25.0), model.coordinate_names, values), velocities=False).dense()
+    arms = muscle_kinematics(
+        model, Motion(np.arange(25.0), model.coordinate_names, values), velocities=False
+    ).dense()
     for j, coordinate in enumerate(model.coordinate_names):
         if coordinate == "glide":
             continue
         shift = np.zeros(10)
         shift[j] = STEP
-        slope = (paths.evaluate(values + shift)[0] - paths.evaluate(values - shift)[0])[:, m] / (2.0 * STEP)
+        slope = (paths.evaluate(values + shift)[0] - paths.evaluate(values - shift)[0])[:, m] / (
+            2.0 * STEP
+        )
         np.testing.assert_allclose(arms[:, m, j], -slope, atol=2e-8, err_msg=coordinate)
 
 
 def test_surfaces_are_in_the_way():
     """The laws above would hold without any surface, so make sure that the paths touch them."""
     model = leg()
-    bare = replace(model, muscles=tuple(replace(one, path=replace(one.path, wraps=())) for one in model.muscles))
+    bare = replace(
+        model,
+        muscles=tuple(replace(one, path=replace(one.path, wraps=())) for one in model.muscles),
+    )
     longer = compile_paths(model).evaluate(poses())[0] - compile_paths(bare).evaluate(poses())[0]
     for name in ("around_shaft", "around_ball", "around_egg", "tendon"):
         assert (longer[:, model.muscle_names.index(name)] > 1e-5).sum() > 5
@@ -124,29 +237,40 @@ def test_surfaces_are_in_the_way():
 def test_velocity_is_the_rate_of_length():
     model = leg()
     paths = compile_paths(model)
-    values, speeds = poses(seed=3), np.random.default_rng(4).normal(size=(25, 10))
-    ahead, behind = paths.evaluate(values + STEP * speeds)[0], paths.evaluate(values - STEP * speeds)[0]
+    values = poses(seed=3)
+    speeds = np.random.default_rng(4).normal(size=(25, 10))
+    ahead = paths.evaluate(values + STEP * speeds)[0]
+    behind = paths.evaluate(values - STEP * speeds)[0]
     rates = paths.evaluate(values, speeds)[1]
     kept = [model.muscle_names.index(name) for name in EXACT]
-    np.testing.assert_allclose(rates[:, kept], ((ahead - behind) / (2.0 * STEP))[:, kept], atol=1e-7)
+    np.testing.assert_allclose(
+        rates[:, kept], ((ahead - behind) / (2.0 * STEP))[:, kept], atol=1e-7
+    )
 
 
 def test_dependent_speeds_are_not_read():
-    values, speeds = poses(), np.ones((25, 10))
+    values = poses()
+    speeds = np.ones((25, 10))
     other = speeds.copy()
     other[:, 9] = 77.0
     paths = compile_paths(leg())
-    np.testing.assert_array_equal(paths.evaluate(values, speeds)[1], paths.evaluate(values, other)[1])
+    np.testing.assert_array_equal(
+        paths.evaluate(values, speeds)[1], paths.evaluate(values, other)[1]
+    )
 
 
 def test_dependent_coordinate_has_the_moment_arm_of_what_it_follows():
     """With d = f(q), a torque on d does the work of g times the torque on q: r_d = r_q / g."""
     model = leg()
     values = poses()
-    found = muscle_kinematics(model, Motion(np.arange(25.0), model.coordinate_names, values), velocities=False)
+    found = muscle_kinematics(
+        model, Motion(np.arange(25.0), model.coordinate_names, values), velocities=False
+    )
     slope = 0.03 - 0.02 * values[:, 8]
     for name in model.muscle_names:
-        np.testing.assert_allclose(found.moment_arm(name, "glide") * slope, found.moment_arm(name, "knee"), atol=1e-12)
+        np.testing.assert_allclose(
+            found.moment_arm(name, "glide") * slope, found.moment_arm(name, "knee"), atol=1e-12
+        )
 
 
 def test_moving_the_whole_body_changes_nothing():
@@ -161,7 +285,9 @@ def test_moving_the_whole_body_changes_nothing():
     np.testing.assert_allclose(lengths[:, internal], moved_lengths[:, internal], atol=1e-13)
     inside = np.isin(paths.arm_muscle, internal)
     np.testing.assert_allclose(arms[:, inside], moved_arms[:, inside], atol=1e-12)
-    assert paths.arm_coordinate[inside].min() >= 6, "no coordinate of the root can move a muscle inside the body"
+    assert paths.arm_coordinate[inside].min() >= 6, (
+        "no coordinate of the root can move a muscle inside the body"
+    )
 
 
 def test_reversed_paths_are_as_long():
@@ -174,7 +300,8 @@ def test_reversed_paths_are_as_long():
             if one.name != "tendon"
         ),
     )
-    straight, back = compile_paths(model).evaluate(poses())[0], compile_paths(turned).evaluate(poses())[0]
+    straight = compile_paths(model).evaluate(poses())[0]
+    back = compile_paths(turned).evaluate(poses())[0]
     np.testing.assert_allclose(straight[:, :-1], back, atol=1e-12)
 
 
@@ -198,31 +325,49 @@ def test_unit_tension_does_the_work_that_shortening_takes():
 @pytest.mark.parametrize("kind", ["shaft", "ball"])
 @pytest.mark.parametrize("rule", ["OpenSim", "MuJoCo"])
 def test_length_around_a_circle(kind, rule):
-    """Two tangents and an arc: l = 2 sqrt(d^2 - R^2) + R (angle between the points - 2 acos(R / d))."""
-    radius, distance, angle = 0.04, 0.1, 2.4
-    ends = [distance * np.array([np.sin(side * angle / 2), np.cos(angle / 2), 0.0]) for side in (-1, 1)]
+    """Two tangents and an arc: l = 2 sqrt(d^2 - R^2) + R (angle between the points - 2 acos(R /
+    d)).
+    """
+    radius = 0.04
+    distance = 0.1
+    angle = 2.4
+    ends = [
+        distance * np.array([np.sin(side * angle / 2), np.cos(angle / 2), 0.0]) for side in (-1, 1)
+    ]
     center = np.array([0.0, -0.4, 0.0] if kind == "shaft" else [0.0, -0.38, 0.01])
     wrap = PathWrap(kind) if rule == "OpenSim" else TendonWrap(kind, 0)
     points = [PathPoint(str(i), "thigh", center + end) for i, end in enumerate(ends)]
     model = leg((muscle("one", points, (wrap,)),))
-    expected = 2.0 * np.sqrt(distance**2 - radius**2) + radius * (angle - 2.0 * np.arccos(radius / distance))
+    expected = 2.0 * np.sqrt(distance**2 - radius**2) + radius * (
+        angle - 2.0 * np.arccos(radius / distance)
+    )
     assert compile_paths(model).evaluate(poses(3))[0] == pytest.approx(expected, abs=1e-12)
 
 
 def test_conditional_points_follow_their_range():
-    low, high = PathPoint("a", "thigh", (0.0, -0.1, 0.0)), PathPoint("b", "shank", (0.0, -0.1, 0.0))
-    bend = PathPoint("c", "thigh", (0.1, -0.3, 0.0), "knee", (-0.5, 0.2))
+    low = PathPoint("a", "thigh", (0.0, -0.1, 0.0))
+    high = PathPoint("b", "shank", (0.0, -0.1, 0.0))
+    bend = PathPoint(
+        name="c", body="thigh", location=(0.1, -0.3, 0.0), coordinate="knee", range=(-0.5, 0.2)
+    )
     values = np.zeros((5, 10))
     values[:, 8] = (-0.6, -0.500009, -0.3, 0.20000999, 0.3)
     both = leg((muscle("one", (low, bend, high)), muscle("two", (low, high))))
     lengths = compile_paths(both).evaluate(values)[0]
-    np.testing.assert_array_equal(lengths[:, 0] > lengths[:, 1] + 1e-3, [False, True, True, True, False])
+    np.testing.assert_array_equal(
+        lengths[:, 0] > lengths[:, 1] + 1e-3, [False, True, True, True, False]
+    )
 
 
 def test_moving_points_stop_at_the_end_of_the_range():
     values = np.zeros((2, 10))
     values[:, 8] = 2.0, 2.5
-    sliding = MovingPathPoint("s", "thigh", (linear(0.1), linear(0.2), linear(0.0)), ("knee", "knee", "knee"))
+    sliding = MovingPathPoint(
+        name="s",
+        body="thigh",
+        functions=(linear(0.1), linear(0.2), linear(0.0)),
+        coordinates=("knee", "knee", "knee"),
+    )
     model = leg((muscle("one", (PathPoint("a", "trunk", (0.0, 0.0, 0.0)), sliding)),))
     lengths, _, arms = compile_paths(model).evaluate(values)
     assert lengths[0, 0] == lengths[1, 0]
@@ -231,7 +376,8 @@ def test_moving_points_stop_at_the_end_of_the_range():
 
 
 def test_gaps_of_a_tendon_have_no_length():
-    a, b = PathPoint("a", "thigh", (0.0, 0.0, 0.0)), PathPoint("b", "thigh", (0.3, 0.0, 0.0))
+    a = PathPoint("a", "thigh", (0.0, 0.0, 0.0))
+    b = PathPoint("b", "thigh", (0.3, 0.0, 0.0))
     c = PathPoint("c", "thigh", (0.3, 0.4, 0.0))
     model = leg((muscle("one", (a, b, c, a), (), (2.0, 0.0, 4.0)),))
     assert compile_paths(model).evaluate(poses(1))[0] == pytest.approx(0.3 / 2.0 + 0.5 / 4.0)
@@ -239,7 +385,12 @@ def test_gaps_of_a_tendon_have_no_length():
 
 def test_sparse_and_dense_agree():
     model = leg()
-    motion = Motion(np.arange(25.0), model.coordinate_names, poses(), np.ones((25, 10)))
+    motion = Motion(
+        time=np.arange(25.0),
+        names=model.coordinate_names,
+        values=poses(),
+        velocities=np.ones((25, 10)),
+    )
     found = muscle_kinematics(model, motion)
     dense = found.moment_arms
     values, muscles, coordinates = found.independent()
@@ -274,7 +425,20 @@ def test_bad_input_is_named():
         (Path((point, replace(point, body="thihg"))), UnknownName, "thigh"),
     ):
         with pytest.raises(error, match=what):
-            compile_paths(leg((Muscle("one", "x", path, 1.0, 0.1, 0.2),)))
+            compile_paths(
+                leg(
+                    (
+                        Muscle(
+                            name="one",
+                            kind="x",
+                            path=path,
+                            max_isometric_force=1.0,
+                            optimal_fiber_length=0.1,
+                            tendon_slack_length=0.2,
+                        ),
+                    )
+                )
+            )
 
 
 def test_turned_surface_is_the_same_surface():
@@ -283,32 +447,72 @@ def test_turned_surface_is_the_same_surface():
     turned = replace(
         model,
         wrap_objects=tuple(
-            replace(one, pose=Transform(one.pose.rotation @ axis_rotation((0, 0, 1), 0.7), one.pose.translation))
-            if one.kind != "ellipsoid"
-            else one
+            (
+                replace(
+                    one,
+                    pose=Transform(
+                        one.pose.rotation @ axis_rotation((0, 0, 1), 0.7), one.pose.translation
+                    ),
+                )
+                if one.kind != "ellipsoid"
+                else one
+            )
             for one in model.wrap_objects
         ),
     )
     np.testing.assert_allclose(
-        compile_paths(model).evaluate(poses())[0], compile_paths(turned).evaluate(poses())[0], atol=1e-12
+        compile_paths(model).evaluate(poses())[0],
+        compile_paths(turned).evaluate(poses())[0],
+        atol=1e-12,
     )
 
 
 @pytest.mark.parametrize(("way", "wraps"), [(0, False), (1, True)])
 def test_a_path_wraps_an_ellipsoid_between_it_and_not_where_both_ends_are_on_one_ray(way, wraps):
     """One end on x; the other slides along x or, at a right angle as seen from the middle, along y."""
-    axis = Axis("translation", np.eye(3)[way], linear(1.0), ("out",))
-    joint = Joint("slider", "SliderJoint", GROUND, "block", HERE, HERE, (axis,), ("out",))
+    axis = Axis(
+        kind="translation", vector=np.eye(3)[way], function=linear(1.0), coordinates=("out",)
+    )
+    joint = Joint(
+        name="slider",
+        kind="SliderJoint",
+        parent=GROUND,
+        child="block",
+        parent_frame=HERE,
+        child_frame=HERE,
+        axes=(axis,),
+        coordinates=("out",),
+    )
     path = Path(
-        (PathPoint("a", GROUND, np.array([0.046, 0.0, 0.0])), PathPoint("b", "block", np.zeros(3))), (PathWrap("egg"),)
+        (PathPoint("a", GROUND, np.array([0.046, 0.0, 0.0])), PathPoint("b", "block", np.zeros(3))),
+        (PathWrap("egg"),),
     )
     model = Model(
-        "egg", (Body("block", 1.0, np.zeros(3), np.eye(3)),), (joint,), (Coordinate("out", "translational"),),
-        np.zeros(3), muscles=(Muscle("m", "Thelen2003Muscle", path, 1.0, 0.1, 0.2),),
-        wrap_objects=(WrapObject("egg", GROUND, "ellipsoid", HERE, (0.04, 0.045, 0.05)),),
-    )  # fmt: skip
+        name="egg",
+        bodies=(Body(name="block", mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3)),),
+        joints=(joint,),
+        coordinates=(Coordinate("out", "translational"),),
+        gravity=np.zeros(3),
+        muscles=(
+            Muscle(
+                name="m",
+                kind="Thelen2003Muscle",
+                path=path,
+                max_isometric_force=1.0,
+                optimal_fiber_length=0.1,
+                tendon_slack_length=0.2,
+            ),
+        ),
+        wrap_objects=(
+            WrapObject(
+                name="egg", body=GROUND, kind="ellipsoid", pose=HERE, size=(0.04, 0.045, 0.05)
+            ),
+        ),
+    )
     out = np.linspace(0.05, 0.09, 9)
     motion = Motion(np.arange(9.0), ("out",), out[:, None])
     lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths[:, 0]
     straight = np.hypot(0.046, out) if wraps else out - 0.046
-    assert (lengths > straight + 1e-7).all() if wraps else np.allclose(lengths, straight, atol=1e-12)
+    assert (
+        (lengths > straight + 1e-7).all() if wraps else np.allclose(lengths, straight, atol=1e-12)
+    )

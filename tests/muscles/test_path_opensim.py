@@ -21,14 +21,20 @@ PAIRS = 60
 CASES = {
     "rajagopal-walk-emg/subject_walk_scaled.osim": "rajagopal-walk-emg/coordinates.sto",
     "rajagopal-walk-emg/raw/Rajagopal2016.osim": "",
-    "opencap-subject4-multitask/models/manually_scaled.osim": "opencap-subject4-multitask/ik_manual_scaling/DJ1_ik.mot",
+    "opencap-subject4-multitask/models/manually_scaled.osim": (
+        "opencap-subject4-multitask/ik_manual_scaling/DJ1_ik.mot"
+    ),
     "ceinms-emg-walk/model/gait2392.osim": "ceinms-emg-walk/walk36/ik.sto",
-    "opensim-gait-subject01/ref_id/subject01.osim": "opensim-gait-subject01/ref_id/subject01_walk1_ik.mot",
+    "opensim-gait-subject01/ref_id/subject01.osim": (
+        "opensim-gait-subject01/ref_id/subject01_walk1_ik.mot"
+    ),
     "hamner-run-subject04/unscaled_generic.osim": "",
     "opensim-reference-small/arm26_bounds.osim": "",
     "c3d-functional-joints/models/Wu_Shoulder_Model_via_points.osim": "",
     "c3d-functional-joints/models/wholebody.osim": "",
-    "shoulder-thoracoscapular/model_rmr/TSM_subject_2kgWeight.osim": "shoulder-thoracoscapular/ik/FLX01.mot",
+    "shoulder-thoracoscapular/model_rmr/TSM_subject_2kgWeight.osim": (
+        "shoulder-thoracoscapular/ik/FLX01.mot"
+    ),
 }
 QUASI_SPEEDS = "shoulder-thoracoscapular"
 
@@ -45,17 +51,23 @@ def poses(model, file):
         for j, one in enumerate(model.coordinates):
             low, high = one.range if np.ptp(one.range) < 6.5 else (-0.5, 0.5)
             if not one.locked:
-                values[:, j] = np.clip(one.default + rng.uniform(-0.4, 0.4, FRAMES) * (high - low), low, high)
+                values[:, j] = np.clip(
+                    one.default + rng.uniform(-0.4, 0.4, FRAMES) * (high - low), low, high
+                )
     return values
 
 
 def moving_before_fixed(muscle):
     """Whether a moving point has a neighbour on its own body.
 
-    OpenSim 4.6 leaves that neighbour out of the moment arm (its lengthening speed has it); ours has it.
+    OpenSim 4.6 leaves that neighbour out of the moment arm (its lengthening speed has it); ours has
+    it.
     """
     points = muscle.path.points
-    return any(MovingPathPoint in (type(a), type(b)) and a.body == b.body for a, b in itertools.pairwise(points))
+    return any(
+        MovingPathPoint in (type(a), type(b)) and a.body == b.body
+        for a, b in itertools.pairwise(points)
+    )
 
 
 def opened(path, model):
@@ -74,14 +86,18 @@ def test_lengths_and_moment_arms(name, data):
     model = read_model(data(name))
     paths = compile_paths(model)
     values = poses(model, data(CASES[name]) if CASES[name] else "")
-    # Coupled coordinates are set as the model's couplers say, or OpenSim would be asked for another pose.
+    # Coupled coordinates are set as the model's couplers say, or OpenSim would be asked for another
+    # pose.
     couple_frames(paths.tree.arrays, values)
     theirs, state = opened(data(name), model)
     lengths, _, arms = paths.evaluate(values)
-    expected, _ = opensim_kinematics(theirs, state, model.muscle_names, model.coordinate_names, values, arms=False)
+    expected, _ = opensim_kinematics(
+        theirs, state, model.muscle_names, model.coordinate_names, values, arms=False
+    )
     np.testing.assert_allclose(lengths, expected, atol=SAME)
     if name.startswith(QUASI_SPEEDS):
-        # OpenSim's moment arms are about the speeds of the scapula, which are not rates of its coordinates.
+        # OpenSim's moment arms are about the speeds of the scapula, which are not rates of its
+        # coordinates.
         return
     kept = [
         k
@@ -91,10 +107,14 @@ def test_lengths_and_moment_arms(name, data):
     chosen = np.random.default_rng(1).permutation(kept)[:PAIRS]
     for frame in (0, FRAMES - 1):
         for j, value in enumerate(values[frame]):
-            theirs.getCoordinateSet().get(model.coordinate_names[j]).setValue(state, float(value), False)
+            theirs.getCoordinateSet().get(model.coordinate_names[j]).setValue(
+                state, float(value), False
+            )
         theirs.realizePosition(state)
         for k in chosen:
-            path = theirs.getMuscles().get(model.muscle_names[paths.arm_muscle[k]]).getGeometryPath()
+            path = (
+                theirs.getMuscles().get(model.muscle_names[paths.arm_muscle[k]]).getGeometryPath()
+            )
             about = theirs.getCoordinateSet().get(model.coordinate_names[paths.arm_coordinate[k]])
             assert path.computeMomentArm(state, about) == pytest.approx(arms[frame, k], abs=SAME)
 
@@ -106,5 +126,7 @@ def test_lengths_of_520_muscles(data):
     paths = compile_paths(model)
     theirs, state = opened(path, model)
     couple_frames(paths.tree.arrays, values)
-    expected, _ = opensim_kinematics(theirs, state, model.muscle_names, model.coordinate_names, values, arms=False)
+    expected, _ = opensim_kinematics(
+        theirs, state, model.muscle_names, model.coordinate_names, values, arms=False
+    )
     np.testing.assert_allclose(paths.evaluate(values)[0], expected, atol=SAME)

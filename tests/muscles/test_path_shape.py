@@ -54,11 +54,14 @@ def model(request: pytest.FixtureRequest, data: Callable[[str], Path]) -> Model:
 
 @pytest.mark.parametrize("model", WRAPPED, indirect=True)
 def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
-    """Chords are shorter than arcs, and OpenSim measures to where it first saw a point: 3 % at most."""
+    """Chords are shorter than arcs, and OpenSim measures to where it first saw a point: 3 % at
+    most.
+    """
     paths = compile_paths(model)
     coordinates = poses(model)
     lengths, _, _ = paths.evaluate(coordinates)
-    nodes, drawn = paths.nodes(coordinates), drawn_paths(paths, coordinates)
+    nodes = paths.nodes(coordinates)
+    drawn = drawn_paths(paths, coordinates)
     wrapped = straight = 0
     for m in range(len(paths.muscles)):
         own = drawn.places[:, drawn.muscle == m]
@@ -66,13 +69,16 @@ def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
         arcs = (nodes[:, m, :, 3] > 0.0).any(axis=1)
         assert found[~arcs] == pytest.approx(lengths[~arcs, m], rel=1e-9), paths.muscles[m]
         assert found[arcs] == pytest.approx(lengths[arcs, m], rel=0.03), paths.muscles[m]
-        wrapped, straight = wrapped + arcs.sum(), straight + (~arcs).sum()
+        wrapped = wrapped + arcs.sum()
+        straight = straight + (~arcs).sum()
     assert wrapped > 0
     assert straight > 0
 
 
 def path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) -> Array:
-    """(frames, points, 3) points of a muscle's path in ground [m], NaN where a conditional one is unused."""
+    """(frames, points, 3) points of a muscle's path in ground [m], NaN where a conditional one is
+    unused.
+    """
     numbers = poses.tree.body_index
     index = {name: i for i, name in enumerate(model.coordinate_names)}
     placed = np.empty((len(coordinates), len(muscle.path.points), 3))
@@ -88,7 +94,9 @@ def path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) 
             )
         else:
             local = np.broadcast_to(point.location, (len(coordinates), 3))
-        placed[:, k] = np.einsum("fij,fj->fi", poses.rotations[:, body], local) + poses.origins[:, body]
+        placed[:, k] = (
+            np.einsum("fij,fj->fi", poses.rotations[:, body], local) + poses.origins[:, body]
+        )
         if not isinstance(point, MovingPathPoint) and point.coordinate:
             q = coordinates[:, index[point.coordinate]]
             placed[(q < point.range[0]) | (q > point.range[1]), k] = np.nan
@@ -125,7 +133,8 @@ def test_an_arc_leaves_along_the_straight_parts(model: Model) -> None:
     """The drawn curve turns by no more than its parts allow: no corner where it meets the surface."""
     paths = compile_paths(model)
     coordinates = poses(model)
-    nodes, drawn = paths.nodes(coordinates), drawn_paths(paths, coordinates)
+    nodes = paths.nodes(coordinates)
+    drawn = drawn_paths(paths, coordinates)
     f, m, n = (one[0] for one in np.nonzero(nodes[..., 3] > 0.01))
     own = drawn.places[f, drawn.muscle == m]
     at = int(np.flatnonzero(np.abs(own - nodes[f, m, n, :3]).max(axis=1) < 1e-12)[0])

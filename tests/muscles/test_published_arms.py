@@ -48,7 +48,9 @@ def test_a_knee_whose_tibia_slides_away_is_named_with_angle_and_size(data) -> No
 
 
 def test_quadriceps_without_a_patellas_lever_are_named_in_deep_flexion(data) -> None:
-    """Its quadriceps pull on the tibia itself: at 120 degrees by 4.7 cm, within the band when the knee bends less."""
+    """Its quadriceps pull on the tibia itself: at 120 degrees by 4.7 cm, within the band when the
+    knee bends less.
+    """
     model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
     (line,) = arm_warnings(model)
     assert "vas_lat_r 4.7 cm at 120° (1.2 to 3.1)" in line

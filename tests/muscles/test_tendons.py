@@ -33,14 +33,18 @@ PULLEYS = """
 
 
 def tendon_jacobian(m, d):
-    """(tendons, nv), from MuJoCo's rows: dense in small models before 3.6, where the pattern moved to the model."""
+    """(tendons, nv), from MuJoCo's rows: dense in small models before 3.6, where the pattern moved
+    to the model.
+    """
     if not hasattr(m, "ten_J_rownnz") and not mujoco.mj_isSparse(m):
         return np.reshape(d.ten_J, (m.ntendon, m.nv))
     home = m if hasattr(m, "ten_J_rownnz") else d
-    values, columns = np.ravel(d.ten_J), np.ravel(home.ten_J_colind)
+    values = np.ravel(d.ten_J)
+    columns = np.ravel(home.ten_J_colind)
     jacobian = np.zeros((m.ntendon, m.nv))
     for t in range(m.ntendon):
-        start, count = home.ten_J_rowadr[t], home.ten_J_rownnz[t]
+        start = home.ten_J_rowadr[t]
+        count = home.ten_J_rownnz[t]
         jacobian[t, columns[start : start + count]] = values[start : start + count]
     return jacobian
 
@@ -49,7 +53,8 @@ def states(m, model, motion):
     d = mujoco.MjData(m)
     for frame in range(len(motion)):
         state = State(model, motion, frame)
-        d.qpos[:], d.qvel[:] = state.qpos, state.qvel
+        d.qpos[:] = state.qpos
+        d.qvel[:] = state.qvel
         mujoco.mj_fwdPosition(m, d)
         mujoco.mj_fwdVelocity(m, d)
         yield frame, state, d
@@ -60,7 +65,8 @@ def compare(m, model, motion):
     found = muscle_kinematics(model, motion)
     arms, muscle, coordinate = found.independent()
     driven = [m.actuator(muscle.name).id for muscle in model.muscles]
-    tendon, gear = m.actuator_trnid[driven, 0], m.actuator_gear[driven, 0]
+    tendon = m.actuator_trnid[driven, 0]
+    gear = m.actuator_gear[driven, 0]
     couplers = found.paths.tree.arrays
     worst = np.zeros(3)
     for frame, state, d in states(m, model, motion):
@@ -68,7 +74,8 @@ def compare(m, model, motion):
         expected = -tendon_jacobian(m, d)[tendon] @ state.basis * gear[:, None]
         # What MuJoCo gives a joint that follows another reaches the other by the equality's slope.
         for k in reversed(range(len(couplers.coupler_coordinate))):
-            source, follower = couplers.coupler_source[k, 0], couplers.coupler_coordinate[k]
+            source = couplers.coupler_source[k, 0]
+            follower = couplers.coupler_coordinate[k]
             expected[:, source] += found.coupler_slopes[frame, k, 0] * expected[:, follower]
         ours = np.zeros_like(expected)
         ours[muscle, coordinate] = arms[frame]
@@ -102,7 +109,10 @@ def test_every_way_around_occurs():
     m = compiled("myofullbody")
     model = model_from_mujoco(m)
     motion = random_motion(model, FRAMES, seed=7)
-    touched = [int(np.count_nonzero(d.wrap_obj[: int(d.ten_wrapnum.sum())] >= 0)) for *_, d in states(m, model, motion)]
+    touched = [
+        int(np.count_nonzero(d.wrap_obj[: int(d.ten_wrapnum.sum())] >= 0))
+        for *_, d in states(m, model, motion)
+    ]
     assert min(touched) > 100
     sides = [wrap.side is not None for muscle in model.muscles for wrap in muscle.path.wraps]
     assert any(sides)
@@ -121,6 +131,8 @@ def test_moment_arms_are_the_slopes_of_lengths():
             values = motion.values.copy()
             values[:, j] += sign * h
             shifted = Motion(motion.time, motion.names, values)
-            ends.append(muscle_kinematics(model, shifted, velocities=False, moment_arms=False).lengths)
+            ends.append(
+                muscle_kinematics(model, shifted, velocities=False, moment_arms=False).lengths
+            )
         slope = (ends[1] - ends[0]) / (2 * h)
         np.testing.assert_allclose(found.moment_arms[:, :, j], -slope, atol=2e-6)

@@ -1,4 +1,6 @@
-"""MuJoCo's tendon wrapping: the path of one surface against MuJoCo and against the laws of a taut string."""
+"""MuJoCo's tendon wrapping: the path of one surface against MuJoCo and against the laws of a taut
+string.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from myomorph.muscles.wrap_tendon import BEFORE_FOUR, CYLINDER, FOUR, NO_SIDE, S
 
 mujoco = pytest.importorskip("mujoco")
 INSTALLED = FOUR if int(mujoco.__version__.split(".")[0]) >= 4 else BEFORE_FOUR
-"""The rule of side points that is held against MuJoCo; checks run with a version before and one since 4.0."""
+"""The rule of side points that is held against MuJoCo; checks run with a version before and one
+since 4.0.
+"""
 SCENE = """
 <mujoco>
   <compiler angle="radian"/>
@@ -41,9 +45,12 @@ def scene(kind, radius, has_side):
 def ours(m, d, kind, radius, has_side):
     out = np.zeros((2, 3))
     a, b, side = d.site_xpos
-    R, x = d.geom_xmat[0].reshape(3, 3).copy(), d.geom_xpos[0].copy()
+    R = d.geom_xmat[0].reshape(3, 3).copy()
+    x = d.geom_xpos[0].copy()
     code = SPHERE if kind == "sphere" else CYLINDER
-    arc = wrap_tendon(a.copy(), b.copy(), code, radius, R, x, side.copy(), INSTALLED if has_side else NO_SIDE, out)
+    arc = wrap_tendon(
+        a.copy(), b.copy(), code, radius, R, x, side.copy(), INSTALLED if has_side else NO_SIDE, out
+    )
     if arc < 0:
         return arc, np.linalg.norm(b - a), out
     return arc, np.linalg.norm(out[0] - a) + arc + np.linalg.norm(b - out[1]), out
@@ -59,7 +66,9 @@ def test_lengths_and_points_equal_mujoco(kind, side):
     for _ in range(400):
         d.qpos[:6] = np.tile(center, 2) + rng.uniform(-0.7, 0.7, 6)
         away = rng.standard_normal(3)
-        d.qpos[6:] = center + away / np.linalg.norm(away) * (rng.uniform(0.31, 0.9) if side == "outside" else 0.1)
+        d.qpos[6:] = center + away / np.linalg.norm(away) * (
+            rng.uniform(0.31, 0.9) if side == "outside" else 0.1
+        )
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_tendon(m, d)
@@ -81,7 +90,8 @@ def test_points_in_line_with_the_center_equal_mujoco():
         mujoco.mju_quat2Mat(R, m.geom_quat[0])
         step = R.reshape(3, 3) @ unit
         center = np.array([0.1, -0.2, 0.3])
-        d.qpos[:3], d.qpos[3:6] = center + 0.5 * step, center - 0.75 * step
+        d.qpos[:3] = center + 0.5 * step
+        d.qpos[3:6] = center - 0.75 * step
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_tendon(m, d)
@@ -115,7 +125,11 @@ def test_a_taut_string_is_tangent_and_shortest(code):
             return np.linalg.norm(points[0] - p0) + arc + np.linalg.norm(points[1] - p1)
 
         for end, point in zip((p0, p1), out, strict=True):
-            normal = (point - x) if code == SPHERE else (np.eye(3) - np.outer(R[:, 2], R[:, 2])) @ (point - x)
+            normal = (
+                (point - x)
+                if code == SPHERE
+                else (np.eye(3) - np.outer(R[:, 2], R[:, 2])) @ (point - x)
+            )
             assert np.linalg.norm(normal) == pytest.approx(radius, abs=1e-12)
             assert normal @ (end - point) == pytest.approx(0.0, abs=1e-12)
         unit = (p0 - out[0]) / np.linalg.norm(p0 - out[0])
@@ -126,11 +140,20 @@ def test_a_taut_string_is_tangent_and_shortest(code):
 
 @pytest.mark.parametrize("code", [SPHERE, CYLINDER])
 def test_a_rigid_motion_moves_the_path_along(code):
-    turn, shift = axis_rotation((0.0, 0.6, 0.8), 0.9), np.array([0.3, -2.0, 1.0])
+    turn = axis_rotation((0.0, 0.6, 0.8), 0.9)
+    shift = np.array([0.3, -2.0, 1.0])
     for p0, p1, radius, R, x, out, arc in random_cases(code, 20, seed=6):
         moved = np.zeros((2, 3))
         again = wrap_tendon(
-            turn @ p0 + shift, turn @ p1 + shift, code, radius, turn @ R, turn @ x + shift, np.zeros(3), NO_SIDE, moved
+            turn @ p0 + shift,
+            turn @ p1 + shift,
+            code,
+            radius,
+            turn @ R,
+            turn @ x + shift,
+            np.zeros(3),
+            NO_SIDE,
+            moved,
         )
         assert again == pytest.approx(arc, abs=1e-9)
         np.testing.assert_allclose(moved, out @ turn.T + shift, atol=1e-9)
@@ -138,13 +161,21 @@ def test_a_rigid_motion_moves_the_path_along(code):
 
 @pytest.mark.parametrize("code", [SPHERE, CYLINDER])
 def test_a_side_point_sends_the_path_the_other_way_where_the_center_is_in_their_triangle(code):
-    """Angles between a and b, and from each to where its line touches: the arc is what they leave of either way."""
+    """Angles between a and b, and from each to where its line touches: the arc is what they leave
+    of either way.
+    """
     rng = np.random.default_rng(7)
-    radius, ways = 0.3, {True: 0, False: 0}
+    radius = 0.3
+    ways = {True: 0, False: 0}
     for _ in range(200):
-        a, b, side = (rng.uniform(0.35, 1.0) * np.array([np.cos(t), np.sin(t), 0.0]) for t in rng.uniform(-4, 4, 3))
+        a, b, side = (
+            rng.uniform(0.35, 1.0) * np.array([np.cos(t), np.sin(t), 0.0])
+            for t in rng.uniform(-4, 4, 3)
+        )
         # The center in coordinates of the triangle's area.
-        weights = np.linalg.solve(np.column_stack([a, b, side]) + [[0.0], [0.0], [1.0]], [0.0, 0.0, 1.0])
+        weights = np.linalg.solve(
+            np.column_stack([a, b, side]) + [[0.0], [0.0], [1.0]], [0.0, 0.0, 1.0]
+        )
         far = bool((weights > 0.0).all())
         near = np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0, 1.0))
         lines = sum(np.arccos(radius / np.linalg.norm(end)) for end in (a, b))
@@ -157,8 +188,25 @@ def test_a_side_point_sends_the_path_the_other_way_where_the_center_is_in_their_
 
 def test_no_wrap_inside_or_away():
     out = np.zeros((2, 3))
-    R, x, none = np.eye(3), np.zeros(3), np.zeros(3)
-    assert wrap_tendon(np.array([0.1, 0, 0]), np.array([2.0, 0, 0]), SPHERE, 1.0, R, x, none, NO_SIDE, out) == -1
-    assert wrap_tendon(np.array([2.0, 2, 0]), np.array([-2.0, 2, 0]), SPHERE, 1.0, R, x, none, NO_SIDE, out) == -1
-    assert wrap_tendon(np.array([2.0, 0, 0]), np.array([-2.0, 0.1, 0]), SPHERE, 0.0, R, x, none, NO_SIDE, out) == -1
+    R = np.eye(3)
+    x = np.zeros(3)
+    none = np.zeros(3)
+    assert (
+        wrap_tendon(
+            np.array([0.1, 0, 0]), np.array([2.0, 0, 0]), SPHERE, 1.0, R, x, none, NO_SIDE, out
+        )
+        == -1
+    )
+    assert (
+        wrap_tendon(
+            np.array([2.0, 2, 0]), np.array([-2.0, 2, 0]), SPHERE, 1.0, R, x, none, NO_SIDE, out
+        )
+        == -1
+    )
+    assert (
+        wrap_tendon(
+            np.array([2.0, 0, 0]), np.array([-2.0, 0.1, 0]), SPHERE, 0.0, R, x, none, NO_SIDE, out
+        )
+        == -1
+    )
     assert np.all(out == 0.0)

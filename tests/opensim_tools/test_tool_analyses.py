@@ -1,4 +1,6 @@
-"""run-tool with AnalyzeTool setups: every analysis that is built, beside OpenSim's own run of the same setup."""
+"""run-tool with AnalyzeTool setups: every analysis that is built, beside OpenSim's own run of the
+same setup.
+"""
 
 from __future__ import annotations
 
@@ -42,14 +44,24 @@ def arm(data, tmp_path):
     for name in ("arm26_bounds.osim", "arm26_InverseKinematics.mot"):
         shutil.copyfile(data(SMALL + name), tmp_path / name)
 
-    def write(analyses, results="ours", balanced="false", kind="coordinates", motion="arm26_InverseKinematics.mot"):
+    def write(
+        analyses,
+        results="ours",
+        balanced="false",
+        kind="coordinates",
+        motion="arm26_InverseKinematics.mot",
+    ):
         path = tmp_path / f"{results}.xml"
         path.write_text(
             SETUP.format(
-                model="arm26_bounds.osim", results=results, balanced=balanced, analyses=analyses, kind=kind,
+                model="arm26_bounds.osim",
+                results=results,
+                balanced=balanced,
+                analyses=analyses,
+                kind=kind,
                 motion=motion,
             )
-        )  # fmt: skip
+        )
         return path
 
     return write
@@ -58,20 +70,25 @@ def arm(data, tmp_path):
 def opensim_on(path):
     """What OpenSim writes for a setup, in a process of its own."""
     pytest.importorskip("opensim")
-    subprocess.run([sys.executable, "-c", OPENSIM, path.name], check=True, capture_output=True, cwd=path.parent)
+    subprocess.run(
+        [sys.executable, "-c", OPENSIM, path.name], check=True, capture_output=True, cwd=path.parent
+    )
     return path.parent / path.stem
 
 
 @pytest.mark.parametrize("balanced", ["false", "true"])
 def test_every_table_is_opensims(arm, tmp_path, balanced):
-    """Names, order and rows; values to 2e-5 of a column's range, where the filter's even times leave 1e-5."""
+    """Names, order and rows; values to 2e-5 of a column's range, where the filter's even times
+    leave 1e-5.
+    """
     run_tool(arm(EVERY, "ours", balanced))
     theirs = opensim_on(arm(EVERY, "theirs", balanced))
     names = {path.name for path in theirs.glob("*.sto")}
     assert len(names) == 40
     assert {path.name for path in (tmp_path / "ours").iterdir()} == names
     for name in sorted(names):
-        found, wanted = read_sto(tmp_path / "ours" / name), read_sto(theirs / name)
+        found = read_sto(tmp_path / "ours" / name)
+        wanted = read_sto(theirs / name)
         assert found.names == wanted.names, name
         assert found.in_degrees == wanted.in_degrees, name
         np.testing.assert_allclose(found.time, wanted.time, atol=1e-6, err_msg=name)
@@ -82,16 +99,28 @@ def test_every_table_is_opensims(arm, tmp_path, balanced):
 
 
 def test_states_of_a_file_are_taken(arm, tmp_path):
-    """Written states, read back with activations of one's own, give other forces and the same motion."""
+    """Written states, read back with activations of one's own, give other forces and the same
+    motion.
+    """
     first = run_tool(arm('<StatesReporter name="SR"/>', "first", "true"))
     table = read_sto(first.written[0])
     active = [name.endswith("/activation") for name in table.names]
-    write_sto(Table(table.time, table.names, np.where(active, 0.5, table.values)), tmp_path / "states.sto")
+    write_sto(
+        Table(table.time, table.names, np.where(active, 0.5, table.values)), tmp_path / "states.sto"
+    )
     analyses = '<Actuation name="A"/><Kinematics name="K"/>'
-    weak = run_tool(arm(analyses, "weak", kind="states", motion=first.written[0].relative_to(tmp_path).as_posix()))
+    weak = run_tool(
+        arm(
+            analyses,
+            "weak",
+            kind="states",
+            motion=first.written[0].relative_to(tmp_path).as_posix(),
+        )
+    )
     strong = run_tool(arm(analyses, "strong", kind="states", motion="states.sto"))
     forces = [read_sto(one.written[0]) for one in (weak, strong)]
-    np.testing.assert_allclose(forces[0].values, forces[1].values, atol=1e-6)  # the tendon's, by the fiber's length
+    # the tendon's, by the fiber's length
+    np.testing.assert_allclose(forces[0].values, forces[1].values, atol=1e-6)
     q, u = (read_sto(tmp_path / "weak" / f"arm_K_{kind}.sto") for kind in "qu")
     values = {name.split("/")[-2]: table[name] for name in table.names if name.endswith("/value")}
     speeds = {name.split("/")[-2]: table[name] for name in table.names if name.endswith("/speed")}
@@ -102,7 +131,9 @@ def test_states_of_a_file_are_taken(arm, tmp_path):
 
 
 def test_default_states_are_told(arm):
-    result = run_tool(arm('<MuscleAnalysis name="MA"><compute_moments>false</compute_moments></MuscleAnalysis>'))
+    result = run_tool(
+        arm('<MuscleAnalysis name="MA"><compute_moments>false</compute_moments></MuscleAnalysis>')
+    )
     assert any("equilibrium is not asked for" in one for one in result.warnings)
     assert len(result.written) == 18
 
@@ -113,7 +144,8 @@ def test_inverse_dynamics_of_opensim_3(data, tmp_path):
         shutil.copyfile(data(SMALL + name), tmp_path / name)
     result = run_tool(tmp_path / "arm26_Setup_InverseDynamics.xml")
     assert [one.name for one in result.written] == ["arm26_InverseDynamics.sto"]
-    found, wanted = read_sto(result.written[0]), read_sto(data(SMALL + "std_arm26_InverseDynamics.sto"))
+    found = read_sto(result.written[0])
+    wanted = read_sto(data(SMALL + "std_arm26_InverseDynamics.sto"))
     assert found.names == wanted.names
     assert len(found) == len(wanted)
     np.testing.assert_allclose(found.values, wanted.values, atol=0.01)
@@ -123,12 +155,28 @@ def test_inverse_dynamics_of_opensim_3(data, tmp_path):
 @pytest.mark.parametrize(
     ("analysis", "error", "said"),
     [
-        ("<PointKinematics><body_name>hand</body_name></PointKinematics>", UnknownName, "unknown body 'hand'"),
-        ("<PointKinematics><point>0 1</point></PointKinematics>", BadData, "expected three numbers"),
-        ("<PointKinematics><point>0 1 up</point></PointKinematics>", BadData, "expected three numbers"),
+        (
+            "<PointKinematics><body_name>hand</body_name></PointKinematics>",
+            UnknownName,
+            "unknown body 'hand'",
+        ),
+        (
+            "<PointKinematics><point>0 1</point></PointKinematics>",
+            BadData,
+            "expected three numbers",
+        ),
+        (
+            "<PointKinematics><point>0 1 up</point></PointKinematics>",
+            BadData,
+            "expected three numbers",
+        ),
         ("<BodyKinematics><bodies>hand</bodies></BodyKinematics>", BadData, "none of its bodies"),
         ("<InverseDynamics/>", BadData, "use_model_force_set is not built"),
-        ("<InducedAccelerations/>", BadData, "asks for InducedAccelerations, but the analyses that exist are"),
+        (
+            "<InducedAccelerations/>",
+            BadData,
+            "asks for InducedAccelerations, but the analyses that exist are",
+        ),
     ],
 )
 def test_what_an_analysis_asks_in_vain_is_named(arm, tmp_path, analysis, error, said):
@@ -138,7 +186,10 @@ def test_what_an_analysis_asks_in_vain_is_named(arm, tmp_path, analysis, error, 
 
 
 def test_lists_keep_their_order_and_name_what_is_missing(arm, tmp_path):
-    analysis = "<Kinematics name='K'><coordinates>r_elbow_flex wrist r_shoulder_elev</coordinates></Kinematics>"
+    analysis = (
+        "<Kinematics name='K'><coordinates>r_elbow_flex wrist"
+        " r_shoulder_elev</coordinates></Kinematics>"
+    )
     result = run_tool(arm(analysis))
     assert any("coordinate 'wrist' is not in the model" in one for one in result.warnings)
     assert read_sto(tmp_path / "ours" / "arm_K_q.sto").names == ("r_elbow_flex", "r_shoulder_elev")
@@ -147,7 +198,9 @@ def test_lists_keep_their_order_and_name_what_is_missing(arm, tmp_path):
 def test_tools_that_are_not_built_are_named(tmp_path):
     path = tmp_path / "setup.xml"
     path.write_text("<OpenSimDocument Version='40000'><CMCTool/></OpenSimDocument>")
-    with pytest.raises(BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"):
+    with pytest.raises(
+        BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"
+    ):
         run_tool(path)
 
 

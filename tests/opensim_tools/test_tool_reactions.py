@@ -46,7 +46,9 @@ sys.exit(0 if tool.run() else 1)
 
 
 @pytest.mark.parametrize(("model", "setup", "name", "expected"), CASES)
-def test_loads_of_pendulums_are_those_that_come_with_opensim(data, tmp_path, model, setup, name, expected):
+def test_loads_of_pendulums_are_those_that_come_with_opensim(
+    data, tmp_path, model, setup, name, expected
+):
     for source in sorted(data(SMALL + f"{model}.osim").parent.glob(f"{model}*")):
         shutil.copy(source, tmp_path)
     path = tmp_path / f"{model}_Setup_JointReaction{setup}.xml"
@@ -63,31 +65,42 @@ def test_loads_of_pendulums_are_those_that_come_with_opensim(data, tmp_path, mod
 
 def study(data, folder, on="child", frame="child"):
     """A setup on the study's own states and forces, the model's own actuators at rest."""
-    model, states = data(STUDY + "Rajagopal_scaled_Sub1_gasAvoid.osim"), data(STUDY + "results_SO/results_states.sto")
+    model = data(STUDY + "Rajagopal_scaled_Sub1_gasAvoid.osim")
+    states = data(STUDY + "results_SO/results_states.sto")
     forces = read_sto(data(STUDY + "results_SO/results_forces.sto"))
     # OpenSim reads as many columns as the model has actuators: none may stand before them.
-    keep = [k for k, name in enumerate(forces.names) if not name.startswith(("calcn", "patellofemoral"))]
+    keep = [
+        k for k, name in enumerate(forces.names) if not name.startswith(("calcn", "patellofemoral"))
+    ]
     own = ("lumbar_ext", "lumbar_bend", "lumbar_rot")
     names = tuple(forces.names[k] for k in keep)
     values = np.hstack([forces.values[:, keep], np.zeros((len(forces), 3))])
     write_sto(replace(forces, names=(*names, *own), values=values), folder / "forces.sto")
     reserves = [name for name in names if name.endswith("_reserve")]
-    actuators = "".join(ACTUATOR.format(name=name, coordinate=name.removesuffix("_reserve")) for name in reserves)
+    actuators = "".join(
+        ACTUATOR.format(name=name, coordinate=name.removesuffix("_reserve")) for name in reserves
+    )
     head = '<?xml version="1.0"?><OpenSimDocument Version="40000">'
     (folder / "actuators.xml").write_text(
-        f'{head}<ForceSet name="reserves"><objects>{actuators}</objects></ForceSet></OpenSimDocument>'
+        f"{head}<ForceSet"
+        f' name="reserves"><objects>{actuators}</objects></ForceSet></OpenSimDocument>'
     )
-    plates = "".join(FORCE.format(body=body, side=side) for body, side in (("calcn_r", ""), ("calcn_l", "1_")))
+    plates = "".join(
+        FORCE.format(body=body, side=side) for body, side in (("calcn_r", ""), ("calcn_l", "1_"))
+    )
     plates = plates.replace("\n<", "<")
     table = data(STUDY + "walking_baseline1_forces.mot")
     (folder / "loads.xml").write_text(
-        f'{head}<ExternalLoads name="loads"><objects>{plates}</objects><datafile>{table}</datafile></ExternalLoads>'
+        f"{head}<ExternalLoads"
+        f' name="loads"><objects>{plates}</objects><datafile>{table}</datafile></ExternalLoads>'
         "</OpenSimDocument>"
     )
     path = folder / "setup.xml"
     path.write_text(SETUP.format(model=model, states=states, results="ours", on=on, frame=frame))
     theirs = folder / "theirs.xml"
-    theirs.write_text(SETUP.format(model=model, states=states, results="theirs", on=on, frame=frame))
+    theirs.write_text(
+        SETUP.format(model=model, states=states, results="theirs", on=on, frame=frame)
+    )
     return path, theirs
 
 
@@ -96,9 +109,12 @@ def test_same_tensions_in_same_reactions_out(data, tmp_path, on, frame):
     """OpenSim 4.6 on the same setup: 80 muscles in a walk, all joints; forces to 0.05 N of 3,900."""
     pytest.importorskip("opensim")
     ours, theirs = study(data, tmp_path, on, frame)
-    subprocess.run([sys.executable, "-c", OPENSIM, str(theirs)], check=True, capture_output=True, cwd=tmp_path)
+    subprocess.run(
+        [sys.executable, "-c", OPENSIM, str(theirs)], check=True, capture_output=True, cwd=tmp_path
+    )
     run_tool(ours)
-    found, wanted = (read_sto(tmp_path / folder / "so_JR_ReactionLoads.sto") for folder in ("ours", "theirs"))
+    found = read_sto(tmp_path / "ours" / "so_JR_ReactionLoads.sto")
+    wanted = read_sto(tmp_path / "theirs" / "so_JR_ReactionLoads.sto")
     assert found.names == wanted.names
     assert np.abs(found.values - wanted.values).max() < 0.05
     assert np.abs(wanted.values).max() > 2000.0
@@ -110,11 +126,15 @@ def test_what_a_setup_lacks_is_named(data, tmp_path):
     path.write_text(text.replace("ALL", "knee"))
     with pytest.raises(UnknownName, match="unknown joint 'knee'"):
         run_tool(path)
-    path.write_text(text.replace("ALL", "hip_r hip_l").replace(">child</apply", ">child parent child</apply"))
+    path.write_text(
+        text.replace("ALL", "hip_r hip_l").replace(">child</apply", ">child parent child</apply")
+    )
     with pytest.raises(BadData, match="apply_on_bodies names 3 for 2 joints"):
         run_tool(path)
     table = read_sto(tmp_path / "forces.sto")
-    write_sto(replace(table, names=table.names[:-1], values=table.values[:, :-1]), tmp_path / "forces.sto")
+    write_sto(
+        replace(table, names=table.names[:-1], values=table.values[:, :-1]), tmp_path / "forces.sto"
+    )
     path.write_text(text)
     with pytest.raises(BadData, match=r"forces\.sto: unknown actuator 'lumbar_rot'"):
         run_tool(path)

@@ -40,19 +40,27 @@ def arm(data, tmp_path):
 
 @pytest.fixture
 def scale_folder(data, tmp_path):
-    for name in ("subject01_Setup_Scale.xml", "gait2354_simbody.osim", "gait2354_Scale_MarkerSet.xml"):
+    for name in (
+        "subject01_Setup_Scale.xml",
+        "gait2354_simbody.osim",
+        "gait2354_Scale_MarkerSet.xml",
+    ):
         shutil.copy(data(f"opensim-gait-subject01/ref_scale/{name}"), tmp_path)
     shutil.copy(data("opensim-gait-subject01/experiment/subject01_static.trc"), tmp_path)
     return tmp_path
 
 
 def test_scale_tool_makes_the_expected_model(data, scale_folder):
-    """OpenSim's own expected result: sizes and masses to its printed digits, markers as far as its pose is off."""
+    """OpenSim's own expected result: sizes and masses to its printed digits, markers as far as its
+    pose is off.
+    """
     result = run_tool(scale_folder / "subject01_Setup_Scale.xml")
     assert {path.name for path in result.written} == {
-        "subject01_scaledOnly.osim", "subject01_scaleSet_applied.xml", "subject01_simbody.osim",
+        "subject01_scaledOnly.osim",
+        "subject01_scaleSet_applied.xml",
+        "subject01_simbody.osim",
         "subject01_static_output.mot",
-    }  # fmt: skip
+    }
     ours = read_model(scale_folder / "subject01_simbody.osim")
     std = read_model(data("opensim-gait-subject01/ref_scale/std_subject01_simbody.osim"))
     assert ours.mass == pytest.approx(72.6, abs=1e-12)
@@ -77,11 +85,17 @@ def test_scale_tool_makes_the_expected_model(data, scale_folder):
 
 def test_nothing_is_overwritten_that_was_read(scale_folder):
     path = scale_folder / "subject01_Setup_Scale.xml"
-    path.write_text(path.read_text().replace("subject01_scaledOnly.osim", "./gait2354_simbody.osim"))
+    path.write_text(
+        path.read_text().replace("subject01_scaledOnly.osim", "./gait2354_simbody.osim")
+    )
     before = sorted(one.name for one in scale_folder.iterdir())
-    with pytest.raises(BadFile, match=r"gait2354_simbody\.osim: is both read and written by this setup"):
+    with pytest.raises(
+        BadFile, match=r"gait2354_simbody\.osim: is both read and written by this setup"
+    ):
         run_tool(path)
-    path.write_text(path.read_text().replace("./gait2354_simbody.osim", "subject01_scaleSet_applied.xml"))
+    path.write_text(
+        path.read_text().replace("./gait2354_simbody.osim", "subject01_scaleSet_applied.xml")
+    )
     with pytest.raises(BadFile, match="is the name of two results"):
         run_tool(path)
     assert sorted(one.name for one in scale_folder.iterdir()) == before
@@ -106,12 +120,16 @@ def test_a_failure_while_writing_leaves_nothing(tmp_path):
         raise OSError("disk full")
 
     with pytest.raises(OSError, match="disk full"):
-        write_outputs({tmp_path / "a.sto": lambda path: path.write_text("whole"), tmp_path / "b.sto": broken})
+        write_outputs(
+            {tmp_path / "a.sto": lambda path: path.write_text("whole"), tmp_path / "b.sto": broken}
+        )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_inverse_kinematics_of_a_closed_loop(data, tmp_path):
-    """OpenSim's setup of the bone pins. The stored result, solved to 1e-6, lies up to 0.9 degrees off the minimum."""
+    """OpenSim's setup of the bone pins. The stored result, solved to 1e-6, lies up to 0.9 degrees
+    off the minimum.
+    """
     folder = tmp_path / "ik"
     shutil.copytree(data("shoulder-bonepin"), folder)
     path = folder / "setup_ik_abdbonepin.xml"
@@ -120,7 +138,8 @@ def test_inverse_kinematics_of_a_closed_loop(data, tmp_path):
     path.write_text(path.read_text().replace("<time_range> 0.0 19.0<", "<time_range> 0.0 1.0<"))
     result = run_tool(path)
     assert "loops closed to" in result.lines[0]
-    ours, stored = read_sto(folder / "subject1_abdbonepin_IK.mot"), read_sto(folder / "std_subject1_abdbonepin_IK.mot")
+    ours = read_sto(folder / "subject1_abdbonepin_IK.mot")
+    stored = read_sto(folder / "std_subject1_abdbonepin_IK.mot")
     assert len(ours) == 101
     for name in stored.names:
         np.testing.assert_allclose(ours[name], stored[name][:101], atol=1.0, err_msg=name)
@@ -135,9 +154,11 @@ def test_inverse_kinematics_of_simulated_markers(data, tmp_path):
     result = run_tool(path)
     assert "<InverseKinemtaticsTool> was taken for <InverseKinematicsTool>" in result.warnings
     assert [one.name for one in result.written] == [
-        "subject01_walk1_ik_test.mot", "subject01_ik_model_marker_locations.sto",
-    ]  # fmt: skip
-    ours, std = read_sto(result.written[0]), read_sto(folder / "std_subject01_walk1_ik.mot")
+        "subject01_walk1_ik_test.mot",
+        "subject01_ik_model_marker_locations.sto",
+    ]
+    ours = read_sto(result.written[0])
+    std = read_sto(folder / "std_subject01_walk1_ik.mot")
     assert len(ours) == 13
     for name in std.names:
         np.testing.assert_allclose(ours[name], std[name][:13], atol=0.05, err_msg=name)
@@ -151,7 +172,9 @@ def test_markers_and_forces_are_checked_and_nothing_is_mended(data, tmp_path):
         for path in (tmp_path / name, *(tmp_path / name).rglob("*")):
             path.chmod(0o755)
     markers = next((tmp_path / "ref_ik").glob("*.trc"))
-    text = markers.read_text().replace("R.Thigh.Upper", "#").replace("R.Shank.Upper", "R.Thigh.Upper")
+    text = (
+        markers.read_text().replace("R.Thigh.Upper", "#").replace("R.Shank.Upper", "R.Thigh.Upper")
+    )
     markers.write_text(text.replace("#", "R.Shank.Upper"))
     result = run_tool(tmp_path / "ref_ik" / "subject01_Setup_InverseKinematics.xml")
     assert "'R.Thigh.Upper'" in result.warnings[0]
@@ -159,10 +182,17 @@ def test_markers_and_forces_are_checked_and_nothing_is_mended(data, tmp_path):
     assert "mended" not in result.warnings[0]
     assert "over 2 and 4 cm" in result.lines[0]
 
-    loads = next(one for one in (tmp_path / "ref_id").glob("*.xml") if "<ExternalForce " in one.read_text())
+    loads = next(
+        one for one in (tmp_path / "ref_id").glob("*.xml") if "<ExternalForce " in one.read_text()
+    )
     good = run_tool(tmp_path / "ref_id" / "subject01_Setup_InverseDynamics.xml")
     assert "largest residual force" in good.lines[0]
-    text = loads.read_text().replace("calcn_r", "#").replace("calcn_l", "calcn_r").replace("#", "calcn_l")
+    text = (
+        loads.read_text()
+        .replace("calcn_r", "#")
+        .replace("calcn_l", "calcn_r")
+        .replace("#", "calcn_l")
+    )
     loads.write_text(text)
     wrong = run_tool(tmp_path / "ref_id" / "subject01_Setup_InverseDynamics.xml")
     assert "foot" in wrong.warnings[0]
@@ -172,13 +202,15 @@ def test_markers_and_forces_are_checked_and_nothing_is_mended(data, tmp_path):
 def test_inverse_dynamics_is_opensims(data, tmp_path, monkeypatch):
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
-    mine, other = tmp_path / "mine", tmp_path / "other"
+    mine = tmp_path / "mine"
+    other = tmp_path / "other"
     for folder in (mine, other):
         shutil.copytree(data("opensim-gait-subject01/ref_id"), folder)
     result = run_tool(mine / "subject01_Setup_InverseDynamics.xml")
     monkeypatch.chdir(other)
     opensim.InverseDynamicsTool("subject01_Setup_InverseDynamics.xml").run()
-    ours, theirs = read_sto(result.written[0]), read_sto(other / "Results" / "subject01_InverseDynamics.sto")
+    ours = read_sto(result.written[0])
+    theirs = read_sto(other / "Results" / "subject01_InverseDynamics.sto")
     assert result.written[0] == mine / "Results" / "subject01_InverseDynamics.sto"
     assert set(ours.names) == set(theirs.names)
     for name in theirs.names:
@@ -207,22 +239,38 @@ def test_passive_forces_are_taken_off_unless_excluded(data, tmp_path, monkeypatc
         opensim.InverseDynamicsTool(path.name).run()
         theirs = read_sto(tmp_path / f"theirs_{excluded}" / "id.sto")
         for name in theirs.names:
-            np.testing.assert_allclose(tables[excluded][name], theirs[name], atol=0.02, err_msg=f"{excluded} {name}")
-    assert np.abs(tables["ALL"]["ankle_angle_r_moment"] - tables["Muscles"]["ankle_angle_r_moment"]).max() > 0.5
+            np.testing.assert_allclose(
+                tables[excluded][name], theirs[name], atol=0.02, err_msg=f"{excluded} {name}"
+            )
+    assert (
+        np.abs(
+            tables["ALL"]["ankle_angle_r_moment"] - tables["Muscles"]["ankle_angle_r_moment"]
+        ).max()
+        > 0.5
+    )
 
 
 def test_muscle_analysis_writes_what_it_names(arm, tmp_path):
     analysis = (
         '<MuscleAnalysis name="MuscleAnalysis"><on>true</on><step_interval>2</step_interval>'
-        "<muscle_list>BRA TRIlong</muscle_list><moment_arm_coordinate_list>r_elbow_flex</moment_arm_coordinate_list>"
+        "<muscle_list>BRA"
+        " TRIlong</muscle_list><moment_arm_coordinate_list>r_elbow_flex</moment_arm_coordinate_list>"
         "<compute_moments>true</compute_moments></MuscleAnalysis><ProbeReporter/>"
     )
     result = run_tool(arm(analysis))
-    written = {path.name.removeprefix("arm_MuscleAnalysis_").removesuffix(".sto"): path for path in result.written}
+    written = {
+        path.name.removeprefix("arm_MuscleAnalysis_").removesuffix(".sto"): path
+        for path in result.written
+    }
     assert set(written) == {
-        *FIBERS, "Length", "NormalizedFiberLength", "ActiveFiberForceAlongTendon", "PassiveFiberForceAlongTendon",
-        "MomentArm_r_elbow_flex", "Moment_r_elbow_flex",
-    }  # fmt: skip
+        *FIBERS,
+        "Length",
+        "NormalizedFiberLength",
+        "ActiveFiberForceAlongTendon",
+        "PassiveFiberForceAlongTendon",
+        "MomentArm_r_elbow_flex",
+        "Moment_r_elbow_flex",
+    }
     assert {path.parent for path in result.written} == {tmp_path / "Results"}
     assert "analysis ProbeReporter is left out: it is not built" in result.warnings
     table = read_sto(written["MomentArm_r_elbow_flex"])
@@ -234,7 +282,9 @@ def test_muscle_analysis_writes_what_it_names(arm, tmp_path):
     lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False)
     near = [int(np.argmin(np.abs(motion.time - at))) for at in table.time]
     found = read_sto(written["Length"])["BRA"]
-    np.testing.assert_allclose(found, lengths.lengths[near, lengths.muscles.index("BRA")], atol=2e-4)
+    np.testing.assert_allclose(
+        found, lengths.lengths[near, lengths.muscles.index("BRA")], atol=2e-4
+    )
 
 
 def test_static_optimization_ends_are_analysed_too():
@@ -245,10 +295,15 @@ def test_static_optimization_ends_are_analysed_too():
 
 def test_static_optimization_of_the_arm(arm, data):
     """The effort of our activations is no larger than that of OpenSim's table, on the same frames."""
-    static = '<StaticOptimization name="StaticOptimization"><step_interval>1</step_interval></StaticOptimization>'
+    static = (
+        "<StaticOptimization"
+        ' name="StaticOptimization"><step_interval>1</step_interval></StaticOptimization>'
+    )
     result = run_tool(arm(static))
     names = [path.name for path in result.written]
-    assert names == [f"arm_StaticOptimization_{end}" for end in ("activation.sto", "force.sto", "controls.xml")]
+    assert names == [
+        f"arm_StaticOptimization_{end}" for end in ("activation.sto", "force.sto", "controls.xml")
+    ]
     ours = read_sto(result.written[0])
     std = read_sto(data("opensim-reference-small/std_arm26_StaticOptimization_activation.sto"))
     near = [int(np.argmin(np.abs(std.time - at))) for at in ours.time]
@@ -259,16 +314,27 @@ def test_static_optimization_of_the_arm(arm, data):
 
 
 def test_analyses_that_do_not_exist(arm):
-    with pytest.raises(BadData, match="asks for InducedAccelerations, but the analyses that exist are"):
+    with pytest.raises(
+        BadData, match="asks for InducedAccelerations, but the analyses that exist are"
+    ):
         run_tool(arm("<InducedAccelerations/>"))
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<OpenSimDocument Version='40000'><RRATool/></OpenSimDocument>", "the tools that exist are"),
-        ("<OpenSimDocument Version='40000'><ScaleTool name='a'/></OpenSimDocument>", "names no model_file"),
-        ("<OpenSimDocument Version='40000'><InverseKinematicsTool/></OpenSimDocument>", "names no model_file"),
+        (
+            "<OpenSimDocument Version='40000'><RRATool/></OpenSimDocument>",
+            "the tools that exist are",
+        ),
+        (
+            "<OpenSimDocument Version='40000'><ScaleTool name='a'/></OpenSimDocument>",
+            "names no model_file",
+        ),
+        (
+            "<OpenSimDocument Version='40000'><InverseKinematicsTool/></OpenSimDocument>",
+            "names no model_file",
+        ),
         ("<html>", "line 1"),
     ],
 )

@@ -15,7 +15,9 @@ def histogram(title, unit, values, bins=8):
     counts, edges = np.histogram(values, bins)
     area = frame(46.0, 26.0, 322.0, 168.0, (edges[0], edges[-1]), (0.0, 1.05 * counts.max()))
     bars = [
-        rect("bar first", *corner, width, height, f"{number(low)} to {number(high)} {unit}: {count}")
+        rect(
+            "bar first", *corner, width, height, f"{number(low)} to {number(high)} {unit}: {count}"
+        )
         for corner, width, height, low, high, count in zip(
             zip(area.x.at(edges[:-1]), area.y.at(counts), strict=True),
             np.diff(area.x.at(edges)) - 1.0,
@@ -27,7 +29,9 @@ def histogram(title, unit, values, bins=8):
         )
     ]
     name = text(184.0, 196.0, f"{unit}, counted", "tick x")
-    return drawing("histogram", title, (330, 200), grid_up(area), grid_along(area, 5), name, *bars, unit=unit)
+    return drawing(
+        "histogram", title, (330, 200), grid_up(area), grid_along(area, 5), name, *bars, unit=unit
+    )
 
 
 speeds = np.random.default_rng(0).normal(1.3, 0.1, 200)

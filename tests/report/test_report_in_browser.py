@@ -1,4 +1,6 @@
-"""The report in a real browser: it opens without complaint, its rows are read at one time and saved as one drawing."""
+"""The report in a real browser: it opens without complaint, its rows are read at one time and saved
+as one drawing.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from walker import everything
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     program = browser_program()
     if program is None:
-        pytest.skip("needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one")
+        pytest.skip(
+            "needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one"
+        )
     pytest.importorskip("websockets")
     folder: Path = tmp_path_factory.mktemp("page")
     (folder / "report.html").write_text(report_page(everything(100)), encoding="utf-8")
@@ -29,17 +33,22 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 def test_every_row_is_read_at_the_same_time(browser: Browser) -> None:
     browser.run(
-        "document.querySelector('#analysis svg.track').scrollIntoView({ block: 'center', behavior: 'instant' })"
+        "document.querySelector('#analysis svg.track').scrollIntoView({ block: 'center', behavior:"
+        " 'instant' })"
     )
     box = browser.run(
         "(() => { const b = document.querySelector('#analysis svg.track').getBoundingClientRect();"
         " return [b.left, b.top, b.width, b.height]; })()"
     )
-    x, y = box[0] + 0.6 * box[2], box[1] + 0.5 * box[3]
+    x = box[0] + 0.6 * box[2]
+    y = box[1] + 0.5 * box[3]
     browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     text = browser.until("document.querySelector('.reading:not([hidden])')?.innerText")
     assert "height:" in text
-    marks = "[...document.querySelectorAll('#analysis svg.track .cursor')].map(one => one.getAttribute('d'))"
+    marks = (
+        "[...document.querySelectorAll('#analysis svg.track .cursor')].map(one =>"
+        " one.getAttribute('d'))"
+    )
     browser.until(f"{marks}.filter(Boolean).length > 3")
     places = {one.split("V")[0].split()[0] for one in browser.run(marks) if one}
     assert len(places) == 1, "one time, one place in all rows"
@@ -53,7 +62,9 @@ def test_the_rows_of_a_figure_are_saved_as_one_drawing(browser: Browser) -> None
     )
     drawing = etree.fromstring(browser.run("window.saved.text()").encode("utf-8"))
     parts = drawing.findall("{http://www.w3.org/2000/svg}svg")
-    assert len(parts) == browser.run("document.querySelectorAll('#analysis figure > svg').length") > 5
+    assert (
+        len(parts) == browser.run("document.querySelectorAll('#analysis figure > svg').length") > 5
+    )
     tops = [float(one.get("y")) for one in parts]
     heights = [float(one.get("height")) for one in parts]
     assert tops == pytest.approx([sum(heights[:i]) for i in range(len(parts))])
@@ -72,14 +83,25 @@ def test_nothing_went_wrong(browser: Browser) -> None:
 
 
 def test_a_narrow_page_needs_no_sideways_scrolling(browser: Browser, tmp_path: Path) -> None:
-    """Also where a model has a long name without spaces, which stands in the heading and among the facts."""
+    """Also where a model has a long name without spaces, which stands in the heading and among the
+    facts.
+    """
     given = everything(20)
     long = "Rajagopal_no_arms-scaled_x0.6_knee" * 2
     text = report_page(given).replace(f"<h1>{given.head.title}", f"<h1>{long}")
     assert long in text
     (tmp_path / "narrow.html").write_text(text, encoding="utf-8")
-    browser.call("Emulation.setDeviceMetricsOverride", width=400, height=900, deviceScaleFactor=1, mobile=False)
+    browser.call(
+        "Emulation.setDeviceMetricsOverride",
+        width=400,
+        height=900,
+        deviceScaleFactor=1,
+        mobile=False,
+    )
     browser.open((tmp_path / "narrow.html").as_uri())
-    browser.until(f"document.readyState === 'complete' && document.querySelector('h1').textContent.includes('{long}')")
+    browser.until(
+        "document.readyState === 'complete' &&"
+        f" document.querySelector('h1').textContent.includes('{long}')"
+    )
     width = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert browser.run(width) <= 0

@@ -13,17 +13,25 @@ from trees import functional_tree, random_tree
 @pytest.mark.parametrize("make", [random_tree, functional_tree])
 def test_rates_are_differences_of_poses(make):
     model = make(3)
-    tree, step = compile_tree(model), 1e-4
+    tree = compile_tree(model)
+    step = 1e-4
     rng = np.random.default_rng(0)
     n = len(model.coordinates)
     q, v, a = (rng.normal(size=n) * 0.3 for _ in range(3))
     at = step * np.arange(-1, 2)[:, None]
-    c, cdot, cddot = q + v * at + 0.5 * a * at**2, v + a * at, np.tile(a, (3, 1))
+    c = q + v * at + 0.5 * a * at**2
+    cdot = v + a * at
+    cddot = np.tile(a, (3, 1))
     moved = body_motion(tree, c, cdot, cddot)
-    places, bodies = rng.normal(size=(len(tree.arrays.parent), 3)), np.arange(len(tree.arrays.parent))
+    places = rng.normal(size=(len(tree.arrays.parent), 3))
+    bodies = np.arange(len(tree.arrays.parent))
     points, speeds, accelerations = moved.of_points(bodies, places)
     np.testing.assert_allclose(speeds[1], (points[2] - points[0]) / (2 * step), atol=1e-5)
     np.testing.assert_allclose(accelerations[1], (speeds[2] - speeds[0]) / (2 * step), atol=1e-4)
-    turned = (moved.rotations[2] - moved.rotations[0]) / (2 * step) @ np.swapaxes(moved.rotations[1], 1, 2)
+    turned = (
+        (moved.rotations[2] - moved.rotations[0])
+        / (2 * step)
+        @ np.swapaxes(moved.rotations[1], 1, 2)
+    )
     found = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1)
     np.testing.assert_allclose(moved.angular_velocities[1], found, atol=1e-5)

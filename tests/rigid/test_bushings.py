@@ -59,7 +59,10 @@ def test_dampers_only_take_energy(tied):
     none = dict.fromkeys(("rotational_stiffness", "translational_stiffness"), np.zeros(3))
     tau = bushing_forces(tree, [replace(one, **none)], c, rates)
     step = 1e-6
-    q = [deflection(tree, forward_kinematics(tree, c + sign * step * rates), one)[0] for sign in (1, -1)]
+    q = [
+        deflection(tree, forward_kinematics(tree, c + sign * step * rates), one)[0]
+        for sign in (1, -1)
+    ]
     qdot = (q[0] - q[1]) / (2 * step)
     damping = np.concatenate([one.rotational_damping, one.translational_damping])
     power = (tau * rates).sum(axis=1)
@@ -85,13 +88,20 @@ def test_opensim_applies_the_same_forces(data, tmp_path):
         "translational_stiffness": rng.uniform(10, 50, 3),
         "translational_damping": rng.uniform(1, 5, 3),
     }
-    made = replace(model, muscles=(), actuators=(), kept=(), bushings=(bushing("pelvis", "humerus_r", rng, **parts),))
+    made = replace(
+        model,
+        muscles=(),
+        actuators=(),
+        kept=(),
+        bushings=(bushing("pelvis", "humerus_r", rng, **parts),),
+    )
     write_osim(made, tmp_path / "bushing.osim")
     read = read_osim(tmp_path / "bushing.osim")
     tree = compile_tree(read)
     theirs = opensim.Model(str(tmp_path / "bushing.osim"))
     state = theirs.initSystem()
-    force, named = theirs.getForceSet().get("bush"), theirs.getCoordinateSet()
+    force = theirs.getForceSet().get("bush")
+    named = theirs.getCoordinateSet()
     solver = opensim.InverseDynamicsSolver(theirs)
     for name in read.coordinate_names:
         named.get(name).setLocked(state, False)
@@ -101,7 +111,8 @@ def test_opensim_applies_the_same_forces(data, tmp_path):
     order = [round(speed) - 1 for speed in state.getU().to_numpy()]
     driven = set(read.dependent_coordinates)
     free = [j for j, name in enumerate(names) if name not in driven]
-    c, rates = 0.2 * rng.normal(size=(3, len(names))), rng.normal(size=(3, len(names)))
+    c = 0.2 * rng.normal(size=(3, len(names)))
+    rates = rng.normal(size=(3, len(names)))
     expected = np.empty_like(c)
     for frame in range(3):
         for j, name in enumerate(names):
@@ -113,4 +124,6 @@ def test_opensim_applies_the_same_forces(data, tmp_path):
             theirs.realizeDynamics(state)
             found.append(solver.solve(state, opensim.Vector(len(names), 0.0)).to_numpy().copy())
         expected[frame, order] = found[1] - found[0]
-    np.testing.assert_allclose(bushing_forces(tree, read.bushings, c, rates)[:, free], expected[:, free], atol=1e-7)
+    np.testing.assert_allclose(
+        bushing_forces(tree, read.bushings, c, rates)[:, free], expected[:, free], atol=1e-7
+    )

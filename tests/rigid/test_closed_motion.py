@@ -29,10 +29,17 @@ def cranked(model, frames=7):
     turn = np.linspace(0.4, 1.6, frames)
     angles = four_bar_angles(turn)
     step = 1e-4
-    ahead, behind = four_bar_angles(turn + step), four_bar_angles(turn - step)
+    ahead = four_bar_angles(turn + step)
+    behind = four_bar_angles(turn - step)
     rates = 2.0 * (ahead - behind) / (2 * step)
     accelerations = 4.0 * (ahead - 2 * angles + behind) / step**2
-    return Motion(turn / 2.0, model.coordinate_names, angles, rates, accelerations)
+    return Motion(
+        time=turn / 2.0,
+        names=model.coordinate_names,
+        values=angles,
+        velocities=rates,
+        accelerations=accelerations,
+    )
 
 
 def closed(seed, functional, frames=4):
@@ -43,7 +50,13 @@ def closed(seed, functional, frames=4):
     near = start + 0.02 * rng.normal(size=(frames, len(start)))
     couple_frames(tree.arrays, near)
     rates, accelerations = rng.normal(size=(2, *near.shape))
-    motion = Motion(np.arange(frames) / 10, model.coordinate_names, close_loops(tree, near), rates, accelerations)
+    motion = Motion(
+        time=np.arange(frames) / 10,
+        names=model.coordinate_names,
+        values=close_loops(tree, near),
+        velocities=rates,
+        accelerations=accelerations,
+    )
     return tree, closed_motion(model, motion)[0]
 
 
@@ -85,7 +98,9 @@ def test_crank_torque_is_the_rate_of_energy():
     assert len(folded.names) == 1
     independent = model.coordinate_names.index(folded.names[0])
     power = folded.values[:, 0] * motion.velocities[:, independent]
-    np.testing.assert_allclose(power, (tau.values * motion.velocities).sum(axis=1), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(
+        power, (tau.values * motion.velocities).sum(axis=1), rtol=1e-4, atol=1e-6
+    )
 
 
 def test_a_model_without_loops_keeps_its_torques():

@@ -1,4 +1,6 @@
-"""What joints transmit: Newton's and Euler's laws, Pinocchio's joint forces, and accelerations back from forces."""
+"""What joints transmit: Newton's and Euler's laws, Pinocchio's joint forces, and accelerations back
+from forces.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,20 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Motion
 from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
-from myomorph.rigid.forward import balancing_multipliers, forward_accelerations, gathered, loop_wrenches
+from myomorph.rigid.forward import (
+    balancing_multipliers,
+    forward_accelerations,
+    gathered,
+    loop_wrenches,
+)
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import close_loops, closed_motion, closure_jacobian, closure_rates, free_coordinates
+from myomorph.rigid.loops import (
+    close_loops,
+    closed_motion,
+    closure_jacobian,
+    closure_rates,
+    free_coordinates,
+)
 from myomorph.rigid.tree import compile_tree
 from trees import functional_tree, random_tree, swinging, to_pinocchio
 
@@ -22,7 +35,9 @@ def pushed(tree, frames, seed):
 
 
 def test_each_body_keeps_its_laws_of_momentum():
-    """Joint of the body less those of its children, gravity and what is applied: the rate of momentum."""
+    """Joint of the body less those of its children, gravity and what is applied: the rate of
+    momentum.
+    """
     model = functional_tree(3)
     step = 3e-4
     motion = swinging(model, 5, step, seed=3)
@@ -30,9 +45,11 @@ def test_each_body_keeps_its_laws_of_momentum():
     c, cdot, cddot = motion_arrays(tree, motion)
     applied = pushed(tree, 5, 0)
     found = joint_wrenches(tree, c, cdot, cddot, applied)
-    poses, T = forward_kinematics(tree, c), tree.arrays
+    poses = forward_kinematics(tree, c)
+    T = tree.arrays
     for b in range(1, len(T.parent)):
-        R, center = poses.rotations[:, b], poses.origins[:, b] + poses.rotations[:, b] @ T.mass_center[b]
+        R = poses.rotations[:, b]
+        center = poses.origins[:, b] + poses.rotations[:, b] @ T.mass_center[b]
         acceleration = (center[3] - 2 * center[2] + center[1]) / step**2
         force = found.forces[2, b] - sum(found.forces[2, k] for k in np.flatnonzero(T.parent == b))
         np.testing.assert_allclose(
@@ -45,7 +62,9 @@ def test_each_body_keeps_its_laws_of_momentum():
             speed = (center[f + 1] - center[f - 1]) / (2 * step)
             inertia = R[f] @ T.inertia[b] @ R[f].T
             turning.append(inertia @ omega + T.mass[b] * np.cross(center[f], speed))
-        moment = found.moments[2, b] - sum(found.moments[2, k] for k in np.flatnonzero(T.parent == b))
+        moment = found.moments[2, b] - sum(
+            found.moments[2, k] for k in np.flatnonzero(T.parent == b)
+        )
         weight = np.cross(center[2], T.mass[b] * T.gravity)
         np.testing.assert_allclose(
             moment + weight + applied[2, b, 3:], (turning[2] - turning[0]) / (2 * step), atol=5e-4
@@ -57,7 +76,9 @@ def test_joint_forces_agree_with_pinocchio(seed):
     pin = pytest.importorskip("pinocchio")
     model = random_tree(seed)
     rng = np.random.default_rng(seed)
-    motion = Motion(np.arange(2.0), model.coordinate_names, *rng.normal(size=(3, 2, len(model.coordinates))))
+    motion = Motion(
+        np.arange(2.0), model.coordinate_names, *rng.normal(size=(3, 2, len(model.coordinates)))
+    )
     tree = compile_tree(model)
     applied = pushed(tree, 2, seed)
     found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
@@ -70,10 +91,20 @@ def test_joint_forces_agree_with_pinocchio(seed):
             external.append(pin.Force.Zero())
         for body in model.bodies:
             wrench = applied[frame, tree.body_index[body.name]]
-            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(pin.Force(wrench[:3], wrench[3:]))
-        pin.rnea(theirs, data, motion.values[frame], motion.velocities[frame], motion.accelerations[frame], external)
+            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(
+                pin.Force(wrench[:3], wrench[3:])
+            )
+        pin.rnea(
+            theirs,
+            data,
+            motion.values[frame],
+            motion.velocities[frame],
+            motion.accelerations[frame],
+            external,
+        )
         for body in model.bodies:
-            i, b = ids[body.name], tree.body_index[body.name]
+            i = ids[body.name]
+            b = tree.body_index[body.name]
             carried = data.oMi[i].act(data.f[i])
             np.testing.assert_allclose(found.forces[frame, b], carried.linear, atol=1e-9)
             np.testing.assert_allclose(found.moments[frame, b], carried.angular, atol=1e-9)
@@ -97,28 +128,44 @@ def test_loops_carry_what_they_were_given_to_carry():
     model, closed = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
     rng = np.random.default_rng(2)
     c = np.tile(closed, (3, 1))
-    motion, _ = closed_motion(model, Motion(np.arange(3.0), model.coordinate_names, c, *rng.normal(size=(2, *c.shape))))
+    motion, _ = closed_motion(
+        model, Motion(np.arange(3.0), model.coordinate_names, c, *rng.normal(size=(2, *c.shape)))
+    )
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)
-    applied, forces = pushed(tree, 3, 3), rng.normal(scale=4.0, size=(3, 6))
+    applied = pushed(tree, 3, 3)
+    forces = rng.normal(scale=4.0, size=(3, 6))
     G = closure_jacobian(tree, c)
     held = applied + loop_wrenches(tree, c, forces)
     free = free_coordinates(tree)
     # What a loop does to bodies is what its multipliers do along coordinates.
-    alone = joint_wrenches(tree, c, cdot, cddot, applied).torques - joint_wrenches(tree, c, cdot, cddot, held).torques
-    np.testing.assert_allclose(alone[:, free], np.einsum("frj,fr->fj", G, forces)[:, free], atol=1e-8)
+    alone = (
+        joint_wrenches(tree, c, cdot, cddot, applied).torques
+        - joint_wrenches(tree, c, cdot, cddot, held).torques
+    )
+    np.testing.assert_allclose(
+        alone[:, free], np.einsum("frj,fr->fj", G, forces)[:, free], atol=1e-8
+    )
     tau = joint_wrenches(tree, c, cdot, cddot, held).torques
     found, multipliers = forward_accelerations(tree, c, cdot, np.zeros_like(c), applied, tau)
     np.testing.assert_allclose(found, cddot, atol=1e-6)
     np.testing.assert_allclose(multipliers, forces, atol=1e-6)
     assert np.abs(closure_rates(tree, c, cdot, found)[1]).max() < 1e-7
-    np.testing.assert_allclose(balancing_multipliers(tree, c, cdot, cddot, applied, tau), forces, atol=1e-7)
+    np.testing.assert_allclose(
+        balancing_multipliers(tree, c, cdot, cddot, applied, tau), forces, atol=1e-7
+    )
 
 
 def test_a_model_at_rest_weighs_on_its_root():
     model = random_tree(4)
     still = np.zeros((1, len(model.coordinates)))
-    motion = Motion(np.zeros(1), model.coordinate_names, still, still, still)
+    motion = Motion(
+        time=np.zeros(1),
+        names=model.coordinate_names,
+        values=still,
+        velocities=still,
+        accelerations=still,
+    )
     tree = compile_tree(model)
     found = joint_wrenches(tree, still, still, still, np.zeros((1, len(tree.arrays.parent), 6)))
     np.testing.assert_allclose(found.forces[0, 0], -model.mass * model.gravity, rtol=1e-12)
@@ -133,7 +180,8 @@ def test_a_loop_falls_and_carries_as_in_opensim(data):
     tree = compile_tree(model)
     given = motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model)
     c = close_loops(tree, tree.coordinates_of(given)[[150, 300, 420]])
-    still, nothing = np.zeros_like(c), np.zeros((3, len(tree.arrays.parent), 6))
+    still = np.zeros_like(c)
+    nothing = np.zeros((3, len(tree.arrays.parent), 6))
     accelerations, multipliers = forward_accelerations(tree, c, still, still, nothing, still)
     found = joint_wrenches(tree, c, still, accelerations, loop_wrenches(tree, c, multipliers))
     opensim.Logger.setLevelString("Off")
@@ -141,8 +189,13 @@ def test_a_loop_falls_and_carries_as_in_opensim(data):
     theirs.updForceSet().clearAndDestroy()
     state = theirs.initSystem()
     coordinates = theirs.getCoordinateSet()
-    # OpenSim's speeds of the scapula are angular velocities: its accelerations are of other quantities.
-    same = [j for j, one in enumerate(model.coordinates) if not one.name.startswith("scapula_") and not one.locked]
+    # OpenSim's speeds of the scapula are angular velocities: its accelerations are of other
+    # quantities.
+    same = [
+        j
+        for j, one in enumerate(model.coordinates)
+        if not one.name.startswith("scapula_") and not one.locked
+    ]
     for frame in range(3):
         for j, one in enumerate(model.coordinates):
             coordinates.get(one.name).setLocked(state, False)
@@ -151,12 +204,16 @@ def test_a_loop_falls_and_carries_as_in_opensim(data):
         for one in model.coordinates:
             coordinates.get(one.name).setLocked(state, one.locked)
         theirs.realizeAcceleration(state)
-        wanted = [coordinates.get(model.coordinate_names[j]).getAccelerationValue(state) for j in same]
+        wanted = [
+            coordinates.get(model.coordinate_names[j]).getAccelerationValue(state) for j in same
+        ]
         np.testing.assert_allclose(accelerations[frame, same], wanted, rtol=1e-5, atol=1e-5)
         for joint in model.joints:
             load = theirs.getJointSet().get(joint.name).calcReactionOnChildExpressedInGround(state)
             b = tree.body_index[joint.child]
-            point = found.origins[frame, b] + found.rotations[frame, b] @ joint.child_frame.translation
+            point = (
+                found.origins[frame, b] + found.rotations[frame, b] @ joint.child_frame.translation
+            )
             np.testing.assert_allclose(found.forces[frame, b], load.get(1).to_numpy(), atol=1e-4)
             moment = found.moments[frame, b] - np.cross(point, found.forces[frame, b])
             np.testing.assert_allclose(moment, load.get(0).to_numpy(), atol=1e-4)

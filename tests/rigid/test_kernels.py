@@ -1,4 +1,6 @@
-"""Kernels lie in a place of their own, one for each version; processes save theirs in turns; Numba stays as it was."""
+"""Kernels lie in a place of their own, one for each version; processes save theirs in turns; Numba
+stays as it was.
+"""
 
 from __future__ import annotations
 
@@ -48,12 +50,16 @@ def cached(tmp_path):
 
 
 def test_kernels_that_are_saved_at_the_same_time_get_files_of_their_own(tmp_path):
-    """As processes do, each file object reads the index anew; nothing may be lost or stand under another's name."""
+    """As processes do, each file object reads the index anew; nothing may be lost or stand under
+    another's name.
+    """
     together = threading.Barrier(8)
 
     def save(number):
         together.wait()
-        KernelFile(str(tmp_path), "kernel", "stamp").save(("signature", number), f"code of {number}")
+        KernelFile(str(tmp_path), "kernel", "stamp").save(
+            ("signature", number), f"code of {number}"
+        )
 
     threads = [threading.Thread(target=save, args=(number,)) for number in range(8)]
     for one in threads:
@@ -61,7 +67,9 @@ def test_kernels_that_are_saved_at_the_same_time_get_files_of_their_own(tmp_path
     for one in threads:
         one.join()
     found = IndexDataCacheFile(str(tmp_path), "kernel", "stamp")
-    assert [found.load(("signature", number)) for number in range(8)] == [f"code of {n}" for n in range(8)]
+    assert [found.load(("signature", number)) for number in range(8)] == [
+        f"code of {n}" for n in range(8)
+    ]
 
 
 def test_code_of_an_older_source_is_replaced(tmp_path):
@@ -85,7 +93,9 @@ def test_an_index_of_arguments_whose_classes_are_gone_counts_as_none(tmp_path, m
 
 
 def test_a_kernel_that_counts_no_users_refuses_to_make_arrays():
-    source = "import numpy as np\ndef sums(x):\n    return x.sum()\ndef twice(x):\n    return 2.0 * x\n"
+    source = (
+        "import numpy as np\ndef sums(x):\n    return x.sum()\ndef twice(x):\n    return 2.0 * x\n"
+    )
     exec(source, functions := {})
     numbers = np.arange(3.0)
     assert njit(_nrt=False)(functions["sums"])(numbers) == 3.0
@@ -96,7 +106,11 @@ def test_a_kernel_that_counts_no_users_refuses_to_make_arrays():
 def test_two_processes_that_compile_at_once_leave_what_a_third_finds(cached):
     def start():
         return subprocess.Popen(
-            [sys.executable, "-c", CALL], env=cached, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-c", CALL],
+            env=cached,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
 
     together = [start(), start()]
@@ -126,7 +140,9 @@ def test_kernels_of_each_version_and_copy_have_a_folder_of_their_own(tmp_path, m
     assert not kernel_folder().is_relative_to(PACKAGE)
 
 
-def test_a_kernel_signatures_on_disk_anew_where_one_that_it_calls_has_changed(tmp_path, monkeypatch):
+def test_a_kernel_signatures_on_disk_anew_where_one_that_it_calls_has_changed(
+    tmp_path, monkeypatch
+):
     """The code of a kernel holds that of the kernels it calls."""
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -150,7 +166,9 @@ def test_a_kernel_signatures_on_disk_anew_where_one_that_it_calls_has_changed(tm
 def test_where_nothing_can_be_written_a_kernel_still_runs(tmp_path, cached):
     (tmp_path / "cache").write_text("a file, no folder")
     call = CALL.replace("assert signatures_on_disk(double)", "")
-    done = subprocess.run([sys.executable, "-c", call], env=cached, input="\n", capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", call], env=cached, input="\n", capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -163,7 +181,8 @@ def test_arguments_are_ours_where_all_their_classes_are():
 
     Ours.__module__ = f"{kernels.OURS}made"
     integer = numba_types.int64
-    ours, foreign = (numba_types.NamedUniTuple(integer, 1, kind) for kind in (Ours, Foreign))
+    ours = numba_types.NamedUniTuple(integer, 1, Ours)
+    foreign = numba_types.NamedUniTuple(integer, 1, Foreign)
     assert kernels._ours(integer)
     assert kernels._ours(numba_types.Tuple((ours, integer)))
     assert not kernels._ours(foreign)

@@ -15,9 +15,12 @@ def test_a_knee_is_bent_by_its_first_rotation_that_is_not_locked():
     assert {joint.child for joint in knee_joints(model)} == {"tibia_r", "tibia_l"}
     (bend,) = knee.axes
     names = ("slide", "twist", *knee.coordinates)
-    wide = replace(knee, axes=tuple(replace(bend, coordinates=(name,)) for name in names), coordinates=names)
+    wide = replace(
+        knee, axes=tuple(replace(bend, coordinates=(name,)) for name in names), coordinates=names
+    )
     hinge = model.coordinate(knee.coordinates[0])
-    slide, twist = replace(hinge, name="slide", motion="translational"), replace(hinge, name="twist", locked=True)
+    slide = replace(hinge, name="slide", motion="translational")
+    twist = replace(hinge, name="twist", locked=True)
     loose = replace(
         model,
         joints=tuple(wide if joint is knee else joint for joint in model.joints),

@@ -1,4 +1,6 @@
-"""Laws of the tree: finite differences, power balance, couplers, folded axes, functions of two coordinates."""
+"""Laws of the tree: finite differences, power balance, couplers, folded axes, functions of two
+coordinates.
+"""
 
 from __future__ import annotations
 
@@ -49,12 +51,12 @@ def test_power_of_generalized_forces_is_the_rate_of_energy(seed):
     motion = swinging(model, 5, step, seed)
     c, cdot, _ = motion_arrays(tree, motion)
     wrenches = Wrenches(
-        motion.time,
-        ("push",),
-        ("body7",),
-        np.full((5, 1, 3), [30.0, -20.0, 10.0]),
-        np.full((5, 1, 3), 0.3),
-        np.full((5, 1, 3), 2.0),
+        time=motion.time,
+        names=("push",),
+        bodies=("body7",),
+        forces=np.full((5, 1, 3), [30.0, -20.0, 10.0]),
+        points=np.full((5, 1, 3), 0.3),
+        torques=np.full((5, 1, 3), 2.0),
     )
     tau = inverse_dynamics(model, motion, wrenches).values
     energy = np.array([mechanical_energy(tree, c[i], cdot[i]) for i in range(5)])
@@ -74,7 +76,9 @@ def mechanical_energy(tree, c, cdot):
         center = poses.origins[0, b] + R @ arrays.mass_center[b]
         twist = poses.jacobian(b, center)[0] @ cdot
         inertia = R @ arrays.inertia[b] @ R.T
-        total += 0.5 * arrays.mass[b] * twist[3:] @ twist[3:] + 0.5 * twist[:3] @ inertia @ twist[:3]
+        total += (
+            0.5 * arrays.mass[b] * twist[3:] @ twist[3:] + 0.5 * twist[:3] @ inertia @ twist[:3]
+        )
         total -= arrays.mass[b] * arrays.gravity @ center
     return total
 
@@ -84,12 +88,16 @@ def test_folded_constants_change_nothing():
     joint = model.joints[3]
     folded = replace(joint, axes=(Axis("translation", np.eye(3)[1], constant(0.7)),) + joint.axes)
     shifted = replace(
-        joint, parent_frame=joint.parent_frame @ type(joint.parent_frame)(np.eye(3), np.array([0, 0.7, 0]))
+        joint,
+        parent_frame=joint.parent_frame
+        @ type(joint.parent_frame)(np.eye(3), np.array([0, 0.7, 0])),
     )
     c = np.random.default_rng(0).normal(size=(1, 12))
-    one, other = (
-        forward_kinematics(compile_tree(replace(model, joints=model.joints[:3] + (j,) + model.joints[4:])), c)
-        for j in (folded, shifted)
+    one = forward_kinematics(
+        compile_tree(replace(model, joints=model.joints[:3] + (folded,) + model.joints[4:])), c
+    )
+    other = forward_kinematics(
+        compile_tree(replace(model, joints=model.joints[:3] + (shifted,) + model.joints[4:])), c
     )
     np.testing.assert_allclose(one.origins, other.origins, atol=1e-14)
 
@@ -100,7 +108,8 @@ def test_center_of_mass_moves_with_the_whole_body():
     c = np.random.default_rng(0).normal(size=(2, 12))
     poses = forward_kinematics(tree, c)
     by_hand = sum(
-        body.mass * poses.points(np.array([i + 1]), body.mass_center[None])[:, 0] for i, body in enumerate(model.bodies)
+        body.mass * poses.points(np.array([i + 1]), body.mass_center[None])[:, 0]
+        for i, body in enumerate(model.bodies)
     )
     np.testing.assert_allclose(center_of_mass(tree, poses), by_hand / model.mass, atol=1e-13)
 
@@ -111,16 +120,20 @@ def test_compiled_functions_agree_with_the_nouns_and_their_differences():
         constant(3.0),
         polynomial(rng.normal(size=5)),
         simm_spline(np.sort(rng.normal(size=6)), rng.normal(size=6)),
-        SineProduct(2.0, np.array([1.5]), np.array([0.2]), 0.7),
-        SineProduct(-1.0, np.array([1.0, 0.5]), np.array([0.2, 1.0]), 0.1),
+        SineProduct(factor=2.0, frequencies=np.array([1.5]), phases=np.array([0.2]), offset=0.7),
+        SineProduct(
+            factor=-1.0, frequencies=np.array([1.0, 0.5]), phases=np.array([0.2, 1.0]), offset=0.1
+        ),
     ]
     arrays = compile_functions(functions)
     for i, function in enumerate(functions):
         for x1, x2 in rng.normal(size=(50, 2)):
             value, d1, d2, d11, d12, d22 = evaluate(arrays, i, x1, x2)
             h = 1e-6
-            up1, down1 = evaluate(arrays, i, x1 + h, x2), evaluate(arrays, i, x1 - h, x2)
-            up2, down2 = evaluate(arrays, i, x1, x2 + h), evaluate(arrays, i, x1, x2 - h)
+            up1 = evaluate(arrays, i, x1 + h, x2)
+            down1 = evaluate(arrays, i, x1 - h, x2)
+            up2 = evaluate(arrays, i, x1, x2 + h)
+            down2 = evaluate(arrays, i, x1, x2 - h)
             arguments = (x1, x2)[: max(function.arity, 1)]
             assert value == pytest.approx(float(function(*arguments)), abs=1e-12)
             assert d1 == pytest.approx((up1[0] - down1[0]) / (2 * h), abs=1e-5)
@@ -131,7 +144,10 @@ def test_compiled_functions_agree_with_the_nouns_and_their_differences():
 
 
 def test_couplers_in_a_circle_are_refused():
-    couplers = (Coupler("a", "c1", polynomial([0, 1]), ("c2",)), Coupler("b", "c2", polynomial([0, 1]), ("c1",)))
+    couplers = (
+        Coupler(name="a", dependent="c1", function=polynomial([0, 1]), independents=("c2",)),
+        Coupler(name="b", dependent="c2", function=polynomial([0, 1]), independents=("c1",)),
+    )
     with pytest.raises(BadModel, match="circle"):
         compile_tree(replace(random_tree(0), couplers=couplers))
 
@@ -141,7 +157,18 @@ def test_a_wrench_on_an_unknown_body_is_refused():
     motion = swinging(model, 3, 0.01)
     zero = np.zeros((3, 1, 3))
     with pytest.raises(UnknownName, match=r"'body99'.*'body9'"):
-        inverse_dynamics(model, motion, Wrenches(motion.time, ("w",), ("body99",), zero, zero, zero))
+        inverse_dynamics(
+            model,
+            motion,
+            Wrenches(
+                time=motion.time,
+                names=("w",),
+                bodies=("body99",),
+                forces=zero,
+                points=zero,
+                torques=zero,
+            ),
+        )
 
 
 def test_defaults_given_as_whole_numbers_do_not_round_motions():

@@ -1,4 +1,6 @@
-"""Closed loops: derivatives against differences, projections against their laws, and three other programs."""
+"""Closed loops: derivatives against differences, projections against their laws, and three other
+programs.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looped import SHOULDERS, four_bar, four_bar_angles, looped_tree, mujoco_constraints, pinocchio_rates
+from looped import (
+    SHOULDERS,
+    four_bar,
+    four_bar_angles,
+    looped_tree,
+    mujoco_constraints,
+    pinocchio_rates,
+)
 from myomorph.io.formats import read_model
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData
@@ -48,7 +57,8 @@ def holding(tree, held):
 def test_the_jacobian_is_the_derivative_of_the_closure(seed, functional):
     model, closed = looped_tree(seed, functional=functional)
     tree = compile_tree(model)
-    c, h = near(tree, closed), 1e-6
+    c = near(tree, closed)
+    h = 1e-6
     J = closure_jacobian(tree, c)
     for j in tree.independent:
         ends = []
@@ -75,12 +85,16 @@ def test_rates_are_the_derivatives_in_time(functional):
         couple_frames(tree.arrays, moved)
         return closure(tree, moved)
 
-    before, now, after = at(-h), at(0.0), at(h)
+    before = at(-h)
+    now = at(0.0)
+    after = at(h)
     np.testing.assert_allclose(first, (after - before) / (2 * h), atol=1e-5)
     np.testing.assert_allclose(second, (after - 2 * now + before) / h**2, atol=1e-4)
     J = closure_jacobian(tree, c)
     free = tree.independent
-    np.testing.assert_allclose(first, np.einsum("frj,fj->fr", J[:, :, free], v[:, free]), atol=1e-12)
+    np.testing.assert_allclose(
+        first, np.einsum("frj,fj->fr", J[:, :, free], v[:, free]), atol=1e-12
+    )
 
 
 def test_a_weld_tells_any_turning():
@@ -88,7 +102,9 @@ def test_a_weld_tells_any_turning():
     loop = model.loops[0]
     axis = np.array([0.6, 0.0, -0.8])
     for angle in (0.0, 1e-9, 1.0, 3.0, np.pi, -np.pi + 1e-9):
-        turned = replace(loop, pose_2=loop.pose_2 @ Transform(axis_rotation(axis, angle), np.zeros(3)))
+        turned = replace(
+            loop, pose_2=loop.pose_2 @ Transform(axis_rotation(axis, angle), np.zeros(3))
+        )
         error = closure(compile_tree(replace(model, loops=(turned,))), closed[None])[0]
         along = error[:3] @ axis * np.sign(angle + 1e-300)
         assert abs(along) == pytest.approx(2 * np.sin(abs(angle) / 2), abs=1e-9)
@@ -96,7 +112,14 @@ def test_a_weld_tells_any_turning():
         np.testing.assert_allclose(error[3:], 0.0, atol=1e-12)
 
 
-AXES = (*np.eye(3), (0.6, 0.0, -0.8), (0.48, 0.8, 0.36), (0.8, -0.48, 0.36), (0.36, 0.48, 0.8), (0.0, 0.8, 0.6))
+AXES = (
+    *np.eye(3),
+    (0.6, 0.0, -0.8),
+    (0.48, 0.8, 0.36),
+    (0.8, -0.48, 0.36),
+    (0.36, 0.48, 0.8),
+    (0.0, 0.8, 0.6),
+)
 
 
 @pytest.mark.parametrize("axis", AXES, ids=str)
@@ -207,19 +230,26 @@ def test_four_bars_close_from_anywhere(held):
 
 
 def test_random_poses_tried_fill_what_a_hinge_may_take(monkeypatch):
-    """Its range, and at most half a turn from its default: limits (-1, 2), (-9, 9), and (1, 9) with the default 2."""
-    model, tried = four_bar(), []
-    ranges, defaults = ((-1.0, 2.0), (-9.0, 9.0), (1.0, 9.0)), (0.0, 0.5, 2.0)
+    """Its range, and at most half a turn from its default: limits (-1, 2), (-9, 9), and (1, 9) with
+    the default 2.
+    """
+    model = four_bar()
+    tried = []
+    ranges = ((-1.0, 2.0), (-9.0, 9.0), (1.0, 9.0))
+    defaults = (0.0, 0.5, 2.0)
     coordinates = (
         replace(one, range=limits, default=default)
         for one, limits, default in zip(model.coordinates, ranges, defaults, strict=True)
     )
     tree = compile_tree(replace(model, coordinates=tuple(coordinates)))
-    monkeypatch.setattr(loops, "_shut", lambda tree, starts, free: tried.append(starts.copy()) or starts)
+    monkeypatch.setattr(
+        loops, "_shut", lambda tree, starts, free: tried.append(starts.copy()) or starts
+    )
     given = np.array([0.1, 0.2, 0.3])
     loops._elsewhere(tree, given, np.arange(3))
     np.testing.assert_array_equal(tried[0][0], defaults)
-    lows, highs = (-1.0, 0.5 - np.pi, 1.0), (2.0, 0.5 + np.pi, 2.0 + np.pi)
+    lows = (-1.0, 0.5 - np.pi, 1.0)
+    highs = (2.0, 0.5 + np.pi, 2.0 + np.pi)
     for values, low, high in zip(tried[0][1:].T, lows, highs, strict=True):
         assert low <= values.min() < low + 0.1 * (high - low)
         assert high - 0.1 * (high - low) < values.max() <= high
@@ -230,7 +260,9 @@ def test_what_cannot_be_closed_is_named():
     tree = compile_tree(model)
     far = replace(model.loops[0], pose_2=Transform(np.eye(3), np.array([9.0, 0.0, 0.0])))
     open_ = compile_tree(replace(model, loops=(far,)))
-    with pytest.raises(BadData, match=r"frame 1: PointConstraint 'pin' cannot be closed.*crank, coupler, rocker"):
+    with pytest.raises(
+        BadData, match=r"frame 1: PointConstraint 'pin' cannot be closed.*crank, coupler, rocker"
+    ):
         close_loops(open_, np.array([[np.nan] * 3, [1.0, -0.5, 1.5]]))
     held = four_bar_angles(np.array([1.0])) + np.array([[0.0, 0.1, 0.0]])
     with pytest.raises(BadData, match="cannot be closed"):
@@ -264,7 +296,12 @@ def test_the_jacobian_spans_what_mujocos_does(seed):
     assert np.abs(errors).max() < 1e-9
     ours = closure_jacobian(compile_tree(model), closed[None])[0]
     both = np.linalg.matrix_rank(np.vstack([ours, expected]), tol=1e-9)
-    assert both == np.linalg.matrix_rank(ours, tol=1e-9) == np.linalg.matrix_rank(expected, tol=1e-9) == 9
+    assert (
+        both
+        == np.linalg.matrix_rank(ours, tol=1e-9)
+        == np.linalg.matrix_rank(expected, tol=1e-9)
+        == 9
+    )
     # The point's rows differ by a rotation alone.
     np.testing.assert_allclose(ours[:3].T @ ours[:3], expected[:3].T @ expected[:3], atol=1e-9)
 
@@ -284,14 +321,16 @@ def test_gaps_of_a_read_model_are_mujocos():
     </equality></mujoco>"""
     m = mujoco.MjModel.from_xml_string(text)
     model = model_from_mujoco(m)
-    tree, data = compile_tree(model), mujoco.MjData(m)
+    tree = compile_tree(model)
+    data = mujoco.MjData(m)
     assert np.abs(closure(tree, tree.defaults[None])).max() < 1e-12
     data.qpos[:] = np.random.default_rng(0).normal(scale=0.3, size=5)
     mujoco.mj_forward(m, data)
     order = [model.coordinate_names.index(name) for name in "abcde"]
     c = np.zeros((1, 5))
     c[0, order] = data.qpos
-    connect, weld = closure(tree, c)[0, :3], closure(tree, c)[0, 3:]
+    connect = closure(tree, c)[0, :3]
+    weld = closure(tree, c)[0, 3:]
     assert np.linalg.norm(connect) == pytest.approx(np.linalg.norm(data.efc_pos[:3]), abs=1e-12)
     assert np.linalg.norm(weld[3:]) == pytest.approx(np.linalg.norm(data.efc_pos[3:6]), abs=1e-12)
 
@@ -301,7 +340,9 @@ def test_projected_rates_move_what_is_tied_alike_in_pinocchio(seed):
     pytest.importorskip("pinocchio")
     model, closed = looped_tree(seed)
     tree = compile_tree(model)
-    v, a = project_rates(tree, closed[None], *np.random.default_rng(seed).normal(size=(2, 1, len(closed))))
+    v, a = project_rates(
+        tree, closed[None], *np.random.default_rng(seed).normal(size=(2, 1, len(closed)))
+    )
     for one, two in pinocchio_rates(model, closed, v[0], a[0]):
         np.testing.assert_allclose(one, two, atol=1e-8)
 
@@ -320,11 +361,15 @@ def test_shoulders_close_as_opensim_closes_them(data, name):
     gaps, derivatives, assembled = point_constraint(path, model, c)
     # OpenSim reads the old file of the bone pins through a text of fewer digits.
     same = 2e-7 if "bonepin" in name else 1e-12
-    np.testing.assert_allclose(np.linalg.norm(closure(tree, c), axis=1), np.linalg.norm(gaps, axis=1), atol=same)
+    np.testing.assert_allclose(
+        np.linalg.norm(closure(tree, c), axis=1), np.linalg.norm(gaps, axis=1), atol=same
+    )
     ours = closure_jacobian(tree, c)
     for one, other in zip(ours, derivatives, strict=True):
         np.testing.assert_allclose(
-            np.linalg.svd(one, compute_uv=False), np.linalg.svd(other, compute_uv=False), atol=max(same, 1e-9)
+            np.linalg.svd(one, compute_uv=False),
+            np.linalg.svd(other, compute_uv=False),
+            atol=max(same, 1e-9),
         )
         np.testing.assert_allclose(one.T @ one, other.T @ other, atol=max(same, 1e-9))
     assert np.abs(closure(tree, assembled)).max() < max(same, 1e-9)

@@ -18,14 +18,25 @@ SEEDS = range(6)
 def moving(model, seed, frames=3):
     rng = np.random.default_rng(1000 + seed)
     values, velocities, accelerations = rng.normal(size=(3, frames, len(model.coordinates)))
-    return Motion(np.arange(frames) * 0.01, model.coordinate_names, values, velocities, accelerations)
+    return Motion(
+        time=np.arange(frames) * 0.01,
+        names=model.coordinate_names,
+        values=values,
+        velocities=velocities,
+        accelerations=accelerations,
+    )
 
 
 def pushed(model, motion, seed):
     rng = np.random.default_rng(2000 + seed)
     forces, points, torques = rng.normal(scale=10.0, size=(3, len(motion), 2, 3))
     return Wrenches(
-        motion.time, ("left", "right"), (model.bodies[-1].name, model.bodies[4].name), forces, points, torques
+        time=motion.time,
+        names=("left", "right"),
+        bodies=(model.bodies[-1].name, model.bodies[4].name),
+        forces=forces,
+        points=points,
+        torques=torques,
     )
 
 
@@ -47,11 +58,18 @@ def test_poses_inverse_dynamics_and_jacobian_agree_with_pinocchio(seed):
         for _ in range(theirs.njoints):
             external.append(pin.Force.Zero())
         for e, name in enumerate(wrenches.bodies):
-            f, x, m = wrenches.forces[frame, e], wrenches.points[frame, e], wrenches.torques[frame, e]
+            f = wrenches.forces[frame, e]
+            x = wrenches.points[frame, e]
+            m = wrenches.torques[frame, e]
             about_ground = pin.Force(f, m + np.cross(x, f))
             external[ids[name]] = external[ids[name]] + data.oMi[ids[name]].actInv(about_ground)
         expected = pin.rnea(
-            theirs, data, motion.values[frame], motion.velocities[frame], motion.accelerations[frame], external
+            theirs,
+            data,
+            motion.values[frame],
+            motion.velocities[frame],
+            motion.accelerations[frame],
+            external,
         )
         np.testing.assert_allclose(tau.values[frame], expected, atol=TOLERANCE)
         for body in model.bodies:
@@ -62,11 +80,15 @@ def test_poses_inverse_dynamics_and_jacobian_agree_with_pinocchio(seed):
             np.testing.assert_allclose(
                 poses.rotations[frame, tree.body_index[body.name]], pose.rotation, atol=TOLERANCE
             )
-        np.testing.assert_allclose(centers[frame], pin.centerOfMass(theirs, data, motion.values[frame]), atol=TOLERANCE)
+        np.testing.assert_allclose(
+            centers[frame], pin.centerOfMass(theirs, data, motion.values[frame]), atol=TOLERANCE
+        )
         last = model.bodies[-1].name
         pin.computeJointJacobians(theirs, data, motion.values[frame])
         J = pin.getJointJacobian(theirs, data, ids[last], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        ours = poses.jacobian(tree.body_index[last], poses.origins[frame, tree.body_index[last]])[frame]
+        ours = poses.jacobian(tree.body_index[last], poses.origins[frame, tree.body_index[last]])[
+            frame
+        ]
         np.testing.assert_allclose(ours, np.vstack([J[3:], J[:3]]), atol=TOLERANCE)
 
 
@@ -88,5 +110,7 @@ def test_poses_and_inverse_dynamics_agree_with_mujoco(seed):
         np.testing.assert_allclose(tau.values[frame], data.qfrc_inverse[order], atol=TOLERANCE)
         for body in model.bodies:
             np.testing.assert_allclose(
-                poses.origins[frame, tree.body_index[body.name]], data.body(body.name).xpos, atol=TOLERANCE
+                poses.origins[frame, tree.body_index[body.name]],
+                data.body(body.name).xpos,
+                atol=TOLERANCE,
             )

@@ -24,7 +24,11 @@ def middling(model, frames, step, seed):
     motion = swinging(model, frames, step, seed)
     shift = np.array([c.default for c in model.coordinates])
     return Motion(
-        motion.time, motion.names, shift + 0.1 * motion.values, 0.1 * motion.velocities, 0.1 * motion.accelerations
+        time=motion.time,
+        names=motion.names,
+        values=shift + 0.1 * motion.values,
+        velocities=0.1 * motion.velocities,
+        accelerations=0.1 * motion.accelerations,
     )
 
 
@@ -59,7 +63,9 @@ def test_power_balances(data, name):
     tau = inverse_dynamics(model, motion).values
     energy = np.array([mechanical_energy(tree, c[i], cdot[i]) for i in range(5)])
     rate = (energy[0] - 8 * energy[1] + 8 * energy[3] - energy[4]) / (12 * step)
-    assert tau[2] @ cdot[2] == pytest.approx(rate, rel=1e-5, abs=1e-6 * np.abs(tau[2] * cdot[2]).sum())
+    assert tau[2] @ cdot[2] == pytest.approx(
+        rate, rel=1e-5, abs=1e-6 * np.abs(tau[2] * cdot[2]).sum()
+    )
 
 
 @pytest.mark.parametrize(
@@ -68,9 +74,10 @@ def test_power_balances(data, name):
         ("ceinms-emg-walk/model/gait2392.osim", 1.0),
         ("hamner-run-subject04/unscaled_generic.osim", 1.0),
         ("c3d-functional-joints/models/wholebody.osim", 1.0),
-        # OpenSim's terms in the squares of the speeds are off where one coordinate turns a joint about
-        # several curved axes, as in this knee: its torques do not balance its own energy, and ours do
-        # (test_power_balances, and docs/validation). At rest and in its accelerations it agrees.
+        # OpenSim's terms in the squares of the speeds are off where one coordinate turns a joint
+        # about several curved axes, as in this knee: its torques do not balance its own energy, and
+        # ours do (test_power_balances, and docs/validation). At rest and in its accelerations it
+        # agrees.
         ("rajagopal-walk-emg/subject_walk_scaled.osim", 0.0),
     ],
 )

@@ -22,7 +22,15 @@ from myomorph.rigid.regressor import base_regressor, base_wrench, reference_poin
 from myomorph.rigid.tree import compile_tree
 from opensim_inverse import opensim_torques
 from real_models import MODELS
-from trees import floating_tree, functional_tree, random_rotation, random_tree, swinging, to_mujoco, to_pinocchio
+from trees import (
+    floating_tree,
+    functional_tree,
+    random_rotation,
+    random_tree,
+    swinging,
+    to_mujoco,
+    to_pinocchio,
+)
 
 TOLERANCE = 1e-10
 
@@ -32,12 +40,17 @@ def needed(model, motion, reference=None):
 
 
 def root_forces(model, motion, wrench):
-    """Generalized forces of the coordinates to the ground that a wrench about the base's origin makes, by its power."""
+    """Generalized forces of the coordinates to the ground that a wrench about the base's origin
+    makes, by its power.
+    """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, motion_arrays(tree, motion)[0])
     names = model.joints[0].coordinates
     columns = [model.coordinate_names.index(name) for name in names]
-    forces = [poses.jacobian(1, poses.origins[f, 1])[f][:, columns].T @ wrench[f] for f in range(len(motion))]
+    forces = [
+        poses.jacobian(1, poses.origins[f, 1])[f][:, columns].T @ wrench[f]
+        for f in range(len(motion))
+    ]
     return Series(motion.time, names, np.array(forces))
 
 
@@ -45,7 +58,12 @@ def on_the_base(model, motion, wrench, reference=None):
     """The wrench (frames, 6) as an external force on the base."""
     points = reference_points(model, motion, reference)
     return Wrenches(
-        motion.time, ("all",), (model.bodies[0].name,), wrench[:, None, 3:], points[:, None], wrench[:, None, :3]
+        time=motion.time,
+        names=("all",),
+        bodies=(model.bodies[0].name,),
+        forces=wrench[:, None, 3:],
+        points=points[:, None],
+        torques=wrench[:, None, :3],
     )
 
 
@@ -55,7 +73,9 @@ def test_a_base_that_gets_the_wrench_needs_no_force_of_its_own(data, name, refer
     """Y phi on the base, and inverse dynamics gives the joint to the ground nothing to do."""
     model = read_model(data(name))
     motion = middling(model, 3, 0.01, 0)
-    tau = inverse_dynamics(model, motion, on_the_base(model, motion, needed(model, motion, reference), reference))
+    tau = inverse_dynamics(
+        model, motion, on_the_base(model, motion, needed(model, motion, reference), reference)
+    )
     roots = [c for joint in model.joints if joint.parent == GROUND for c in joint.coordinates]
     left = np.array([tau[name] for name in roots])
     scale = np.abs(inverse_dynamics(model, motion).values).max()
@@ -64,14 +84,18 @@ def test_a_base_that_gets_the_wrench_needs_no_force_of_its_own(data, name, refer
 
 @pytest.mark.parametrize("seed", range(3))
 def test_wrench_is_the_rate_of_momentum_less_gravity(seed):
-    """About a fixed point, with curved joints and couplers; momentum from Jacobians, its rate by differences."""
+    """About a fixed point, with curved joints and couplers; momentum from Jacobians, its rate by
+    differences.
+    """
     model = functional_tree(seed)
     tree = compile_tree(model)
-    step, point = 1e-4, np.array([0.2, -0.3, 0.1])
+    step = 1e-4
+    point = np.array([0.2, -0.3, 0.1])
     motion = swinging(model, 5, step, seed)
     c, cdot, _ = motion_arrays(tree, motion)
     poses = forward_kinematics(tree, c)
-    momentum, weight = np.zeros((5, 6)), np.zeros(6)
+    momentum = np.zeros((5, 6))
+    weight = np.zeros(6)
     for f in range(5):
         for b, body in enumerate(model.bodies, start=1):
             R = poses.rotations[f, b]
@@ -102,7 +126,9 @@ def test_equals_pinocchio(seed):
     for f, (q, v, a) in enumerate(pinocchio_states(model, motion)):
         rows = pin.computeJointTorqueRegressor(theirs, data, q, v, a)[:6]
         expected = np.vstack([rotations[f] @ rows[3:], rotations[f] @ rows[:3]])
-        np.testing.assert_allclose(ours[f][:, order], expected, atol=TOLERANCE * np.abs(expected).max())
+        np.testing.assert_allclose(
+            ours[f][:, order], expected, atol=TOLERANCE * np.abs(expected).max()
+        )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -126,7 +152,9 @@ def test_equals_the_free_joint_forces_of_mujoco(seed):
         mujoco.mj_inverse(theirs, state)
         force = state.qfrc_inverse[root.dofadr[0] : root.dofadr[0] + 6]
         expected = np.concatenate([rotations[f] @ force[3:], force[:3]])
-        np.testing.assert_allclose(needed(model, motion)[f], expected, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            needed(model, motion)[f], expected, atol=1e-9 * np.abs(expected).max()
+        )
 
 
 @pytest.mark.parametrize(
@@ -158,14 +186,17 @@ def test_a_laboratory_that_is_turned_turns_the_rows():
     turned_root = replace(root, parent_frame=Transform(R, np.zeros(3)) @ root.parent_frame)
     turned = replace(model, joints=(turned_root, *model.joints[1:]), gravity=R @ model.gravity)
     ours = np.einsum("ij,fkjc->fkic", R, base_regressor(model, motion).reshape(3, 2, 3, -1))
-    np.testing.assert_allclose(base_regressor(turned, motion).reshape(3, 2, 3, -1), ours, atol=1e-11)
+    np.testing.assert_allclose(
+        base_regressor(turned, motion).reshape(3, 2, 3, -1), ours, atol=1e-11
+    )
 
 
 def test_another_reference_point_changes_the_moments_by_its_lever():
     model = functional_tree(1)
     motion = swinging(model, 4, 0.01)
     there = np.array([0.4, 0.1, -0.2])
-    one, other = base_regressor(model, motion, np.zeros(3)), base_regressor(model, motion, there)
+    one = base_regressor(model, motion, np.zeros(3))
+    other = base_regressor(model, motion, there)
     np.testing.assert_allclose(one[:, 3:], other[:, 3:], atol=1e-12)
     lever = np.cross(there, one[:, 3:].transpose(0, 2, 1)).transpose(0, 2, 1)
     np.testing.assert_allclose(other[:, :3], one[:, :3] - lever, atol=1e-11)
@@ -177,7 +208,9 @@ def test_blocks_are_the_whole():
     whole = base_regressor(model, motion)
     for block in regressor_blocks(model, motion, frames=5):
         np.testing.assert_array_equal(block.rows, whole[block.frames])
-        np.testing.assert_allclose(block.reference, reference_points(model, motion)[block.frames], atol=1e-14)
+        np.testing.assert_allclose(
+            block.reference, reference_points(model, motion)[block.frames], atol=1e-14
+        )
 
 
 def test_measured_wrench_is_the_sum_about_the_base():
@@ -185,14 +218,27 @@ def test_measured_wrench_is_the_sum_about_the_base():
     motion = moving(model, 0, frames=4)
     rng = np.random.default_rng(0)
     forces, points, torques = rng.normal(size=(3, 4, 3, 3))
-    forces[1, 0], points[1, 0], torques[1, 0] = 0.0, np.nan, 0.0
+    forces[1, 0] = 0.0
+    points[1, 0] = np.nan
+    torques[1, 0] = 0.0
     forces[2, 1] = np.nan
-    wrenches = Wrenches(motion.time, ("a", "b", "floor"), ("body3", "body5", GROUND), forces, points, torques)
+    wrenches = Wrenches(
+        time=motion.time,
+        names=("a", "b", "floor"),
+        bodies=("body3", "body5", GROUND),
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
     total = base_wrench(model, motion, wrenches)
     about = reference_points(model, motion)
     for f in (0, 3):
-        expected = sum(torques[f, e] + np.cross(points[f, e] - about[f], forces[f, e]) for e in range(2))
-        np.testing.assert_allclose(total[f], np.concatenate([expected, forces[f, :2].sum(axis=0)]), atol=1e-12)
+        expected = sum(
+            torques[f, e] + np.cross(points[f, e] - about[f], forces[f, e]) for e in range(2)
+        )
+        np.testing.assert_allclose(
+            total[f], np.concatenate([expected, forces[f, :2].sum(axis=0)]), atol=1e-12
+        )
     np.testing.assert_allclose(total[1, 3:], forces[1, 1])
     assert np.isnan(total[2]).any()
     assert not base_wrench(model, motion, None).any()
@@ -207,4 +253,15 @@ def test_bad_input_is_named():
         base_regressor(model, motion, (1.0, 2.0))
     zero = np.zeros((3, 1, 3))
     with pytest.raises(UnknownName, match="body99"):
-        base_wrench(model, motion, Wrenches(motion.time, ("w",), ("body99",), zero, zero, zero))
+        base_wrench(
+            model,
+            motion,
+            Wrenches(
+                time=motion.time,
+                names=("w",),
+                bodies=("body99",),
+                forces=zero,
+                points=zero,
+                torques=zero,
+            ),
+        )

@@ -1,4 +1,6 @@
-"""The embedded jump: what is real must come out of the recording, what is assumed must hold together."""
+"""The embedded jump: what is real must come out of the recording, what is assumed must hold
+together.
+"""
 
 import importlib.util
 from itertools import pairwise
@@ -33,7 +35,8 @@ def fit(study):
 def test_the_jumper_stands_on_the_plate_with_the_models_mass(study):
     assert 76.0 < study.mass < 77.5
     assert study.model.mass == pytest.approx(study.mass)
-    clock, plate = study.trial.plate_time, study.trial.plates[0]
+    clock = study.trial.plate_time
+    plate = study.trial.plates[0]
     still = (clock >= QUIET[0]) & (clock <= QUIET[1])
     assert study.wrenches.forces[still].sum(axis=1)[:, 1].mean() == pytest.approx(
         plate.forces[still, 1].mean(), rel=0.002
@@ -82,7 +85,9 @@ def test_markers_are_followed(study, fit):
 
 
 def test_quiet_standing_is_in_balance(study, fit):
-    """Gravity, plate and motion leave nearly nothing for the pelvis; the mass stands over the plate's center."""
+    """Gravity, plate and motion leave nearly nothing for the pelvis; the mass stands over the
+    plate's center.
+    """
     motion = cut(differentiate(fit.motion, study.cutoff), 2.0, 3.0)
     wrenches = resample_wrenches(study.wrenches, motion.time, study.cutoff)
     torques = inverse_dynamics(study.model, motion, wrenches)
@@ -106,13 +111,17 @@ def test_mirror_images_keep_their_distances(study):
     names = list(LEG_MARKERS)
     for one, other in pairwise(names):
         right = np.linalg.norm(study.markers[one] - study.markers[other], axis=1)
-        left = np.linalg.norm(study.markers[mirrored_name(one)] - study.markers[mirrored_name(other)], axis=1)
+        left = np.linalg.norm(
+            study.markers[mirrored_name(one)] - study.markers[mirrored_name(other)], axis=1
+        )
         np.testing.assert_allclose(left, right, atol=1e-12)
 
 
 def test_the_left_foot_stands_where_the_right_one_does(study):
     for name in ("Right_TalonInf", "Right_Meta"):
-        np.testing.assert_allclose(study.markers[mirrored_name(name)][:, 1], study.markers[name][:, 1], atol=1e-12)
+        np.testing.assert_allclose(
+            study.markers[mirrored_name(name)][:, 1], study.markers[name][:, 1], atol=1e-12
+        )
 
 
 def test_muscles_and_signals(study):

@@ -1,4 +1,6 @@
-"""The virtual mechanical joint obeys the laws of mechanics, and its recordings are as bad as stated."""
+"""The virtual mechanical joint obeys the laws of mechanics, and its recordings are as bad as
+stated.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ def test_newton_euler(joint: VirtualJoint) -> None:
 
 
 def test_force_is_the_change_of_momentum(joint: VirtualJoint) -> None:
-    exact, truth = joint.trials[0].exact, joint.truth
+    exact = joint.trials[0].exact
+    truth = joint.truth
     places = np.einsum("fij,j->fi", exact.rotations, truth.mass_center)
     force = truth.mass * (CubicSpline(exact.time, places).derivative(2)(exact.time) - GRAVITY)
     assert np.abs(force - exact.wrench[:, 3:])[5:-5].max() < 5e-3
@@ -44,7 +47,8 @@ def test_passive_torque_is_damper_and_spring(joint: VirtualJoint) -> None:
 
 
 def test_energy_goes_into_the_damper(joint: VirtualJoint) -> None:
-    (swing,), truth = joint.exact_swings(1.0 / (joint.trials[0].exact.time[1])), joint.truth
+    (swing,) = joint.exact_swings(1.0 / (joint.trials[0].exact.time[1]))
+    truth = joint.truth
     spatial = joint.trials[0].exact.rates
     inertia = inertia_matrices(truth.parameters)
     kinetic = 0.5 * np.einsum("fi,ij,fj->f", spatial, inertia, spatial)
@@ -70,12 +74,15 @@ def test_half_the_step_changes_nothing(joint: VirtualJoint) -> None:
 
 
 def test_markers_lie_on_the_limb_and_the_plate_feels_its_wrench(joint: VirtualJoint) -> None:
-    trial, exact = joint.trials[0], joint.trials[0].exact
+    trial = joint.trials[0]
+    exact = joint.trials[0].exact
     every = round(0.005 / exact.time[1])
     seen = trial.markers["limb_3"] - CENTER
     expected = exact.rotations[::every] @ joint.places["limb_3"]
     assert np.abs(seen - expected).max() < 1e-12
-    moment = trial.wrenches.torques[:, 0] + np.cross(trial.wrenches.points[:, 0] - CENTER, trial.wrenches.forces[:, 0])
+    moment = trial.wrenches.torques[:, 0] + np.cross(
+        trial.wrenches.points[:, 0] - CENTER, trial.wrenches.forces[:, 0]
+    )
     at_samples = CubicSpline(exact.time, exact.wrench)(trial.wrenches.time)
     assert np.abs(np.hstack([moment, trial.wrenches.forces[:, 0]]) - at_samples).max() < 1e-9
 
@@ -114,7 +121,8 @@ def test_noise_and_clock_are_as_stated() -> None:
 
 def test_noisy_swings_are_near_the_truth() -> None:
     joint = mechanical_joint("ball", 0.1, 0.0, 5, seconds=5.0, trials=1)
-    (noisy,), (exact,) = joint.swings(6.0), joint.exact_swings()
+    (noisy,) = joint.swings(6.0)
+    (exact,) = joint.exact_swings()
     used = noisy.used
     assert 0.8 < used.mean() < 1.0
     assert np.abs(noisy.rates - exact.rates)[used].max() < 0.05

@@ -1,4 +1,6 @@
-"""What the virtual laboratory hands over raw leads back to the truth: plate, clock of a C3D file, bones, clusters."""
+"""What the virtual laboratory hands over raw leads back to the truth: plate, clock of a C3D file,
+bones, clusters.
+"""
 
 from __future__ import annotations
 
@@ -56,19 +58,28 @@ def test_rod_finds_the_plate(made: VirtualSpecimen, tmp_path: Path) -> None:
     assert np.abs(found.rotation - plate.true.rotation).max() < 2e-3
 
 
-def test_c3d_holds_the_swing_with_the_clock_of_the_plate(made: VirtualSpecimen, tmp_path: Path) -> None:
-    trial, plate = made.without.trials[0], plate_of(made)
+def test_c3d_holds_the_swing_with_the_clock_of_the_plate(
+    made: VirtualSpecimen, tmp_path: Path
+) -> None:
+    trial = made.without.trials[0]
+    plate = plate_of(made)
     write_swing_c3d(trial, plate, tmp_path / "swing.c3d")
     read = read_c3d(tmp_path / "swing.c3d")
     assert isinstance(read.markers, Markers)
     first = int(np.argmin(np.abs(trial.markers.values - read.markers.values[0]).max(axis=(1, 2))))
     assert first == 3  # the first frame after 13.1 ms
-    np.testing.assert_allclose(read.markers.values, trial.markers.values[first : first + len(read.markers)], atol=1e-6)
+    np.testing.assert_allclose(
+        read.markers.values, trial.markers.values[first : first + len(read.markers)], atol=1e-6
+    )
     force, moment = plate_wrench(read.plate_recordings[0])
     at = int(np.searchsorted(trial.wrenches.time, trial.markers.time[first] - 1e-9))
     true_force, true_moment = at_center(trial.wrenches, plate.true.translation)
-    np.testing.assert_allclose(force @ plate.true.rotation.T, true_force[at : at + len(force)], atol=1e-4)
-    np.testing.assert_allclose(moment @ plate.true.rotation.T, true_moment[at : at + len(force)], atol=1e-4)
+    np.testing.assert_allclose(
+        force @ plate.true.rotation.T, true_force[at : at + len(force)], atol=1e-4
+    )
+    np.testing.assert_allclose(
+        moment @ plate.true.rotation.T, true_moment[at : at + len(force)], atol=1e-4
+    )
 
 
 def test_scans_hold_bones_and_balls(made: VirtualSpecimen, tmp_path: Path) -> None:
@@ -83,7 +94,8 @@ def test_scans_hold_bones_and_balls(made: VirtualSpecimen, tmp_path: Path) -> No
     assert len(balls) == 3
     points = read_picks(tmp_path / one["picked"])
     apart, truly = (
-        np.linalg.norm(np.diff(part, axis=0), axis=1) for part in np.split(np.array([*points.values()]), 2, 1)
+        np.linalg.norm(np.diff(part, axis=0), axis=1)
+        for part in np.split(np.array([*points.values()]), 2, 1)
     )
     np.testing.assert_allclose(1e-3 * apart, truly, atol=3e-3)
     assert np.linalg.norm(places[0] - places[1]) > 0.03

@@ -1,4 +1,6 @@
-"""The simulated fighters obey the laws of mechanics, recordings are as bad as stated, and forces are found again."""
+"""The simulated fighters obey the laws of mechanics, recordings are as bad as stated, and forces
+are found again.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,16 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate import pair as made
 from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.fighter import GRIP, LAPEL, PARTS, Build, compile_pair, fighter_text, marker_points, segments
+from myomorph.simulate.fighter import (
+    GRIP,
+    LAPEL,
+    PARTS,
+    Build,
+    compile_pair,
+    fighter_text,
+    marker_points,
+    segments,
+)
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
@@ -31,7 +42,9 @@ from myomorph.tension.terms.emg import EmgTarget
 from truths.part_tension import tension_of
 
 CUTOFF = 6.0
-EXACT = PairOptions("pull", 0, marker_noise=0.0, strength_error=0.0, emg_gain=0.0, emg_noise=0.0, until=1.0)
+EXACT = PairOptions(
+    "pull", 0, marker_noise=0.0, strength_error=0.0, emg_gain=0.0, emg_noise=0.0, until=1.0
+)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +87,8 @@ def test_tensions_are_those_that_the_model_has_at_the_true_activations(bout, mot
 
 
 def test_soles_press_within_friction_and_the_sleeve_only_pulls(bout):
-    feet, sleeve = bout.truth.forces.values[:, : len(FEET)], bout.truth.forces["sleeve"]
+    feet = bout.truth.forces.values[:, : len(FEET)]
+    sleeve = bout.truth.forces["sleeve"]
     across = np.hypot(feet[..., 0], feet[..., 2])
     assert (feet[..., 1] > 0.0).all()
     assert (across < feet[..., 1]).all()
@@ -95,7 +109,11 @@ def test_the_joined_model_is_the_pair_that_moved(bout):
 def test_the_grip_is_found_from_the_motion_alone(bout):
     size = bout.builds
     grip = grip_between(
-        bout.model, bout.truth.motion, "tori_forearm_r", "uke_torso", near=size["tori"].size * np.array(GRIP) + 0.03
+        bout.model,
+        bout.truth.motion,
+        "tori_forearm_r",
+        "uke_torso",
+        near=size["tori"].size * np.array(GRIP) + 0.03,
     )
     assert grip.apart.max() < 0.02
     np.testing.assert_allclose(grip.site.points[0], size["tori"].size * np.array(GRIP), atol=0.05)
@@ -104,10 +122,14 @@ def test_the_grip_is_found_from_the_motion_alone(bout):
 
 def solved(bout, motion, formulation, emg=None, sites=None):
     sites = bout.sites if sites is None else sites
-    activations = Series(motion.time, tuple(one.name for one in sites), np.ones((len(motion), len(sites))))
+    activations = Series(
+        motion.time, tuple(one.name for one in sites), np.ones((len(motion), len(sites)))
+    )
     task = ContactTask(sites, activations, options=ContactOptions(formulation=formulation))
     torques = inverse_dynamics(bout.model, motion)
-    return solve_tension(bout.model, motion, torques, TensionOptions(passive=True), contacts=task, emg=emg)
+    return solve_tension(
+        bout.model, motion, torques, TensionOptions(passive=True), contacts=task, emg=emg
+    )
 
 
 def force_errors(bout, found):
@@ -143,7 +165,8 @@ def test_forces_between_the_fighters_are_equal_and_opposite(bout, motion):
 @pytest.mark.parametrize("part", PARTS)
 def test_each_part_of_the_solution_balances_by_itself(bout, motion, part):
     found = solved(bout, motion, "simultaneous")
-    own, alone = tension_of(found, part), bout.models[part]
+    own = tension_of(found, part)
+    alone = bout.models[part]
     moved = part_of(motion, part)
     assert own.muscles == alone.muscle_names
     torques = inverse_dynamics(alone, moved, part_of(found.contacts.wrenches(), part))
@@ -151,14 +174,20 @@ def test_each_part_of_the_solution_balances_by_itself(bout, motion, part):
     for name in alone.coordinate_names[6:]:
         j = alone.coordinate_names.index(name)
         reserve = own.reserves[:, own.reserve_names.index(f"reserve_{name}")]
-        np.testing.assert_allclose(given[:, j] + reserve, torques[name], atol=1e-4 * np.abs(torques.values).max())
-    assert set(own.residual_names) == {f"residual_{kind}{axis}_pelvis" for kind in "FM" for axis in "XYZ"}
+        np.testing.assert_allclose(
+            given[:, j] + reserve, torques[name], atol=1e-4 * np.abs(torques.values).max()
+        )
+    assert set(own.residual_names) == {
+        f"residual_{kind}{axis}_pelvis" for kind in "FM" for axis in "XYZ"
+    }
     with pytest.raises(UnknownName, match="unknown part 'judge'"):
         tension_of(found, "judge")
 
 
 def test_noise_is_as_large_as_stated():
-    noisy = virtual_pair(replace(EXACT, marker_noise=0.0005, strength_error=0.2, emg_noise=0.02, until=0.6), CUTOFF)
+    noisy = virtual_pair(
+        replace(EXACT, marker_noise=0.0005, strength_error=0.2, emg_noise=0.02, until=0.6), CUTOFF
+    )
     tree = compile_tree(noisy.model)
     poses = forward_kinematics(tree, tree.coordinates_of(noisy.truth.motion))
     bodies = np.array([tree.body_index[one.body] for one in noisy.model.markers])
@@ -175,14 +204,17 @@ def test_noise_is_as_large_as_stated():
 
 def test_the_same_seed_gives_the_same_bout():
     short = replace(EXACT, until=0.32)
-    one, other = virtual_pair(short), virtual_pair(short)
+    one = virtual_pair(short)
+    other = virtual_pair(short)
     np.testing.assert_array_equal(one.truth.forces.values, other.truth.forces.values)
     np.testing.assert_array_equal(one.markers.values, other.markers.values)
 
 
 def test_a_fall_is_said(monkeypatch):
     monkeypatch.setattr(made, "FALLEN", 1e-4)
-    with pytest.raises(BadData, match=r"a fighter of bout 'pull' 0 falls: a joint is .* take another seed"):
+    with pytest.raises(
+        BadData, match=r"a fighter of bout 'pull' 0 falls: a joint is .* take another seed"
+    ):
         virtual_pair(replace(EXACT, until=0.32))
     with pytest.raises(UnknownName, match="unknown kind of bout 'throw'"):
         virtual_pair(replace(EXACT, kind="throw"))

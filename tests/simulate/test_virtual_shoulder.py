@@ -1,4 +1,6 @@
-"""Virtual specimens hold the tables, their muscles move as ours, and their files say the same as they do."""
+"""Virtual specimens hold the tables, their muscles move as ours, and their files say the same as
+they do.
+"""
 
 from __future__ import annotations
 
@@ -53,10 +55,17 @@ def held(specimen: Specimen, exact: Sampled) -> Motion:
     for row, one, rates in zip(speeds, angles, exact.rates, strict=True):
         last = Rotation.from_rotvec(one[2] * axes[2]).as_matrix()
         middle = Rotation.from_rotvec(one[1] * axes[1]).as_matrix()
-        row[:] = np.linalg.solve(np.column_stack([last.T @ middle.T @ axes[0], last.T @ axes[1], axes[2]]), rates)
+        row[:] = np.linalg.solve(
+            np.column_stack([last.T @ middle.T @ axes[0], last.T @ axes[1], axes[2]]), rates
+        )
     wires = np.tile(list(HELD.values()), (len(angles), 1))
     names = (*specimen.joint_coordinates, *HELD)
-    return Motion(exact.time, names, np.hstack([angles, wires]), np.hstack([speeds, np.zeros_like(wires)]))
+    return Motion(
+        time=exact.time,
+        names=names,
+        values=np.hstack([angles, wires]),
+        velocities=np.hstack([speeds, np.zeros_like(wires)]),
+    )
 
 
 def lengthening(specimen: Specimen, motion: Motion) -> np.ndarray:
@@ -95,9 +104,14 @@ def test_total_viscosity_is_that_of_the_torque(made: VirtualSpecimen) -> None:
     work = energy = 0.0
     for trial in made.intact.trials:
         exact = trial.exact
-        inertia, first = inertia_matrices(made.intact.parameters), made.intact.parameters[1:4]
+        inertia = inertia_matrices(made.intact.parameters)
+        first = made.intact.parameters[1:4]
         weight = np.einsum("fji,j->fi", exact.rotations, arm_model().gravity)
-        torque = exact.accelerations @ inertia + np.cross(exact.rates, exact.rates @ inertia) - np.cross(first, weight)
+        torque = (
+            exact.accelerations @ inertia
+            + np.cross(exact.rates, exact.rates @ inertia)
+            - np.cross(first, weight)
+        )
         work -= float(np.sum(torque * exact.rates))
         energy += float(np.sum(exact.rates**2))
     assert work / energy == pytest.approx(made.intact.viscosity, rel=1e-9)
@@ -113,14 +127,20 @@ def test_tendons_lengthen_as_our_paths(made: VirtualSpecimen) -> None:
 def test_muscles_scale_exactly_about_the_joint(made: VirtualSpecimen) -> None:
     motion = held(made.specimen, made.intact.trials[1].exact.every(40))
     third = with_scaled_muscles(HeldLimb(made.specimen, HELD), 1.0 / 3.0)
-    np.testing.assert_allclose(lengthening(third, motion), lengthening(made.specimen, motion) / 3.0, atol=1e-13)
+    np.testing.assert_allclose(
+        lengthening(third, motion), lengthening(made.specimen, motion) / 3.0, atol=1e-13
+    )
 
 
 def test_wrench_on_the_base_holds_what_tendons_pull(made: VirtualSpecimen) -> None:
     exact = made.intact.trials[0].exact
     center = made.intact.parameters[1:4]
-    turned = np.cross(exact.accelerations, center) + np.cross(exact.rates, np.cross(exact.rates, center))
-    force = np.einsum("fij,fj->fi", exact.rotations, turned) - made.intact.mass * np.asarray(arm_model().gravity)
+    turned = np.cross(exact.accelerations, center) + np.cross(
+        exact.rates, np.cross(exact.rates, center)
+    )
+    force = np.einsum("fij,fj->fi", exact.rotations, turned) - made.intact.mass * np.asarray(
+        arm_model().gravity
+    )
     np.testing.assert_allclose(exact.wrench[:, 3:], force, atol=1e-9)
 
 
@@ -145,7 +165,9 @@ def test_files_say_what_the_specimen_is(made: VirtualSpecimen, tmp_path) -> None
     (tmp_path / "model.xml").write_text(specimen_mjcf(made.specimen))
     names = [one.name for one in made.specimen.model.markers]
     model = read_mjcf(tmp_path / "model.xml", marker_sites="|".join(names))
-    read = build_specimen(model, SpecimenNames(BASE, FIRST, FURTHER, fig1_muscles(model)))
+    read = build_specimen(
+        model, SpecimenNames(base=BASE, first=FIRST, bones=FURTHER, muscles=fig1_muscles(model))
+    )
     assert [one.name for one in model.markers] == names
     np.testing.assert_allclose(read.center, made.specimen.center, atol=1e-12)
     exact = made.intact.trials[0].exact.every(40)

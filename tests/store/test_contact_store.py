@@ -6,14 +6,36 @@ import numpy as np
 import pytest
 
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
-from myomorph.store.contact_store import get_contact_forces, get_contacts, put_contact_forces, put_contacts
+from myomorph.store.contact_store import (
+    get_contact_forces,
+    get_contacts,
+    put_contact_forces,
+    put_contacts,
+)
 from myomorph.store.results import new_result, read_result
 
 TIME = np.arange(4) / 100.0
 SITES = (
-    Site("heel_r", "calcn_r", [[0.0, -0.02, 0.01]], Cone(friction=np.inf, most=900.0), group="foot_r"),
-    Site("grip", "hand_r", [[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], Cone(None, grip=0.05), against="box"),
-    Site("sleeve", "hand_l", [[0.0, 0.0, 0.0]], Cone([0.0, 0.0, 2.0], "torso", friction=0.0)),
+    Site(
+        name="heel_r",
+        body="calcn_r",
+        points=[[0.0, -0.02, 0.01]],
+        cone=Cone(friction=np.inf, most=900.0),
+        group="foot_r",
+    ),
+    Site(
+        name="grip",
+        body="hand_r",
+        points=[[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]],
+        cone=Cone(None, grip=0.05),
+        against="box",
+    ),
+    Site(
+        name="sleeve",
+        body="hand_l",
+        points=[[0.0, 0.0, 0.0]],
+        cone=Cone([0.0, 0.0, 2.0], "torso", friction=0.0),
+    ),
 )
 
 
@@ -26,7 +48,12 @@ def test_forces_at_sites_survive(tmp_path):
     for name in ("time", "activations", "forces", "points", "torques"):
         np.testing.assert_array_equal(getattr(found, name), getattr(forces, name))
     for one, other in zip(found.sites, SITES, strict=True):
-        assert (one.name, one.body, one.against, one.group) == (other.name, other.body, other.against, other.group)
+        assert (one.name, one.body, one.against, one.group) == (
+            other.name,
+            other.body,
+            other.against,
+            other.group,
+        )
         np.testing.assert_array_equal(one.points, other.points)
         for name in ("frame", "friction", "torsion", "grip", "edges", "most"):
             assert getattr(one.cone, name) == getattr(other.cone, name)
@@ -35,7 +62,10 @@ def test_forces_at_sites_survive(tmp_path):
 
 @pytest.mark.parametrize("count", [0, 1, 900])
 def test_contacts_survive_however_many(tmp_path, count):
-    touches = tuple(Touch("heel_r", 0.1 * k, 0.1 * k + 0.05, confidence=0.5, source="camera") for k in range(count))
+    touches = tuple(
+        Touch("heel_r", 0.1 * k, 0.1 * k + 0.05, confidence=0.5, source="camera")
+        for k in range(count)
+    )
     contacts = Contacts(("heel_r", "toe_r"), touches, ("a doubt",))
     with new_result(tmp_path / "x.nc") as writer:
         put_contacts(writer, contacts)

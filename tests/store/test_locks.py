@@ -1,4 +1,6 @@
-"""One run at a time in a folder, one process at a time in a trial's, and none of a version that knows less."""
+"""One run at a time in a folder, one process at a time in a trial's, and none of a version that
+knows less.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def holder():
 
     def hold(lock, folder):
         text = HOLD.format(lock=lock, folder=str(folder))
-        child = subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        child = subprocess.Popen(
+            [sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
         begun.append(child)
         assert child.stdout.readline().strip() == b"held"
         return child
@@ -45,7 +49,9 @@ def test_a_second_run_is_told_who_was_first(tmp_path, holder):
     out = tmp_path / "a study, mëasured"
     child = holder("study_lock", out)
     with (
-        pytest.raises(BadData, match=rf"another run writes there \(process {child.pid} on .*, since 20"),
+        pytest.raises(
+            BadData, match=rf"another run writes there \(process {child.pid} on .*, since 20"
+        ),
         study_lock(out),
     ):
         pass
@@ -57,14 +63,21 @@ def test_a_second_run_is_told_who_was_first(tmp_path, holder):
 
 
 def test_within_one_process_too(tmp_path):
-    with study_lock(tmp_path), pytest.raises(BadData, match="another run writes there"), study_lock(tmp_path):
+    with (
+        study_lock(tmp_path),
+        pytest.raises(BadData, match="another run writes there"),
+        study_lock(tmp_path),
+    ):
         pass
 
 
 def test_a_trial_waits_for_the_process_that_writes(tmp_path, holder):
     folder = tmp_path / "s01" / "walk"
     child = holder("folder_lock", folder)
-    with pytest.raises(BadData, match="another process still writes there"), folder_lock(folder, patience=0.2):
+    with (
+        pytest.raises(BadData, match="another process still writes there"),
+        folder_lock(folder, patience=0.2),
+    ):
         pass
     child.kill()
     with folder_lock(folder, patience=60.0):
@@ -81,11 +94,16 @@ def test_a_process_of_an_earlier_run_gives_up(tmp_path):
     with study_lock(tmp_path):
         with pytest.raises(BadData, match="another run has begun"):
             first.check()
-        with pytest.raises(BadData, match="another run has begun"), folder_lock(tmp_path / "s01" / "walk", first):
+        with (
+            pytest.raises(BadData, match="another run has begun"),
+            folder_lock(tmp_path / "s01" / "walk", first),
+        ):
             pass
 
 
-@pytest.mark.parametrize("told", [{"format": FORMAT + 1}, {"version": "999.0"}, {"version": f"{__version__}.1"}])
+@pytest.mark.parametrize(
+    "told", [{"format": FORMAT + 1}, {"version": "999.0"}, {"version": f"{__version__}.1"}]
+)
 def test_a_folder_of_a_newer_version_is_refused(tmp_path, told):
     with study_lock(tmp_path):
         pass

@@ -1,8 +1,8 @@
-"""Results that version 0.1 wrote are read by this one, and a run reuses them while nothing has changed,
-defaults included.
+"""Results that version 0.1 wrote are read by this one, and a run reuses them while nothing has
+changed, defaults included.
 
-`old_results/reach.nc` was written by commit 34e3048 from the files of the example arm: steps ik, id, muscles and
-tension, `cutoff = 6`.
+`old_results/reach.nc` was written by commit 34e3048 from the files of the example arm: steps ik,
+id, muscles and tension, `cutoff = 6`.
 """
 
 from __future__ import annotations
@@ -61,14 +61,19 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     path = arm.folder / "study.toml"
     path.write_text(STUDY, encoding="utf-8")
     plan = read_plan(path)
-    monkeypatch.setattr("myomorph.store.results.__version__", read_result(OLD).provenance["ik"].version)
+    monkeypatch.setattr(
+        "myomorph.store.results.__version__", read_result(OLD).provenance["ik"].version
+    )
     trial = open_trial(plan.trials[0], plan.settings)
     home = arm.folder / "there"
     home.mkdir()
     shutil.copy(OLD, home / "reach.nc")
     reasons = TrialSteps(trial, STEPS, home).all_reasons(STEPS)
-    assert {name: reasons[name] for name in ("ik", "id", "muscles")} == dict.fromkeys(("ik", "id", "muscles"), ())
-    # The criterion weighs loads of knees since (decision 29), so tensions are computed again, and it is said why.
+    assert {name: reasons[name] for name in ("ik", "id", "muscles")} == dict.fromkeys(
+        ("ik", "id", "muscles"), ()
+    )
+    # The criterion weighs loads of knees since (decision 29), so tensions are computed again, and
+    # it is said why.
     assert "tension.joint_load_joints None -> knees" in reasons["tension"]
     monkeypatch.setattr("myomorph.store.results.__version__", "99.0")
     version = read_result(OLD).provenance["ik"].version

@@ -80,14 +80,14 @@ def test_fit_survives_with_gaps(tmp_path, values):
     errors = np.abs(values).copy()
     errors[2] = np.nan
     fit = KinematicsFit(
-        Motion(TIME, NAMES, values),
-        NAMES,
-        errors,
-        np.ones(3),
-        np.array([1, 1, 0, 1, 1], bool),
-        np.arange(5),
-        ("x",),
-        (),
+        motion=Motion(TIME, NAMES, values),
+        marker_names=NAMES,
+        errors=errors,
+        weights=np.ones(3),
+        converged=np.array([1, 1, 0, 1, 1], bool),
+        iterations=np.arange(5),
+        unused_markers=("x",),
+        missing_markers=(),
     )
     with new_result(tmp_path / "x.nc") as writer:
         store.put_fit(writer, fit, Model())
@@ -135,7 +135,11 @@ def test_a_folder_inside_is_renewed_file_by_file(tmp_path):
             (folder / "motions").mkdir()
             (folder / "motions" / f"{text}.mot").write_text(text)
             (folder / "motions" / "walk.mot").write_text(text)
-    assert sorted(path.name for path in (tmp_path / "out" / "motions").iterdir()) == ["one.mot", "two.mot", "walk.mot"]
+    assert sorted(path.name for path in (tmp_path / "out" / "motions").iterdir()) == [
+        "one.mot",
+        "two.mot",
+        "walk.mot",
+    ]
     assert (tmp_path / "out" / "motions" / "walk.mot").read_text() == "two"
 
 
@@ -185,16 +189,28 @@ def test_hash_of_a_file_is_that_of_its_bytes(tmp_path):
     assert file_source("model", tmp_path / "a").sha256 == known
     with pytest.raises(BadFile, match="cannot be read"):
         file_source("model", tmp_path / "b")
-    assert value_source("x", "n", np.arange(3)).sha256 != value_source("x", "n", np.arange(4)).sha256
+    assert (
+        value_source("x", "n", np.arange(3)).sha256 != value_source("x", "n", np.arange(4)).sha256
+    )
 
 
 @given(
     st.text(max_size=8),
     st.lists(st.tuples(st.text(max_size=5), st.text(max_size=5), st.text(max_size=5)), max_size=3),
-    st.dictionaries(st.text(max_size=5), st.none() | st.booleans() | st.integers() | st.text(max_size=5), max_size=3),
+    st.dictionaries(
+        st.text(max_size=5),
+        st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+        max_size=3,
+    ),
 )
 def test_provenance_round_trips(step, sources, options):
-    made = Provenance(step, tuple(Source(*one) for one in sources), options, "1.0", "2024-01-01T00:00:00+00:00")
+    made = Provenance(
+        step=step,
+        sources=tuple(Source(*one) for one in sources),
+        options=options,
+        version="1.0",
+        date="2024-01-01T00:00:00+00:00",
+    )
     back = Provenance.from_json(made.to_json())
     assert back == made
     assert back.key == made.key
@@ -202,13 +218,24 @@ def test_provenance_round_trips(step, sources, options):
 
 def test_key_changes_with_what_matters_only():
     made = provenance_of("ik", (Source("model", "a.osim", "1"),), {"x": 1})
-    same = Provenance("ik", (Source("model", "elsewhere/b.osim", "1"),), {"x": 1}, made.version, "another day")
+    same = Provenance(
+        step="ik",
+        sources=(Source("model", "elsewhere/b.osim", "1"),),
+        options={"x": 1},
+        version=made.version,
+        date="another day",
+    )
     assert same.key == made.key
     others = (
-        Provenance("id", made.sources, made.options, made.version),
-        Provenance("ik", (Source("model", "a.osim", "2"),), made.options, made.version),
-        Provenance("ik", made.sources, {"x": 2}, made.version),
-        Provenance("ik", made.sources, made.options, "other"),
+        Provenance(step="id", sources=made.sources, options=made.options, version=made.version),
+        Provenance(
+            step="ik",
+            sources=(Source("model", "a.osim", "2"),),
+            options=made.options,
+            version=made.version,
+        ),
+        Provenance(step="ik", sources=made.sources, options={"x": 2}, version=made.version),
+        Provenance(step="ik", sources=made.sources, options=made.options, version="other"),
     )
     assert len({made.key, *(other.key for other in others)}) == 5
     with pytest.raises(ValueError, match="not a provenance"):
@@ -229,7 +256,9 @@ class FillingUp(io.FileIO):
 
 def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path, monkeypatch):
     """HDF5 itself may end the process where it cannot write."""
-    monkeypatch.setattr(netcdf, "open", lambda path, mode, buffering: FillingUp(path, "w+"), raising=False)
+    monkeypatch.setattr(
+        netcdf, "open", lambda path, mode, buffering: FillingUp(path, "w+"), raising=False
+    )
 
     def write():
         with new_result(tmp_path / "a.nc", "ik") as writer:

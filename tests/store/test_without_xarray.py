@@ -37,7 +37,9 @@ for value in (result, result.motion, result.tension):
 
 def test_what_users_do_works_without_them(arm: ExampleFiles, tmp_path: Path) -> None:
     arguments = [" ".join(EXTRA), str(arm.model), str(arm.markers), str(tmp_path)]
-    done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert any(line.split()[0] == "61" for line in lines if line)

@@ -1,4 +1,6 @@
-"""A contact law written outside the package: friction that differs along an axis and across it, as of a skate."""
+"""A contact law written outside the package: friction that differs along an axis and across it, as
+of a skate.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from myomorph.model.contacts import Cone, Generators, tangents
 @read_only
 @dataclass(frozen=True, eq=False)
 class FrictionEllipse(Cone):
-    """An elliptic pyramid: friction along the first tangent of the direction, `across` times that along the second."""
+    """An elliptic pyramid: friction along the first tangent of the direction, `across` times that
+    along the second.
+    """
 
     across: float = 1.0
 
@@ -23,6 +27,13 @@ class FrictionEllipse(Cone):
         """d + mu (cos(phi) t_1 + across sin(phi) t_2)."""
         first, second = tangents(self.direction)
         angles = 2.0 * np.pi * np.arange(self.edges)[:, None] / self.edges
-        push = self.direction + self.friction * (np.cos(angles) * first + self.across * np.sin(angles) * second)
+        push = self.direction + self.friction * (
+            np.cos(angles) * first + self.across * np.sin(angles) * second
+        )
         count = len(push)
-        return Generators(push, np.zeros((count, 3)), np.zeros(count), np.full(count, float(count)))
+        return Generators(
+            push=push,
+            turn=np.zeros((count, 3)),
+            lower=np.zeros(count),
+            share=np.full(count, float(count)),
+        )

@@ -1,9 +1,11 @@
-"""One frame of the tension problem as a quadratic program with full matrices, for solvers that know nothing of ours.
+"""One frame of the tension problem as a quadratic program with full matrices, for solvers that know
+nothing of ours.
 
     minimise  1/2 x^T H x + c^T x   subject to  A x = b,  G x <= h,  lower <= x <= upper
 
-Where the package adds unknowns to stay separable (`terms.contacts`, `terms.emg`), this form has full cost matrices and
-inequalities; both have one solution. Smoothness between frames has no place in it.
+Where the package adds unknowns to stay separable (`terms.contacts`, `terms.emg`), this form has
+full cost matrices and inequalities; both have one solution. Smoothness between frames has no place
+in it.
 """
 
 from __future__ import annotations
@@ -53,8 +55,9 @@ def balance(directions: ArrayLike, torques: ArrayLike) -> Constraint:
 def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
     """Soft target weight (a_m - t_m)^2 of the first variables, activations; NaN asks for nothing.
 
-    With the effort a^2 beside it the cost is (1 + weight) (a - emg (weight + s) / (1 + weight))^2 but for a constant,
-    where t = emg (1 + s / weight): of the effort of a firm target nothing is left, s = weight / (1 + weight).
+    With the effort a^2 beside it the cost is (1 + weight) (a - emg (weight + s) / (1 + weight))^2
+    but for a constant, where t = emg (1 + s / weight): of the effort of a firm target nothing is
+    left, s = weight / (1 + weight).
 
     Parameters
     ----------
@@ -67,7 +70,8 @@ def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
 
 
 def emg_equality(emg: ArrayLike, slack: float, first: int, variables: int) -> Constraint:
-    """|a_m - excess_m - emg_m| <= slack: (G, h) with variables of excess that a cost of their own keeps small.
+    """|a_m - excess_m - emg_m| <= slack: (G, h) with variables of excess that a cost of their own
+    keeps small.
 
     Parameters
     ----------
@@ -79,23 +83,29 @@ def emg_equality(emg: ArrayLike, slack: float, first: int, variables: int) -> Co
     difference = np.zeros((len(known), variables))
     difference[np.arange(len(known)), known] = 1.0
     difference[np.arange(len(known)), first + np.arange(len(known))] = -1.0
-    return np.vstack([difference, -difference]), np.concatenate([slack + emg[known], slack - emg[known]])
+    return np.vstack([difference, -difference]), np.concatenate(
+        [slack + emg[known], slack - emg[known]]
+    )
 
 
 def contact_regularisation(compliance: float, cost: ArrayLike) -> Cost:
-    """Add compliance sum_g cost_g z_g^2: of forces that physics leaves open, the ones spread most evenly."""
+    """Add compliance sum_g cost_g z_g^2: of forces that physics leaves open, the ones spread most
+    evenly.
+    """
     return effort(compliance * np.asarray(cost, dtype=np.float64))
 
 
 def shared_wrench(sums: ArrayLike, measured: ArrayLike, sd: ArrayLike, weight: float = 1.0) -> Cost:
-    """Soft target weight |(S x - measured) / sd|^2: what several contacts carry together was measured.
+    """Soft target weight |(S x - measured) / sd|^2: what several contacts carry together was
+    measured.
 
     Parameters
     ----------
     sums : (rows, n) S, which adds the contact forces' components up
     measured, sd : (rows,) NaN where unknown; standard deviations
     """
-    sums, measured = np.asarray(sums, dtype=np.float64), np.asarray(measured, dtype=np.float64)
+    sums = np.asarray(sums, dtype=np.float64)
+    measured = np.asarray(measured, dtype=np.float64)
     known = np.isfinite(measured)
     S = sums[known] / np.broadcast_to(sd, measured.shape)[known, None]
     m = measured[known] / np.broadcast_to(sd, measured.shape)[known]
@@ -109,14 +119,17 @@ def direction_limit(direction: ArrayLike, forces: ArrayLike) -> Constraint:
 
 def most(direction: ArrayLike, greatest: float, forces: ArrayLike) -> Constraint:
     """Greatest force: direction . f <= greatest with f = forces x (3, n)."""
-    return (np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.array([float(greatest)])
+    return (np.asarray(direction, dtype=np.float64) @ np.asarray(forces))[None], np.array(
+        [float(greatest)]
+    )
 
 
 def friction_cone(cone: Cone, forces: ArrayLike) -> Constraint:
     """Faces of the linearised cone of a force f = forces x (3, n), in the axes of the cone's frame.
 
-    m_k . t . f <= friction cos(pi / edges) d . f for the outward normals m_k between two generators. The package
-    keeps a cone by its generators (`terms.cones.cone_generators`); both are one cone.
+    m_k . t . f <= friction cos(pi / edges) d . f for the outward normals m_k between two
+    generators. The package keeps a cone by its generators (`terms.cones.cone_generators`); both are
+    one cone.
     """
     if cone.direction is None:
         return np.zeros((0, np.shape(forces)[1])), np.zeros(0)
@@ -165,22 +178,38 @@ def program(
     """Add terms up."""
     n = len(costs[0][1])
     dense = any(H.ndim == 2 for H, _ in costs)
-    H = sum((np.diag(one) if dense and one.ndim == 1 else one for one, _ in costs), np.zeros((n, n) if dense else n))
-    stacked = [np.vstack([A for A, _ in group] or [np.zeros((0, n))]) for group in (equalities, inequalities)]
-    right = [np.concatenate([b for _, b in group] or [np.zeros(0)]) for group in (equalities, inequalities)]
-    low, high = (np.broadcast_to(np.asarray(one, dtype=np.float64), (n,)).copy() for one in (lower, upper))
+    H = sum(
+        (np.diag(one) if dense and one.ndim == 1 else one for one, _ in costs),
+        np.zeros((n, n) if dense else n),
+    )
+    stacked = [
+        np.vstack([A for A, _ in group] or [np.zeros((0, n))])
+        for group in (equalities, inequalities)
+    ]
+    right = [
+        np.concatenate([b for _, b in group] or [np.zeros(0)])
+        for group in (equalities, inequalities)
+    ]
+    low = np.broadcast_to(np.asarray(lower, dtype=np.float64), (n,)).copy()
+    high = np.broadcast_to(np.asarray(upper, dtype=np.float64), (n,)).copy()
     c = np.sum([one for _, one in costs], axis=0)
-    return Program(H, c, stacked[0], right[0], stacked[1], right[1], low, high)
+    return Program(
+        H=H, c=c, A=stacked[0], b=right[0], G=stacked[1], h=right[1], lower=low, upper=high
+    )
 
 
 def solve_program(problem: Program) -> Array:
-    """The x of least cost within the constraints, by piqp (Schwan, Jiang, Kuhn and Jones 2023), an interior point."""
+    """The x of least cost within the constraints, by piqp (Schwan, Jiang, Kuhn and Jones 2023), an
+    interior point.
+    """
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-10
     solver.settings.eps_duality_gap_abs = solver.settings.eps_duality_gap_rel = 1e-10
     H = np.diag(problem.H) if problem.H.ndim == 1 else problem.H
-    A, G = (np.asfortranarray(one) if len(one) else None for one in (problem.A, problem.G))
-    b, h = (one if len(one) else None for one in (problem.b, problem.h))
+    A = np.asfortranarray(problem.A) if len(problem.A) else None
+    G = np.asfortranarray(problem.G) if len(problem.G) else None
+    b = problem.b if len(problem.b) else None
+    h = problem.h if len(problem.h) else None
     solver.setup(np.asfortranarray(H), problem.c, A, b, G, None, h, problem.lower, problem.upper)
     assert solver.solve() == piqp.PIQP_SOLVED
     return np.array(solver.result.x)
@@ -191,13 +220,15 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
 
     Returns
     -------
-    Program whose variables are the activations, the controls of reserves and residuals, the amplitudes of contacts'
-    edges [weights of the body], and the excess of each activation that an EMG equality tells of; its rows are the
-    equations of motion [N m or N].
+    Program whose variables are the activations, the controls of reserves and residuals, the
+    amplitudes of contacts' edges [weights of the body], and the excess of each activation that an
+    EMG equality tells of; its rows are the equations of motion [N m or N].
 
     """
     assert problem.options.exponent == 2.0, "no quadratic program"
-    muscles, contacts, fast = problem.assembly.tree.model.muscle_names, problem.contacts, problem.separable
+    muscles = problem.assembly.tree.model.muscle_names
+    contacts = problem.contacts
+    fast = problem.separable
     matrix, right, sums, measured = _matrices(problem, frame)
     names = list(muscles) + [one.name for one in problem.actuators.actuators]
     controls = len(names)
@@ -221,13 +252,17 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
     if contacts is not None:
         # A contact costs the same whatever number of sites it is made of.
         groups = [contacts.task.sites[k].group for k in contacts.generators.site]
-        many = [len({one.name for one in contacts.task.sites if one.group == name}) for name in groups]
+        many = [
+            len({one.name for one in contacts.task.sites if one.group == name}) for name in groups
+        ]
         cost = np.concatenate([np.zeros(controls), many * contacts.generators.cost])
         costs.append(contact_regularisation(contacts.task.options.compliance, widened(cost)))
         told = np.array([one.measured for one in problem.rows for _ in one.names], dtype=bool)
         unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.rows)])
         if told.any():
-            costs.append(shared_wrench(spread(sums[told]), measured[told], unit[told], MEASURED_COST))
+            costs.append(
+                shared_wrench(spread(sums[told]), measured[told], unit[told], MEASURED_COST)
+            )
         bound = unit[~told]
         limits += [(spread(sums[~told]), bound), (-spread(sums[~told]), bound)]
     if known is not None and equality:
@@ -246,15 +281,23 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
 
 
 def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:
-    """A and b of the equations of motion, and S and what it should add up to of the rows that contacts add."""
+    """A and b of the equations of motion, and S and what it should add up to of the rows that
+    contacts add.
+    """
     given = problem.balance(frame, frame + 1)
-    pattern, extra = problem.assembly.pattern, problem.assembly.extra_row
+    pattern = problem.assembly.pattern
+    extra = problem.assembly.extra_row
     variables = len(problem.separable.weight)
     matrix = np.zeros((len(pattern.order), variables))
     matrix[pattern.row, np.repeat(np.arange(variables), np.diff(pattern.start))] = given.values[0]
     shared = variables - len(extra)
     mine = problem.assembly.coordinate_row
-    return matrix[mine, :shared], given.right[0, mine], matrix[extra, :shared], given.right[0, extra]
+    return (
+        matrix[mine, :shared],
+        given.right[0, mine],
+        matrix[extra, :shared],
+        given.right[0, extra],
+    )
 
 
 def _emg(problem: TensionProblem, emg: EmgTarget | None, frame: int) -> Array:

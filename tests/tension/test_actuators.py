@@ -12,7 +12,12 @@ from myomorph.model.scale import scale
 from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.terms.actuators import body_directions, compile_body_actuators, default_reserves, free_coordinates
+from myomorph.tension.terms.actuators import (
+    body_directions,
+    compile_body_actuators,
+    default_reserves,
+    free_coordinates,
+)
 from stick_figure import person
 
 RAJAGOPAL = "rajagopal-walk-emg/subject_walk_scaled.osim"
@@ -32,12 +37,18 @@ def pose(tree, seed: int = 0) -> np.ndarray:
 def power(tree, actuator: Actuator, q: np.ndarray, rate: np.ndarray) -> float:
     """Power of the unit actuator while q moves at `rate`, by central differences of poses."""
     h = 1e-6
-    before, here, after = (forward_kinematics(tree, (q + s * h * rate)[None]) for s in (-1, 0, 1))
+    before = forward_kinematics(tree, (q + (-1) * h * rate)[None])
+    here = forward_kinematics(tree, (q + 0 * h * rate)[None])
+    after = forward_kinematics(tree, (q + 1 * h * rate)[None])
     a = tree.body_index[actuator.body]
     b = tree.body_index[actuator.other_body] if actuator.other_body else 0
 
     def local(point, body):
-        return here.rotations[0, body].T @ (point - here.origins[0, body]) if actuator.point_is_global else point
+        return (
+            here.rotations[0, body].T @ (point - here.origins[0, body])
+            if actuator.point_is_global
+            else point
+        )
 
     def at(poses, point, body):
         return poses.rotations[0, body] @ local(point, body) + poses.origins[0, body]
@@ -48,22 +59,48 @@ def power(tree, actuator: Actuator, q: np.ndarray, rate: np.ndarray) -> float:
     if actuator.kind == "torque":
         spin = np.zeros(3)
         for body, sign in ((a, 1.0), (b, -1.0)):
-            turned = (after.rotations[0, body] - before.rotations[0, body]) @ here.rotations[0, body].T / (2 * h)
+            turned = (
+                (after.rotations[0, body] - before.rotations[0, body])
+                @ here.rotations[0, body].T
+                / (2 * h)
+            )
             spin += sign * np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
         return float(spin @ direction)
     moved = (at(after, actuator.point, a) - at(before, actuator.point, a)) / (2 * h)
     if actuator.kind == "point":
         return float(moved @ direction)
     gaps = [
-        np.linalg.norm(at(poses, actuator.point, a) - at(poses, actuator.other_point, b)) for poses in (before, after)
+        np.linalg.norm(at(poses, actuator.point, a) - at(poses, actuator.other_point, b))
+        for poses in (before, after)
     ]
     return float(gaps[1] - gaps[0]) / (2 * h)
 
 
 ACTUATORS = [
-    Actuator("t", "torque", 1.0, body="tibia_r", other_body="pelvis", direction=np.array([1.0, 2.0, -0.5])),
-    Actuator("tl", "torque", 1.0, body="torso", direction=np.array([0.0, 2.0, 1.0]), direction_is_global=False),
-    Actuator("p", "point", 1.0, body="calcn_l", point=np.array([0.1, 0.02, 0.3]), direction=np.array([1.0, 1.0, 0.0])),
+    Actuator(
+        "t",
+        "torque",
+        1.0,
+        body="tibia_r",
+        other_body="pelvis",
+        direction=np.array([1.0, 2.0, -0.5]),
+    ),
+    Actuator(
+        "tl",
+        "torque",
+        1.0,
+        body="torso",
+        direction=np.array([0.0, 2.0, 1.0]),
+        direction_is_global=False,
+    ),
+    Actuator(
+        "p",
+        "point",
+        1.0,
+        body="calcn_l",
+        point=np.array([0.1, 0.02, 0.3]),
+        direction=np.array([1.0, 1.0, 0.0]),
+    ),
     Actuator(
         "pg",
         "point",
@@ -131,7 +168,9 @@ def test_every_free_coordinate_gets_a_reserve_and_a_floating_body_residuals(tree
 
 
 def test_a_planar_root_is_held_by_its_coordinates(data):
-    model = read_osim(data("opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim"))
+    model = read_osim(
+        data("opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim")
+    )
     names = {one.name for one in default_reserves(model, 1.0, 10.0)}
     assert names == {f"reserve_{name}" for name in free_coordinates(model)}
 
@@ -142,7 +181,9 @@ def test_limits_of_coordinates_pull_as_in_opensim(data):
     opensim.Logger.setLevelString("Off")
     other = opensim.Model(str(path))
     state = other.initSystem()
-    limit = opensim.CoordinateLimitForce.safeDownCast(other.getForceSet().get("AnkleLimitSpringDamper"))
+    limit = opensim.CoordinateLimitForce.safeDownCast(
+        other.getForceSet().get("AnkleLimitSpringDamper")
+    )
     ankle = other.getCoordinateSet().get("ankle_angle_r")
     torques = read_osim(path).passive_torques
     assert {one.coordinate for one in torques} == {"ankle_angle_r"}
@@ -159,12 +200,16 @@ def test_limits_of_coordinates_pull_as_in_opensim(data):
 
 
 def test_what_is_weak_on_a_human_is_weak_on_an_animal_too():
-    """By default forces go with the cube and torques with the fourth power of a small body's length."""
+    """By default forces go with the cube and torques with the fourth power of a small body's
+    length.
+    """
     human = person().generic
     tiny = scale(human, {body: np.full(3, 0.05) for body in human.body_names})
     unit = length_unit(compile_tree(tiny))
     for one, other in zip(default_reserves(human), default_reserves(tiny), strict=True):
         usual = 10.0 if one.kind in ("point", "torque") else 1.0
         assert one.optimal_force == usual
-        assert other.optimal_force == pytest.approx(usual * unit ** (3 if one.kind == "point" else 4))
+        assert other.optimal_force == pytest.approx(
+            usual * unit ** (3 if one.kind == "point" else 4)
+        )
     assert {one.optimal_force for one in default_reserves(tiny, 2.0, 3.0)} == {2.0, 3.0}

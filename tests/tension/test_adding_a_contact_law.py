@@ -1,4 +1,6 @@
-"""A new contact law is one file (`ellipse_law.py`) and one line in the table of laws; all else follows."""
+"""A new contact law is one file (`ellipse_law.py`) and one line in the table of laws; all else
+follows.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,16 @@ def ellipse(monkeypatch):
 
 
 def test_forces_of_a_walk_stay_inside_the_ellipse_and_do_not_inside_another(data, ellipse):
-    """Sagittal friction as before, sideways a hundredth: less force to the side than with the round pyramid."""
+    """Sagittal friction as before, sideways a hundredth: less force to the side than with the round
+    pyramid.
+    """
     model, motion, _ = walk(data, slice(200, 1000, 160))
     torques = inverse_dynamics(model, motion)
     sideways = {}
-    for name, cone in (("round", Cone(edges=8)), ("ellipse", FrictionEllipse(edges=8, across=0.01))):
+    for name, cone in (
+        ("round", Cone(edges=8)),
+        ("ellipse", FrictionEllipse(edges=8, across=0.01)),
+    ):
         sites = soles(cone)
         contacts = ContactTask(sites, full(motion, sites), options=ContactOptions(smoothness=0.0))
         tension = solve_tension(model, motion, torques, contacts=contacts)
@@ -68,7 +75,12 @@ def test_a_contact_file_takes_it_with_its_options(data, tmp_path, ellipse):
 
 
 def test_results_keep_it_and_those_before_know_pyramids(ellipse):
-    site = Site("skate", "calcn_r", np.zeros((1, 3)), FrictionEllipse(friction=0.6, across=0.1))
+    site = Site(
+        name="skate",
+        body="calcn_r",
+        points=np.zeros((1, 3)),
+        cone=FrictionEllipse(friction=0.6, across=0.1),
+    )
     plain = json.loads(json.dumps(_plain_site(site)))
     assert plain["cone"]["law"] == "flat_ellipse"
     again = _site(plain).cone

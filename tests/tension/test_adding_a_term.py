@@ -1,4 +1,6 @@
-"""Terms written outside the package, solved by the public call: beside an independent solver of quadratic programs."""
+"""Terms written outside the package, solved by the public call: beside an independent solver of
+quadratic programs.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,16 @@ from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.emg import EmgTarget
-from myomorph.tension.terms.term import Columns, Frames, Penalties, Rows, Smoothing, Term, Unknowns, Variables
+from myomorph.tension.terms.term import (
+    Columns,
+    Frames,
+    Penalties,
+    Rows,
+    Smoothing,
+    Term,
+    Unknowns,
+    Variables,
+)
 
 FRAMES = slice(150, 1150, 180)
 
@@ -47,7 +58,16 @@ class Slow(Term):
         """All frames in one window."""
         first = index_of("muscle", self.muscle, unknowns.muscles)
         count = len(unknowns.time)
-        return Smoothing(count, 0, first, np.ones((count, 1)), np.ones(count - 1), 1.0, 10, 1e-9)
+        return Smoothing(
+            window=count,
+            margin=0,
+            first=first,
+            scale=np.ones((count, 1)),
+            stiffness=np.ones(count - 1),
+            over=1.0,
+            sweeps=10,
+            tolerance=1e-9,
+        )
 
 
 @dataclass(frozen=True)
@@ -62,7 +82,9 @@ class PreferredActivation(Term):
         """An interval without width, in all frames."""
         column = index_of("muscle", self.muscle, unknowns.muscles)
         value = np.full((1, 1), self.activation)
-        return Penalties([column], value, value, np.full((1, 1), self.weight))
+        return Penalties(
+            columns=[column], low=value, high=value, weight=np.full((1, 1), self.weight)
+        )
 
 
 @dataclass(frozen=True)
@@ -74,7 +96,9 @@ class GreatestSum(Term):
 
     def rows(self, unknowns: Unknowns) -> Rows:
         """One inequality."""
-        return Rows.at_most("greatest sum", unknowns.row(dict.fromkeys(self.muscles, 1.0)), self.most)
+        return Rows.at_most(
+            "greatest sum", unknowns.row(dict.fromkeys(self.muscles, 1.0)), self.most
+        )
 
 
 @dataclass(frozen=True)
@@ -87,7 +111,9 @@ class Held(Term):
 
     def rows(self, unknowns: Unknowns) -> Rows:
         """One equation, whose right side changes from frame to frame."""
-        return Rows.equal("held", unknowns.row({self.one: 1.0, self.other: -1.0}), self.difference[:, None])
+        return Rows.equal(
+            "held", unknowns.row({self.one: 1.0, self.other: -1.0}), self.difference[:, None]
+        )
 
 
 @dataclass(frozen=True)
@@ -99,7 +125,13 @@ class Exosuit(Term):
 
     def variables(self) -> Variables:
         """The motor's command, from 0."""
-        return Variables(("exosuit",), np.ones(1), np.full(1, 2.0), np.zeros(1), np.full(1, np.inf))
+        return Variables(
+            names=("exosuit",),
+            weight=np.ones(1),
+            exponent=np.full(1, 2.0),
+            lower=np.zeros(1),
+            upper=np.full(1, np.inf),
+        )
 
     def entries(self) -> Sequence[tuple[int, int]]:
         """Its one coordinate."""
@@ -135,15 +167,21 @@ def test_co_contraction_of_an_antagonist_pair_is_the_optimum_of_the_whole_progra
     model, motion, tau = walker
     problem = tension_problem(TensionInputs(model, motion, tau))
     free = solve_tension(model, motion, tau)
-    found = solve_tension(model, motion, tau, terms=[CoContraction("soleus_r", "tibant_r", 2.0, weight=8.0)])
+    found = solve_tension(
+        model, motion, tau, terms=[CoContraction("soleus_r", "tibant_r", 2.0, weight=8.0)]
+    )
     assert found.optimal.all()
     for frame in range(len(motion)):
         bare = frame_program(problem, frame)
         whole = with_cost(bare, unit(bare, soleus_r=1.0, tibant_r=-2.0), 0.0, 8.0)
         theirs = solve_program(whole)[: len(model.muscles)]
         np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-5)
-    one, other = (model.muscle_names.index(name) for name in ("soleus_r", "tibant_r"))
-    apart = [np.abs(each.activations[:, one] - 2.0 * each.activations[:, other]).mean() for each in (found, free)]
+    one = model.muscle_names.index("soleus_r")
+    other = model.muscle_names.index("tibant_r")
+    apart = [
+        np.abs(each.activations[:, one] - 2.0 * each.activations[:, other]).mean()
+        for each in (found, free)
+    ]
     assert apart[0] < 0.7 * apart[1]
 
 
@@ -171,7 +209,9 @@ def test_terms_add_up_with_contacts_emg_and_each_other(walker):
         limit = unit(bare, recfem_r=1.0, vaslat_r=1.0)
         whole = replace(whole, G=np.vstack([whole.G, limit]), h=np.append(whole.h, 0.2))
         theirs = solve_program(whole)
-        np.testing.assert_allclose(found.activations[frame], theirs[: len(model.muscles)], atol=1e-4)
+        np.testing.assert_allclose(
+            found.activations[frame], theirs[: len(model.muscles)], atol=1e-4
+        )
         limited += abs(limit @ theirs - 0.2) < 1e-6
     assert limited > 0
 
@@ -181,8 +221,11 @@ def test_an_equation_with_a_right_side_of_each_frame_holds(walker):
     difference = np.linspace(0.05, 0.2, len(motion))
     found = solve_tension(model, motion, tau, terms=[Held("bflh_r", "bfsh_r", difference)])
     assert found.optimal.all()
-    one, other = (model.muscle_names.index(name) for name in ("bflh_r", "bfsh_r"))
-    np.testing.assert_allclose(found.activations[:, one] - found.activations[:, other], difference, atol=1e-7)
+    one = model.muscle_names.index("bflh_r")
+    other = model.muscle_names.index("bfsh_r")
+    np.testing.assert_allclose(
+        found.activations[:, one] - found.activations[:, other], difference, atol=1e-7
+    )
 
 
 def test_a_term_with_an_unknown_of_its_own_acts_as_the_actuator_that_it_is(walker):
@@ -192,7 +235,9 @@ def test_a_term_with_an_unknown_of_its_own_acts_as_the_actuator_that_it_is(walke
     problem = tension_problem(TensionInputs(model, motion, tau, terms=[suit]))
     problem.solve(0, len(motion))
     found = problem.result()
-    motor = Actuator("motor", "coordinate", 40.0, coordinate=name, min_control=-np.inf, max_control=0.0)
+    motor = Actuator(
+        "motor", "coordinate", 40.0, coordinate=name, min_control=-np.inf, max_control=0.0
+    )
     same = solve_tension(model, motion, tau, actuators=(*default_reserves(model), motor))
     np.testing.assert_allclose(found.activations, same.activations, atol=1e-7)
     command = problem.x[:, problem.unknowns.of(suit)]

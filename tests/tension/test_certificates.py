@@ -1,4 +1,6 @@
-"""What the data leave open of contact forces: bodies on legs whose intervals are known, HiGHS on a walk, optimality."""
+"""What the data leave open of contact forces: bodies on legs whose intervals are known, HiGHS on a
+walk, optimality.
+"""
 
 from __future__ import annotations
 
@@ -42,19 +44,27 @@ EXACT = CertificateOptions(residual=0.0, reserve=0.0)
 def solved(model, motion, task, actuators=(), **more):
     """The problem of a motion with contacts, solved, and what was found."""
     problem = tension_problem(
-        TensionInputs(model, motion, inverse_dynamics(model, motion), actuators=actuators, contacts=task, **more)
+        TensionInputs(
+            model,
+            motion,
+            inverse_dynamics(model, motion),
+            actuators=actuators,
+            contacts=task,
+            **more,
+        )
     )
     over_frames(problem.solve, len(motion), None, problem.window)
     return problem, problem.result()
 
 
 def intervals(sites, options=EXACT, measured=(), actuators=(), compliance=0.1):
-    model, motion = block(), standing_still(2)
+    model = block()
+    motion = standing_still(2)
     task = ContactTask(
-        sites,
-        Series(motion.time, tuple(one.name for one in sites), np.ones((2, len(sites)))),
-        measured,
-        ContactOptions(compliance=compliance),
+        sites=sites,
+        activations=Series(motion.time, tuple(one.name for one in sites), np.ones((2, len(sites)))),
+        measured=measured,
+        options=ContactOptions(compliance=compliance),
     )
     problem, tension = solved(model, motion, task, actuators)
     assert tension.optimal.all()
@@ -66,7 +76,9 @@ def test_two_legs_without_friction_are_determined():
     found = intervals(legs([(-0.1, 0.0), (0.3, 0.0)], friction=0.0))
     for group, share in (("leg0", 0.75), ("leg1", 0.25)):
         number = found.groups.index(group)
-        force, low, high = (part[:, number] for part in (found.forces, found.low, found.high))
+        force = found.forces[:, number]
+        low = found.low[:, number]
+        high = found.high[:, number]
         np.testing.assert_allclose(force[0], [0.0, share * WEIGHT, 0.0], atol=1e-6)
         np.testing.assert_allclose(low, force, atol=1e-6)
         np.testing.assert_allclose(high, force, atol=1e-6)
@@ -78,14 +90,17 @@ def test_friction_lets_two_legs_press_against_each_other():
     found = intervals(legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.5, edges=4))
     for group in found.groups:
         number = found.groups.index(group)
-        low, high = found.low[:, number], found.high[:, number]
+        low = found.low[:, number]
+        high = found.high[:, number]
         np.testing.assert_allclose(low[0], [-0.25 * WEIGHT, 0.5 * WEIGHT, 0.0], atol=1e-5)
         np.testing.assert_allclose(high[0], [0.25 * WEIGHT, 0.5 * WEIGHT, 0.0], atol=1e-5)
     assert found.sentences[0].startswith("shifting force between 'leg0' and 'leg1' along x")
 
 
 def test_a_table_on_four_legs_rocks():
-    """Legs at the corners of a square: F = W / 4 +- t, t up to W / 4; at a share s more cost up to W / 4 sqrt(s)."""
+    """Legs at the corners of a square: F = W / 4 +- t, t up to W / 4; at a share s more cost up to
+    W / 4 sqrt(s).
+    """
     found = intervals(legs([(-0.2, -0.3), (0.2, -0.3), (0.2, 0.3), (-0.2, 0.3)], friction=0.0))
     np.testing.assert_allclose(found.forces[0, :, 1], 0.25 * WEIGHT, rtol=1e-7)
     np.testing.assert_allclose(found.low[0, :, 1], 0.0, atol=1e-6)
@@ -101,10 +116,18 @@ def test_a_table_on_four_legs_rocks():
 
 
 def test_patches_let_weight_wander_as_far_as_their_edges_reach():
-    """Two feet 2a apart of half width h: one carries up to (a + h) / 2a of the weight, as its pressure goes inwards."""
-    a, h = 0.2, 0.05
+    """Two feet 2a apart of half width h: one carries up to (a + h) / 2a of the weight, as its
+    pressure goes inwards.
+    """
+    a = 0.2
+    h = 0.05
     feet = tuple(
-        Site(name, "block", np.array([[x - h, 0.0, 0.0], [x + h, 0.0, 0.0]]), Cone(friction=0.0))
+        Site(
+            name=name,
+            body="block",
+            points=np.array([[x - h, 0.0, 0.0], [x + h, 0.0, 0.0]]),
+            cone=Cone(friction=0.0),
+        )
         for name, x in (("left", -a), ("right", a))
     )
     found = intervals(feet)
@@ -120,7 +143,9 @@ def test_what_is_measured_and_what_is_bounded_narrows_the_interval():
     np.testing.assert_allclose(bounded.low[0, :, 1], 0.1 * WEIGHT, rtol=1e-6)
     told = np.full((2, 3), np.nan)
     told[:, 1] = 0.3 * WEIGHT
-    plate = SharedWrench("plate", ("leg0",), told, np.full((2, 3), np.nan), force_sd=4.0)
+    plate = SharedWrench(
+        name="plate", sites=("leg0",), forces=told, moments=np.full((2, 3), np.nan), force_sd=4.0
+    )
     found = intervals(legs(corners, friction=0.0), measured=(plate,))
     missed = abs(found.forces[0, 0, 1] - 0.3 * WEIGHT)
     reach = max(8.0, missed)
@@ -130,7 +155,9 @@ def test_what_is_measured_and_what_is_bounded_narrows_the_interval():
 
 
 def test_what_residuals_may_give_widens_the_interval():
-    """1 % of the weight in force, and as much times 1 m in moment: levers of 0.2 m make 2.5 % of it at each leg."""
+    """1 % of the weight in force, and as much times 1 m in moment: levers of 0.2 m make 2.5 % of it
+    at each leg.
+    """
     sites = legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.0)
     found = intervals(sites, CertificateOptions(residual=0.01), actuators=None)
     widest = 0.5 * 0.01 + 0.01 / 0.4
@@ -140,9 +167,12 @@ def test_what_residuals_may_give_widens_the_interval():
 
 
 def test_a_site_that_does_not_touch_carries_nothing():
-    model, motion = block(), standing_still(1)
+    model = block()
+    motion = standing_still(1)
     sites = legs([(-0.2, 0.0), (0.2, 0.0), (0.0, 0.1)], friction=0.0)
-    task = ContactTask(sites, Series(motion.time, ("leg0", "leg1", "leg2"), np.array([[1.0, 1.0, 0.0]])))
+    task = ContactTask(
+        sites, Series(motion.time, ("leg0", "leg1", "leg2"), np.array([[1.0, 1.0, 0.0]]))
+    )
     found = contact_intervals(*solved(model, motion, task), options=EXACT)
     np.testing.assert_array_equal(found.low[0, 2], 0.0)
     np.testing.assert_array_equal(found.high[0, 2], 0.0)
@@ -152,7 +182,9 @@ def test_a_site_that_does_not_touch_carries_nothing():
 def walk(data) -> tuple[Model, Motion, ContactTask]:
     """Frames of a walk whose plates are hidden, contacts from kinematics."""
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
-    whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0
+    )
     keep = np.arange(200, 1000, 40)
     motion = whole.frames(keep)
     sites = foot_sites(model)
@@ -179,7 +211,9 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
     dense = solved_frames(problem, tension, frames)
     lower, upper = open_bounds(problem, dense, options)
     columns = problem.contacts.generators
-    members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in found.groups]
+    members = [
+        np.array([columns.sites[k].group == name for k in columns.site]) for name in found.groups
+    ]
     functions = group_functions(problem, dense, members)
     for k, frame in enumerate(frames):
         for g in range(len(found.groups)):
@@ -205,7 +239,9 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
 
 
 def test_known_activations_narrow_what_is_left_open(walk):
-    """EMG of all muscles as an equality leaves less open than physics alone, and what was found stays inside."""
+    """EMG of all muscles as an equality leaves less open than physics alone, and what was found
+    stays inside.
+    """
     model, motion, task = walk
     problem, tension = solved(model, motion, task, None)
     free = contact_intervals(problem, tension, None, CertificateOptions(near=0.0))
@@ -239,14 +275,20 @@ def test_solved_frames_are_optima_and_others_are_not(walk):
 def test_smoothness_takes_part_in_optimality(walk, data):
     """Frames 10 ms apart, of which the cost of each change has its part."""
     model, _, _ = walk
-    whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0
+    )
     keep = np.arange(400, 500, 10)
     motion = whole.frames(keep)
     sites = foot_sites(model)
-    task = ContactTask(sites, contact_activations(model, motion, sites, find_contacts(model, motion, sites)))
+    task = ContactTask(
+        sites, contact_activations(model, motion, sites, find_contacts(model, motion, sites))
+    )
     problem, tension = solved(model, motion, task, None)
     assert optimality(problem, tension).stationarity.max() < 1e-3
-    rough, _ = solved(model, motion, replace(task, options=replace(task.options, smoothness=0.0)), None)
+    rough, _ = solved(
+        model, motion, replace(task, options=replace(task.options, smoothness=0.0)), None
+    )
     # The smooth solution is none of the problem without smoothness.
     assert optimality(rough, tension_of(rough, problem, tension)).stationarity.max() > 1e-3
 
@@ -258,12 +300,18 @@ def tension_of(rough, problem, tension):
 
 
 def test_reactions_take_contact_forces_along(walk):
-    """As loads beside the tensions, or with them: the same; what holds the pelvis in space is what residuals gave."""
+    """As loads beside the tensions, or with them: the same; what holds the pelvis in space is what
+    residuals gave.
+    """
     model, motion, task = walk
     _, tension = solved(model, motion, task, None)
     one = joint_reactions(model, motion, tension, frame="ground")
     other = joint_reactions(
-        model, motion, replace(tension, contacts=None), tension.contacts.wrenches("body"), frame="ground"
+        model,
+        motion,
+        replace(tension, contacts=None),
+        tension.contacts.wrenches("body"),
+        frame="ground",
     )
     np.testing.assert_allclose(one.forces, other.forces, atol=1e-8)
     np.testing.assert_allclose(one.moments, other.moments, atol=1e-8)
@@ -277,7 +325,9 @@ def test_what_cannot_be_asked_is_named(walk):
     problem, tension = solved(model, motion, task, None)
     with pytest.raises(BadData, match="frame 99 is asked for"):
         contact_intervals(problem, tension, [99])
-    assert np.isnan(contact_intervals(problem, tension, [0], CertificateOptions(near=0.0)).near_low).all()
+    assert np.isnan(
+        contact_intervals(problem, tension, [0], CertificateOptions(near=0.0)).near_low
+    ).all()
     bare = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion)))
     over_frames(bare.solve, len(motion))
     with pytest.raises(BadData, match="there are no contacts"):
@@ -295,16 +345,37 @@ def test_the_axis_of_a_direction_does_not_depend_on_the_strength_of_gravity(grav
 
 def test_slope_and_curvature_of_the_cost_are_its_differences():
     """Below, inside and above the intervals that penalties pull into, stiff and none."""
-    x, h, none = np.tile(np.linspace(0.1, 0.9, 9), (2, 1)), 1e-5, np.zeros((2, 0))
+    x = np.tile(np.linspace(0.1, 0.9, 9), (2, 1))
+    h = 1e-5
+    none = np.zeros((2, 0))
     shape = pattern(np.zeros(9, np.int64), np.arange(9), (1, 9))
     shared = Separable(
-        shape.start, shape.row, shape.first, np.linspace(1.0, 2.0, 9), np.full(9, 3.0), np.zeros(9), np.ones(9)
+        start=shape.start,
+        row=shape.row,
+        first=shape.first,
+        weight=np.linspace(1.0, 2.0, 9),
+        exponent=np.full(9, 3.0),
+        lower=np.zeros(9),
+        upper=np.ones(9),
     )
     penalties = np.stack([np.full((3, 9), level) for level in (0.35, 0.65)])
     penalties[:, 1] += 0.1
     penalties[:, 2] = [[5.0], [0.0]]
-    frames = SolvedFrames(np.arange(2), np.zeros((2, 1, 9)), none, x, shared, penalties, none, 9, 0, 0)
-    ahead, behind = (frames.cost(x[:, None] + step * np.eye(9)) for step in (h, -h))
+    frames = SolvedFrames(
+        frames=np.arange(2),
+        A=np.zeros((2, 1, 9)),
+        b=none,
+        x=x,
+        shared=shared,
+        penalties=penalties,
+        values=none,
+        muscles=9,
+        controls=0,
+        amplitudes=0,
+    )
+    ahead = frames.cost(x[:, None] + h * np.eye(9))
+    behind = frames.cost(x[:, None] + (-h) * np.eye(9))
     np.testing.assert_allclose(cost_slope(frames, x), (ahead - behind) / (2.0 * h), rtol=1e-6)
-    ahead, behind = (cost_slope(frames, x + step) for step in (h, -h))
+    ahead = cost_slope(frames, x + h)
+    behind = cost_slope(frames, x + (-h))
     np.testing.assert_allclose(frames.curvature(x), (ahead - behind) / (2.0 * h), rtol=1e-6)

@@ -1,4 +1,6 @@
-"""Cones and their columns: geometry of the edges, cost of a force, and virtual work against inverse dynamics."""
+"""Cones and their columns: geometry of the edges, cost of a force, and virtual work against inverse
+dynamics.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,11 @@ def any_motion(model, frames=3, seed=0) -> Motion:
     time = 0.1 * np.arange(frames)
     values = tree.coordinates_of(Motion(time, model.coordinate_names, values))
     return Motion(
-        time, model.coordinate_names, values, velocities=rng.normal(size=shape), accelerations=rng.normal(size=shape)
+        time,
+        model.coordinate_names,
+        values,
+        velocities=rng.normal(size=shape),
+        accelerations=rng.normal(size=shape),
     )
 
 
@@ -52,25 +58,33 @@ def test_columns_do_the_work_that_inverse_dynamics_finds(data, name, against):
     """J^T of any amplitudes is what torques lose when the same forces are given as external ones."""
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model)
-    sites = (Site("sole", "calcn_r", FOOT, CONES[name], against), Site("hand", "hand_l", [[0.0, -0.1, 0.0]]))
-    terms = ContactTerm(compile_tree(model), motion.time, ContactTask(sites, full(motion, sites, 0.7)))
+    sites = (
+        Site(name="sole", body="calcn_r", points=FOOT, cone=CONES[name], against=against),
+        Site("hand", "hand_l", [[0.0, -0.1, 0.0]]),
+    )
+    terms = ContactTerm(
+        compile_tree(model), motion.time, ContactTask(sites, full(motion, sites, 0.7))
+    )
     rng = np.random.default_rng(1)
     amplitudes = rng.uniform(-1.0, 1.0, (len(motion), len(terms.generators)))
     amplitudes = np.maximum(amplitudes, terms.generators.lower)
     coordinates = compile_tree(model).coordinates_of(motion)
     forces, points, torques = terms.forces_of(slice(None), coordinates, amplitudes)
-    on, sign = (0, 1), (1.0, 1.0)
+    on = (0, 1)
+    sign = (1.0, 1.0)
     bodies = ("calcn_r", "hand_l")
     if against != "ground":
-        on, sign, bodies = (0, 1, 0), (1.0, 1.0, -1.0), (*bodies, against)
+        on = (0, 1, 0)
+        sign = (1.0, 1.0, -1.0)
+        bodies = (*bodies, against)
     turn = np.array(sign)[:, None]
     loads = Wrenches(
-        motion.time,
-        tuple(str(k) for k in range(len(bodies))),
-        bodies,
-        forces[:, on] * turn,
-        points[:, on],
-        torques[:, on] * turn,
+        time=motion.time,
+        names=tuple(str(k) for k in range(len(bodies))),
+        bodies=bodies,
+        forces=forces[:, on] * turn,
+        points=points[:, on],
+        torques=torques[:, on] * turn,
     )
     lost = inverse_dynamics(model, motion).values - inverse_dynamics(model, motion, loads).values
     np.testing.assert_allclose(terms.torques_of(coordinates, amplitudes), lost, atol=1e-8)
@@ -80,7 +94,9 @@ def test_what_two_bodies_hang_on_does_not_feel_them_touch(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model)
     tree = compile_tree(model)
-    columns = compile_cones(tree, [Site("knees", "tibia_r", [[0.0, -0.1, 0.05]], against="tibia_l")])
+    columns = compile_cones(
+        tree, [Site("knees", "tibia_r", [[0.0, -0.1, 0.05]], against="tibia_l")]
+    )
     touched = {model.coordinate_names[j] for j in columns.arrays.coordinate}
     assert not any(name.startswith("pelvis") for name in touched)
     assert {"hip_flexion_r", "hip_flexion_l", "knee_angle_r"} <= touched
@@ -122,9 +138,12 @@ def test_the_first_tangent_lies_along_the_axis_that_the_direction_leaves_free():
 @pytest.mark.parametrize("points", [1, 3])
 def test_a_force_along_the_direction_costs_its_square_however_it_is_divided(data, cone, points):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
-    columns = compile_cones(compile_tree(model), [Site("sole", "calcn_r", FOOT[:points], cone)])
+    columns = compile_cones(
+        compile_tree(model), [Site(name="sole", body="calcn_r", points=FOOT[:points], cone=cone)]
+    )
     pressing = columns.normal > 0.0
-    # min sum c z^2 with sum n z = 1 is 1 / sum(n^2 / c), and its force has no part across the direction.
+    # min sum c z^2 with sum n z = 1 is 1 / sum(n^2 / c), and its force has no part across the
+    # direction.
     z = columns.normal[pressing] / columns.cost[pressing]
     z /= columns.normal[pressing] @ z
     assert columns.cost[pressing] @ z**2 == pytest.approx(1.0)
@@ -137,11 +156,12 @@ def test_a_force_along_the_direction_costs_its_square_however_it_is_divided(data
 def test_a_force_along_the_preferred_direction_costs_least_and_no_more(data, torsion, points):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model, 1)
-    site = Site("sole", "calcn_r", FOOT[:points], Cone(torsion=torsion))
+    site = Site(name="sole", body="calcn_r", points=FOOT[:points], cone=Cone(torsion=torsion))
     lean = np.array([0.15, 0.0, -0.1])
     task = ContactTask((site,), full(motion, [site]), preferred=lean[None, None])
     terms = ContactTerm(compile_tree(model), motion.time, task)
-    columns, size = terms.generators, terms.amounts[0] / terms.generators.weight[0]
+    columns = terms.generators
+    size = terms.amounts[0] / terms.generators.weight[0]
     # min sum c z^2 with a force of 1 along the direction: z = size / c, scaled.
     z = size / columns.cost
     z /= size @ z
@@ -162,6 +182,8 @@ def test_sites_that_do_not_fit_are_refused_by_name(data):
     with pytest.raises(UnknownName, match="foot"):
         compile_cones(tree, [Site("sole", "foot", FOOT)])
     with pytest.raises(UnknownName, match="thigh"):
-        compile_cones(tree, [Site("sole", "calcn_r", FOOT, Cone(frame="thigh"))])
+        compile_cones(
+            tree, [Site(name="sole", body="calcn_r", points=FOOT, cone=Cone(frame="thigh"))]
+        )
     with pytest.raises(BadModel, match="two contact sites are named 'sole'"):
         compile_cones(tree, [Site("sole", "calcn_r", FOOT), Site("sole", "calcn_l", FOOT)])

@@ -1,4 +1,6 @@
-"""Contact forces and tensions in one problem: Newton, other solvers on full matrices, measured wrenches."""
+"""Contact forces and tensions in one problem: Newton, other solvers on full matrices, measured
+wrenches.
+"""
 
 from __future__ import annotations
 
@@ -46,12 +48,15 @@ def hidden(walker):
 
 def residual(tension, letter: str) -> np.ndarray:
     """Residual force ("F") or moment ("M") on the pelvis (frames, 3)."""
-    return np.column_stack([tension.reserves[:, tension.reserve_names.index(f"residual_{letter}{a}")] for a in "XYZ"])
+    return np.column_stack(
+        [tension.reserves[:, tension.reserve_names.index(f"residual_{letter}{a}")] for a in "XYZ"]
+    )
 
 
 def acceleration_of_the_center(model, motion: Motion) -> np.ndarray:
     """Second difference of the center of mass along q + v t + a t^2 / 2."""
-    tree, step = compile_tree(model), 1e-3
+    tree = compile_tree(model)
+    step = 1e-3
 
     def center(t: float) -> np.ndarray:
         values = motion.values + motion.velocities * t + 0.5 * motion.accelerations * t**2
@@ -84,7 +89,9 @@ def test_much_that_comes_from_nowhere_is_named_with_its_size_and_time(walker, hi
 
 @pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])
 def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, formulation):
-    """Forces, centers of pressure and free torques are complete: with them as external loads nothing changes."""
+    """Forces, centers of pressure and free torques are complete: with them as external loads
+    nothing changes.
+    """
     model, motion, _, _ = walker
     sites = [replace(one, cone=Cone(torsion=0.01)) for one in soles()]
     sites[0] = replace(sites[0], points=[[0.0, 0.0, -0.02], [0.02, 0.0, 0.0], [0.0, 0.01, 0.02]])
@@ -95,7 +102,9 @@ def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, fo
         contacts=task(model, motion, sites, formulation=formulation),
     )
     for by in ("site", "body"):
-        again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches(by)))
+        again = solve_tension(
+            model, motion, inverse_dynamics(model, motion, found.contacts.wrenches(by))
+        )
         np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
         np.testing.assert_allclose(again.reserves, found.reserves, atol=1e-5)
 
@@ -134,15 +143,23 @@ def test_contact_forces_are_those_of_muscles_with_or_without_passive_force_and_t
 
 def test_passive_force_beyond_a_muscle_s_strength_is_reported_with_its_name(walker):
     model, motion, _, tau = walker
-    short = [replace(one, tendon_slack_length=0.9 * one.tendon_slack_length) for one in model.muscles]
-    changed = tuple(one if one.name == "recfem_r" else own for own, one in zip(model.muscles, short, strict=True))
+    short = [
+        replace(one, tendon_slack_length=0.9 * one.tendon_slack_length) for one in model.muscles
+    ]
+    changed = tuple(
+        one if one.name == "recfem_r" else own
+        for own, one in zip(model.muscles, short, strict=True)
+    )
     notes = []
     for one in (model, replace(model, muscles=changed)):
         solution = solve_contacts(TensionInputs(one, motion, tau, contacts=task(one, motion)))[1]
         notes.append(contact_notes(solution.found))
     assert notes[0] == ()
     assert len(notes[1]) == 1
-    assert f"above the maximum isometric force in 1 of {len(model.muscles)} muscles (recfem_r" in notes[1][0]
+    assert (
+        f"above the maximum isometric force in 1 of {len(model.muscles)} muscles (recfem_r"
+        in notes[1][0]
+    )
     assert "--no-contact-passive" in notes[1][0]
 
 
@@ -155,23 +172,32 @@ def test_a_contact_costs_the_same_whatever_number_of_sites_it_is_made_of(walker)
     for sites in (one, twice):
         ask = ContactTask(tuple(sites), full(motion, sites), options=ContactOptions(smoothness=0.0))
         found = solve_tension(model, motion, tau, contacts=ask).contacts
-        forces.append([found.forces[:, [s.group == f"foot_{k}" for s in sites]].sum(axis=1) for k in "rl"])
+        forces.append(
+            [found.forces[:, [s.group == f"foot_{k}" for s in sites]].sum(axis=1) for k in "rl"]
+        )
     np.testing.assert_allclose(forces[0], forces[1], atol=0.05)
 
 
 def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):
     model = read_osim(data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"))
-    whole = differentiate(motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model), 3.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model), 3.0
+    )
     keep = np.array([150, 300, 420])
     motion = whole.frames(keep)
     motion, _ = closed_motion(model, motion)
     cone = Cone(direction=[0.0, 1.0, 0.0], frame="thorax", friction=np.inf)
-    sites = (Site("hand", "hand", [[0.0, -0.05, 0.0]], cone, "thorax"), Site("blade", "scapula", [[-0.05, -0.05, 0.0]]))
+    sites = (
+        Site(name="hand", body="hand", points=[[0.0, -0.05, 0.0]], cone=cone, against="thorax"),
+        Site("blade", "scapula", [[-0.05, -0.05, 0.0]]),
+    )
     ask = ContactTask(sites, full(motion, sites), options=ContactOptions(smoothness=0.0))
     found = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
     assert found.optimal.all()
     assert np.abs(found.contacts.forces).max() > 0.1
-    again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site")))
+    again = solve_tension(
+        model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site"))
+    )
     np.testing.assert_allclose(again.activations, found.activations, atol=1e-6)
 
 
@@ -180,7 +206,9 @@ def clarabel_solution(problem: Program) -> np.ndarray:
     clarabel = pytest.importorskip("clarabel")
     n = len(problem.c)
     H = np.diag(problem.H) if problem.H.ndim == 1 else problem.H
-    eye, low, high = sp.eye(n, format="csr"), np.isfinite(problem.lower), np.isfinite(problem.upper)
+    eye = sp.eye(n, format="csr")
+    low = np.isfinite(problem.lower)
+    high = np.isfinite(problem.upper)
     rows = sp.csc_matrix(sp.vstack([problem.A, problem.G, -eye[low], eye[high]]))
     right = np.concatenate([problem.b, problem.h, -problem.lower[low], problem.upper[high]])
     settings = clarabel.DefaultSettings()
@@ -189,13 +217,17 @@ def clarabel_solution(problem: Program) -> np.ndarray:
     equal = len(problem.b)
     cones = [clarabel.ZeroConeT(equal), clarabel.NonnegativeConeT(len(right) - equal)]
     return np.array(
-        clarabel.DefaultSolver(sp.csc_matrix(np.triu(H)), problem.c, rows, right, cones, settings).solve().x
+        clarabel.DefaultSolver(sp.csc_matrix(np.triu(H)), problem.c, rows, right, cones, settings)
+        .solve()
+        .x
     )
 
 
 def cost(problem: Program, x: np.ndarray) -> float:
     """1/2 x^T H x + c^T x."""
-    return float(0.5 * x @ (problem.H * x if problem.H.ndim == 1 else problem.H @ x) + problem.c @ x)
+    return float(
+        0.5 * x @ (problem.H * x if problem.H.ndim == 1 else problem.H @ x) + problem.c @ x
+    )
 
 
 def all_kinds_of_sites() -> tuple[Site, ...]:
@@ -204,18 +236,26 @@ def all_kinds_of_sites() -> tuple[Site, ...]:
     sites[2] = replace(sites[2], cone=Cone(most=100.0, torsion=0.01))
     sites[3] = replace(sites[3], cone=Cone(direction=None, most=80.0, grip=0.1))
     sites[4] = replace(sites[4], cone=Cone(friction=np.inf))
-    sites[8] = replace(sites[8], cone=Cone(direction=[0.0, 1.0, 0.0], frame="calcn_l", friction=0.0))
+    sites[8] = replace(
+        sites[8], cone=Cone(direction=[0.0, 1.0, 0.0], frame="calcn_l", friction=0.0)
+    )
     return tuple(sites)
 
 
 def shared(loads, sites) -> SharedWrench:
     """The right plate's wrench about the origin, its vertical force unknown in every third frame."""
     right = [k for k, body in enumerate(loads.bodies) if body.endswith("_r")]
-    forces, torques = loads.forces[:, right], loads.torques[:, right]
+    forces = loads.forces[:, right]
+    torques = loads.torques[:, right]
     moments = torques + np.cross(np.nan_to_num(loads.points[:, right]), forces)
     forces = forces.sum(axis=1)
     forces[::3, 1] = np.nan
-    return SharedWrench("plate", tuple(s.name for s in sites if s.name.endswith("_r")), forces, moments.sum(axis=1))
+    return SharedWrench(
+        name="plate",
+        sites=tuple(s.name for s in sites if s.name.endswith("_r")),
+        forces=forces,
+        moments=moments.sum(axis=1),
+    )
 
 
 @pytest.mark.parametrize("mode", ["soft", "driven", None])
@@ -245,8 +285,13 @@ def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker
         for theirs in (solve_program(program), clarabel_solution(program)):
             assert program.variables[: len(ours)][-1].startswith(sites[-1].name)
             # Amplitudes at sites of little strength hardly count: forces are compared.
-            np.testing.assert_allclose(theirs[: len(model.muscles)], ours[: len(model.muscles)], atol=2e-4)
-            push = problem.contacts.amounts[frame] * (theirs[: len(ours)] - ours)[-problem.amplitudes.shape[1] :]
+            np.testing.assert_allclose(
+                theirs[: len(model.muscles)], ours[: len(model.muscles)], atol=2e-4
+            )
+            push = (
+                problem.contacts.amounts[frame]
+                * (theirs[: len(ours)] - ours)[-problem.amplitudes.shape[1] :]
+            )
             assert np.abs(push).max() < 0.2
             if mode != "driven":
                 assert cost(program, ours) < cost(program, theirs) + 1e-5
@@ -260,9 +305,12 @@ def test_every_exponent_is_solved_with_contacts(walker, exponent):
     found = solve_tension(model, motion, tau, TensionOptions(exponent=exponent), contacts=ask)
     assert found.optimal.all()
     options = TensionOptions(exponent=exponent)
-    again = solve_tension(model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site")), options)
+    again = solve_tension(
+        model, motion, inverse_dynamics(model, motion, found.contacts.wrenches("site")), options
+    )
     assert again.optimal.all()
-    # Rounding of the forces is all that differs, but reserves of a high power near 0 hardly resist it.
+    # Rounding of the forces is all that differs, but reserves of a high power near 0 hardly resist
+    # it.
     np.testing.assert_allclose(again.activations, found.activations, atol=2e-3)
 
 
@@ -293,7 +341,8 @@ def test_no_site_carries_more_than_its_most(walker):
 
 
 def test_forces_stay_in_their_cones_and_away_where_nothing_touches(walker, hidden):
-    forces, activations = hidden.contacts.forces, hidden.contacts.activations
+    forces = hidden.contacts.forces
+    activations = hidden.contacts.activations
     assert np.all(forces[activations == 0.0] == 0.0)
     assert forces[..., 1].min() >= 0.0
     assert np.all(np.hypot(forces[..., 0], forces[..., 2]) <= 0.8 * forces[..., 1] + 1e-9)
@@ -314,7 +363,11 @@ def test_a_frame_that_contacts_cannot_carry_is_marked_and_the_rest_goes_on(walke
         if one.name.startswith("reserve_")
     ]
     for smoothness in (0.0, 1.0):
-        ask = ContactTask(sites, Series(motion.time, names, activations), options=ContactOptions(smoothness=smoothness))
+        ask = ContactTask(
+            sites,
+            Series(motion.time, names, activations),
+            options=ContactOptions(smoothness=smoothness),
+        )
         found = solve_tension(model, motion, tau, actuators=helpers, contacts=ask)
         assert found.summary() == {
             "optimal": len(motion) - 1,
@@ -330,7 +383,13 @@ def test_missing_coordinates_do_not_spread(walker):
     model, motion, _, _ = walker
     values = np.array(motion.values)
     values[3, 0] = np.nan
-    broken = Motion(motion.time, motion.names, values, velocities=motion.velocities, accelerations=motion.accelerations)
+    broken = Motion(
+        motion.time,
+        motion.names,
+        values,
+        velocities=motion.velocities,
+        accelerations=motion.accelerations,
+    )
     ask = task(model, motion)
     whole = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=ask)
     found = solve_tension(model, broken, inverse_dynamics(model, broken), contacts=ask)
@@ -348,7 +407,8 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
     for frame in (1, 5, 9):
         whole = frame_program(together, frame)
         rows = [whole.rows.index(name) for name in roots]
-        # Joints as ideal torques that cost nothing: their equations, and muscles with them, drop out.
+        # Joints as ideal torques that cost nothing: their equations, and muscles with them, drop
+        # out.
         muscles = np.arange(len(whole.c)) < len(model.muscles)
         alone = replace(
             whole,
@@ -357,14 +417,16 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
             lower=np.where(muscles, 0.0, whole.lower),
         )
         z = clarabel_solution(alone)[-together.amplitudes.shape[1] :]
-        forces = together.contacts.forces_of(slice(frame, frame + 1), together.coordinates[frame : frame + 1], z[None])[
-            0
-        ]
+        forces = together.contacts.forces_of(
+            slice(frame, frame + 1), together.coordinates[frame : frame + 1], z[None]
+        )[0]
         np.testing.assert_allclose(found.contacts.forces[frame], forces[0], atol=0.1)
 
 
 def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
-    """Two walkers in one tree: each obeys Newton's law with the hold's force on it, and the ground's."""
+    """Two walkers in one tree: each obeys Newton's law with the hold's force on it, and the
+    ground's.
+    """
     model, motion, _, _ = walker
     part = Motion(
         motion.time[:4],
@@ -377,16 +439,26 @@ def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
     pair = join_models({"one": model, "two": model})
     together = join_motions({"one": part, "two": part})
     sites = [
-        replace(site, name=f"{who}_{site.name}", body=f"{who}_{site.body}", group=f"{who}_{site.group}")
+        replace(
+            site, name=f"{who}_{site.name}", body=f"{who}_{site.body}", group=f"{who}_{site.group}"
+        )
         for who in ("one", "two")
         for site in feet
     ]
-    hold = Site("hold", "one_hand_r", [[0.0, -0.08, 0.0]], Cone(direction=None, grip=0.05), "two_hand_l")
+    hold = Site(
+        name="hold",
+        body="one_hand_r",
+        points=[[0.0, -0.08, 0.0]],
+        cone=Cone(direction=None, grip=0.05),
+        against="two_hand_l",
+    )
     ready = np.hstack([task(model, motion).activations.values[:4]] * 2 + [np.ones((4, 1))])
     # One of them must lean on the other: the feet of the second have no hold.
     ready[:, 12:24] = 0.0
     names = tuple(site.name for site in (*sites, hold))
-    ask = ContactTask((*sites, hold), Series(part.time, names, ready), options=ContactOptions(smoothness=0.0))
+    ask = ContactTask(
+        (*sites, hold), Series(part.time, names, ready), options=ContactOptions(smoothness=0.0)
+    )
     found = solve_tension(pair, together, inverse_dynamics(pair, together), contacts=ask)
     assert found.optimal.all()
     mass = sum(body.mass for body in model.bodies)
@@ -404,7 +476,10 @@ def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
 def test_a_model_that_does_not_float_has_no_contacts_first(data):
     model = read_osim(data("opensim-reference-small/arm26_bounds.osim"))
     motion = differentiate(
-        motion_from_table(read_sto(data("opensim-reference-small/arm26_InverseKinematics.mot")), model), 6.0
+        motion_from_table(
+            read_sto(data("opensim-reference-small/arm26_InverseKinematics.mot")), model
+        ),
+        6.0,
     )
     sites = (Site("hand", "r_ulna_radius_hand", [[0.0, -0.3, 0.0]]),)
     ask = ContactTask(sites, full(motion, sites), options=ContactOptions("sequential"))

@@ -31,25 +31,38 @@ def noisy(tau: Series, size: float = 5.0) -> Series:
 
 
 def all_at_once(problem, stiffness) -> np.ndarray:
-    """Amplitudes (frames, generators) of the one program of all frames, by an interior-point method."""
+    """Amplitudes (frames, generators) of the one program of all frames, by an interior-point
+    method.
+    """
     clarabel = pytest.importorskip("clarabel")
     frames, generators = problem.amplitudes.shape
     programs = [frame_program(problem, k) for k in range(frames)]
     n = len(programs[0].c)
-    H = sp.block_diag([np.diag(one.H) if one.H.ndim == 1 else one.H for one in programs], format="lil")
+    H = sp.block_diag(
+        [np.diag(one.H) if one.H.ndim == 1 else one.H for one in programs], format="lil"
+    )
     first = n - generators
-    scale = problem.contacts.amounts / problem.contacts.generators.weight[problem.contacts.generators.site]
+    scale = (
+        problem.contacts.amounts
+        / problem.contacts.generators.weight[problem.contacts.generators.site]
+    )
     for k in range(1, frames):
         for g in np.flatnonzero((scale[k] > 0.0) & (scale[k - 1] > 0.0)):
             weight = 2.0 * stiffness[k - 1] * problem.contacts.cost[g]
-            now, before = k * n + first + g, (k - 1) * n + first + g
+            now = k * n + first + g
+            before = (k - 1) * n + first + g
             H[now, now] += weight * scale[k, g] ** 2
             H[before, before] += weight * scale[k - 1, g] ** 2
             H[now, before] -= weight * scale[k, g] * scale[k - 1, g]
             H[before, now] -= weight * scale[k, g] * scale[k - 1, g]
-    lower, upper = (np.concatenate([getattr(one, name) for one in programs]) for name in ("lower", "upper"))
-    eye, low, high = sp.eye(frames * n, format="csr"), np.isfinite(lower), np.isfinite(upper)
-    rows = sp.csc_matrix(sp.vstack([sp.block_diag([one.A for one in programs]), -eye[low], eye[high]]))
+    lower = np.concatenate([one.lower for one in programs])
+    upper = np.concatenate([one.upper for one in programs])
+    eye = sp.eye(frames * n, format="csr")
+    low = np.isfinite(lower)
+    high = np.isfinite(upper)
+    rows = sp.csc_matrix(
+        sp.vstack([sp.block_diag([one.A for one in programs]), -eye[low], eye[high]])
+    )
     b = np.concatenate([one.b for one in programs])
     right = np.concatenate([b, -lower[low], upper[high]])
     cones = [clarabel.ZeroConeT(len(b)), clarabel.NonnegativeConeT(len(right) - len(b))]
@@ -57,7 +70,9 @@ def all_at_once(problem, stiffness) -> np.ndarray:
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     c = np.concatenate([one.c for one in programs])
-    found = clarabel.DefaultSolver(sp.csc_matrix(sp.triu(H)), c, rows, right, cones, settings).solve()
+    found = clarabel.DefaultSolver(
+        sp.csc_matrix(sp.triu(H)), c, rows, right, cones, settings
+    ).solve()
     return np.array(found.x).reshape(frames, n)[:, first:]
 
 
@@ -72,7 +87,9 @@ def test_a_window_reaches_the_optimum_of_all_its_frames_together(walker, smoothn
     np.testing.assert_allclose(stiffness, smoothness * (0.01 / 0.005) ** 2)
     push = problem.contacts.amounts / problem.contacts.generators.weight[0]
     theirs = all_at_once(problem, stiffness)
-    alone = tension_problem(TensionInputs(model, motion, tau, contacts=task(model, motion, compliance=1.0)))
+    alone = tension_problem(
+        TensionInputs(model, motion, tau, contacts=task(model, motion, compliance=1.0))
+    )
     alone.solve(0, len(motion))
     apart = np.abs(push * (problem.amplitudes - theirs)).max()
     # In body weights: passes end at 1e-4 a pass.
@@ -84,7 +101,9 @@ def test_windows_one_after_another_are_as_good_as_one(walker, monkeypatch):
     model, motion, tau = walker
     ask = task(model, motion, smoothness=0.3, window=len(motion))
     whole = solve_tension(model, motion, noisy(tau), contacts=ask)
-    assert tension_problem(TensionInputs(model, motion, tau, contacts=ask)).smooth.window == len(motion)
+    assert tension_problem(TensionInputs(model, motion, tau, contacts=ask)).smooth.window == len(
+        motion
+    )
     rolling = replace(ask, options=replace(ask.options, window=4))
     one = tension_problem(TensionInputs(model, motion, noisy(tau), contacts=rolling))
     assert one.window < len(motion)
@@ -110,7 +129,10 @@ def test_smoothness_is_that_of_the_force_and_not_of_the_recording(data):
         found = solve_tension(model, motion, Series(tau.time, tau.names, bumpy), contacts=ask)
         forces.append(found.contacts.forces[:: 10 // step])
     free = solve_tension(
-        model, motion, Series(tau.time, tau.names, bumpy), contacts=task(model, motion, compliance=1.0)
+        model,
+        motion,
+        Series(tau.time, tau.names, bumpy),
+        contacts=task(model, motion, compliance=1.0),
     ).contacts.forces[::2]
     inside = slice(3, -3)
     twice = np.sqrt(np.mean((forces[0] - forces[1])[inside] ** 2))
@@ -121,7 +143,13 @@ def test_a_frame_without_input_parts_those_beside_it(walker):
     model, motion, tau = walker
     values = np.array(motion.values)
     values[10, 0] = np.nan
-    broken = Motion(motion.time, motion.names, values, velocities=motion.velocities, accelerations=motion.accelerations)
+    broken = Motion(
+        motion.time,
+        motion.names,
+        values,
+        velocities=motion.velocities,
+        accelerations=motion.accelerations,
+    )
     ask = task(model, motion, smoothness=3.0)
     found = solve_tension(model, broken, inverse_dynamics(model, broken), contacts=ask)
     assert np.flatnonzero(found.status != OPTIMAL).tolist() == [10]
@@ -129,5 +157,7 @@ def test_a_frame_without_input_parts_those_beside_it(walker):
     before = motion.frames(kept)
     activations = Series(before.time, ask.activations.names, ask.activations.values[kept])
     part = replace(ask, activations=activations)
-    alone = solve_tension(model, before, Series(before.time, tau.names, tau.values[kept]), contacts=part)
+    alone = solve_tension(
+        model, before, Series(before.time, tau.names, tau.values[kept]), contacts=part
+    )
     np.testing.assert_allclose(found.contacts.forces[kept], alone.contacts.forces, atol=0.5)

@@ -15,36 +15,71 @@ from myomorph.tension.separable import Separable, no_links, pattern
 
 
 def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lower: float = 0.01):
-    """Directions, bounds and balanced torques: a third of the muscles work, reserves have no bounds."""
+    """Directions, bounds and balanced torques: a third of the muscles work, reserves have no
+    bounds.
+    """
     rng = np.random.default_rng(seed)
     directions = 60.0 * rng.normal(size=(rows, count)) * (rng.random((rows, count)) < 0.3)
-    low, high = np.full(count, lower), np.ones(count)
+    low = np.full(count, lower)
+    high = np.ones(count)
     if reserve:
         directions = np.hstack([directions, reserve * np.eye(rows)])
-        low, high = np.append(low, np.full(rows, -np.inf)), np.append(high, np.full(rows, np.inf))
+        low = np.append(low, np.full(rows, -np.inf))
+        high = np.append(high, np.full(rows, np.inf))
     active = rng.uniform(0, 1, directions.shape[1]) * (rng.random(directions.shape[1]) < 0.35)
     return directions, low, high, directions @ np.clip(active, low, high)
 
 
-def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=None, penalties=None, capped=0, peak=0.0):
-    """Frames (torques (frames, rows)) through the kernel: x, status, residual, multipliers, iterations."""
+def solve(
+    directions,
+    low,
+    high,
+    torques,
+    exponent=2.0,
+    weights=None,
+    targets=None,
+    penalties=None,
+    capped=0,
+    peak=0.0,
+):
+    """Frames (torques (frames, rows)) through the kernel: x, status, residual, multipliers,
+    iterations.
+    """
     torques = np.atleast_2d(torques)
     rows, columns = np.nonzero(directions)
     shape = pattern(rows, columns, directions.shape)
-    n, count, frames = len(directions), directions.shape[1], len(torques)
+    n = len(directions)
+    count = directions.shape[1]
+    frames = len(torques)
     weights = np.ones(count) if weights is None else weights
     each = (frozen_array(one) for one in (weights, np.full(count, exponent), low, high))
     first = 0 * shape.first if capped else shape.first
     fixed = Separable(shape.start, shape.row, first, *each, capped, peak)
     values = np.empty((frames, len(rows)))
     values[:, shape.place] = directions[rows, columns]
-    x, y = np.empty((frames, count)), np.empty((frames, n))
-    residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
+    x = np.empty((frames, count))
+    y = np.empty((frames, n))
+    residual = np.empty(frames)
+    iterations = np.empty(frames, np.int64)
+    status = np.empty(frames, np.int8)
     targets = np.zeros((frames, count)) if targets is None else targets
     right = np.ascontiguousarray(torques[:, shape.order])
     penalties = np.zeros((1, 3, count)) if penalties is None else penalties
     warm = np.zeros(n)
-    solve_separable(fixed, values, right, targets, penalties, no_links(), warm, x, y, residual, iterations, status)
+    solve_separable(
+        fixed,
+        values,
+        right,
+        targets,
+        penalties,
+        no_links(),
+        warm,
+        x,
+        y,
+        residual,
+        iterations,
+        status,
+    )
     multipliers = np.empty_like(y)
     multipliers[:, shape.order] = y
     return x, status, residual, multipliers, iterations
@@ -61,7 +96,9 @@ def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
         solver.settings.eps_abs = solver.settings.eps_rel = 1e-12
         count = len(low)
         H = np.asfortranarray(2 * np.eye(count))
-        solver.setup(H, np.zeros(count), np.asfortranarray(directions), torques, None, None, None, low, high)
+        solver.setup(
+            H, np.zeros(count), np.asfortranarray(directions), torques, None, None, None, low, high
+        )
         assert solver.solve() == piqp.PIQP_SOLVED
         assert status[0] == OPTIMAL
         assert residual[0] < 1e-6
@@ -95,8 +132,11 @@ def test_the_exponent_3_is_solved_as_those_beside_it():
     """It has roots of its own; pulled towards intervals, some of its variables lie outside these."""
     directions, low, high, torques = muscles(5)
     penalties = np.zeros((1, 3, len(low)))
-    penalties[0, 0, ::2], penalties[0, 1, ::2], penalties[0, 2, ::2] = 0.3, 0.4, 2.0
-    own, near = (solve(directions, low, high, torques, one, penalties=penalties)[0] for one in (3.0, 3.0 + 1e-9))
+    penalties[0, 0, ::2] = 0.3
+    penalties[0, 1, ::2] = 0.4
+    penalties[0, 2, ::2] = 2.0
+    own = solve(directions, low, high, torques, 3.0, penalties=penalties)[0]
+    near = solve(directions, low, high, torques, (3.0 + 1e-9), penalties=penalties)[0]
     np.testing.assert_allclose(own, near, atol=1e-6)
     assert ((own[0, ::2] < 0.3) | (own[0, ::2] > 0.4)).any()
 
@@ -126,13 +166,42 @@ def test_torques_beyond_all_strength_are_called_infeasible_and_missed_least():
 
 
 def test_torques_at_the_border_of_strength_are_reached():
-    """All muscles work at a bound, and multipliers are huge: few frames are left open, and by less than 5 mN m."""
+    """All muscles work at a bound, and multipliers are huge: few frames are left open, and by less
+    than 5 mN m.
+    """
     tried = []
-    for seed in (2, 3, 8, 9, 14, 15, 20, 21, 26, 27, 44, 45, 62, 63, 68, 69, 80, 81, 86, 87, 92, 93):
+    for seed in (
+        2,
+        3,
+        8,
+        9,
+        14,
+        15,
+        20,
+        21,
+        26,
+        27,
+        44,
+        45,
+        62,
+        63,
+        68,
+        69,
+        80,
+        81,
+        86,
+        87,
+        92,
+        93,
+    ):
         rng = np.random.default_rng(seed)
-        directions, low, high, _ = muscles(seed, 4 + seed % 9, 12 + seed % 30, 0.0, (0.0, 0.01)[seed % 2])
+        directions, low, high, _ = muscles(
+            seed, 4 + seed % 9, 12 + seed % 30, 0.0, (0.0, 0.01)[seed % 2]
+        )
         middle = directions @ (0.5 * (low + high))
-        most = directions @ np.where(directions.T @ rng.normal(size=len(directions)) > 0.0, high, low)
+        most = directions @ np.where(
+            directions.T @ rng.normal(size=len(directions)) > 0.0, high, low
+        )
         shares = (1.0, 1.0 - 1e-12, 1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-4)
         for torques in (middle + share * (most - middle) for share in shares):
             x, status, residual, _, _ = solve(directions, low, high, torques, exponent=3.0)
@@ -145,11 +214,15 @@ def test_torques_at_the_border_of_strength_are_reached():
 
 
 def _bisected_on(wide):
-    """Slope of a dual that falls by 1 within `wide` about a third of a step, and the step that `_step` takes."""
+    """Slope of a dual that falls by 1 within `wide` about a third of a step, and the step that
+    `_step` takes.
+    """
     shape = pattern(np.zeros(1, np.int64), np.zeros(1, np.int64), (1, 1))
     each = (np.array([one]) for one in (0.5 * wide, 2.0, 0.0, 1.0))
     fixed = Separable(shape.start, shape.row, shape.first, *each)
-    return _stepped(fixed, np.zeros(1), np.zeros((3, 1)), np.array([-1.0 / 3.0]), np.ones(1), 0.5, 0.0)
+    return _stepped(
+        fixed, np.zeros(1), np.zeros((3, 1)), np.array([-1.0 / 3.0]), np.ones(1), 0.5, 0.0
+    )
 
 
 @kernel
@@ -160,7 +233,9 @@ def _stepped(S, targets, penalty, s, ds, constant, linear):
 
 @pytest.mark.parametrize("wide", [1e-2, 1e-6, 1e-10])
 def test_a_step_ends_where_the_dual_is_level_however_sharp_its_bend(wide):
-    """A muscle wakes between s = 0 and s = `wide`; half awake it holds the torque: at 1/3 + `wide` / 2 of the step."""
+    """A muscle wakes between s = 0 and s = `wide`; half awake it holds the torque: at 1/3 + `wide`
+    / 2 of the step.
+    """
     assert _bisected_on(wide) == pytest.approx(1.0 / 3.0 + 0.5 * wide, abs=0.06 * wide)
 
 
@@ -189,12 +264,18 @@ def test_targets_and_weights_agree_with_an_interior_point_method():
     directions, low, high, torques = muscles(7)
     count = len(low)
     rng = np.random.default_rng(0)
-    weights, targets = rng.uniform(0, 2, count), rng.uniform(0, 1, count)
+    weights = rng.uniform(0, 2, count)
+    targets = rng.uniform(0, 1, count)
     # |x|^2 + w (x - t)^2 is (1 + w) (x - w t / (1 + w))^2 and a constant.
     both = 1.0 + weights
-    x = solve(directions, low, high, torques, weights=both, targets=(weights * targets / both)[None])[0][0]
-    costs, equations = [effort(np.ones(count)), nearness(targets, weights)], [balance(directions, torques)]
-    np.testing.assert_allclose(x, solve_program(program(costs, equations, lower=low, upper=high)), atol=1e-6)
+    x = solve(
+        directions, low, high, torques, weights=both, targets=(weights * targets / both)[None]
+    )[0][0]
+    costs = [effort(np.ones(count)), nearness(targets, weights)]
+    equations = [balance(directions, torques)]
+    np.testing.assert_allclose(
+        x, solve_program(program(costs, equations, lower=low, upper=high)), atol=1e-6
+    )
     H, c = costs[1]
     dense = program([costs[0], (np.diag(H), c)], equations, lower=low, upper=high)
     np.testing.assert_allclose(x, solve_program(dense), atol=1e-6)
@@ -207,11 +288,14 @@ def test_an_inequality_is_a_row_with_an_unknown_of_its_own():
     limit[0, :40] = 1.0
     free = solve(directions, low, high, torques)[0][0]
     most = 0.9 * (limit @ free)
-    cost, equation = [effort(np.ones(count))], [balance(directions, torques)]
+    cost = [effort(np.ones(count))]
+    equation = [balance(directions, torques)]
     held = solve_program(program(cost, equation, [(limit, most)], low, high))
     A = np.block([[directions, np.zeros((len(directions), 1))], [limit, np.ones((1, 1))]])
     weights = np.append(np.ones(count), 1e-6)
-    x, status, _, _, _ = solve(A, np.append(low, 0.0), np.append(high, np.inf), np.append(torques, most), 2.0, weights)
+    x, status, _, _, _ = solve(
+        A, np.append(low, 0.0), np.append(high, np.inf), np.append(torques, most), 2.0, weights
+    )
     assert status[0] == OPTIMAL
     assert (limit @ x[0, :count])[0] <= most[0] + 1e-6
     assert np.abs(free - x[0, :count]).max() > 0.01

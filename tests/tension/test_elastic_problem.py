@@ -1,4 +1,6 @@
-"""A run of frames between gaps, solved in a window that begins later: whose frames it smooths, fills and marks."""
+"""A run of frames between gaps, solved in a window that begins later: whose frames it smooths,
+fills and marks.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,23 @@ from myomorph.tension.elastic import problem
 
 @pytest.mark.parametrize(("solved", "status"), [(True, OPTIMAL), (False, STALLED)])
 def test_a_run_takes_the_links_of_its_own_frames_and_fills_them_only(monkeypatch, solved, status):
-    """Frames 3 to 7 of a window that begins at frame 10, one of them bridged: links and marks are of 13 to 17."""
-    frames = SimpleNamespace(time=np.arange(5.0), penalties="own", x=np.ones((5, 2)), forces=2.0 * np.ones((5, 1)))
-    links, marks, penalties = [], [], []
+    """Frames 3 to 7 of a window that begins at frame 10, one of them bridged: links and marks are
+    of 13 to 17.
+    """
+    frames = SimpleNamespace(
+        time=np.arange(5.0), penalties="own", x=np.ones((5, 2)), forces=2.0 * np.ones((5, 1))
+    )
+    links = []
+    marks = []
+    penalties = []
 
     def solve(given):
         penalties.append(given.penalties)
         return [SimpleNamespace(solved=solved, steps=9)]
 
-    monkeypatch.setattr(problem.windows, "drawn", lambda own, links, x, separable: f"{own} and linked")
+    monkeypatch.setattr(
+        problem.windows, "drawn", lambda own, links, x, separable: f"{own} and linked"
+    )
     one = SimpleNamespace(
         _frames=lambda given, begin, part, good: (frames, np.full(5, OPTIMAL)),
         smooth=SimpleNamespace(links=lambda start, stop: links.append((start, stop))),
@@ -32,7 +42,13 @@ def test_a_run_takes_the_links_of_its_own_frames_and_fills_them_only(monkeypatch
         _outcomes=[],
         _mark=lambda start, stop: marks.append((start, stop)),
     )
-    out = (np.zeros((9, 2)), np.zeros((9, 1)), np.full(9, np.nan), np.zeros(9, int), np.full(9, MISSING))
+    out = (
+        np.zeros((9, 2)),
+        np.zeros((9, 1)),
+        np.full(9, np.nan),
+        np.zeros(9, int),
+        np.full(9, MISSING),
+    )
     good = np.array([True, True, False, True, True])
     problem.ElasticProblem._solve_run(one, None, 10, slice(3, 8), good, out)
     assert set(links) == {(13, 18)}

@@ -1,4 +1,6 @@
-"""Tensions on elastic tendons: conditions of the optimum, limits, and what happens to bad frames and muscles."""
+"""Tensions on elastic tendons: conditions of the optimum, limits, and what happens to bad frames
+and muscles.
+"""
 
 from __future__ import annotations
 
@@ -41,10 +43,14 @@ def as_class(model: Model, kind: str, **parameters: float) -> Model:
     return replace(model, muscles=muscles)
 
 
-def arm(data, kind: str = DEGROOTE, count: int = 40, **parameters: float) -> tuple[Model, Motion, Series]:
+def arm(
+    data, kind: str = DEGROOTE, count: int = 40, **parameters: float
+) -> tuple[Model, Motion, Series]:
     """Frames of OpenSim's arm of two coordinates and six muscles, and their torques."""
     model = as_class(read_osim(data(ARM + "arm26_bounds.osim")), kind, **parameters)
-    whole = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0
+    )
     keep = slice(0, 2 * count, 2)
     motion = whole.frames(keep)
     return model, motion, inverse_dynamics(model, motion)
@@ -66,7 +72,9 @@ def test_every_class_is_solved_and_certified(data, kind, passive):
 def test_fibers_and_tendons_are_as_long_as_the_paths_and_share_their_power(data):
     model, motion, torques = arm(data)
     found = solve_tension(model, motion, torques, ELASTIC)
-    H, paths, fibers = compile_hill(model), muscle_kinematics(model, motion), found.fibers
+    H = compile_hill(model)
+    paths = muscle_kinematics(model, motion)
+    fibers = found.fibers
     along = np.sqrt(fibers.lengths**2 - H.height**2)
     tendon = H.tendon * (1.0 + fibers.tendon_strains)
     assert np.allclose(along + tendon, paths.lengths, atol=1e-12)
@@ -75,7 +83,8 @@ def test_fibers_and_tendons_are_as_long_as_the_paths_and_share_their_power(data)
     strength = np.array([one.max_isometric_force for one in model.muscles])
     for m, muscle in enumerate(model.muscles):
         assert np.allclose(
-            tendon[:, m], H.tendon[m] * muscle_model(muscle).stretch(muscle)(found.forces[:, m] / strength[m])
+            tendon[:, m],
+            H.tendon[m] * muscle_model(muscle).stretch(muscle)(found.forces[:, m] / strength[m]),
         )
 
 
@@ -94,8 +103,11 @@ def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
 def test_a_general_solver_finds_no_less_effort(data):
     model, motion, torques = arm(data, count=10)
     found = solve_tension(model, motion, torques, replace(ELASTIC, activation_dynamics=False))
-    H, paths = compile_hill(model), muscle_kinematics(model, motion)
-    L, V, time = paths.lengths, paths.velocities, motion.time
+    H = compile_hill(model)
+    paths = muscle_kinematics(model, motion)
+    L = paths.lengths
+    V = paths.velocities
+    time = motion.time
     dt = np.diff(time)[:, None]
     middle = 0.5 * (L[1:] + L[:-1]) + dt / 8.0 * (V[:-1] - V[1:])
     speed = 1.5 * np.diff(L, axis=0) / dt - 0.25 * (V[1:] + V[:-1])
@@ -107,7 +119,9 @@ def test_a_general_solver_finds_no_less_effort(data):
     stretches = [muscle_model(muscle).stretch(muscle) for muscle in model.muscles]
 
     def activations(f):
-        tendon = H.tendon * np.stack([stretch(f[:, m]) for m, stretch in enumerate(stretches)], axis=1)
+        tendon = H.tendon * np.stack(
+            [stretch(f[:, m]) for m, stretch in enumerate(stretches)], axis=1
+        )
         along = middle - 0.5 * (tendon[1:] + tendon[:-1])
         fiber = np.sqrt(along**2 + H.height**2)
         v = (speed - np.diff(tendon, axis=0) / dt) * along / fiber / H.speed
@@ -133,7 +147,11 @@ def test_a_general_solver_finds_no_less_effort(data):
 
 def test_activation_changes_no_faster_than_it_can(data):
     model, motion, torques = arm(data, "Thelen2003Muscle")
-    jumping = Series(torques.time, torques.names, torques.values + 4.0 * (np.arange(len(motion)) % 8 < 4)[:, None])
+    jumping = Series(
+        torques.time,
+        torques.names,
+        torques.values + 4.0 * (np.arange(len(motion)) % 8 < 4)[:, None],
+    )
     free = solve_tension(model, motion, jumping, replace(ELASTIC, activation_dynamics=False))
     bound = solve_tension(model, motion, jumping, ELASTIC)
     dt = np.diff(motion.time)[:, None]
@@ -218,15 +236,20 @@ def test_emg_draws_activations(data):
     wanted = np.full((len(motion), 1), 0.3)
     emg = EmgTarget((model.muscles[0].name,), wanted, weight=50.0)
     drawn = solve_tension(model, motion, torques, ELASTIC, emg=emg)
-    before, after = (np.abs(one.activations[5:-5, 0] - 0.3).mean() for one in (plain, drawn))
+    before = np.abs(plain.activations[5:-5, 0] - 0.3).mean()
+    after = np.abs(drawn.activations[5:-5, 0] - 0.3).mean()
     assert after < 0.3 * before
 
 
 def test_joint_loads_take_part_by_tendon_forces(data):
-    """What the rows leave is the force of each joint, as the reactions of the same tensions say, and it falls."""
+    """What the rows leave is the force of each joint, as the reactions of the same tensions say,
+    and it falls.
+    """
     model, motion, torques = arm(data)
     term = joint_load_term(model, motion, None, 1e-3)
-    problem = elastic.ElasticProblem(TensionInputs(model, motion, torques, ELASTIC, terms=[term]))
+    problem = elastic.ElasticProblem(
+        TensionInputs(model=model, motion=motion, torques=torques, options=ELASTIC, terms=[term])
+    )
     problem.solve(0, len(motion))
     found = problem.result()
     assert found.optimal.all()
@@ -243,14 +266,19 @@ def test_joint_loads_take_part_by_tendon_forces(data):
 def test_co_contraction_takes_part_by_tendon_forces(data):
     model, motion, torques = arm(data)
     term = CoContractionTerm(model, motion, torques, 0.05, ("r_elbow_flex",))
-    plain, found = (solve_tension(model, motion, torques, ELASTIC, terms=terms) for terms in ((), [term]))
+    plain = solve_tension(model, motion, torques, ELASTIC, terms=())
+    found = solve_tension(model, motion, torques, ELASTIC, terms=([term]))
     assert found.optimal.all()
     assert found.fibers.certificate.residual < 1e-3
-    arms = muscle_kinematics(model, motion).moment_arms[:, :, model.coordinate_names.index("r_elbow_flex")]
+    arms = muscle_kinematics(model, motion).moment_arms[
+        :, :, model.coordinate_names.index("r_elbow_flex")
+    ]
     strength = np.array([one.max_isometric_force for one in model.muscles])
 
     def weaker(forces):
-        return np.minimum(*(np.maximum(sign * arms * forces, 0.0).sum(axis=1) for sign in (1.0, -1.0)))
+        return np.minimum(
+            *(np.maximum(sign * arms * forces, 0.0).sum(axis=1) for sign in (1.0, -1.0))
+        )
 
     level = weaker(found.forces) / weaker(np.broadcast_to(strength, found.forces.shape))
     assert level[3:-3].min() > 0.9 * 0.05
@@ -279,7 +307,9 @@ def test_contacts_take_part(data, smoothness):
     model, motion, _ = walk(data, slice(300, 324, 2))
     torques = inverse_dynamics(model, motion)
     touching = task(model, motion, smoothness=smoothness)
-    rigid = solve_tension(model, motion, torques, TensionOptions(curves="rigid-tendon"), contacts=touching)
+    rigid = solve_tension(
+        model, motion, torques, TensionOptions(curves="rigid-tendon"), contacts=touching
+    )
     found = solve_tension(model, motion, torques, ELASTIC, contacts=touching)
     assert found.contacts is not None
     assert found.equilibrium_residual.max() < 0.1

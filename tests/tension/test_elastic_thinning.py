@@ -1,4 +1,6 @@
-"""Elastic tendons of fast recordings: some frames are solved, those between follow and balance their torques."""
+"""Elastic tendons of fast recordings: some frames are solved, those between follow and balance
+their torques.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +25,24 @@ ELASTIC = TensionOptions(tendons="elastic")
 def fast_arm(data, rate: float) -> tuple[Model, Motion, Series]:
     """0.3 s of OpenSim's arm at a rate [1/s], on the cubics through its filtered motion."""
     model = read_osim(data(ARM + "arm26_bounds.osim"))
-    whole = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0
+    )
     q = CubicSpline(whole.time, whole.values)
     time = whole.time[0] + np.arange(round(0.3 * rate) + 1) / rate
-    motion = Motion(time, whole.names, q(time), q(time, 1), q(time, 2))
+    motion = Motion(
+        time=time,
+        names=whole.names,
+        values=q(time),
+        velocities=q(time, 1),
+        accelerations=q(time, 2),
+    )
     return model, motion, inverse_dynamics(model, motion)
 
 
 @pytest.mark.parametrize(
-    ("rate", "every"), [(50.0, 1), (100.0, 1), (FASTEST, 1), (240.0, 2), (400.0, 2), (1000.0, 5), (1200.0, 6)]
+    ("rate", "every"),
+    [(50.0, 1), (100.0, 1), (FASTEST, 1), (240.0, 2), (400.0, 2), (1000.0, 5), (1200.0, 6)],
 )
 def test_no_more_frames_a_second_are_solved_than_said(rate, every):
     assert solved_every(np.arange(1000) / rate) == every
@@ -49,7 +60,8 @@ def test_solved_frames_have_both_ends_and_steps_alike(frames, every):
 
 
 def test_curves_between_stay_in_their_range():
-    time, keep = np.linspace(0.0, 1.0, 101), np.arange(0, 101, 5)
+    time = np.linspace(0.0, 1.0, 101)
+    keep = np.arange(0, 101, 5)
     values = (time[keep, None] > 0.5).astype(float)
     found = along(time, keep, values)
     assert np.array_equal(found[keep], values)
@@ -69,5 +81,9 @@ def test_a_fast_recording_balances_everywhere_and_is_as_a_slower_one(data):
     inside = ~slow.fibers.transient
     assert np.abs((fast.forces[::5] - slow.forces)[inside] / strength).max() < 1e-3
     assert np.abs((fast.activations[::5] - slow.activations)[inside]).max() < 1e-3
-    # Between solved frames nothing jumps: forces of neighbors differ no more than those of the slower recording.
-    assert np.abs(np.diff(fast.forces, axis=0)).max() < 1.5 * np.abs(np.diff(slow.forces, axis=0)).max()
+    # Between solved frames nothing jumps: forces of neighbors differ no more than those of the
+    # slower recording.
+    assert (
+        np.abs(np.diff(fast.forces, axis=0)).max()
+        < 1.5 * np.abs(np.diff(slow.forces, axis=0)).max()
+    )

@@ -1,4 +1,6 @@
-"""A window solved again from another start: how far apart the solutions are, and which of them is taken."""
+"""A window solved again from another start: how far apart the solutions are, and which of them is
+taken.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,25 @@ from myomorph.tension.elastic.interior import Outcome
 from myomorph.tension.elastic.program import Point
 
 ZERO = Point(np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 1)))
-OTHER = Point(np.array([[3.0, 0.0], [0.0, -4.0], [0.0, 0.0]]), np.array([[0.0, 0.2], [0.0, 0.0]]), np.ones((3, 1)))
+OTHER = Point(
+    np.array([[3.0, 0.0], [0.0, -4.0], [0.0, 0.0]]),
+    np.array([[0.0, 0.2], [0.0, 0.0]]),
+    np.ones((3, 1)),
+)
 
 
 @pytest.mark.parametrize(
-    ("solved", "taken"), [((True, True), 0), ((False, False), 0), ((True, False), 0), ((False, True), 1)]
+    ("solved", "taken"),
+    [((True, True), 0), ((False, False), 0), ((True, False), 0), ((False, True), 1)],
 )
 def test_two_starts_give_their_distance_and_the_one_that_is_solved(monkeypatch, solved, taken):
-    """Root mean squares of differences: 0.2 in one of four activations, 3 and 4 in two of six forces."""
-    outcomes = [(one, Outcome(0.0, 0.0, 0, yes)) for one, yes in zip((ZERO, OTHER), solved, strict=True)]
+    """Root mean squares of differences: 0.2 in one of four activations, 3 and 4 in two of six
+    forces.
+    """
+    outcomes = [
+        (one, Outcome(residual=0.0, equilibrium=0.0, steps=0, solved=yes))
+        for one, yes in zip((ZERO, OTHER), solved, strict=True)
+    ]
     starts = []
 
     def solver(program, start, y):

@@ -1,4 +1,6 @@
-"""Equilibrium of fibers and elastic tendons between frames: its derivatives, and the forces that fulfil it."""
+"""Equilibrium of fibers and elastic tendons between frames: its derivatives, and the forces that
+fulfil it.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,28 @@ from myomorph.muscles.hill import compile_elastic
 from myomorph.tension.elastic.program import elements, integrate
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
-FRAMES, COUNT = 7, 30
+FRAMES = 7
+COUNT = 30
 
 
 def model(kind: str, count: int = 1) -> Model:
     """Muscles of one class, pennate, of different sizes."""
     muscles = tuple(
-        Muscle(f"m{i}", kind, Path(()), 500.0, 0.05 + 0.002 * i, 0.1 + 0.01 * i, 0.01 * i, 10.0) for i in range(count)
+        Muscle(
+            name=f"m{i}",
+            kind=kind,
+            path=Path(()),
+            max_isometric_force=500.0,
+            optimal_fiber_length=0.05 + 0.002 * i,
+            tendon_slack_length=0.1 + 0.01 * i,
+            pennation_at_optimal=0.01 * i,
+            max_contraction_velocity=10.0,
+        )
+        for i in range(count)
     )
-    return Model("muscles", (), (), (), np.zeros(3), muscles=muscles)
+    return Model(
+        name="muscles", bodies=(), joints=(), coordinates=(), gravity=np.zeros(3), muscles=muscles
+    )
 
 
 def arrays(kind: str, count: int):
@@ -28,10 +43,14 @@ def arrays(kind: str, count: int):
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
-    E, own, rng = arrays(kind, COUNT), np.arange(COUNT), np.random.default_rng(0)
+    E = arrays(kind, COUNT)
+    own = np.arange(COUNT)
+    rng = np.random.default_rng(0)
     shape = (FRAMES - 1, COUNT)
-    f, a = rng.uniform(0.03, 1.3, (FRAMES, COUNT)), rng.uniform(0.05, 0.95, shape)
-    H, steps = E.hill, np.full(FRAMES - 1, 0.02)
+    f = rng.uniform(0.03, 1.3, (FRAMES, COUNT))
+    a = rng.uniform(0.05, 0.95, shape)
+    H = E.hill
+    steps = np.full(FRAMES - 1, 0.02)
     lengths = 1.02 * H.tendon + H.fiber * rng.uniform(0.6, 1.4, shape)
     speeds = H.fiber * rng.uniform(-3.0, 3.0, shape)
 
@@ -40,7 +59,8 @@ def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
         elements(E, own, f, a, lengths, speeds, steps, out)
         return out
 
-    at, h = of(f, a), 1e-6
+    at = of(f, a)
+    h = 1e-6
     over_a = (of(f, a + h) - of(f, a - h)) / (2.0 * h)
     over = []
     for first in (0, 1):
@@ -49,18 +69,30 @@ def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
         moved[first::2] = h
         over.append((of(f + moved, a) - of(f - moved, a)) / (2.0 * h))
     even = (np.arange(FRAMES - 1) % 2 == 0)[:, None, None]
-    over_k, over_n = np.where(even, over[0], over[1]), np.where(even, over[1], over[0])
+    over_k = np.where(even, over[0], over[1])
+    over_n = np.where(even, over[1], over[0])
     told = at[..., [1, 2, 3, 4, 5, 6, 7, 8, 9]]
     found = np.stack(
-        [over_k[..., 0], over_n[..., 0], over_a[..., 0], over_k[..., 1], over_k[..., 2], over_n[..., 2],
-         over_k[..., 3], over_n[..., 3], over_a[..., 3]], axis=-1,
-    )  # fmt: skip
+        [
+            over_k[..., 0],
+            over_n[..., 0],
+            over_a[..., 0],
+            over_k[..., 1],
+            over_k[..., 2],
+            over_n[..., 2],
+            over_k[..., 3],
+            over_n[..., 3],
+            over_a[..., 3],
+        ],
+        axis=-1,
+    )
     assert np.abs((told - found) / (1.0 + np.abs(found))).max() < 1e-7
 
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_forces_integrated_from_activations_are_in_equilibrium_as_steps_shrink(kind):
-    E, own = arrays(kind, 5), np.arange(5)
+    E = arrays(kind, 5)
+    own = np.arange(5)
     missed = []
     for frames in (50, 200):
         time = np.linspace(0.0, 1.0, frames)
@@ -68,7 +100,8 @@ def test_forces_integrated_from_activations_are_in_equilibrium_as_steps_shrink(k
         a = 0.4 + 0.2 * np.sin(5.0 * middle) + np.zeros(5)
         lengths = 1.03 * E.hill.tendon + E.hill.fiber * (1.0 + 0.1 * np.sin(4.0 * middle))
         speeds = E.hill.fiber * 0.4 * np.cos(4.0 * middle)
-        f, out = np.empty((frames, 5)), np.empty((frames - 1, 5, 10))
+        f = np.empty((frames, 5))
+        out = np.empty((frames - 1, 5, 10))
         integrate(E, own, a, lengths, speeds, np.diff(time), 1e-3, 2.0, f)
         elements(E, own, f, a, lengths, speeds, np.diff(time), out)
         missed.append(np.abs(out[frames // 5 :, :, 0]).max())

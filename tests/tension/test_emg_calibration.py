@@ -1,4 +1,6 @@
-"""EMG gains, delays and shapes from joint torques: made ones come back, with co-contraction, or it is said why not."""
+"""EMG gains, delays and shapes from joint torques: made ones come back, with co-contraction, or it
+is said why not.
+"""
 
 from __future__ import annotations
 
@@ -36,36 +38,55 @@ PAIR = {"flexor": ("BRA",), "extensor": ("TRIlat",)}
 
 
 def swinging(data, muscles: tuple[str, ...]):
-    """OpenSim's arm with some of its muscles, its elbow swinging for four seconds, and its inverse dynamics."""
+    """OpenSim's arm with some of its muscles, its elbow swinging for four seconds, and its inverse
+    dynamics.
+    """
     model = read_osim(data(ARM + "arm26_bounds.osim"))
     model = replace(model, muscles=tuple(one for one in model.muscles if one.name in muscles))
     given = motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model)
     time = np.arange(0.0, 4.0, 0.01)
     turn = 2.0 * np.pi * 0.9 * time
     values = np.column_stack([np.zeros(len(time)), 1.2 + 0.7 * np.sin(turn)])
-    motion = differentiate(replace(given, time=time, names=("r_shoulder_elev", "r_elbow_flex"), values=values))
+    motion = differentiate(
+        replace(given, time=time, names=("r_shoulder_elev", "r_elbow_flex"), values=values)
+    )
     return model, motion, inverse_dynamics(model, motion)
 
 
 @pytest.fixture(scope="module")
 def pair(data):
-    """An antagonist pair that co-contracts by 0.3: model, motion, torques that its activations make, these, forces."""
+    """An antagonist pair that co-contracts by 0.3: model, motion, torques that its activations
+    make, these, forces.
+    """
     model, motion, torques = swinging(data, ("BRA", "TRIlat"))
-    problem = tension_problem(TensionInputs(model, motion, torques, RIGID))
+    problem = tension_problem(
+        TensionInputs(model=model, motion=motion, torques=torques, options=RIGID)
+    )
     given = problem.balance(0, len(motion))
     count = len(problem.separable.weight)
     whole = np.zeros((len(motion), given.right.shape[1], count))
-    whole[:, problem.separable.row, np.repeat(np.arange(count), np.diff(problem.separable.start))] = given.values
+    whole[
+        :, problem.separable.row, np.repeat(np.arange(count), np.diff(problem.separable.start))
+    ] = given.values
     row = problem.assembly.coordinate_row[problem.assembly.rows.index("r_elbow_flex")]
     arms = whole[:, row, :2]
-    flexor, extensor = (model.muscle_names.index(one) for one in ("BRA", "TRIlat"))
+    flexor = model.muscle_names.index("BRA")
+    extensor = model.muscle_names.index("TRIlat")
     activations = solve_tension(model, motion, torques, RIGID).activations.copy()
     activations[:, flexor] += 0.3
     activations[:, extensor] -= 0.3 * arms[:, flexor] / arms[:, extensor]
     assert 0.3 < activations.max() < 1.0
     values = torques.values.copy()
-    values[:, torques.names.index("r_elbow_flex")] += np.sum(arms * activations, axis=1) - given.right[:, row]
-    return model, motion, Series(torques.time, torques.names, values), activations, given.active * activations
+    values[:, torques.names.index("r_elbow_flex")] += (
+        np.sum(arms * activations, axis=1) - given.right[:, row]
+    )
+    return (
+        model,
+        motion,
+        Series(torques.time, torques.names, values),
+        activations,
+        given.active * activations,
+    )
 
 
 def recorded(pair, gains=(1.0, 1.0), delay: float = DELAY, shape: float = 0.0) -> Emg:
@@ -75,7 +96,9 @@ def recorded(pair, gains=(1.0, 1.0), delay: float = DELAY, shape: float = 0.0) -
     envelopes = activations[:, order] / np.array(gains)
     if shape:
         envelopes = np.log1p(envelopes * np.expm1(shape)) / shape
-        np.testing.assert_allclose(shaped(envelopes, np.full(2, shape)), activations[:, order] / np.array(gains))
+        np.testing.assert_allclose(
+            shaped(envelopes, np.full(2, shape)), activations[:, order] / np.array(gains)
+        )
     return Emg(motion.time - delay, tuple(PAIR), envelopes)
 
 
@@ -103,20 +126,30 @@ def test_co_contraction_is_found_by_default(pair, gains, delay):
 
 def test_noise_widens_the_intervals_and_moves_the_gains_little(pair):
     model, motion, torques, _, _ = pair
-    emg, rng = recorded(pair), np.random.default_rng(2)
-    rough = Emg(emg.time, emg.names, np.clip(emg.values + 0.02 * rng.standard_normal(emg.values.shape), 0.0, 1.0))
-    clean, noisy = (
-        calibrate_emg(model, [EmgTrial(motion, torques, one)], PAIR, EmgOptions(delay=DELAY, weight=1.0), RIGID)
-        for one in (emg, rough)
+    emg = recorded(pair)
+    rng = np.random.default_rng(2)
+    rough = Emg(
+        emg.time,
+        emg.names,
+        np.clip(emg.values + 0.02 * rng.standard_normal(emg.values.shape), 0.0, 1.0),
+    )
+    clean = calibrate_emg(
+        model, [EmgTrial(motion, torques, emg)], PAIR, EmgOptions(delay=DELAY, weight=1.0), RIGID
+    )
+    noisy = calibrate_emg(
+        model, [EmgTrial(motion, torques, rough)], PAIR, EmgOptions(delay=DELAY, weight=1.0), RIGID
     )
     np.testing.assert_allclose(noisy.gains, 1.0, rtol=0.1)
     assert (np.ptp(noisy.intervals, axis=1) > 2.0 * np.ptp(clean.intervals, axis=1)).all()
 
 
 def test_noise_does_not_make_gains_small(pair, monkeypatch):
-    """Noise of a fifth of the activations: without the correction the gains are too small, with it nearer to 1."""
+    """Noise of a fifth of the activations: without the correction the gains are too small, with it
+    nearer to 1.
+    """
     model, motion, torques, _, _ = pair
-    emg, rng = recorded(pair), np.random.default_rng(6)
+    emg = recorded(pair)
+    rng = np.random.default_rng(6)
     rough = Emg(emg.time, emg.names, emg.values + 0.15 * rng.standard_normal(emg.values.shape))
     options = EmgOptions(delay=DELAY, weight=1.0)
     trials = [EmgTrial(motion, torques, rough)]
@@ -133,7 +166,9 @@ def test_two_trials_share_one_gain(pair):
     half = len(motion) // 2
     trials = []
     for use in (slice(0, half), slice(half, None)):
-        part = Motion(motion.time[use], motion.names, motion.values[use], velocities=motion.velocities[use])
+        part = Motion(
+            motion.time[use], motion.names, motion.values[use], velocities=motion.velocities[use]
+        )
         trials.append(EmgTrial(part, Series(part.time, torques.names, torques.values[use]), emg))
     found = calibrate_emg(model, trials, PAIR, EmgOptions(delay=DELAY, weight=1.0), RIGID)
     np.testing.assert_allclose(found.gains, (0.5, 2.0), rtol=0.02)
@@ -143,10 +178,14 @@ def test_the_shape_is_found(pair):
     model, motion, torques, _, _ = pair
     emg = recorded(pair, shape=-2.0)
     trials = [EmgTrial(motion, torques, emg)]
-    found = calibrate_emg(model, trials, PAIR, EmgOptions(shape=None, delay=DELAY, weight=1.0), RIGID)
+    found = calibrate_emg(
+        model, trials, PAIR, EmgOptions(shape=None, delay=DELAY, weight=1.0), RIGID
+    )
     assert found.shapes[0] == -2.0
     np.testing.assert_allclose(found.gains, 1.0, rtol=0.02)
-    straight = calibrate_emg(model, trials, PAIR, EmgOptions(shape=0.0, delay=DELAY, weight=1.0), RIGID)
+    straight = calibrate_emg(
+        model, trials, PAIR, EmgOptions(shape=0.0, delay=DELAY, weight=1.0), RIGID
+    )
     assert np.abs(straight.gains - 1.0).max() > 0.1
     # With the delay unknown, too, neighbouring shapes are alike for torques.
     both = calibrate_emg(model, trials, PAIR, EmgOptions(shape=None, weight=1.0), RIGID)
@@ -160,16 +199,22 @@ def test_maximum_contractions_bound_the_gains(pair):
     emg = recorded(pair)
     maxima = {"flexor": 0.9, "extensor": 1.6}
     options = EmgOptions(delay=DELAY, weight=1.0)
-    found = calibrate_emg(model, [EmgTrial(motion, torques, emg)], PAIR, options, RIGID, maxima=maxima)
+    found = calibrate_emg(
+        model, [EmgTrial(motion, torques, emg)], PAIR, options, RIGID, maxima=maxima
+    )
     assert found.gains[1] == pytest.approx(1.0 / 1.6)
     assert (found.gains * np.array([0.9, 1.6]) <= 1.0 + 1e-9).all()
 
 
 def test_a_gain_that_torques_do_not_tell_is_the_usual_one_and_named(data):
     """Six muscles at two joints and EMG of one: the others can bear whatever it does not."""
-    model, motion, torques = swinging(data, ("BRA", "BIClong", "BICshort", "TRIlong", "TRIlat", "TRImed"))
+    model, motion, torques = swinging(
+        data, ("BRA", "BIClong", "BICshort", "TRIlong", "TRIlat", "TRImed")
+    )
     emg = Emg(motion.time, ("one",), 0.5 + 0.5 * np.sin(3.0 * motion.time)[:, None] ** 2)
-    found = calibrate_emg(model, [EmgTrial(motion, torques, emg)], {"one": ("TRIlat",)}, None, RIGID)
+    found = calibrate_emg(
+        model, [EmgTrial(motion, torques, emg)], {"one": ("TRIlat",)}, None, RIGID
+    )
     assert not found.by_torque[0]
     assert found.intervals[0, 1] > 2.0 * found.intervals[0, 0]
     assert any("torques say little of the EMG gain of one" in text for text in found.warnings)
@@ -179,7 +224,11 @@ def test_normalized_envelopes_are_activations(pair):
     model, motion, torques, activations, _ = pair
     emg = recorded(pair)
     found = calibrate_emg(
-        model, [EmgTrial(motion, torques, emg)], PAIR, EmgOptions(gains="normalized", delay=DELAY), RIGID
+        model,
+        [EmgTrial(motion, torques, emg)],
+        PAIR,
+        EmgOptions(gains="normalized", delay=DELAY),
+        RIGID,
     )
     assert found.gains.tolist() == [1.0, 1.0]
     told = emg_targets(emg, PAIR, model, motion.time, EmgOptions(gains="normalized"), found)
@@ -209,11 +258,13 @@ def test_what_emg_and_torque_cannot_both_have_is_told(pair):
 def test_bounded_least_squares_is_that_of_scipy():
     rng = np.random.default_rng(5)
     for _ in range(20):
-        rows, target = rng.standard_normal((12, 6)), rng.standard_normal(12)
+        rows = rng.standard_normal((12, 6))
+        target = rng.standard_normal(12)
         upper = rng.uniform(0.05, 0.6, 6)
         wanted = lsq_linear(rows, target, (0.0, upper), tol=1e-12).x
         found = _bounded(rows.T @ rows, rows.T @ target, upper)
-        cost, least = (float(np.sum((rows @ x - target) ** 2)) for x in (found, wanted))
+        cost = float(np.sum((rows @ found - target) ** 2))
+        least = float(np.sum((rows @ wanted - target) ** 2))
         assert ((found >= 0.0) & (found <= upper + 1e-12)).all()
         assert cost <= least * 1.02 + 1e-9
 
@@ -222,7 +273,8 @@ def test_targets_are_means_of_the_channels_that_are_known(data):
     model, motion, _ = swinging(data, ("BRA", "BIClong", "TRIlat"))
     values = np.column_stack([np.linspace(0.2, 0.3, 400), np.linspace(0.4, 0.6, 400)])
     values[100:200, 0] = np.nan
-    emg, channels = Emg(motion.time, ("a", "b"), values), {"a": ["BRA"], "b": ["BRA", "BIClong"]}
+    emg = Emg(motion.time, ("a", "b"), values)
+    channels = {"a": ["BRA"], "b": ["BRA", "BIClong"]}
     told = emg_targets(emg, channels, model, motion.time, EmgOptions(delay=0.0))
     assert told.muscles == ("BIClong", "BRA")
     np.testing.assert_allclose(told.activations[150, 1], emg.values[150, 1])
@@ -242,7 +294,9 @@ def test_what_cannot_be_used_is_named(pair):
         emg_targets(emg, {"flexor": []}, model, motion.time)
     with pytest.raises(BadData, match="none was given"):
         calibrate_emg(model, [], PAIR)
-    one = EmgCalibration(("extensor",), np.zeros(1), np.ones(1), np.zeros(1))
+    one = EmgCalibration(
+        channels=("extensor",), delays=np.zeros(1), gains=np.ones(1), offsets=np.zeros(1)
+    )
     with pytest.raises(UnknownName, match="the calibration has 'extensor'"):
         emg_targets(emg, {"flexor": ["BRA"]}, model, motion.time, None, one)
     for wrong, message in (
@@ -258,18 +312,27 @@ def test_a_delay_that_torques_do_not_tell_is_said(data):
     model, motion, torques = swinging(data, ("BRA", "BIClong", "TRIlat", "TRIlong"))
     noise = np.abs(np.random.default_rng(4).standard_normal((len(motion), 1))) * 0.01 + 0.3
     found = calibrate_emg(
-        model, [EmgTrial(motion, torques, Emg(motion.time, ("a",), noise))], {"a": ("TRIlat",)}, None, RIGID
+        model,
+        [EmgTrial(motion, torques, Emg(motion.time, ("a",), noise))],
+        {"a": ("TRIlat",)},
+        None,
+        RIGID,
     )
-    assert any("no delay of all EMG channels shows in the torques" in text for text in found.warnings)
+    assert any(
+        "no delay of all EMG channels shows in the torques" in text for text in found.warnings
+    )
 
 
 def test_a_real_walk_follows_its_emg_when_told_to(data):
     model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
     folder = "ceinms-emg-walk/walk36/"
     whole = differentiate(motion_from_table(read_sto(data(folder + "ik.sto")), model), 6.0)
-    table, given = read_sto(data(folder + "id.sto")), read_sto(data(folder + "emgFilt.sto"))
+    table = read_sto(data(folder + "id.sto"))
+    given = read_sto(data(folder + "emgFilt.sto"))
     span = slice(1000, 1480, 4)
-    motion = Motion(whole.time[span], whole.names, whole.values[span], velocities=whole.velocities[span])
+    motion = Motion(
+        whole.time[span], whole.names, whole.values[span], velocities=whole.velocities[span]
+    )
     names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in table.names)
     torques = Series(motion.time, names, lowpass(table.values, 100.0, 6.0)[span])
     emg = Emg(given.time, given.names, given.values)
@@ -289,9 +352,14 @@ def test_a_real_walk_follows_its_emg_when_told_to(data):
     distances = []
     for options in (None, EmgOptions(weight=10.0), EmgOptions(mode="driven")):
         told = emg_targets(emg, channels, model, motion.time, options, found)
-        tension = solve_tension(model, motion, torques, RIGID, emg=None if options is None else told)
+        tension = solve_tension(
+            model, motion, torques, RIGID, emg=None if options is None else told
+        )
         assert tension.optimal.all()
-        apart = tension.activations[:, [tension.muscles.index(one) for one in told.muscles]] - told.activations
+        apart = (
+            tension.activations[:, [tension.muscles.index(one) for one in told.muscles]]
+            - told.activations
+        )
         distances.append(np.sqrt(np.mean(apart**2)))
     assert distances[1] < 0.8 * distances[0]
     assert distances[2] < 0.6 * distances[1]
@@ -302,7 +370,9 @@ def test_a_real_walk_follows_its_emg_when_told_to(data):
 def test_a_level_is_given_up_where_torques_are_so_much_likelier_without_it(misfit, worse, chosen):
     """The likelihood ratio decides, not how well either explains the torques."""
     misfits = {None: misfit, "known": misfit + worse * LIKELIHOOD_95}
-    tracking = SimpleNamespace(prior="free", fit=lambda *given: SimpleNamespace(misfit=misfits[(*given, None)[2]]))
+    tracking = SimpleNamespace(
+        prior="free", fit=lambda *given: SimpleNamespace(misfit=misfits[(*given, None)[2]])
+    )
     assert kept_level(tracking, "known", np.zeros(1), np.zeros(1)) == chosen
 
 
@@ -315,8 +385,13 @@ def test_emg_takes_no_part_where_channels_that_are_left_out_come_out_worse(pair,
     held._with_twins = list
     calibration = held.chosen(uncalibrated(tuple(PAIR), DELAY))
     assert calibration.weight == weight
-    told = EmgRecording(recorded(pair), PAIR, {}, EmgOptions(), calibration)
-    targets = emg_targets_of(told, TensionInputs(model, motion, torques, RIGID, None))
+    told = EmgRecording(
+        emg=recorded(pair), muscles=PAIR, maxima={}, options=EmgOptions(), calibration=calibration
+    )
+    targets = emg_targets_of(
+        told,
+        TensionInputs(model=model, motion=motion, torques=torques, options=RIGID, actuators=None),
+    )
     assert (targets.target is None) == (weight == 0.0)
     assert f"EMG takes {'part' if weight else 'no part'}" in targets.notes[0]
     assert f"0.50 without EMG, {after:.2f} with" in targets.notes[0]

@@ -1,4 +1,6 @@
-"""EMG channels whose names are exchanged are found by what joint torques ask of muscles; clean ones are left alone."""
+"""EMG channels whose names are exchanged are found by what joint torques ask of muscles; clean ones
+are left alone.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,18 @@ from myomorph.tension.solve import solve_tension
 
 @pytest.fixture(scope="module")
 def walk(data):
-    """Names, envelopes and activations by least effort of nine channels over five seconds of a walk."""
+    """Names, envelopes and activations by least effort of nine channels over five seconds of a
+    walk.
+    """
     model = read_osim(data("ceinms-emg-walk/model/gait2392.osim"))
     folder = "ceinms-emg-walk/walk36/"
     whole = differentiate(motion_from_table(read_sto(data(folder + "ik.sto")), model), 6.0)
-    table, given = read_sto(data(folder + "id.sto")), read_sto(data(folder + "emgFilt.sto"))
+    table = read_sto(data(folder + "id.sto"))
+    given = read_sto(data(folder + "emgFilt.sto"))
     span = slice(1000, 1500, 4)
-    motion = Motion(whole.time[span], whole.names, whole.values[span], velocities=whole.velocities[span])
+    motion = Motion(
+        whole.time[span], whole.names, whole.values[span], velocities=whole.velocities[span]
+    )
     names = tuple(name.removesuffix("_moment").removesuffix("_force") for name in table.names)
     torques = Series(motion.time, names, lowpass(table.values, 100.0, 6.0)[span])
     emg = Emg(given.time, given.names, given.values)
@@ -42,9 +49,11 @@ def test_exchanged_channels_are_named(walk):
     """Of all pairs whose envelopes differ (correlation below 0), most are found, and never another."""
     names, envelopes, activations = walk
     alike = np.corrcoef(envelopes.T)
-    found, all_pairs = 0, 0
+    found = 0
+    all_pairs = 0
     for i, j in itertools.combinations(range(len(names)), 2):
-        # Least effort says nothing of these: rectus femoris and tibialis follow their own EMG by -0.1 and 0.2.
+        # Least effort says nothing of these: rectus femoris and tibialis follow their own EMG by
+        # -0.1 and 0.2.
         if alike[i, j] > 0.0 or {names[i], names[j]} & {"rect_fem_r", "tib_ant_r"}:
             continue
         order = np.arange(len(names))
@@ -57,7 +66,7 @@ def test_exchanged_channels_are_named(walk):
 
 
 def test_the_line_has_both_names_and_the_evidence():
-    (line,) = swap_lines(("a", "b"), (Swap(0, 1, -0.3, 0.85),))
+    (line,) = swap_lines(("a", "b"), (Swap(first=0, second=1, own=-0.3, other=0.85),))
     assert line.startswith("EMG channels 'a' and 'b' look exchanged")
     assert "0.85" in line
     assert "-0.30" in line

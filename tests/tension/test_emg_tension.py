@@ -1,4 +1,6 @@
-"""EMG in the tension problem: soft targets, driven muscles with slack, any exponent, and channels that do not fit."""
+"""EMG in the tension problem: soft targets, driven muscles with slack, any exponent, and channels
+that do not fit.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,13 @@ def optimality(problem, found, exponent: float) -> float:
     worst = 0.0
     for frame in range(len(found)):
         given = problem.balance(frame, frame + 1)
-        shape, n = problem.assembly.pattern, len(problem.separable.weight)
+        shape = problem.assembly.pattern
+        n = len(problem.separable.weight)
         A = np.zeros((len(shape.order), n))
         A[shape.row, np.repeat(np.arange(n), np.diff(shape.start))] = given.values[0]
-        x = np.concatenate([found.activations[frame], found.reserves[frame] / problem.actuators.optimal_forces])
+        x = np.concatenate(
+            [found.activations[frame], found.reserves[frame] / problem.actuators.optimal_forces]
+        )
         slope = exponent * np.sign(x) * np.abs(x) ** (exponent - 1.0)
         drawn = problem.penalties[frame : frame + 1][0]
         beyond = x - np.clip(x, drawn[0], drawn[1])
@@ -44,8 +49,11 @@ def optimality(problem, found, exponent: float) -> float:
         inside = (x > problem.separable.lower + 1e-7) & (x < problem.separable.upper - 1e-7)
         y = np.linalg.lstsq(A[:, inside].T, slope[inside], rcond=None)[0]
         left = slope - A.T @ y
-        at_low, at_high = x <= problem.separable.lower + 1e-7, x >= problem.separable.upper - 1e-7
-        left = np.where(at_low, np.minimum(left, 0.0), np.where(at_high, np.maximum(left, 0.0), left))
+        at_low = x <= problem.separable.lower + 1e-7
+        at_high = x >= problem.separable.upper - 1e-7
+        left = np.where(
+            at_low, np.minimum(left, 0.0), np.where(at_high, np.maximum(left, 0.0), left)
+        )
         worst = max(worst, float(np.abs(left).max() / (1.0 + np.abs(slope).max())))
     return worst
 
@@ -56,7 +64,9 @@ def test_the_conditions_of_an_optimum_hold_with_emg_for_any_exponent(walker, exp
     model, motion, tau, told = walker
     emg = EmgTarget(MUSCLES, told, mode)
     options = TensionOptions(exponent=exponent)
-    problem = tension_problem(TensionInputs(model, motion, tau, options, emg=emg))
+    problem = tension_problem(
+        TensionInputs(model=model, motion=motion, torques=tau, options=options, emg=emg)
+    )
     problem.solve(0, len(motion))
     found = problem.result()
     assert found.optimal.all()
@@ -103,7 +113,9 @@ def test_what_emg_does_not_tell_changes_nothing(walker):
 
 
 def test_emg_reaches_contact_forces(walker):
-    """In double support nothing but effort divides the load: a calf that is told to work carries more."""
+    """In double support nothing but effort divides the load: a calf that is told to work carries
+    more.
+    """
     model, motion, _, _ = walker
     tau = inverse_dynamics(model, motion)
     ask = task(model, motion)
@@ -121,7 +133,10 @@ def test_emg_that_does_not_fit_is_refused_by_name(walker):
         solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told[1:]))
     with pytest.raises(BadData, match="twice"):
         solve_tension(model, motion, tau, emg=EmgTarget(("soleus_r", "soleus_r"), told[:, :2]))
-    for wrong, message in (({"mode": "hard"}, "unknown use of EMG 'hard'"), ({"weight": -1.0}, "EMG weight -1")):
+    for wrong, message in (
+        ({"mode": "hard"}, "unknown use of EMG 'hard'"),
+        ({"weight": -1.0}, "EMG weight -1"),
+    ):
         with pytest.raises(BadData, match=message):
             EmgOptions(**wrong)
 
@@ -132,11 +147,22 @@ def test_frames_without_a_body_in_sight_take_none_of_the_others(walker):
     tau = inverse_dynamics(model, motion)
     values = np.array(tau.values)
     values[0] = np.nan
-    ask, emg = task(model, motion), Emg(motion.time, MUSCLES, told)
-    tells = np.array([[muscle == name for name in MUSCLES] for muscle in model.muscle_names], dtype=float)
-    whole, part = (
-        tracked_frames(TensionInputs(model, motion, Series(tau.time, tau.names, one), contacts=ask), emg, tells, 1)
-        for one in (tau.values, values)
+    ask = task(model, motion)
+    emg = Emg(motion.time, MUSCLES, told)
+    tells = np.array(
+        [[muscle == name for name in MUSCLES] for muscle in model.muscle_names], dtype=float
+    )
+    whole = tracked_frames(
+        TensionInputs(model, motion, Series(tau.time, tau.names, tau.values), contacts=ask),
+        emg,
+        tells,
+        1,
+    )
+    part = tracked_frames(
+        TensionInputs(model, motion, Series(tau.time, tau.names, values), contacts=ask),
+        emg,
+        tells,
+        1,
     )
     assert len(part.time) == len(whole.time) - 1
     np.testing.assert_array_equal(part.columns, whole.columns[1:])

@@ -15,8 +15,11 @@ def joined():
     each = [rng.normal(size=(5, 4)) for _ in range(5)]
     ends = np.array([True, False, False, False, True])
     unreachable = (Unreachable("two_tibant", 3, -0.4),)
-    fibers = Fibers(*each, ends, ~ends, ("one_tibant", "two_tibant"), unreachable, Certificate(1e-5, 1e-7, 12))
-    none, zeros = np.zeros((5, 0)), np.zeros((5, 4))
+    fibers = Fibers(
+        *each, ends, ~ends, ("one_tibant", "two_tibant"), unreachable, Certificate(1e-5, 1e-7, 12)
+    )
+    none = np.zeros((5, 0))
+    zeros = np.zeros((5, 4))
     return Tension(
         time=np.arange(5.0),
         muscles=names,
@@ -38,7 +41,8 @@ def joined():
 
 
 def test_a_part_of_a_joined_model_has_its_own_fibers(joined):
-    part, whole = tension_of(joined, "two").fibers, joined.fibers
+    part = tension_of(joined, "two").fibers
+    whole = joined.fibers
     assert np.array_equal(part.lengths, whole.lengths[:, 2:])
     assert np.array_equal(part.velocities, whole.velocities[:, 2:])
     assert np.array_equal(part.tendon_strains, whole.tendon_strains[:, 2:])

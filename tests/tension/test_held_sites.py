@@ -1,4 +1,6 @@
-"""Sites against an object touch it while they stay where they are on it, not while they are low over the floor."""
+"""Sites against an object touch it while they stay where they are on it, not while they are low
+over the floor.
+"""
 
 import numpy as np
 import pytest
@@ -14,20 +16,32 @@ from myomorph.tension.terms.contacts import ContactOptions
 
 
 def test_a_palm_on_a_box_that_rises():
-    """A palm comes down to a box at 0.5 s and lifts it from 1 s on: it holds it from 0.5 s, a meter over the floor.
+    """A palm comes down to a box at 0.5 s and lifts it from 1 s on: it holds it from 0.5 s, a meter
+    over the floor.
 
     What stands on the floor does so all the while.
     """
     time = np.arange(0.0, 2.0, 0.01)
     rise = 0.25 * np.clip(time - 1.0, 0.0, None) ** 2
-    heights = {"box": 1.0 + rise, "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None), "stand": 0.1 + 0.0 * time}
-    parts, motions = {}, {}
+    heights = {
+        "box": 1.0 + rise,
+        "arm": 1.2 + rise + np.clip(0.5 - time, 0.0, None),
+        "stand": 0.1 + 0.0 * time,
+    }
+    parts = {}
+    motions = {}
     for name, height in heights.items():
         parts[name] = free_object("body", 2.0, (0.2, 0.2, 0.2))
         values = np.zeros((len(time), 6))
         values[:, 1] = height
         motions[name] = differentiate(Motion(time, parts[name].coordinate_names, values))
-    site = Site("palm", "arm_body", np.zeros((1, 3)), Cone(direction=None), against="box_body")
+    site = Site(
+        name="palm",
+        body="arm_body",
+        points=np.zeros((1, 3)),
+        cone=Cone(direction=None),
+        against="box_body",
+    )
     sole = Site("sole", "stand_body", np.array([[0.0, -0.1, 0.0]]))
     plan = ContactPlan(feet=False, sites=(site, sole))
     motion = join_motions(motions)

@@ -22,9 +22,14 @@ from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 @pytest.fixture(scope="module")
 def walk(data):
     one = measured_walk(data)
-    model, motion, sites, floor = one.model, one.motion, one.sites, one.floor
+    model = one.model
+    motion = one.motion
+    sites = one.sites
+    floor = one.floor
     contacts = find_contacts(model, motion, sites, ContactStateOptions(floor=floor.height))
-    ready = contact_activations(model, motion, sites, contacts, ActivationOptions(floor=floor.height))
+    ready = contact_activations(
+        model, motion, sites, contacts, ActivationOptions(floor=floor.height)
+    )
     # The plates caught every step from 0.6 s on.
     part = cut(motion, 0.6, 1.7)
     ready = cut(ready, 0.6, 1.7)
@@ -34,10 +39,16 @@ def walk(data):
 
 @pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])
 def test_hidden_forces_of_a_walk_are_found(walk, formulation):
-    """Vertical force within 8 % and fore-aft force within 15 % of their ranges, for each foot, with defaults."""
+    """Vertical force within 8 % and fore-aft force within 15 % of their ranges, for each foot, with
+    defaults.
+    """
     model, motion, sites, ready, wrenches = walk
     task = ContactTask(
-        sites, ready, (), ContactOptions(formulation=formulation), preferred_directions(model, motion, sites)
+        sites=sites,
+        activations=ready,
+        measured=(),
+        options=ContactOptions(formulation=formulation),
+        preferred=preferred_directions(model, motion, sites),
     )
     tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
     assert tension.contacts is not None
@@ -52,11 +63,19 @@ def test_hidden_forces_of_a_walk_are_found(walk, formulation):
 
 
 def test_leaning_matters_where_physics_does_not_tell(walk):
-    """Without it the sequential formulation shares fore-aft forces of double support evenly, which feet do not."""
+    """Without it the sequential formulation shares fore-aft forces of double support evenly, which
+    feet do not.
+    """
     model, motion, sites, ready, wrenches = walk
     errors = []
     for way in (None, preferred_directions(model, motion, sites)):
-        task = ContactTask(sites, ready, (), ContactOptions(formulation="sequential"), way)
+        task = ContactTask(
+            sites=sites,
+            activations=ready,
+            measured=(),
+            options=ContactOptions(formulation="sequential"),
+            preferred=way,
+        )
         tension = solve_tension(model, motion, inverse_dynamics(model, motion), contacts=task)
         assert tension.contacts is not None
         right = [k for k, one in enumerate(sites) if one.group == "foot_r"]

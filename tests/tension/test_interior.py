@@ -1,4 +1,6 @@
-"""Parts of the interior-point solver: convex curvature against eigenvalues, and which steps its filter takes."""
+"""Parts of the interior-point solver: convex curvature against eigenvalues, and which steps its
+filter takes.
+"""
 
 from __future__ import annotations
 
@@ -26,45 +28,84 @@ def test_the_nearest_curvature_that_is_not_negative_is_the_clipped_spectrum():
 def test_slopes_and_curvatures_of_the_rates_are_their_differences(smooth):
     """Without the curvature the solver's last steps gain a thousandth each."""
     rates = Rates(np.full(9, 0.015), np.full(9, 0.06), np.full(9, smooth))
-    a, h = np.linspace(0.05, 0.95, 9), 1e-5
-    here, ahead, behind = (rates.bounds(one) for one in (a, a + h, a - h))
+    a = np.linspace(0.05, 0.95, 9)
+    h = 1e-5
+    here = rates.bounds(a)
+    ahead = rates.bounds(a + h)
+    behind = rates.bounds(a - h)
     for k in (0, 1, 3, 4):
-        np.testing.assert_allclose(here[k + 1], (ahead[k] - behind[k]) / (2.0 * h), rtol=1e-6, atol=1e-4)
+        np.testing.assert_allclose(
+            here[k + 1], (ahead[k] - behind[k]) / (2.0 * h), rtol=1e-6, atol=1e-4
+        )
 
 
 def test_the_first_step_is_newtons_for_all_unknowns_at_once():
-    """Of slopes over f, a, x, multipliers of equilibrium and of the balance, nothing eliminated, by differences."""
-    E, rng, (frames, count, rows, others) = arrays("Thelen2003Muscle", 3), np.random.default_rng(1), (4, 3, 3, 2)
-    sizes = [(frames, count), (frames - 1, count), (frames, others), (frames - 1, count), (frames, rows)]
+    """Of slopes over f, a, x, multipliers of equilibrium and of the balance, nothing eliminated, by
+    differences.
+    """
+    E = arrays("Thelen2003Muscle", 3)
+    rng = np.random.default_rng(1)
+    (frames, count, rows, others) = (4, 3, 3, 2)
+    sizes = [
+        (frames, count),
+        (frames - 1, count),
+        (frames, others),
+        (frames - 1, count),
+        (frames, rows),
+    ]
 
     def costs(number, shape, high):
         zero = np.zeros(number)
-        return Costs(zero + 1.0, zero + 2.0, zero - high, zero + high, np.zeros((3, *shape)), np.ones((shape[0], 1)))
+        return Costs(
+            weight=zero + 1.0,
+            exponent=zero + 2.0,
+            lower=zero - high,
+            upper=zero + high,
+            penalty=np.zeros((3, *shape)),
+            share=np.ones((shape[0], 1)),
+        )
 
     f, a, x = (rng.uniform(0.3, 0.6, shape) for shape in sizes[:3])
     program = Program(
-        E, np.arange(count), np.full(frames - 1, 0.02), E.hill.tendon + 1.1 * E.hill.fiber + np.zeros_like(a),
-        np.zeros_like(a), 30.0 * rng.normal(size=(frames, rows, count)), rng.normal(size=(frames, rows, others)),
-        rng.normal(size=(frames, rows)), costs(count, a.shape, 1.0), costs(others, x.shape, 10.0), None,
-    )  # fmt: skip
+        arrays=E,
+        own=np.arange(count),
+        steps=np.full(frames - 1, 0.02),
+        lengths=E.hill.tendon + 1.1 * E.hill.fiber + np.zeros_like(a),
+        speeds=np.zeros_like(a),
+        pulls=30.0 * rng.normal(size=(frames, rows, count)),
+        columns=rng.normal(size=(frames, rows, others)),
+        right=rng.normal(size=(frames, rows)),
+        activation=costs(count, a.shape, 1.0),
+        other=costs(others, x.shape, 10.0),
+        rates=None,
+    )
     solver = Solver(program, Point(f, a, x), rng.normal(size=sizes[4]))
     at = solver.linearize(solver.v, solver.y)
     start = [*solver.v, solver.multipliers(at)[1], solver.y]
 
     def slopes(flat):
-        f, a, x, lam, y = (part.reshape(shape) for part, shape in zip(np.split(flat, ends), sizes, strict=True))
+        f, a, x, lam, y = (
+            part.reshape(shape) for part, shape in zip(np.split(flat, ends), sizes, strict=True)
+        )
         at = solver.linearize([f, a, x], y)
-        over_f, over_a, over_x = (box.barrier(v, solver.mu)[0] for box, v in zip(solver.boxes, (f, a, x), strict=True))
+        over_f, over_a, over_x = (
+            box.barrier(v, solver.mu)[0] for box, v in zip(solver.boxes, (f, a, x), strict=True)
+        )
         over_f += solver._smooth_slope(f) - np.einsum("fr,frm->fm", y, program.pulls)
         over_f[:-1] += lam * at.g[..., 1]
         over_f[1:] += lam * at.g[..., 2]
         over_a += at.slope_a + lam * at.g[..., 3]
         over_x += at.slope_x - np.einsum("fr,frm->fm", y, program.columns)
-        return np.concatenate([part.ravel() for part in (over_f, over_a, over_x, at.g[..., 0], at.balance)])
+        return np.concatenate(
+            [part.ravel() for part in (over_f, over_a, over_x, at.g[..., 0], at.balance)]
+        )
 
     ends = np.cumsum([np.prod(shape) for shape in sizes])[:-1]
-    u, h = np.concatenate([part.ravel() for part in start]), 1e-6
-    matrix = np.stack([(slopes(u + h * way) - slopes(u - h * way)) / (2.0 * h) for way in np.eye(len(u))], axis=1)
+    u = np.concatenate([part.ravel() for part in start])
+    h = 1e-6
+    matrix = np.stack(
+        [(slopes(u + h * way) - slopes(u - h * way)) / (2.0 * h) for way in np.eye(len(u))], axis=1
+    )
     f, a, x, _, y = np.split(np.linalg.solve(matrix, -slopes(u)), ends)
     step, dy = solver.step(at, 0.0)
     assert solver.bent == 0
@@ -91,8 +132,12 @@ class Free:
 
 
 @pytest.mark.parametrize(("gained", "length"), [(2e-4, 1.0), (0.5e-4, 0.25), (-0.5e-4, 0.25)])
-def test_a_step_is_taken_where_the_cost_falls_by_a_ten_thousandth_of_what_its_slope_says(gained, length):
-    """Armijo's rule: a slope of -1, a cost that falls by `gained` of the step, and truly from a quarter of it on."""
+def test_a_step_is_taken_where_the_cost_falls_by_a_ten_thousandth_of_what_its_slope_says(
+    gained, length
+):
+    """Armijo's rule: a slope of -1, a cost that falls by `gained` of the step, and truly from a
+    quarter of it on.
+    """
     values = {1.0: 10.0 - gained, 0.5: 10.0 - 0.5 * min(gained, 0.5e-4), 0.25: 9.9}
     solver = SimpleNamespace(
         mu=1e-3,

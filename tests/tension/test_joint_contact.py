@@ -1,4 +1,6 @@
-"""Forces at contact points of joints: known pushes come back, points lift off, what is left is reported."""
+"""Forces at contact points of joints: known pushes come back, points lift off, what is left is
+reported.
+"""
 
 from __future__ import annotations
 
@@ -51,9 +53,12 @@ def test_known_pushes_come_back(count, tilt):
 
 
 def test_two_points_balance_the_moment_across_their_line_and_nothing_else():
-    """Winby et al. 2009, equation of the medial force: moment about the lateral point over the distance."""
+    """Winby et al. 2009, equation of the medial force: moment about the lateral point over the
+    distance.
+    """
     rng = np.random.default_rng(5)
-    points, normals = np.broadcast_to(PAIR, (9, 2, 3)), np.broadcast_to(DOWN, (9, 2, 3))
+    points = np.broadcast_to(PAIR, (9, 2, 3))
+    normals = np.broadcast_to(DOWN, (9, 2, 3))
     force = np.column_stack(
         [rng.normal(scale=50.0, size=9), -rng.uniform(800, 2000, 9), rng.normal(scale=50.0, size=9)]
     )
@@ -69,7 +74,8 @@ def test_two_points_balance_the_moment_across_their_line_and_nothing_else():
 
 def test_a_point_that_would_pull_lifts_off_and_its_moment_is_left():
     """1000 N beyond the lateral point by 10 mm: all of it there, and 10 N m are left."""
-    force, at = np.array([[0.0, -1000.0, 0.0]]), PAIR[1] + [0.0, 0.0, 0.01]
+    force = np.array([[0.0, -1000.0, 0.0]])
+    at = PAIR[1] + [0.0, 0.0, 0.01]
     found, _, pulled, left = shared_force(
         force, np.cross(at, force), np.zeros((1, 3)), PAIR[None], np.tile(DOWN, (1, 2, 1))
     )
@@ -90,19 +96,28 @@ def test_bodies_that_are_pulled_apart_have_no_contact_force():
 def test_equal_ways_share_evenly():
     corners = np.array([[[x, 0.0, z] for x in (-0.02, 0.02) for z in (-0.03, 0.03)]])
     found, *_ = shared_force(
-        np.array([[0.0, -800.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)), corners, np.tile(DOWN, (1, 4, 1))
+        np.array([[0.0, -800.0, 0.0]]),
+        np.zeros((1, 3)),
+        np.zeros((1, 3)),
+        corners,
+        np.tile(DOWN, (1, 4, 1)),
     )
     assert found[0] == pytest.approx(np.full(4, 200.0), rel=1e-4)
 
 
 def test_frames_do_not_matter():
     rng = np.random.default_rng(2)
-    points, normals = rng.normal(scale=0.03, size=(4, 3, 3)), unit(DOWN + 0.2 * rng.normal(size=(4, 3, 3)))
-    force, moment = np.tile([50.0, -900.0, 30.0], (4, 1)), rng.normal(scale=20.0, size=(4, 3))
+    points = rng.normal(scale=0.03, size=(4, 3, 3))
+    normals = unit(DOWN + 0.2 * rng.normal(size=(4, 3, 3)))
+    force = np.tile([50.0, -900.0, 30.0], (4, 1))
+    moment = rng.normal(scale=20.0, size=(4, 3))
     center = rng.normal(scale=0.05, size=(4, 3))
-    R, move = random_rotation(rng), rng.normal(size=3)
+    R = random_rotation(rng)
+    move = rng.normal(size=3)
     here = shared_force(force, moment, center, points, normals)
-    there = shared_force(force @ R.T, moment @ R.T, center @ R.T + move, points @ R.T + move, normals @ R.T)
+    there = shared_force(
+        force @ R.T, moment @ R.T, center @ R.T + move, points @ R.T + move, normals @ R.T
+    )
     for one, other in zip(here, there, strict=True):
         assert one == pytest.approx(other, rel=1e-7, abs=1e-6)
 
@@ -110,7 +125,11 @@ def test_frames_do_not_matter():
 def test_gaps_stay_gaps():
     force = np.array([[0.0, -1000.0, 0.0], [np.nan] * 3])
     found, *_ = shared_force(
-        force, np.zeros((2, 3)), np.zeros((2, 3)), np.tile(PAIR, (2, 1, 1)), np.tile(DOWN, (2, 2, 1))
+        force,
+        np.zeros((2, 3)),
+        np.zeros((2, 3)),
+        np.tile(PAIR, (2, 1, 1)),
+        np.tile(DOWN, (2, 2, 1)),
     )
     assert np.isfinite(found[0]).all()
     assert np.isnan(found[1]).all()
@@ -128,22 +147,32 @@ def test_loads_on_a_body_come_back_at_the_joint_that_holds_it():
     joint = model.joints[-1]
     rng = np.random.default_rng(4)
     c = rng.normal(scale=0.5, size=(3, len(model.coordinates)))
-    motion = Motion(np.arange(3.0), model.coordinate_names, c, np.zeros_like(c), np.zeros_like(c))
+    motion = Motion(
+        time=np.arange(3.0),
+        names=model.coordinate_names,
+        values=c,
+        velocities=np.zeros_like(c),
+        accelerations=np.zeros_like(c),
+    )
     tree = compile_tree(model)
-    poses, b = forward_kinematics(tree, tree.coordinates_of(motion)), tree.body_index[joint.child]
-    pushes, normal = np.array([700.0, 300.0]), (0.3, -0.9, 0.1)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    b = tree.body_index[joint.child]
+    pushes = np.array([700.0, 300.0])
+    normal = (0.3, -0.9, 0.1)
     direction = poses.rotations[:, b] @ unit(np.array(normal))
     places = poses.origins[:, b, None] + np.einsum("fij,pj->fpi", poses.rotations[:, b], PAIR)
     wrenches = Wrenches(
-        motion.time,
-        ("one", "other"),
-        (joint.child,) * 2,
-        -pushes[:, None] * direction[:, None],
-        places,
-        np.zeros((3, 2, 3)),
+        time=motion.time,
+        names=("one", "other"),
+        bodies=(joint.child,) * 2,
+        forces=-pushes[:, None] * direction[:, None],
+        points=places,
+        torques=np.zeros((3, 2, 3)),
     )
     points = [
-        ContactPoint(joint.name, name, joint.child, tuple(place), normal)
+        ContactPoint(
+            joint=joint.name, name=name, frame=joint.child, point=tuple(place), normal=normal
+        )
         for name, place in zip("ab", PAIR, strict=True)
     ]
     found = joint_contact_forces(model, motion, None, wrenches, points)
@@ -152,15 +181,21 @@ def test_loads_on_a_body_come_back_at_the_joint_that_holds_it():
     assert found.totals[:, 0] == pytest.approx(np.full(3, 1000.0))
     assert found.table().names[:3] == (f"total_{joint.name}", f"a_{joint.name}", f"b_{joint.name}")
     grounded = [replace(one, frame=GROUND) for one in points]
-    assert joint_contact_forces(model, motion, None, wrenches, grounded).totals == pytest.approx(found.totals)
+    assert joint_contact_forces(model, motion, None, wrenches, grounded).totals == pytest.approx(
+        found.totals
+    )
 
 
 def test_wrong_points_are_named():
     model = replace(random_tree(4), gravity=np.zeros(3))
     joint = model.joints[-1]
     c = np.zeros((1, len(model.coordinates)))
-    motion = Motion(np.zeros(1), model.coordinate_names, c, c, c)
-    point = ContactPoint(joint.name, "a", "", (0.0, 0.0, 0.0), (0.0, -1.0, 0.0))
+    motion = Motion(
+        time=np.zeros(1), names=model.coordinate_names, values=c, velocities=c, accelerations=c
+    )
+    point = ContactPoint(
+        joint=joint.name, name="a", frame="", point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0)
+    )
 
     def solve(*points):
         return joint_contact_forces(model, motion, None, None, points)
@@ -175,9 +210,11 @@ def test_wrong_points_are_named():
         solve(point, point)
     with pytest.raises(BadData, match="no direction"):
         solve(replace(point, normal=(0.0, 0.0, 0.0)))
-    last = next(one for one in model.joints if all(other.parent != one.child for other in model.joints))
+    last = next(
+        one for one in model.joints if all(other.parent != one.child for other in model.joints)
+    )
     with pytest.raises(BadData, match="no normal, and no joint follows"):
-        solve(ContactPoint(last.name, "a", "", (0.0, 0.0, 0.0)))
+        solve(ContactPoint(joint=last.name, name="a", frame="", point=(0.0, 0.0, 0.0)))
 
 
 @pytest.fixture(scope="module")
@@ -192,12 +229,17 @@ def test_points_of_knees_lie_under_the_condyles(walker):
     assert found.notes == ()
     places = {(one.joint, one.name): np.array(one.point) for one in found.points}
     for side, sign in (("r", 1.0), ("l", -1.0)):
-        medial, lateral = (places[f"walker_knee_{side}", name] for name in ("medial", "lateral"))
+        medial = places[f"walker_knee_{side}", "medial"]
+        lateral = places[f"walker_knee_{side}", "lateral"]
         assert 0.040 < sign * (lateral - medial)[2] < 0.056
         assert sign * medial[2] < 0.0 < sign * lateral[2]
     mirror = np.array([1.0, 1.0, -1.0])
-    assert places["walker_knee_l", "medial"] == pytest.approx(mirror * places["walker_knee_r", "medial"], abs=1e-3)
-    assert places["walker_knee_l", "lateral"] == pytest.approx(mirror * places["walker_knee_r", "lateral"], abs=1e-3)
+    assert places["walker_knee_l", "medial"] == pytest.approx(
+        mirror * places["walker_knee_r", "medial"], abs=1e-3
+    )
+    assert places["walker_knee_l", "lateral"] == pytest.approx(
+        mirror * places["walker_knee_r", "lateral"], abs=1e-3
+    )
 
 
 def test_a_missing_bone_is_the_other_sides_or_a_distance_and_told(walker):
@@ -231,10 +273,14 @@ def test_a_model_without_knees_is_told_so():
 
 @pytest.mark.parametrize(("opposed", "refused"), [(0.95, True), (0.5, False)])
 def test_normals_that_nearly_cancel_are_refused(opposed, refused):
-    """Of eight points the mean normal is judged, not their sum: a sum of 0.4 is refused, one of 4 is not."""
+    """Of eight points the mean normal is judged, not their sum: a sum of 0.4 is refused, one of 4
+    is not.
+    """
     normals = np.tile([0.0, 1.0, 0.0], (1, 8, 1))
     normals[0, :, 1] = np.where(np.arange(8) % 2, 1.0, 1.0 - 2.0 * opposed)
-    normals[0, :, 0] = np.sqrt(1.0 - normals[0, :, 1] ** 2) * np.where(np.arange(8) % 4 < 2, 1.0, -1.0)
+    normals[0, :, 0] = np.sqrt(1.0 - normals[0, :, 1] ** 2) * np.where(
+        np.arange(8) % 4 < 2, 1.0, -1.0
+    )
     points = np.random.default_rng(0).uniform(-0.02, 0.02, (1, 8, 3))
     given = np.array([[0.0, 500.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)), points, normals
     if refused:

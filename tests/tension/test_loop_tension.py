@@ -43,7 +43,9 @@ def test_which_coordinates_follow_does_not_matter(shoulder):
     model, motion, tau = shoulder
     one = solve_tension(model, motion, tau)
     follow = set(loop_torques(model, motion, tau).dependent)
-    other_model = replace(model, coordinates=tuple(replace(c, clamped=c.name in follow) for c in model.coordinates))
+    other_model = replace(
+        model, coordinates=tuple(replace(c, clamped=c.name in follow) for c in model.coordinates)
+    )
     assert set(loop_torques(other_model, motion, tau).dependent) != follow
     other = solve_tension(other_model, motion, tau)
     assert one.optimal.all()
@@ -53,34 +55,50 @@ def test_which_coordinates_follow_does_not_matter(shoulder):
 
 
 def test_muscles_balance_the_power_of_any_closed_motion(shoulder):
-    """Virtual work: along a motion that keeps loops closed, muscles and reserves give the power of the torques."""
+    """Virtual work: along a motion that keeps loops closed, muscles and reserves give the power of
+    the torques.
+    """
     model, motion, tau = shoulder
     tension = solve_tension(model, motion, tau)
     rates = np.random.default_rng(0).normal(size=motion.values.shape)
     rates[:, [c.locked for c in model.coordinates]] = 0.0
-    moved, _ = closed_motion(model, replace(motion, velocities=rates, accelerations=np.zeros_like(rates)))
+    moved, _ = closed_motion(
+        model, replace(motion, velocities=rates, accelerations=np.zeros_like(rates))
+    )
     lengthening = muscle_kinematics(model, moved).velocities
-    places = [model.coordinate_names.index(name.removeprefix("reserve_")) for name in tension.reserve_names]
+    places = [
+        model.coordinate_names.index(name.removeprefix("reserve_"))
+        for name in tension.reserve_names
+    ]
     given = -(tension.forces * lengthening).sum(axis=1)
     given += (tension.reserves * moved.velocities[:, places]).sum(axis=1)
-    np.testing.assert_allclose(given, (tau.values * moved.velocities).sum(axis=1), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        given, (tau.values * moved.velocities).sum(axis=1), rtol=1e-6, atol=1e-6
+    )
 
 
 def angular_rates(c, speeds, names):
     """OpenSim's speeds of the scapula, angular velocities, for rates of its angles."""
     rows = [names.index(name) for name in SCAPULA]
     x, y = c[rows[:2]]
-    turn = np.array([[1, 0, np.sin(y)], [0, np.cos(x), -np.sin(x) * np.cos(y)], [0, np.sin(x), np.cos(x) * np.cos(y)]])
+    turn = np.array(
+        [
+            [1, 0, np.sin(y)],
+            [0, np.cos(x), -np.sin(x) * np.cos(y)],
+            [0, np.sin(x), np.cos(x) * np.cos(y)],
+        ]
+    )
     turned = speeds.copy()
     turned[rows] = turn @ speeds[rows]
     return turned
 
 
 def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
-    """OpenSim's forward dynamics, loop closed by its own constraint, returns the accelerations we began from.
+    """OpenSim's forward dynamics, loop closed by its own constraint, returns the accelerations we
+    began from.
 
-    At rest, so that its speeds of the scapula need no second derivatives; muscles whose forces in OpenSim do not
-    fit their lengths (moving points, two surfaces at once) are switched off in both.
+    At rest, so that its speeds of the scapula need no second derivatives; muscles whose forces in
+    OpenSim do not fit their lengths (moving points, two surfaces at once) are switched off in both.
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
@@ -88,12 +106,17 @@ def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
     off = {
         one.name
         for one in model.muscles
-        if len(one.path.wraps) > 1 or any(isinstance(point, MovingPathPoint) for point in one.path.points)
+        if len(one.path.wraps) > 1
+        or any(isinstance(point, MovingPathPoint) for point in one.path.points)
     }
-    model = replace(model, muscles=tuple(replace(one, enabled=one.name not in off) for one in model.muscles))
+    model = replace(
+        model, muscles=tuple(replace(one, enabled=one.name not in off) for one in model.muscles)
+    )
     locked = np.array([one.locked for one in model.coordinates])
     still = replace(
-        motion, velocities=np.zeros_like(motion.values), accelerations=np.where(locked, 0.0, motion.accelerations)
+        motion,
+        velocities=np.zeros_like(motion.values),
+        accelerations=np.where(locked, 0.0, motion.accelerations),
     )
     still, _ = closed_motion(model, still)
     tau = inverse_dynamics(model, still)
@@ -107,7 +130,9 @@ def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
         made.setName(one.name)
         theirs.addForce(made)
     state = theirs.initSystem()
-    names, named, forces = model.coordinate_names, theirs.getCoordinateSet(), theirs.getForceSet()
+    names = model.coordinate_names
+    named = theirs.getCoordinateSet()
+    forces = theirs.getForceSet()
     for name in names:
         named.get(name).setSpeedValue(state, 0.0)
     actuators = [*zip(tension.muscles, tension.forces.T, strict=True)]
@@ -139,7 +164,10 @@ def test_viscosity_takes_part_like_any_other_force(shoulder):
         # Taking its torque off by hand leaves the same problem.
         less = passive_generalized_forces(thick, motion)
         same = solve_tension(
-            model, motion, replace(tau, values=tau.values - less.values), TensionOptions(passive=passive)
+            model,
+            motion,
+            replace(tau, values=tau.values - less.values),
+            TensionOptions(passive=passive),
         )
         np.testing.assert_allclose(tension.activations, same.activations, atol=1e-7)
         np.testing.assert_allclose(tension.forces - tension.viscous, same.forces, atol=1e-4)

@@ -23,7 +23,8 @@ def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path], passiv
     torques = inverse_dynamics(model, motion, wrenches)
     options = TensionOptions(passive=passive)
     whole = solve_tension(model, motion, torques, options)
-    dynamics, tension = OnlineDynamics(model, wrenches.bodies), OnlineTension(model, options)
+    dynamics = OnlineDynamics(model, wrenches.bodies)
+    tension = OnlineTension(model, options)
     parts = (one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
     each = total_wrench(*parts)
     moved = motion_arrays(compile_tree(model), motion)
@@ -43,7 +44,8 @@ def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path], passiv
 def test_a_frame_that_cannot_be_solved_does_not_spoil_the_next(data: Callable[[str], Path]) -> None:
     model, motion, wrenches = walk(data, slice(0, 1350, 400))
     torques = inverse_dynamics(model, motion, wrenches)
-    dynamics, tension = OnlineDynamics(model, ()), OnlineTension(model)
+    dynamics = OnlineDynamics(model, ())
+    tension = OnlineTension(model)
     coordinates = motion_arrays(compile_tree(model), motion)[0]
     still = np.zeros_like(coordinates[1])
     dynamics.solve(coordinates[1], still, still, np.zeros((0, 6)))

@@ -1,4 +1,6 @@
-"""Joint reactions: virtual work of all that acts on bodies, frames and points, and OpenSim's reactions."""
+"""Joint reactions: virtual work of all that acts on bodies, frames and points, and OpenSim's
+reactions.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,13 @@ from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches
 from myomorph.rigid.forward import gathered
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.reaction import joint_reactions, of_actuators, of_bushings, of_muscles, of_wrenches
+from myomorph.tension.reaction import (
+    joint_reactions,
+    of_actuators,
+    of_bushings,
+    of_muscles,
+    of_wrenches,
+)
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.terms.actuators import body_directions, compile_body_actuators
 from trees import random_rotation, random_tree, swinging
@@ -35,9 +43,14 @@ STUDY = "walk-so-jointload-emg/"
 
 
 def along_coordinates(tree, c, wrench):
-    """Generalized forces (frames, coordinates), each coordinate its own share, of wrenches on bodies."""
+    """Generalized forces (frames, coordinates), each coordinate its own share, of wrenches on
+    bodies.
+    """
     still = np.zeros_like(c)
-    needed = [joint_wrenches(tree, c, still, still, one).torques for one in (np.zeros_like(wrench), wrench)]
+    needed = [
+        joint_wrenches(tree, c, still, still, one).torques
+        for one in (np.zeros_like(wrench), wrench)
+    ]
     return needed[0] - needed[1]
 
 
@@ -49,13 +62,20 @@ def walk(data):
     keep = np.linspace(150, 1150, 6).astype(int)
     motion = whole.frames(keep)
     wrenches = resample_wrenches(read_external_loads(data(WALK + "grf_walk.xml")), motion.time)
-    return model, motion, wrenches, solve_tension(model, motion, inverse_dynamics(model, motion, wrenches))
+    return (
+        model,
+        motion,
+        wrenches,
+        solve_tension(model, motion, inverse_dynamics(model, motion, wrenches)),
+    )
 
 
 def left_over(model, c, forces):
-    """Moment (frames,) that OpenSim's paths on several surfaces leave over, summed over muscles of given tensions.
+    """Moment (frames,) that OpenSim's paths on several surfaces leave over, summed over muscles of
+    given tensions.
 
-    Such a path is pulled along directions that belong to points other than where it is pulled; kept as it is there.
+    Such a path is pulled along directions that belong to points other than where it is pulled; kept
+    as it is there.
     """
     paths = compile_paths(model)
     pulls, _ = paths.pulls(c)
@@ -67,7 +87,8 @@ def left_over(model, c, forces):
 
 def check_virtual_work(model, c, forces):
     """What muscles do on bodies and through points that move, beside their moment arms."""
-    tree, paths = compile_tree(model), compile_paths(model)
+    tree = compile_tree(model)
+    paths = compile_paths(model)
     pulls, work = paths.pulls(c)
     _, _, arms = paths.evaluate(c)
     wanted = np.zeros_like(c)
@@ -81,14 +102,26 @@ def check_virtual_work(model, c, forces):
 
 
 def test_muscles_do_on_bodies_what_their_moment_arms_say(walk, data):
-    """Virtual work, of points that move in their bodies too; along the whole model's own motion muscles do nothing."""
+    """Virtual work, of points that move in their bodies too; along the whole model's own motion
+    muscles do nothing.
+    """
     model, motion, _, tension = walk
-    work, lost = check_virtual_work(model, compile_tree(model).coordinates_of(motion), tension.forces)
+    work, lost = check_virtual_work(
+        model, compile_tree(model).coordinates_of(motion), tension.forces
+    )
     assert lost.max() < 0.5
-    for name in ("opensim-reference-small/arm26_bounds.osim", "opensim-gait-subject01/ref_scale/gait2354_simbody.osim"):
+    for name in (
+        "opensim-reference-small/arm26_bounds.osim",
+        "opensim-gait-subject01/ref_scale/gait2354_simbody.osim",
+    ):
         model = read_osim(data(name))
-        tree, rng = compile_tree(model), np.random.default_rng(0)
-        still = Motion(np.arange(4.0), model.coordinate_names, rng.uniform(-0.3, 0.3, (4, len(model.coordinates))))
+        tree = compile_tree(model)
+        rng = np.random.default_rng(0)
+        still = Motion(
+            np.arange(4.0),
+            model.coordinate_names,
+            rng.uniform(-0.3, 0.3, (4, len(model.coordinates))),
+        )
         forces = rng.uniform(0.0, 1000.0, (4, len(model.muscles)))
         work, lost = check_virtual_work(model, tree.coordinates_of(still), forces)
         assert lost.max() < 1e-9
@@ -100,19 +133,38 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
     rng = np.random.default_rng(1)
     model = random_tree(5, 8)
     tree = compile_tree(model)
-    c, rates = rng.normal(scale=0.4, size=(3, 8)), rng.normal(size=(3, 8))
+    c = rng.normal(scale=0.4, size=(3, 8))
+    rates = rng.normal(size=(3, 8))
     poses = forward_kinematics(tree, c)
     actuators = [
-        Actuator("a", "point", 1.0, body="body3", point=rng.normal(size=3), direction=rng.normal(size=3)),
-        Actuator("b", "point", 1.0, body="body6", direction=rng.normal(size=3), direction_is_global=False),
-        Actuator("c", "torque", 1.0, body="body4", other_body="body7", direction=rng.normal(size=3)),
         Actuator(
-            "d", "point_to_point", 1.0, body="body1", other_body="body7", point=rng.normal(size=3),
+            "a", "point", 1.0, body="body3", point=rng.normal(size=3), direction=rng.normal(size=3)
+        ),
+        Actuator(
+            "b", "point", 1.0, body="body6", direction=rng.normal(size=3), direction_is_global=False
+        ),
+        Actuator(
+            "c", "torque", 1.0, body="body4", other_body="body7", direction=rng.normal(size=3)
+        ),
+        Actuator(
+            "d",
+            "point_to_point",
+            1.0,
+            body="body1",
+            other_body="body7",
+            point=rng.normal(size=3),
             other_point=rng.normal(size=3),
         ),
-        Actuator("e", "point", 1.0, body="body5", point=rng.normal(size=3), point_is_global=True,
-                 direction=rng.normal(size=3)),
-    ]  # fmt: skip
+        Actuator(
+            "e",
+            "point",
+            1.0,
+            body="body5",
+            point=rng.normal(size=3),
+            point_is_global=True,
+            direction=rng.normal(size=3),
+        ),
+    ]
     P = compile_body_actuators(tree, actuators)
     entries = np.empty((3, len(P.coordinate)))
     body_directions(tree.arrays, P, c, entries)
@@ -132,7 +184,9 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
 
 
 def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there(walk):
-    """At the free coordinates the reaction's power is that of the reserves; muscles and plates carry all else."""
+    """At the free coordinates the reaction's power is that of the reserves; muscles and plates
+    carry all else.
+    """
     model, motion, wrenches, tension = walk
     found = joint_reactions(model, motion, tension, wrenches, frame="ground")
     assert tension.optimal.all()
@@ -141,30 +195,53 @@ def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there
         joint = next(one for one in model.joints if name in one.coordinates)
         tree = compile_tree(model)
         poses = forward_kinematics(tree, tree.coordinates_of(motion))
-        k, j = found.joints.index(joint.name), model.coordinate_names.index(name)
-        # Reserves, and the model's own actuators where it has them: all that acts along the coordinate.
-        acting = [one.name for one in model.actuators if one.coordinate == name] + [f"reserve_{name}"]
+        k = found.joints.index(joint.name)
+        j = model.coordinate_names.index(name)
+        # Reserves, and the model's own actuators where it has them: all that acts along the
+        # coordinate.
+        acting = [one.name for one in model.actuators if one.coordinate == name] + [
+            f"reserve_{name}"
+        ]
         given = sum(tension.reserves[:, tension.reserve_names.index(one)] for one in acting)
         springs = [one for one in model.passive_torques if one.coordinate == name]
-        given = given + sum(one.total(motion[name], motion.velocities[:, motion.names.index(name)]) for one in springs)
+        given = given + sum(
+            one.total(motion[name], motion.velocities[:, motion.names.index(name)])
+            for one in springs
+        )
         for frame in range(len(motion)):
             child = tree.body_index[joint.child]
-            point = poses.origins[frame, child] + poses.rotations[frame, child] @ joint.child_frame.translation
-            own, parents = (
-                poses.jacobian(tree.body_index[one], point)[frame][:, j] if one != GROUND else np.zeros(6)
-                for one in (joint.child, joint.parent)
+            point = (
+                poses.origins[frame, child]
+                + poses.rotations[frame, child] @ joint.child_frame.translation
             )
-            work = (own - parents) @ np.concatenate([found.moments[frame, k], found.forces[frame, k]])
+            own = (
+                poses.jacobian(tree.body_index[joint.child], point)[frame][:, j]
+                if joint.child != GROUND
+                else np.zeros(6)
+            )
+            parents = (
+                poses.jacobian(tree.body_index[joint.parent], point)[frame][:, j]
+                if joint.parent != GROUND
+                else np.zeros(6)
+            )
+            work = (own - parents) @ np.concatenate(
+                [found.moments[frame, k], found.forces[frame, k]]
+            )
             np.testing.assert_allclose(work, given[frame], atol=1e-5 + lost[frame])
 
 
 def test_the_table_has_one_column_a_joint_with_a_plain_name(walk):
     model, motion, wrenches, tension = walk
     loads = joint_reactions(model, motion, tension, wrenches)
-    plain, labelled = loads.table(), loads.table(joint_labels(model))
+    plain = loads.table()
+    labelled = loads.table(joint_labels(model))
     for side in ("r", "l"):
-        joint = next(name for name in loads.joints if name in (f"knee_{side}", f"walker_knee_{side}"))
-        np.testing.assert_allclose(labelled[f"knee_{side}_force"], np.linalg.norm(loads.of(joint), axis=1))
+        joint = next(
+            name for name in loads.joints if name in (f"knee_{side}", f"walker_knee_{side}")
+        )
+        np.testing.assert_allclose(
+            labelled[f"knee_{side}_force"], np.linalg.norm(loads.of(joint), axis=1)
+        )
     assert labelled.names[len(loads.joints) :] == plain.names
     assert len(set(labelled.names)) == len(labelled.names)
 
@@ -180,7 +257,8 @@ def test_joints_without_a_word_are_named_after_coordinates_or_bodies(walk):
 
 def test_forces_and_motion_agree_on_the_reactions_of_a_balanced_motion(walk):
     model, motion, wrenches, tension = walk
-    one, other = (joint_reactions(model, motion, tension, wrenches, accelerations=how) for how in ("motion", "forces"))
+    one = joint_reactions(model, motion, tension, wrenches, accelerations="motion")
+    other = joint_reactions(model, motion, tension, wrenches, accelerations="forces")
     # The moment that paths on several surfaces leave over turns the whole model a little.
     np.testing.assert_allclose(one.forces, other.forces, atol=1.0)
     assert np.abs(one.forces).max() > 1000.0
@@ -193,16 +271,28 @@ def test_side_and_frame_say_the_same_load(walk):
     joint = next(one for one in model.joints if one.name == "walker_knee_r")
     names = ["walker_knee_r"] * 4
     on = ["child", "child", "parent", "child"]
-    found = joint_reactions(model, motion, tension, wrenches, names, on, ["ground", "child", "parent", "pelvis"])
+    found = joint_reactions(
+        model, motion, tension, wrenches, names, on, ["ground", "child", "parent", "pelvis"]
+    )
     assert found.frames == ("ground", "tibia_r", "femur_r", "pelvis")
     assert found.bodies == ("tibia_r", "tibia_r", "femur_r", "tibia_r")
-    turn = {name: poses.rotations[:, tree.body_index[name]] for name in (GROUND, "tibia_r", "femur_r", "pelvis")}
+    turn = {
+        name: poses.rotations[:, tree.body_index[name]]
+        for name in (GROUND, "tibia_r", "femur_r", "pelvis")
+    }
     place = {name: poses.origins[:, tree.body_index[name]] for name in turn}
-    ground = [np.einsum("fij,fj->fi", turn[name], found.forces[:, k]) for k, name in enumerate(found.frames)]
-    points = [
-        place[name] + np.einsum("fij,fj->fi", turn[name], found.points[:, k]) for k, name in enumerate(found.frames)
+    ground = [
+        np.einsum("fij,fj->fi", turn[name], found.forces[:, k])
+        for k, name in enumerate(found.frames)
     ]
-    moments = [np.einsum("fij,fj->fi", turn[name], found.moments[:, k]) for k, name in enumerate(found.frames)]
+    points = [
+        place[name] + np.einsum("fij,fj->fi", turn[name], found.points[:, k])
+        for k, name in enumerate(found.frames)
+    ]
+    moments = [
+        np.einsum("fij,fj->fi", turn[name], found.moments[:, k])
+        for k, name in enumerate(found.frames)
+    ]
     np.testing.assert_allclose(ground[1], ground[0], atol=1e-9)
     np.testing.assert_allclose(ground[3], ground[0], atol=1e-9)
     np.testing.assert_allclose(ground[2], -ground[0], atol=1e-9)
@@ -210,38 +300,61 @@ def test_side_and_frame_say_the_same_load(walk):
     # The same wrench about one point, on the parent with the opposite sign.
     shifted = moments[0] + np.cross(points[0] - points[2], ground[0])
     np.testing.assert_allclose(moments[2], -shifted, atol=1e-9)
-    np.testing.assert_allclose(found.points[:, 1], np.tile(joint.child_frame.translation, (len(motion), 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        found.points[:, 1], np.tile(joint.child_frame.translation, (len(motion), 1)), atol=1e-12
+    )
     np.testing.assert_allclose(
         found.points[:, 2], np.tile(joint.parent_frame.translation, (len(motion), 1)), atol=1e-12
     )
     table = found.table()
-    assert table.names[:2] == ("walker_knee_r_on_tibia_r_in_ground_fx", "walker_knee_r_on_tibia_r_in_ground_fy")
+    assert table.names[:2] == (
+        "walker_knee_r_on_tibia_r_in_ground_fx",
+        "walker_knee_r_on_tibia_r_in_ground_fy",
+    )
     assert table.names[18] == "walker_knee_r_on_femur_r_in_femur_r_fx"
-    np.testing.assert_array_equal(table["walker_knee_r_on_tibia_r_in_ground_mz"], found.moments[:, 0, 2])
+    np.testing.assert_array_equal(
+        table["walker_knee_r_on_tibia_r_in_ground_mz"], found.moments[:, 0, 2]
+    )
 
 
 def test_external_forces_pass_through_the_joints_below_them():
-    """A still chain: the reaction at the root is the weight less what is applied, whatever the pose."""
+    """A still chain: the reaction at the root is the weight less what is applied, whatever the
+    pose.
+    """
     model = random_tree(3, 6)
     motion = swinging(model, 3, 0.01)
-    motion = replace(motion, velocities=0.0 * motion.velocities, accelerations=0.0 * motion.accelerations)
+    motion = replace(
+        motion, velocities=0.0 * motion.velocities, accelerations=0.0 * motion.accelerations
+    )
     rng = np.random.default_rng(0)
     forces, points, torques = rng.normal(scale=20.0, size=(3, 3, 2, 3))
-    wrenches = Wrenches(motion.time, ("one", "two"), ("body2", "body5"), forces, points, torques)
+    wrenches = Wrenches(
+        time=motion.time,
+        names=("one", "two"),
+        bodies=("body2", "body5"),
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
     found = joint_reactions(model, motion, None, wrenches, ["j0"], frame="ground")
-    np.testing.assert_allclose(found.forces[:, 0], -model.mass * model.gravity - forces.sum(axis=1), atol=1e-10)
+    np.testing.assert_allclose(
+        found.forces[:, 0], -model.mass * model.gravity - forces.sum(axis=1), atol=1e-10
+    )
     nan = np.where(np.arange(3)[:, None, None] == 1, np.nan, points)
     silent = replace(wrenches, forces=np.where(np.isnan(nan), 0.0, forces), points=nan)
     assert np.isfinite(of_wrenches(compile_tree(model), silent)).all()
 
 
 def test_reactions_of_a_study_with_its_own_forces(data):
-    """Uhlrich et al. 2022: reactions of the study's muscle forces, the free torques of the plates left out as there.
+    """Uhlrich et al. 2022: reactions of the study's muscle forces, the free torques of the plates
+    left out as there.
 
-    OpenSim 4.6 on the same files is as far from the study's table (made by an earlier version) as this is: 9.7 N.
+    OpenSim 4.6 on the same files is as far from the study's table (made by an earlier version) as
+    this is: 9.7 N.
     """
     model = read_osim(data(STUDY + "Rajagopal_scaled_Sub1_gasAvoid.osim"))
-    states, forces = (read_sto(data(STUDY + f"results_SO/results_{one}.sto")) for one in ("states", "forces"))
+    states = read_sto(data(STUDY + "results_SO/results_states.sto"))
+    forces = read_sto(data(STUDY + "results_SO/results_forces.sto"))
     expected = read_sto(data(STUDY + "results_SO/results_JointReaction_JointRxn_ReactionLoads.sto"))
     plates = read_sto(data(STUDY + "walking_baseline1_forces.mot"))
     given = motion_from_table(states, model)
@@ -254,20 +367,36 @@ def test_reactions_of_a_study_with_its_own_forces(data):
     at = np.searchsorted(plates.time, motion.time - 1e-6)
     force, point = (
         np.stack(
-            [np.column_stack([plates[f"{side}ground_force_{part}{x}"][at] for x in "xyz"]) for side in ("", "1_")], 1
+            [
+                np.column_stack([plates[f"{side}ground_force_{part}{x}"][at] for x in "xyz"])
+                for side in ("", "1_")
+            ],
+            1,
         )
         for part in "vp"
     )
-    wrenches = Wrenches(motion.time, ("r", "l"), ("calcn_r", "calcn_l"), force, point, np.zeros_like(force))
+    wrenches = Wrenches(
+        time=motion.time,
+        names=("r", "l"),
+        bodies=("calcn_r", "calcn_l"),
+        forces=force,
+        points=point,
+        torques=np.zeros_like(force),
+    )
     reserves = tuple(name for name in forces.names if name.endswith("_reserve"))
-    actuators = [Actuator(name, "coordinate", 1.0, coordinate=name.removesuffix("_reserve")) for name in reserves]
+    actuators = [
+        Actuator(name, "coordinate", 1.0, coordinate=name.removesuffix("_reserve"))
+        for name in reserves
+    ]
     names = (*model.muscle_names, *reserves)
     used = Series(forces.time, names, np.column_stack([forces[name] for name in names]))
     found = joint_reactions(
         model, motion, used, wrenches, actuators=actuators, accelerations="forces", patella="string"
     )
     found = found.table()
-    apart = np.abs(found.values - expected.values[:, [expected.names.index(name) for name in found.names]])
+    apart = np.abs(
+        found.values - expected.values[:, [expected.names.index(name) for name in found.names]]
+    )
     assert set(found.names) == set(expected.names)
     assert apart.max() < 10.0
     assert np.median(apart.max(axis=0)) < 0.001
@@ -300,11 +429,18 @@ def test_frames_that_are_missing_stay_missing_and_the_others_stand():
     """A closed loop with a gap in its motion."""
     model, closed = looped_tree(1, kinds=("PointConstraint",), bodies=10)
     values = np.tile(closed, (4, 1))
-    whole = Motion(np.arange(4.0), model.coordinate_names, values, 0.0 * values, 0.0 * values)
+    whole = Motion(
+        time=np.arange(4.0),
+        names=model.coordinate_names,
+        values=values,
+        velocities=0.0 * values,
+        accelerations=0.0 * values,
+    )
     gap = np.array(values)
     gap[2] = np.nan
     torn = replace(whole, values=gap, velocities=0.0 * gap, accelerations=0.0 * gap)
     for how in ("motion", "forces"):
-        one, other = (joint_reactions(model, each, None, accelerations=how) for each in (whole, torn))
+        one = joint_reactions(model, whole, None, accelerations=how)
+        other = joint_reactions(model, torn, None, accelerations=how)
         assert np.isnan(other.forces[2]).all()
         np.testing.assert_allclose(other.forces[[0, 1, 3]], one.forces[[0, 1, 3]], atol=1e-9)

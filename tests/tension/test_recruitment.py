@@ -1,4 +1,6 @@
-"""Criteria of recruitment: the greatest activation against linear and quadratic programs, exponents up to 20."""
+"""Criteria of recruitment: the greatest activation against linear and quadratic programs, exponents
+up to 20.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def least_greatest(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarr
     return float(found.fun)
 
 
-def least_squares_below(A: np.ndarray, b: np.ndarray, w: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def least_squares_below(
+    A: np.ndarray, b: np.ndarray, w: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """The least sum w a^2 with A a = b and bounds, of piqp."""
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-11
@@ -46,7 +50,8 @@ def least_squares_below(A: np.ndarray, b: np.ndarray, w: np.ndarray, low: np.nda
 
 def columns(problem: TensionProblem, frames: int) -> tuple[np.ndarray, np.ndarray]:
     """A (frames, rows, unknowns) and b (frames, rows) of a problem."""
-    given, shared = problem.balance(0, frames), problem.separable
+    given = problem.balance(0, frames)
+    shared = problem.separable
     A = np.zeros((frames, given.right.shape[1], len(shared.weight)))
     A[:, shared.row, np.repeat(np.arange(A.shape[2]), np.diff(shared.start))] = given.values
     return A, given.right
@@ -57,10 +62,13 @@ def test_random_problems_have_the_least_greatest_activation_and_then_the_least_s
     for seed in range(8):
         directions, low, high, torques = muscles(seed, rows=8, count=30, lower=lower)
         weights = np.append(np.full(30, SECOND_STAGE), np.ones(8))
-        x, status, residual, _, _ = solve(directions, low, high, torques, weights=weights, capped=30, peak=1.0)
+        x, status, residual, _, _ = solve(
+            directions, low, high, torques, weights=weights, capped=30, peak=1.0
+        )
         assert status[0] == 0
         assert residual[0] < 1e-6
-        mine, rest = directions[:, :30], torques - directions[:, 30:] @ x[0, 30:]
+        mine = directions[:, :30]
+        rest = torques - directions[:, 30:] @ x[0, 30:]
         beta = least_greatest(mine, rest, low[:30], high[:30])
         assert x[0, :30].max() == pytest.approx(beta, abs=1e-8)
         expected = least_squares_below(mine, rest, np.ones(30), low[:30], np.full(30, beta + 1e-9))
@@ -71,7 +79,9 @@ def test_random_problems_have_the_least_greatest_activation_and_then_the_least_s
 
 def test_a_walk_is_recruited_as_linear_programs_say(data):
     model, motion, torques = walk(data, 6)
-    problem = tension_problem(TensionInputs(model, motion, torques, MINMAX))
+    problem = tension_problem(
+        TensionInputs(model=model, motion=motion, torques=torques, options=MINMAX)
+    )
     problem.solve(0, 6)
     found = problem.result()
     assert found.optimal.all()
@@ -83,7 +93,9 @@ def test_a_walk_is_recruited_as_linear_programs_say(data):
         beta = least_greatest(A[frame, :, :count], rest, found.lower, found.upper)
         assert found.activations[frame].max() == pytest.approx(beta, abs=1e-7)
         capped = np.minimum(found.upper, beta + 1e-9)
-        expected = least_squares_below(A[frame, :, :count], rest, np.ones(count), found.lower, capped)
+        expected = least_squares_below(
+            A[frame, :, :count], rest, np.ones(count), found.lower, capped
+        )
         np.testing.assert_allclose(found.activations[frame], expected, atol=2e-4)
 
 
@@ -91,9 +103,13 @@ def test_frames_of_minmax_do_not_depend_on_each_other(data):
     model, motion, torques = walk(data, 5)
     together = solve_tension(model, motion, torques, MINMAX)
     for k in (0, 3):
-        problem = tension_problem(TensionInputs(model, motion, torques, MINMAX))
+        problem = tension_problem(
+            TensionInputs(model=model, motion=motion, torques=torques, options=MINMAX)
+        )
         problem.solve(k, k + 1)
-        np.testing.assert_allclose(problem.result().activations[k], together.activations[k], atol=1e-7)
+        np.testing.assert_allclose(
+            problem.result().activations[k], together.activations[k], atol=1e-7
+        )
 
 
 def test_a_growing_exponent_ends_at_the_least_greatest_activation(data):

@@ -1,4 +1,6 @@
-"""Joint load and co-contraction as terms: beside joint reactions, sums of moments, and what effort alone gives."""
+"""Joint load and co-contraction as terms: beside joint reactions, sums of moments, and what effort
+alone gives.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def test_rows_of_joint_loads_are_joint_reactions(data):
     found = problem.result()
     weight = sum(body.mass for body in model.bodies) * np.linalg.norm(model.gravity)
     left = -weight * problem.x[:, -9:].reshape(len(motion), 3, 3)
-    expected = joint_reactions(model, motion, found, wrenches, joints=term.joints, frame="ground").forces
+    expected = joint_reactions(
+        model, motion, found, wrenches, joints=term.joints, frame="ground"
+    ).forces
     np.testing.assert_allclose(left, expected, atol=1e-3 * weight * 1e-2)
     assert found.optimal.all()
 
@@ -52,7 +56,8 @@ def test_joint_load_falls_with_its_weight_and_effort_rises(data):
     model, motion, wrenches = walk(data, KEEP)
     tau = inverse_dynamics(model, motion, wrenches)
     alone = solve_tension(model, motion, tau)
-    loads, efforts = [knee_load(alone, model, motion, wrenches).mean()], [(alone.activations**2).sum()]
+    loads = [knee_load(alone, model, motion, wrenches).mean()]
+    efforts = [(alone.activations**2).sum()]
     for weight in (1e-7, 0.1, 10.0):
         term = joint_load_term(model, motion, wrenches, weight, ("walker_knee_r",))
         found = solve_tension(model, motion, tau, terms=[term])
@@ -78,7 +83,8 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
         sides = [np.maximum(sign * own * found.forces, 0.0).sum(axis=1) for sign in (1.0, -1.0)]
         return np.minimum(*sides)
 
-    alone, levels = solve_tension(model, motion, tau), (0.05, 0.2)
+    alone = solve_tension(model, motion, tau)
+    levels = (0.05, 0.2)
     before = weaker(alone)
     for level in levels:
         term = CoContractionTerm(model, motion, tau, level, ("ankle_angle_r",))
@@ -110,21 +116,34 @@ def test_what_is_asked_wrongly_is_refused(data):
     assert {"knee_angle_r", "ankle_angle_l"} <= set(both.coordinates)
 
 
-@pytest.mark.parametrize("name", ["co-contraction 0.1", "co-contraction 0.1, exponent 3", "weights by volume"])
+@pytest.mark.parametrize(
+    "name", ["co-contraction 0.1", "co-contraction 0.1, exponent 3", "weights by volume"]
+)
 def test_frames_of_a_walk_are_recruited_as_conic_programs_say(data, name):
-    """Clarabel on full matrices of moment arms; the knees of this model lead a patella, whose share counts once."""
+    """Clarabel on full matrices of moment arms; the knees of this model lead a patella, whose share
+    counts once.
+    """
     data("rajagopal-walk-emg/grf_walk.xml")
     one = some_walk(data("rajagopal-walk-emg/subject_walk_scaled.osim").parents[1])
     found = recruited(one, CRITERIA[name], one.torques)
     assert found.optimal.all()
     for frame in (0, 4, 8):
-        np.testing.assert_allclose(found.activations[frame], solve_program(one, frame, CRITERIA[name]), atol=1e-4)
+        np.testing.assert_allclose(
+            found.activations[frame], solve_program(one, frame, CRITERIA[name]), atol=1e-4
+        )
 
 
 def test_with_contacts_joint_loads_are_a_cost_of_the_tensions_under_their_forces(data):
     model, motion, wrenches = walk(data, slice(400, 900, 50))
     tau = inverse_dynamics(model, motion)
-    setup = (model, motion, tau, TensionOptions(), default_reserves(model), Measurements(motion, wrenches))
+    setup = (
+        model,
+        motion,
+        tau,
+        TensionOptions(),
+        default_reserves(model),
+        Measurements(motion, wrenches),
+    )
     plan = ContactPlan(measured="hidden")
     asked = RecruitmentOptions(joint_load=1.0, joint_load_joints="walker_knee_r")
     plain, _ = tension_task(*setup, plan).solved(lambda done: None)
@@ -137,4 +156,7 @@ def test_with_contacts_joint_loads_are_a_cost_of_the_tensions_under_their_forces
     term = joint_load_term(model, motion, loads, 1.0, ("walker_knee_r",))
     alone = solve_tension(model, motion, carried, terms=[term])
     np.testing.assert_allclose(found.activations, alone.activations, atol=1e-6)
-    assert knee_load(found, model, motion, None).mean() < 0.98 * knee_load(plain, model, motion, None).mean()
+    assert (
+        knee_load(found, model, motion, None).mean()
+        < 0.98 * knee_load(plain, model, motion, None).mean()
+    )

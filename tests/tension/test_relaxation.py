@@ -18,7 +18,13 @@ from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.relaxation import Allowance, relaxation_lines, relaxations, what_lacks, what_would_do
+from myomorph.tension.relaxation import (
+    Allowance,
+    relaxation_lines,
+    relaxations,
+    what_lacks,
+    what_would_do,
+)
 from myomorph.tension.terms.contacts import ContactTask
 from standing import MASS, WEIGHT, block, legs, standing_still
 
@@ -28,13 +34,16 @@ TWO = ((-0.6, 0.0), (0.6, 0.0))
 
 def found(sites, touching=1.0, accelerations=None, options=STRICT, actuators=None, frames=2):
     """Relaxations of a block that stands, or accelerates as told."""
-    model, motion = block(), standing_still(frames)
+    model = block()
+    motion = standing_still(frames)
     if accelerations is not None:
         motion = replace(motion, accelerations=np.tile(accelerations, (frames, 1)))
     ready = np.broadcast_to(touching, (frames, len(sites)))
     task = ContactTask(sites, Series(motion.time, tuple(one.name for one in sites), ready))
     torques = inverse_dynamics(model, motion)
-    problem = tension_problem(TensionInputs(model, motion, torques, actuators=actuators, contacts=task))
+    problem = tension_problem(
+        TensionInputs(model, motion, torques, actuators=actuators, contacts=task)
+    )
     over_frames(problem.solve, frames, None, problem.window)
     return relaxations(problem, problem.result(), **options)
 
@@ -61,13 +70,17 @@ def test_weight_that_nothing_carries_names_the_nearest_site(actuators):
     assert [(part.kind, part.where) for part in one.allowances] == [("contact", "low")]
     assert one.allowances[0].force == pytest.approx(WEIGHT, rel=1e-5)
     assert one.size == pytest.approx(1.0, rel=1e-5)
-    assert one.sentence == (
-        "0.00 s: no site may touch, but 490 N upward are needed: contact of 'low' (12 mm above its support) would do"
+    assert (
+        one.sentence
+        == "0.00 s: no site may touch, but 490 N upward are needed: contact of 'low' (12 mm above"
+        " its support) would do"
     )
 
 
 def test_what_residuals_took_before_though_contacts_could_hides_no_later_frame():
-    """Under a limit below what reserves take from legs that stand: only the frame without legs is named."""
+    """Under a limit below what reserves take from legs that stand: only the frame without legs is
+    named.
+    """
     assert [one.frame for one in found(legs(TWO), np.array([[1.0, 1.0], [0.0, 0.0]]))] == [1]
 
 
@@ -83,7 +96,10 @@ def test_a_cone_that_excludes_the_needed_force_tells_the_friction_it_needs():
 
 def test_a_greatest_force_that_is_too_small_is_told_by_how_much():
     one = found(legs(TWO, friction=0.0, most=0.3 * WEIGHT))[0]
-    assert {(part.kind, part.where) for part in one.allowances} == {("most", "leg0"), ("most", "leg1")}
+    assert {(part.kind, part.where) for part in one.allowances} == {
+        ("most", "leg0"),
+        ("most", "leg1"),
+    }
     assert [part.force for part in one.allowances] == pytest.approx([0.2 * WEIGHT] * 2, rel=1e-4)
     assert "98 N more at 'leg0' than its greatest force" in one.sentence
 
@@ -106,9 +122,16 @@ def test_a_moment_that_no_contact_can_make_comes_from_nowhere():
 
 def test_a_tilted_cone_and_a_grip_are_taken_as_they_are():
     """A rope that pulls up carries the block; what hangs on it is not marked."""
-    rope = Site("rope", "block", np.array([[0.0, 1.5, 0.0]]), Cone(friction=0.0))
+    rope = Site(
+        name="rope", body="block", points=np.array([[0.0, 1.5, 0.0]]), cone=Cone(friction=0.0)
+    )
     assert found((rope,), options={}) == ()
-    slanted = Site("rope", "block", np.array([[0.0, 1.5, 0.0]]), Cone(np.array([1.0, 1.0, 0.0]), friction=0.0))
+    slanted = Site(
+        name="rope",
+        body="block",
+        points=np.array([[0.0, 1.5, 0.0]]),
+        cone=Cone(np.array([1.0, 1.0, 0.0]), friction=0.0),
+    )
     one = found((slanted,))[0]
     assert any(part.kind == "friction" for part in one.allowances)
 
@@ -120,9 +143,13 @@ def test_runs_of_frames_make_one_line():
 
 
 def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
-    """The stance foot's contacts are taken away in two frames: these are marked, and its sites named."""
+    """The stance foot's contacts are taken away in two frames: these are marked, and its sites
+    named.
+    """
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
-    whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0
+    )
     keep = np.arange(300, 900, 50)
     motion = whole.frames(keep)
     sites = foot_sites(model)
@@ -130,7 +157,8 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     groups = np.array([one.group for one in sites])
     standing = {g: ready.values[:, groups == g].max(axis=1) > 0.5 for g in set(groups)}
     alone = {
-        g: np.flatnonzero(standing[g] & ~np.any([standing[h] for h in standing if h != g], axis=0)) for g in standing
+        g: np.flatnonzero(standing[g] & ~np.any([standing[h] for h in standing if h != g], axis=0))
+        for g in standing
     }
     foot = max(alone, key=lambda g: len(alone[g]))
     gone = alone[foot][:2]
@@ -140,7 +168,9 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     results = {}
     for name, given in (("whole", ready.values), ("forgotten", values)):
         task = ContactTask(sites, Series(motion.time, ready.names, given))
-        problem = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion), contacts=task))
+        problem = tension_problem(
+            TensionInputs(model, motion, inverse_dynamics(model, motion), contacts=task)
+        )
         over_frames(problem.solve, len(motion), None, problem.window)
         tension = problem.result()
         assert tension.optimal.all()
@@ -154,9 +184,12 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
 
 
 def test_contacts_are_needed():
-    model, motion = block(), standing_still(1)
+    model = block()
+    motion = standing_still(1)
     task = ContactTask(legs(TWO), Series(motion.time, ("leg0", "leg1"), np.ones((1, 2))))
-    problem = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion), contacts=task))
+    problem = tension_problem(
+        TensionInputs(model, motion, inverse_dynamics(model, motion), contacts=task)
+    )
     over_frames(problem.solve, 1)
     problem.contacts = None
     with pytest.raises(BadData, match="there are no contacts"):
@@ -164,8 +197,14 @@ def test_contacts_are_needed():
 
 
 def test_a_force_within_45_degrees_of_the_vertical_is_called_so():
-    up, zero = np.array([0.0, 1.0, 0.0]), np.zeros(3)
-    for share, way in ((0.705, "upward"), (0.695, "sideways"), (-0.695, "sideways"), (-0.705, "downward")):
+    up = np.array([0.0, 1.0, 0.0])
+    zero = np.zeros(3)
+    for share, way in (
+        (0.705, "upward"),
+        (0.695, "sideways"),
+        (-0.695, "sideways"),
+        (-0.705, "downward"),
+    ):
         force = 200.0 * np.array([np.sqrt(1.0 - share**2), share, 0.0])
         assert what_lacks((), force, zero, up) == f"no site may touch, but 200 N {way} are needed"
     assert "a moment of 9 N m is needed beside" in what_lacks(["heel"], 8.0 * up, 9.0 * up, up)
@@ -178,11 +217,13 @@ def test_each_allowance_is_named_with_its_number_and_unit():
         Allowance("friction", "foot", 20.0, needed=np.inf),
         Allowance("most", "foot", 30.0),
         Allowance("pull", "foot", 40.0),
-        Allowance("residual", "pelvis", 7.0, 6.0),
-        Allowance("residual", "pelvis", 6.0, 7.0),
+        Allowance(kind="residual", where="pelvis", force=7.0, moment=6.0),
+        Allowance(kind="residual", where="pelvis", force=6.0, moment=7.0),
     )
-    assert what_would_do(given) == (
-        "contact of 'hand' (31 mm above its support) and friction of 0.84 at 'foot' and 20 N across the cone of 'foot' "
-        "and 30 N more at 'foot' than its greatest force and a pull of 40 N at 'foot' and 7 N at 'pelvis' from nowhere "
-        "and 7 N m at 'pelvis' from nowhere would do"
+    assert (
+        what_would_do(given)
+        == "contact of 'hand' (31 mm above its support) and friction of 0.84 at 'foot' and 20 N"
+        " across the cone of 'foot' and 30 N more at 'foot' than its greatest force and a pull"
+        " of 40 N at 'foot' and 7 N at 'pelvis' from nowhere and 7 N m at 'pelvis' from nowhere"
+        " would do"
     )

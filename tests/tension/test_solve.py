@@ -1,4 +1,6 @@
-"""Muscle tensions of whole models: against OpenSim's own results, and by the balance they must keep."""
+"""Muscle tensions of whole models: against OpenSim's own results, and by the balance they must
+keep.
+"""
 
 from __future__ import annotations
 
@@ -35,9 +37,13 @@ def frames(motion: Motion, keep) -> Motion:
 
 
 def arm(data) -> tuple[Model, Motion, Series]:
-    """OpenSim's arm of two coordinates and six muscles, its motion, filtered at 6 Hz, and its torques."""
+    """OpenSim's arm of two coordinates and six muscles, its motion, filtered at 6 Hz, and its
+    torques.
+    """
     model = read_osim(data(ARM + "arm26_bounds.osim"))
-    motion = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
+    motion = differentiate(
+        motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0
+    )
     return model, motion, inverse_dynamics(model, motion)
 
 
@@ -66,7 +72,8 @@ def test_activations_of_the_arm_are_those_opensim_found(data, kind):
     found = solve_tension(model, motion, torques, TensionOptions(min_activation="model"), ())
     assert np.all(found.optimal)
     nearest = np.abs(motion.time[:, None] - expected.time[None]).argmin(axis=0)
-    # The files for Millard's classes were made by an older OpenSim: 4.6 itself is up to 0.015 away from them.
+    # The files for Millard's classes were made by an older OpenSim: 4.6 itself is up to 0.015 away
+    # from them.
     most = 0.02 if kind.startswith("Millard") else 0.005
     inside = slice(3, -3)
     for name in model.muscle_names:
@@ -78,12 +85,17 @@ def test_activations_of_the_arm_are_those_opensim_found(data, kind):
 
 def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_path):
     model = read_osim(data(SPRING + "subject01_adjusted_spring.osim"))
-    expected = read_sto(data(SPRING + "std_walk_subject01_ankle_spring_StaticOptimization_activation.sto"))
-    whole = differentiate(motion_from_table(read_sto(data(SPRING + "walk_subject01_Kinematics_q.sto")), model))
+    expected = read_sto(
+        data(SPRING + "std_walk_subject01_ankle_spring_StaticOptimization_activation.sto")
+    )
+    whole = differentiate(
+        motion_from_table(read_sto(data(SPRING + "walk_subject01_Kinematics_q.sto")), model)
+    )
     motion = frames(whole, np.abs(whole.time[:, None] - expected.time[None]).argmin(axis=0))
     # The plates' file lies in another folder than the loads' file expects.
     loads = read_external_loads(
-        data(SPRING + "externalForces.xml"), data("opensim-gait-subject01/ref_rra/subject01_walk1_grf.mot")
+        data(SPRING + "externalForces.xml"),
+        data("opensim-gait-subject01/ref_rra/subject01_walk1_grf.mot"),
     )
     torques = inverse_dynamics(model, motion, resample_wrenches(loads, motion.time))
     actuators = read_actuators(data(SPRING + "gait10dof_Actuators_weak.xml"), model)
@@ -94,13 +106,19 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
     difference = found.activations - expected.values[:, columns]
     assert np.sqrt(np.mean(difference**2)) < 0.01
     without = solve_tension(
-        replace(model, passive_torques=()), motion, torques, TensionOptions(min_activation="model"), actuators
+        replace(model, passive_torques=()),
+        motion,
+        torques,
+        TensionOptions(min_activation="model"),
+        actuators,
     )
     assert np.sqrt(np.mean((without.activations - found.activations) ** 2)) > 0.1
 
 
 def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarray) -> np.ndarray:
-    """Torques of muscle forces and reserves on the balanced coordinates, by another way than the solver's."""
+    """Torques of muscle forces and reserves on the balanced coordinates, by another way than the
+    solver's.
+    """
     tree = compile_tree(model)
     kinematics = muscle_kinematics(model, motion)
     total = np.einsum("fm,fmj->fj", forces, kinematics.dense())
@@ -122,7 +140,9 @@ def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarr
 
 
 def needed(model: Model, motion: Motion, torques: Series, tension: Tension) -> np.ndarray:
-    """Torques to balance: those of inverse dynamics, of coupled coordinates handed on by virtual work."""
+    """Torques to balance: those of inverse dynamics, of coupled coordinates handed on by virtual
+    work.
+    """
     total = {name: np.array(torques[name]) for name in torques.names}
     for coupler in model.couplers:
         (source,) = coupler.independents
@@ -146,7 +166,9 @@ def test_muscles_and_reserves_together_balance_the_torques(data, passive):
     np.testing.assert_allclose(balanced, found.torques, atol=1e-5)
     kinematics = muscle_kinematics(model, motion)
     assert kinematics.velocities is not None
-    curves = hill_forces(model, kinematics.lengths, kinematics.velocities, "rigid-tendon" if passive else "opensim")
+    curves = hill_forces(
+        model, kinematics.lengths, kinematics.velocities, "rigid-tendon" if passive else "opensim"
+    )
     expected = curves.active * found.activations + (curves.passive if passive else 0.0)
     np.testing.assert_allclose(found.forces, expected, atol=1e-6)
     assert found.equilibrium_residual.max() < 1e-5
@@ -167,7 +189,13 @@ def test_frames_without_input_are_marked_and_the_rest_is_untouched(data):
     whole = solve_tension(model, motion, torques)
     values = np.array(motion.values)
     values[2, motion.names.index("ankle_angle_r")] = np.nan
-    broken = Motion(motion.time, motion.names, values, velocities=motion.velocities, accelerations=motion.accelerations)
+    broken = Motion(
+        motion.time,
+        motion.names,
+        values,
+        velocities=motion.velocities,
+        accelerations=motion.accelerations,
+    )
     tau = np.array(torques.values)
     tau[4, 3] = np.nan
     found = solve_tension(model, broken, Series(torques.time, torques.names, tau))
@@ -183,7 +211,11 @@ def test_muscles_stretched_beyond_their_strength_are_named(data):
     passive = TensionOptions(passive=True)
     assert solve_tension(model, motion, torques, passive).overstretched == ()
     muscles = tuple(
-        replace(one, tendon_slack_length=0.5 * one.tendon_slack_length) if one.name == "recfem_l" else one
+        (
+            replace(one, tendon_slack_length=0.5 * one.tendon_slack_length)
+            if one.name == "recfem_l"
+            else one
+        )
         for one in model.muscles
     )
     short = replace(model, muscles=muscles)
@@ -195,7 +227,9 @@ def test_without_reserves_a_weak_model_is_called_infeasible(data):
     model, motion, torques = arm(data)
     part = frames(motion, slice(20, 40))
     tau = inverse_dynamics(model, part)
-    weak = tuple(replace(one, max_isometric_force=0.02 * one.max_isometric_force) for one in model.muscles)
+    weak = tuple(
+        replace(one, max_isometric_force=0.02 * one.max_isometric_force) for one in model.muscles
+    )
     weak_model = replace(model, muscles=weak)
     found = solve_tension(weak_model, part, tau, actuators=())
     assert found.summary()["infeasible"] > 0

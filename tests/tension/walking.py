@@ -33,13 +33,23 @@ def walk(data, keep) -> tuple[Model, Motion, Wrenches]:
     model = read_osim(data(WALK + "subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data(WALK + "coordinates.sto")), model), 6.0)
     motion = whole.frames(keep)
-    return model, motion, resample_wrenches(read_external_loads(data(WALK + "grf_walk.xml")), motion.time)
+    return (
+        model,
+        motion,
+        resample_wrenches(read_external_loads(data(WALK + "grf_walk.xml")), motion.time),
+    )
 
 
 def soles(cone: Cone | None = None) -> tuple[Site, ...]:
     """Six sites under each foot."""
     return tuple(
-        Site(f"{name}_{side}", f"{body}_{side}", [[x, y, z * hand]], cone or Cone(), group=f"foot_{side}")
+        Site(
+            name=f"{name}_{side}",
+            body=f"{body}_{side}",
+            points=[[x, y, z * hand]],
+            cone=cone or Cone(),
+            group=f"foot_{side}",
+        )
         for side, hand in (("r", 1.0), ("l", -1.0))
         for name, (body, (x, y, z)) in SOLE.items()
     )
@@ -52,16 +62,27 @@ def ready(model: Model, motion: Motion, sites) -> Series:
     bodies = np.array([tree.body_index[site.body] for site in sites])
     height = poses.points(bodies, np.array([site.points[0] for site in sites]))[..., 1]
     rise = height - height.min(axis=0)
-    return Series(motion.time, tuple(site.name for site in sites), np.clip(1.5 - rise / 0.03, 0.0, 1.0))
+    return Series(
+        motion.time, tuple(site.name for site in sites), np.clip(1.5 - rise / 0.03, 0.0, 1.0)
+    )
 
 
 def task(model: Model, motion: Motion, sites=None, measured=(), **options) -> ContactTask:
     """Both feet may touch the ground; frames do not know of each other unless asked."""
     sites = soles() if sites is None else sites
     settings = ContactOptions(**{"smoothness": 0.0, **options})
-    return ContactTask(tuple(sites), ready(model, motion, sites), tuple(measured), settings)
+    return ContactTask(
+        sites=tuple(sites),
+        activations=ready(model, motion, sites),
+        measured=tuple(measured),
+        options=settings,
+    )
 
 
 def full(motion: Motion, sites, strength: float = 1.0) -> Series:
     """The same strength at all times."""
-    return Series(motion.time, tuple(site.name for site in sites), np.full((len(motion), len(sites)), strength))
+    return Series(
+        motion.time,
+        tuple(site.name for site in sites),
+        np.full((len(motion), len(sites)), strength),
+    )

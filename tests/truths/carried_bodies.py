@@ -1,4 +1,6 @@
-"""What carries a body: the foot that is over each plate's center of pressure, and the wrench that its motion needs."""
+"""What carries a body: the foot that is over each plate's center of pressure, and the wrench that
+its motion needs.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +18,13 @@ from myomorph.rigid.dynamics import external_arrays, joint_wrenches, motion_arra
 from myomorph.rigid.tree import compile_tree
 
 
-def assign_feet(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> Assignment:
+def assign_feet(
+    model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches
+) -> Assignment:
     """Give each plate's force to the foot whose sole its center of pressure is under.
-    The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings name
-    plates that carried two feet at once; `shared_wrenches` is for these.
-    `wrenches`: at the motion's times; the bodies they name are not regarded.
+    The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose
+    warnings name plates that carried two feet at once; `shared_wrenches` is for these. `wrenches`:
+    at the motion's times; the bodies they name are not regarded.
     """
     places = site_motion(model, motion, sites).places
     positions = {}
@@ -30,13 +34,15 @@ def assign_feet(model: Model, motion: Motion, sites: Sequence[Site], wrenches: W
     return assign_bodies(wrenches, positions)
 
 
-def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | None = None) -> Wrenches:
+def needed_wrench(
+    model: Model, motion: Motion, body: str, known: Wrenches | None = None
+) -> Wrenches:
     """Force and moment that reach a body, and all that it carries, from its parent.
-    By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give it together;
-    for the trunk, what passes through its joint with the pelvis, muscles included.
-    `motion`: with velocities and accelerations; `known`: other external forces, at the motion's times; those on bodies
-    that it does not carry have no effect. Returns Wrenches with one force on `body`, at the center of its joint, with
-    the moment about it as the torque.
+    By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give
+    it together; for the trunk, what passes through its joint with the pelvis, muscles included.
+    `motion`: with velocities and accelerations; `known`: other external forces, at the motion's
+    times; those on bodies that it does not carry have no effect. Returns Wrenches with one force on
+    `body`, at the center of its joint, with the moment about it as the torque.
     """
     tree = compile_tree(model)
     check_name("body", body, model.body_names)
@@ -45,10 +51,19 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
     applied = np.zeros((len(motion), len(tree.arrays.parent), 6))
     for index, each_body in enumerate(bodies):
         applied[:, each_body, :3] += forces[:, index]
-        applied[:, each_body, 3:] += torques[:, index] + np.cross(points[:, index], forces[:, index])
+        applied[:, each_body, 3:] += torques[:, index] + np.cross(
+            points[:, index], forces[:, index]
+        )
     result = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
     center = model.joints[number - 1].child_frame.translation
     at = result.rotations[:, number] @ center + result.origins[:, number]
     force = result.forces[:, number]
     torque = result.moments[:, number] - np.cross(at, force)
-    return Wrenches(motion.time, (body,), (body,), force[:, None], at[:, None], torque[:, None])
+    return Wrenches(
+        time=motion.time,
+        names=(body,),
+        bodies=(body,),
+        forces=force[:, None],
+        points=at[:, None],
+        torques=torque[:, None],
+    )

@@ -1,4 +1,6 @@
-"""A Dask cluster of a few processes, on this machine or in network namespaces that stand for machines."""
+"""A Dask cluster of a few processes, on this machine or in network namespaces that stand for
+machines.
+"""
 
 from __future__ import annotations
 
@@ -50,11 +52,15 @@ class Cluster:
             time.sleep(0.05)
         return self.address
 
-    def worker(self, name: str, host: str = "127.0.0.1", namespace: str = "", memory: str = "4GB") -> None:
+    def worker(
+        self, name: str, host: str = "127.0.0.1", namespace: str = "", memory: str = "4GB"
+    ) -> None:
         """Start a process that does jobs."""
         place = ("--host", host, "--name", name, "--local-directory", str(self.folder / name))
         size = ("--nthreads", "1", "--nworkers", "1", "--memory-limit", memory, "--no-dashboard")
-        self._run(name, ("-m", "distributed.cli.dask_worker", self.address, *place, *size), namespace)
+        self._run(
+            name, ("-m", "distributed.cli.dask_worker", self.address, *place, *size), namespace
+        )
 
     def await_workers(self, count: int) -> None:
         """Wait until so many workers have come."""
@@ -110,14 +116,20 @@ def namespaces_work() -> str:
 
 @contextmanager
 def machines(names: tuple[str, ...]) -> Iterator[dict[str, str]]:
-    """Network namespaces on one switch, each with an address of its own; gives the addresses by name.
+    """Network namespaces on one switch, each with an address of its own; gives the addresses by
+    name.
 
     This process is on the switch, too, at 10.77.0.1. `cut_off` takes one of them off it.
     """
-    run, bridge = _commands, "myobr0"
+    run = _commands
+    bridge = "myobr0"
     _remove(names, bridge)  # what a run that was killed has left
     try:
-        run(f"ip link add {bridge} type bridge", f"ip addr add 10.77.0.1/24 dev {bridge}", f"ip link set {bridge} up")
+        run(
+            f"ip link add {bridge} type bridge",
+            f"ip addr add 10.77.0.1/24 dev {bridge}",
+            f"ip link set {bridge} up",
+        )
         for i, name in enumerate(names):
             run(
                 f"ip netns add {name}",
@@ -134,7 +146,10 @@ def machines(names: tuple[str, ...]) -> Iterator[dict[str, str]]:
 
 def _remove(names: tuple[str, ...], bridge: str) -> None:
     links = [bridge, *(f"myo{i}" for i in range(len(names)))]
-    for text in (*(f"ip link del {link}" for link in links), *(f"ip netns del {name}" for name in names)):
+    for text in (
+        *(f"ip link del {link}" for link in links),
+        *(f"ip netns del {name}" for name in names),
+    ):
         subprocess.run(text.split(), capture_output=True)
 
 

@@ -1,11 +1,13 @@
 """Damping and stiffness of a ball joint as those of the coordinates that a model has there.
 
-With omega = E(q) qdot the passive torque tau = -D omega - K theta of a joint is, on a model's coordinates,
+With omega = E(q) qdot the passive torque tau = -D omega - K theta of a joint is, on a model's
+coordinates,
 
     tau_q = -E^T D E qdot - E^T K theta(q),
 
-a full matrix that changes with the pose. OpenSim's springs of coordinates have a constant and no coupling: here is what
-comes nearest over a motion, and the share that is lost, to compare with a bushing (`viscosity.identified_model`).
+a full matrix that changes with the pose. OpenSim's springs of coordinates have a constant and no
+coupling: here is what comes nearest over a motion, and the share that is lost, to compare with a
+bushing (`viscosity.identified_model`).
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ class CoordinateDamping:
     ----------
     values : by coordinate [N m s/rad], for `model.passive_dynamics.with_passive_dynamics`
     residual : root mean square of the torque that they do not express, as a share of the whole
-    matrix : (coordinates, coordinates) mean of E^T D E over the motion, what the joint has [N m s/rad]
+    matrix : (coordinates, coordinates) mean of E^T D E over the motion, what the joint has [N m
+        s/rad]
     still : coordinates that hardly move, whose value is the matrix's own
     """
 
@@ -90,30 +93,38 @@ def coordinate_damping(
     square = (speeds**2).mean(axis=0)
     still = square < STILL**2
     mean = full.mean(axis=0)
-    damping = np.where(still, np.diag(mean), (torque * speeds).mean(axis=0) / np.where(still, 1.0, square))
+    damping = np.where(
+        still, np.diag(mean), (torque * speeds).mean(axis=0) / np.where(still, 1.0, square)
+    )
     damping = np.maximum(damping, 0.0)
     names = tuple(model.coordinate_names[j] for j in moving)
     return CoordinateDamping(
-        dict(zip(names, damping.tolist(), strict=True)),
-        share(torque - damping * speeds, torque),
-        mean,
-        tuple(name for name, one in zip(names, still, strict=True) if one),
+        values=dict(zip(names, damping.tolist(), strict=True)),
+        residual=share(torque - damping * speeds, torque),
+        matrix=mean,
+        still=tuple(name for name, one in zip(names, still, strict=True) if one),
     )
 
 
 def coordinate_stiffness(
-    model: mm.Model, base: str, first: str, stiffness: ArrayLike, rest: Mapping[str, float], motion: mm.Motion
+    model: mm.Model,
+    base: str,
+    first: str,
+    stiffness: ArrayLike,
+    rest: Mapping[str, float],
+    motion: mm.Motion,
 ) -> CoordinateStiffness:
-    """Springs of coordinates nearest to the stiffness of the joint between two bodies, over a motion.
+    """Springs of coordinates nearest to the stiffness of the joint between two bodies, over a
+    motion.
 
-    A line -k_q (q - rest) is laid through every coordinate's share of -E^T K theta; one that would push away
-    from rest becomes no spring.
+    A line -k_q (q - rest) is laid through every coordinate's share of -E^T K theta; one that would
+    push away from rest becomes no spring.
 
     Parameters
     ----------
     stiffness : one value, or three along the axes of `first` [N m/rad]
-    rest : coordinates of the pose at which the joint's torque is zero, the model's defaults for the others
-        [rad or m]
+    rest : coordinates of the pose at which the joint's torque is zero, the model's defaults for the
+        others [rad or m]
     motion : such as the model will be used for
 
     Raises
@@ -125,13 +136,17 @@ def coordinate_stiffness(
     """
     K = along_axes("stiffness", stiffness)
     tree = compile_tree(model)
-    at_rest = mm.Motion(np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1))
+    at_rest = mm.Motion(
+        np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1)
+    )
     _, R_rest, _ = joint_jacobian(tree, base, first, tree.coordinates_of(at_rest))
     coordinates = tree.coordinates_of(motion)
     E, R, moving = joint_jacobian(tree, base, first, coordinates)
     theta = Rotation.from_matrix(np.swapaxes(R_rest, 1, 2) @ R).as_rotvec()
     torque = -np.einsum("fak,a,fa->fk", E, K, theta)
-    values, ends, line = {}, {}, np.zeros_like(torque)
+    values = {}
+    ends = {}
+    line = np.zeros_like(torque)
     for i, j in enumerate(moving):
         q = coordinates[:, j]
         spread = q - q.mean()
@@ -139,6 +154,8 @@ def coordinate_stiffness(
         slope = -float(spread @ torque[:, i]) / moved if moved > 1e-12 * len(q) else 0.0
         name = model.coordinate_names[j]
         values[name] = max(slope, 0.0)
-        ends[name] = float(q.mean() + torque[:, i].mean() / slope) if slope > 0.0 else float(q.mean())
+        ends[name] = (
+            float(q.mean() + torque[:, i].mean() / slope) if slope > 0.0 else float(q.mean())
+        )
         line[:, i] = -values[name] * (q - ends[name])
     return CoordinateStiffness(values, ends, share(torque - line, torque))

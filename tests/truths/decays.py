@@ -33,8 +33,9 @@ class Decay:
 
         A' = -(viscous A + coulomb + quadratic A^2),   phase' = 2 pi / period (1 - bend A^2)
 
-    which is the first order of averaging for resistance that is constant, linear or quadratic in the rate
-    (Nayfeh and Mook 1979, section 2.3). A pendulum's bend is 1 / 16 over the square of signal per radian.
+    which is the first order of averaging for resistance that is constant, linear or quadratic in
+    the rate (Nayfeh and Mook 1979, section 2.3). A pendulum's bend is 1 / 16 over the square of
+    signal per radian.
 
     Attributes
     ----------
@@ -74,7 +75,10 @@ class Decay:
     @property
     def bic(self) -> float:
         """Schwarz's criterion, likewise."""
-        return 2.0 * self.effective * float(np.log(self.residual)) + float(np.log(self.effective)) * self.free
+        return (
+            2.0 * self.effective * float(np.log(self.residual))
+            + float(np.log(self.effective)) * self.free
+        )
 
     @property
     def damping_ratio(self) -> float:
@@ -84,25 +88,34 @@ class Decay:
 
     def decrement(self, amplitude: float) -> float:
         """Logarithmic decrement of one period from an amplitude on."""
-        return float((self.viscous + self.coulomb / amplitude + self.quadratic * amplitude) * self.period)
+        return float(
+            (self.viscous + self.coulomb / amplitude + self.quadratic * amplitude) * self.period
+        )
 
     def viscosity(self, inertia: float) -> float:
-        """The d of I theta'' = -d theta' that makes the viscous part, inertia about the axis [N m s/rad]."""
+        """The d of I theta'' = -d theta' that makes the viscous part, inertia about the axis [N m
+        s/rad].
+        """
         return 2.0 * self.viscous * inertia
 
     def friction(self, stiffness: float) -> float:
-        """Torque of constant friction that makes the Coulomb part of a pendulum of stiffness m g l [N m].
+        """Torque of constant friction that makes the Coulomb part of a pendulum of stiffness m g l
+        [N m].
 
         A swing loses 4 torque / stiffness of its angle every period.
         """
         return self.coulomb / self.signal_per_radian() * stiffness * self.period / 4.0
 
     def signal_per_radian(self) -> float:
-        """The signal's amplitude at a swing of 1 rad, if the bend is that of a pendulum; infinite without."""
+        """The signal's amplitude at a swing of 1 rad, if the bend is that of a pendulum; infinite
+        without.
+        """
         return float(0.25 / np.sqrt(self.bend)) if self.bend > 0.0 else float("inf")
 
 
-def fit_decay(time: Array, signal: Array, terms: Sequence[str] = ("viscous",), bend: bool = True) -> Decay:
+def fit_decay(
+    time: Array, signal: Array, terms: Sequence[str] = ("viscous",), bend: bool = True
+) -> Decay:
     """Least squares of a decaying oscillation to a signal of an angle or a rate.
 
     Parameters
@@ -124,11 +137,24 @@ def fit_decay(time: Array, signal: Array, terms: Sequence[str] = ("viscous",), b
     since = time - time[0]
     start, period = _start(since, signal)
     if not since[-1] > 3.0 * period:
-        raise mm.BadData(f"a decay needs three periods or more, but the signal holds {since[-1] / period:.1f}")
+        raise mm.BadData(
+            f"a decay needs three periods or more, but the signal holds {since[-1] / period:.1f}"
+        )
     free = [True, True, True, True, *(name in terms for name in DAMPINGS), bend]
     chosen = np.flatnonzero(free)
     size = float(np.std(signal))
-    unit = np.array([size, size, 1.0, 2.0 * np.pi / period / 100.0, 0.01, 0.01 * size, 0.01 / size, 1e-3 / size**2])
+    unit = np.array(
+        [
+            size,
+            size,
+            1.0,
+            2.0 * np.pi / period / 100.0,
+            0.01,
+            0.01 * size,
+            0.01 / size,
+            1e-3 / size**2,
+        ]
+    )
 
     def whole(x: Array) -> Array:
         full = np.zeros(8)
@@ -145,9 +171,13 @@ def fit_decay(time: Array, signal: Array, terms: Sequence[str] = ("viscous",), b
     offset, amplitude, phase, omega, *damping, bent = whole(fit.x).tolist()
     inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
     blocks = np.floor(since / period).astype(int)
-    scores = np.stack([(fit.jac[blocks == i] * fit.fun[blocks == i, None]).sum(axis=0) for i in np.unique(blocks)])
+    scores = np.stack(
+        [(fit.jac[blocks == i] * fit.fun[blocks == i, None]).sum(axis=0) for i in np.unique(blocks)]
+    )
     free_count = len(chosen)
-    sandwich = inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free_count, 1)
+    sandwich = (
+        inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free_count, 1)
+    )
     white = inverse * float(fit.fun @ fit.fun) / (len(signal) - free_count)
     deviations, plain = (np.zeros(8) for _ in range(2))
     deviations[chosen] = np.sqrt(np.diag(sandwich)) * unit[chosen]
@@ -172,15 +202,20 @@ def fit_decay(time: Array, signal: Array, terms: Sequence[str] = ("viscous",), b
     )
 
 
-def compare_decays(time: Array, signal: Array, laws: Sequence[tuple[str, ...]] = LAWS) -> tuple[Decay, ...]:
-    """Every law of damping fitted; criteria count the independent samples of the best law's residual."""
+def compare_decays(
+    time: Array, signal: Array, laws: Sequence[tuple[str, ...]] = LAWS
+) -> tuple[Decay, ...]:
+    """Every law of damping fitted; criteria count the independent samples of the best law's
+    residual.
+    """
     fits = [fit_decay(time, signal, terms) for terms in laws]
     samples = min(fits, key=lambda one: one.residual).effective
     return tuple(one.judged(samples) for one in fits)
 
 
 def compound_inertia(mass: float, gravity: float, distance: float, period: float) -> float:
-    """Inertia about the mass center of a body that swings about an axis at a distance from it [kg m^2].
+    """Inertia about the mass center of a body that swings about an axis at a distance from it [kg
+    m^2].
 
     I = m g l (T / 2 pi)^2 - m l^2, T the period at small amplitudes without damping.
     """
@@ -188,12 +223,16 @@ def compound_inertia(mass: float, gravity: float, distance: float, period: float
 
 
 def torsional_inertia(rod: float, rod_period: float, period: float) -> float:
-    """Inertia about the wire of a body on the wire on which a rod of known inertia had a known period [kg m^2]."""
+    """Inertia about the wire of a body on the wire on which a rod of known inertia had a known
+    period [kg m^2].
+    """
     return rod * (period / rod_period) ** 2
 
 
 def _signal(since: Array, parameters: Array) -> Array:
-    """The signal (frames,) of (8,) offset, amplitude, phase, angular frequency, three dampings, bend."""
+    """The signal (frames,) of (8,) offset, amplitude, phase, angular frequency, three dampings,
+    bend.
+    """
     offset, amplitude, phase, omega, a, b, q, bend = parameters
     count = 2 * max(int(np.ceil(since[-1] * omega / (2.0 * np.pi) * STEPS / 2.0)), 4) + 1
     grid = np.linspace(0.0, since[-1], count)
@@ -204,7 +243,8 @@ def _signal(since: Array, parameters: Array) -> Array:
 
 def _amplitudes(first: float, a: float, b: float, q: float, grid: Array) -> Array:
     """A on a grid of even times, at least 0: Runge-Kutta of order 4."""
-    h, A = float(grid[1] - grid[0]), abs(first)
+    h = float(grid[1] - grid[0])
+    A = abs(first)
     found = np.empty(len(grid))
     for i in range(len(grid)):
         found[i] = A
@@ -225,8 +265,19 @@ def _start(since: Array, signal: Array) -> tuple[Array, float]:
     near = slice(max(peak - 1, 1), peak + 2)
     omega = 2.0 * np.pi * float(np.average(frequency[near], weights=power[near]))
     early = since < 6.0 * np.pi / omega
-    columns = np.stack([np.ones(early.sum()), np.cos(omega * since[early]), np.sin(omega * since[early])], axis=1)
+    columns = np.stack(
+        [np.ones(early.sum()), np.cos(omega * since[early]), np.sin(omega * since[early])], axis=1
+    )
     offset, x, y = np.linalg.lstsq(columns, signal[early], rcond=None)[0]
     decay = 0.01 * omega / (2.0 * np.pi)
-    start = [offset, np.hypot(x, y), np.arctan2(-y, x), omega, decay, 0.1 * decay * np.hypot(x, y), 0.0, 0.0]
+    start = [
+        offset,
+        np.hypot(x, y),
+        np.arctan2(-y, x),
+        omega,
+        decay,
+        0.1 * decay * np.hypot(x, y),
+        0.0,
+        0.0,
+    ]
     return np.array(start), 2.0 * np.pi / omega

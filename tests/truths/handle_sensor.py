@@ -1,13 +1,15 @@
-"""A force sensor in the handle of a carried object: its orientation on it and its clock, from the object's own motion.
+"""A force sensor in the handle of a carried object: its orientation on it and its clock, from the
+object's own motion.
 
-While nothing but hands holds an object of mass m, they push it with m (a - g). The sensor of one handle measures its
-share of that. Two hands can also squeeze the object along the line between them, which moves nothing, so with two
-hands only what lies across that line is known: for frames t and the line's direction e in the object's axes,
+While nothing but hands holds an object of mass m, they push it with m (a - g). The sensor of one
+handle measures its share of that. Two hands can also squeeze the object along the line between
+them, which moves nothing, so with two hands only what lies across that line is known: for frames t
+and the line's direction e in the object's axes,
 
     Q f(t - offset) = share m R^T (a + R'' c - g) + lambda(t) e + constant,
 
-with R, a the object's orientation and acceleration, c the point of the object whose acceleration counts, Q the
-sensor's axes in the object, and lambda free in every frame.
+with R, a the object's orientation and acceleration, c the point of the object whose acceleration
+counts, Q the sensor's axes in the object, and lambda free in every frame.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ STARTS = 3
 """Random turns that are tried beside the one that the linear problem gives."""
 
 LEAST_TURN = 0.1
-"""The object must turn or be accelerated by that share of gravity for its handle's orientation to show."""
+"""The object must turn or be accelerated by that share of gravity for its handle's orientation to
+show.
+"""
 
 BLOCK = 0.2
 """Time over which residuals go together, for the standard deviations [s]."""
@@ -91,13 +95,16 @@ class HandleFit:
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
-def object_motion(markers: mm.Markers, names: tuple[str, ...], cutoff: float, reference: int = 0) -> ObjectMotion:
+def object_motion(
+    markers: mm.Markers, names: tuple[str, ...], cutoff: float, reference: int = 0
+) -> ObjectMotion:
     """Rigid motion of an object by its markers (Kabsch 1976 in every frame), low-pass filtered.
 
     Parameters
     ----------
     cutoff : of the low-pass filter [Hz]
-    reference : frame in which the object's axes are the laboratory's; every marker must be seen in it
+    reference : frame in which the object's axes are the laboratory's; every marker must be seen in
+        it
 
     Raises
     ------
@@ -107,17 +114,28 @@ def object_motion(markers: mm.Markers, names: tuple[str, ...], cutoff: float, re
     seen: np.ndarray = np.isfinite(values[:, :, 0])
     if not seen[reference].all():
         hidden = names[int(np.argmin(seen[reference]))]
-        raise mm.BadData(f"marker '{hidden}' of the object is not seen in frame {reference}: choose another reference")
+        raise mm.BadData(
+            f"marker '{hidden}' of the object is not seen in frame {reference}: choose another"
+            " reference"
+        )
     if seen.sum(axis=1).min() < 3:
-        raise mm.BadData(f"fewer than three markers of the object are seen in frame {int(np.argmin(seen.sum(axis=1)))}")
+        raise mm.BadData(
+            "fewer than three markers of the object are seen in frame"
+            f" {int(np.argmin(seen.sum(axis=1)))}"
+        )
     shape = values[reference] - values[reference].mean(axis=0)
-    rotations, places, residual = np.empty((len(values), 3, 3)), np.empty((len(values), 3)), np.empty(len(values))
+    rotations = np.empty((len(values), 3, 3))
+    places = np.empty((len(values), 3))
+    residual = np.empty(len(values))
     for k, (row, there) in enumerate(zip(values, seen, strict=True)):
-        own, goal = shape[there], row[there]
+        own = shape[there]
+        goal = row[there]
         u, _, vt = np.linalg.svd((goal - goal.mean(axis=0)).T @ (own - own.mean(axis=0)))
         rotations[k] = (u * np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])) @ vt
         places[k] = goal.mean(axis=0) - rotations[k] @ own.mean(axis=0)
-        residual[k] = np.sqrt(np.mean(np.sum((own @ rotations[k].T + places[k] - goal) ** 2, axis=1)))
+        residual[k] = np.sqrt(
+            np.mean(np.sum((own @ rotations[k].T + places[k] - goal) ** 2, axis=1))
+        )
     smooth = lowpass(np.hstack([rotations.reshape(-1, 9), places]), markers.rate, cutoff)
     spline = natural_spline(markers.time, smooth).derivative(2)(markers.time)
     return ObjectMotion(
@@ -140,16 +158,19 @@ def fit_handle(
     line: Array | None = None,
     constant: bool = False,
 ) -> HandleFit:
-    """Orientation of a handle's sensor, the mass it carries and its clock, by least squares over the frames held.
+    """Orientation of a handle's sensor, the mass it carries and its clock, by least squares over
+    the frames held.
 
     Parameters
     ----------
     held : (frames,) whether only hands hold the object
-    force_time, force : (samples,) [s], (samples, 3) of the hand on the object, tared, in the sensor's axes [N]
+    force_time, force : (samples,) [s], (samples, 3) of the hand on the object, tared, in the
+        sensor's axes [N]
     gravity : (3,) in the laboratory [m/s^2]
     cutoff : of the low-pass filter, that of the motion [Hz]
     line : (3,) from hand to hand in the object's axes, None if one hand holds it alone
-    constant : estimate what the tare left too; it is told from the orientation only where the object turns
+    constant : estimate what the tare left too; it is told from the orientation only where the
+        object turns
 
     Raises
     ------
@@ -164,20 +185,28 @@ def fit_handle(
     size = float(np.linalg.norm(gravity))
     if float(np.linalg.norm(pull - pull.mean(axis=0), axis=1).max()) < LEAST_TURN * size:
         raise mm.BadData(
-            "the object neither turns nor is accelerated while it is held: its handle's orientation about the vertical "
-            "does not show; tilt it"
+            "the object neither turns nor is accelerated while it is held: its handle's orientation"
+            " about the vertical does not show; tilt it"
         )
     turning = np.einsum("nij,njk->nik", back, motion.turning[held])
     rate = (len(force_time) - 1) / float(force_time[-1] - force_time[0])
     few = max(1, int(rate / (40.0 * cutoff)))
     spline = natural_spline(force_time[::few], lowpass(force, rate, cutoff)[::few], degree=3)
     along = np.zeros((3, 3)) if line is None else np.outer(line, line) / float(line @ line)
-    problem = _Held(time, pull, turning, lambda at: spline(np.clip(at, force_time[0], force_time[-1])), along, constant)
+    problem = _Held(
+        time,
+        pull,
+        turning,
+        lambda at: spline(np.clip(at, force_time[0], force_time[-1])),
+        along,
+        constant,
+    )
     return problem.solved()
 
 
 def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
-    """Point (3,) in the sensor's axes through which the force passes best, and what remains of the torque.
+    """Point (3,) in the sensor's axes through which the force passes best, and what remains of the
+    torque.
 
     Least squares of torque = point x force; the remainder is the couple of the hand's grip.
 
@@ -198,7 +227,9 @@ def grip_point(force: Array, torque: Array) -> tuple[Array, float]:
 
 
 class _Held:
-    """Residuals of a handle's force; parameters: rotation vector, share, point, offset and, if wanted, a constant."""
+    """Residuals of a handle's force; parameters: rotation vector, share, point, offset and, if
+    wanted, a constant.
+    """
 
     def __init__(
         self,
@@ -209,8 +240,13 @@ class _Held:
         along: Array,
         constant: bool,
     ):
-        self.time, self.pull, self.turning, self.force = time, pull, turning, force
-        self.along, self.across, self.constant = along, np.eye(3) - along, constant
+        self.time = time
+        self.pull = pull
+        self.turning = turning
+        self.force = force
+        self.along = along
+        self.across = np.eye(3) - along
+        self.constant = constant
 
     def apart(self, x: Array) -> Array:
         """Measured less expected force (frames, 3) in the object's axes [N]."""
@@ -230,11 +266,14 @@ class _Held:
                 best = found
         if best is None:
             raise mm.BadData(
-                "the handle's force fits the object's motion only with a negative mass: is its sign reversed?"
+                "the handle's force fits the object's motion only with a negative mass: is its sign"
+                " reversed?"
             )
-        x, covariance = best.x, self._covariance(best.jac, best.fun)
+        x = best.x
+        covariance = self._covariance(best.jac, best.fun)
         if self.constant:
-            # What of the constant lies along the hands' line is squeeze as well: it is left to that.
+            # What of the constant lies along the hands' line is squeeze as well: it is left to
+            # that.
             x[8:11] = _rotation(x[:3]).T @ self.across @ _rotation(x[:3]) @ x[8:11]
         deviations = np.sqrt(np.diag(covariance))
         apart = self.apart(x)
@@ -249,15 +288,23 @@ class _Held:
             offset=float(0.01 * x[7]),
             offset_sd=float(0.01 * deviations[7]),
             constant=frozen_array(x[8:11] if self.constant else np.zeros(3)),
-            squeeze=frozen_array(apart @ direction / length if length > 0 else np.zeros(len(apart))),
+            squeeze=frozen_array(
+                apart @ direction / length if length > 0 else np.zeros(len(apart))
+            ),
             residuals=frozen_array(apart @ self.across),
         )
 
     def _share(self) -> float:
-        return float(np.mean(np.linalg.norm(self.force(self.time), axis=1) / np.linalg.norm(self.pull, axis=1)))
+        return float(
+            np.mean(
+                np.linalg.norm(self.force(self.time), axis=1) / np.linalg.norm(self.pull, axis=1)
+            )
+        )
 
     def _linear(self) -> Array:
-        """Rotation vector (3,) of the axes whose pull is linear in the force: e . pull = (Q^T e / share) . force."""
+        """Rotation vector (3,) of the axes whose pull is linear in the force: e . pull = (Q^T e /
+        share) . force.
+        """
         across = np.linalg.svd(self.across)[0][:, : round(float(np.trace(self.across)))]
         found = np.linalg.lstsq(self.force(self.time), self.pull @ across, rcond=1e-3)[0]
         # Columns of Q^T across, made orthonormal; a third follows from the other two.
@@ -274,10 +321,15 @@ class _Held:
     def _covariance(self, slopes: Array, left: Array) -> Array:
         """Sandwich of block sums."""
         number = np.repeat(np.floor((self.time - self.time[0]) / BLOCK).astype(np.int64), 3)
-        scores = np.stack([np.bincount(number, weights=column * left) for column in slopes.T], axis=1)
-        blocks, count = len(np.unique(number)), slopes.shape[1]
+        scores = np.stack(
+            [np.bincount(number, weights=column * left) for column in slopes.T], axis=1
+        )
+        blocks = len(np.unique(number))
+        count = slopes.shape[1]
         inverse = np.linalg.pinv(slopes.T @ slopes)
-        covariance: Array = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - count, 1)
+        covariance: Array = (
+            inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - count, 1)
+        )
         return covariance
 
 

@@ -1,4 +1,6 @@
-"""Whether the folders of studies are whole and equal: every file opened, every byte or value compared."""
+"""Whether the folders of studies are whole and equal: every file opened, every byte or value
+compared.
+"""
 
 from __future__ import annotations
 
@@ -91,33 +93,49 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def differences(folder: Path, reference: Path, whole: bool = True) -> tuple[int, list[str]]:
-    """How many files were compared with those of another folder, and which are not equal byte for byte.
+    """How many files were compared with those of another folder, and which are not equal byte for
+    byte.
 
     Parameters
     ----------
-    whole : whether both must have the same files; else only trials' files that are there are compared
+    whole : whether both must have the same files; else only trials' files that are there are
+        compared
     """
     here = {path.relative_to(folder): path for path in finished(folder) if path.name not in OWN}
-    there = {path.relative_to(reference): path for path in finished(reference) if path.name not in OWN}
+    there = {
+        path.relative_to(reference): path for path in finished(reference) if path.name not in OWN
+    }
     if not whole:
-        here = {name: path for name, path in here.items() if len(name.parts) > 2 and ".steps" not in name.parts}
+        here = {
+            name: path
+            for name, path in here.items()
+            if len(name.parts) > 2 and ".steps" not in name.parts
+        }
     told = [f"{name}: is not in the other" for name in sorted(set(here) - set(there))]
     if whole:
         told += [f"{name}: is missing" for name in sorted(set(there) - set(here))]
     both = sorted(set(here) & set(there))
-    told += [f"{name}: differs" for name in both if here[name].read_bytes() != there[name].read_bytes()]
+    told += [
+        f"{name}: differs" for name in both if here[name].read_bytes() != there[name].read_bytes()
+    ]
     return len(both), told
 
 
 def left_over(folder: Path) -> list[str]:
     """Files and folders that are not finished."""
-    return [str(path.relative_to(folder)) for path in sorted(folder.rglob("*")) if UNFINISHED.match(path.name)]
+    return [
+        str(path.relative_to(folder))
+        for path in sorted(folder.rglob("*"))
+        if UNFINISHED.match(path.name)
+    ]
 
 
 def computed_twice(folder: Path) -> list[str]:
     """Steps of finished trials that later runs computed again, from the times that the runs wrote."""
     with (folder / "timings.csv").open(encoding="utf-8", newline="") as stream:
-        rows = Counter((row["subject"], row["trial"], row["step"]) for row in csv.DictReader(stream))
+        rows = Counter(
+            (row["subject"], row["trial"], row["step"]) for row in csv.DictReader(stream)
+        )
     return [f"{'/'.join(key)}: {count} times" for key, count in sorted(rows.items()) if count > 1]
 
 
@@ -139,4 +157,8 @@ def ended(folder: Path) -> int:
 def _lines(folder: Path, event: str) -> list[str]:
     """Lines of the log that tell of an event."""
     log = folder / "study.log"
-    return re.findall(rf"^\S+ {event} .*", log.read_text(encoding="utf-8"), re.MULTILINE) if log.is_file() else []
+    return (
+        re.findall(rf"^\S+ {event} .*", log.read_text(encoding="utf-8"), re.MULTILINE)
+        if log.is_file()
+        else []
+    )

@@ -1,7 +1,7 @@
 """The 26 persons of the shape model LLP26: nodes in correspondence, and triangles over them.
 
-The elements of GIAS "fieldwork" meshes are squares and triangles with rows of nodes; a triangle mesh over the nodes
-themselves needs no shape functions.
+The elements of GIAS "fieldwork" meshes are squares and triangles with rows of nodes; a triangle
+mesh over the nodes themselves needs no shape functions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,13 @@ BONES = {
 }
 """Mesh and number of nodes, in the order of the model's nodes."""
 
-ROWS = {"quad44": [4] * 4, "quad54": [5] * 4, "quad55": [5] * 5, "tri10": [4, 3, 2, 1], "tri15": [5, 4, 3, 2, 1]}
+ROWS = {
+    "quad44": [4] * 4,
+    "quad54": [5] * 4,
+    "quad55": [5] * 5,
+    "tri10": [4, 3, 2, 1],
+    "tri15": [5, 4, 3, 2, 1],
+}
 """Nodes in each row of an element."""
 
 
@@ -48,9 +54,12 @@ def leg_shapes() -> dict[str, Shapes]:
     model = np.load(folder / "shape_models" / "LLP26_rigid.npz")
     persons = (model["mean"][:, None] + model["modes"] @ model["projectedWeights"]).T
     nodes = 1e-3 * persons.reshape(len(persons), 3, -1).transpose(0, 2, 1)
-    first, shapes = 0, {}
+    first = 0
+    shapes = {}
     for bone, (mesh, count) in BONES.items():
-        shapes[bone] = Shapes(nodes[:, first : first + count], mesh_faces(folder / "atlas_meshes", mesh))
+        shapes[bone] = Shapes(
+            nodes[:, first : first + count], mesh_faces(folder / "atlas_meshes", mesh)
+        )
         first += count
     return shapes
 
@@ -59,7 +68,10 @@ def mesh_faces(folder: Path, name: str) -> np.ndarray:
     """Triangles (m, 3) over the nodes of a mesh: elements share nodes, numbered as they first come."""
     mesh = json.loads((folder / f"{name}.mesh").read_text())
     order = json.loads((folder / f"{name}.ens").read_text())["custom_map"]
-    shared = {_pair(one): [_pair(other) for other in text.split()] for one, text in mesh["connectivity"].items()}
+    shared = {
+        _pair(one): [_pair(other) for other in text.split()]
+        for one, text in mesh["connectivity"].items()
+    }
     number: dict[tuple[int, int], int] = {}
     count = 0
     for place in sorted(shared):
@@ -69,10 +81,14 @@ def mesh_faces(folder: Path, name: str) -> np.ndarray:
             number[one] = count if order is None else order[str(count)]
         count += 1
     faces = []
-    for element, kind in sorted((int(one), text.split()[1]) for one, text in mesh["elements"].items()):
+    for element, kind in sorted(
+        (int(one), text.split()[1]) for one, text in mesh["elements"].items()
+    ):
         faces += [[number[element, node] for node in corner] for corner in _corners(ROWS[kind])]
     found = np.array(faces)
-    return found[(found[:, 0] != found[:, 1]) & (found[:, 1] != found[:, 2]) & (found[:, 2] != found[:, 0])]
+    return found[
+        (found[:, 0] != found[:, 1]) & (found[:, 1] != found[:, 2]) & (found[:, 2] != found[:, 0])
+    ]
 
 
 def _pair(text: str) -> tuple[int, int]:
@@ -85,7 +101,8 @@ def _corners(rows: list[int]) -> list[tuple[int, int, int]]:
     start = np.concatenate([[0], np.cumsum(rows)])
     found = []
     for k in range(len(rows) - 1):
-        low, high = start[k], start[k + 1]
+        low = start[k]
+        high = start[k + 1]
         for i in range(rows[k] - 1):
             if i < rows[k + 1]:
                 found.append((low + i, low + i + 1, high + i))

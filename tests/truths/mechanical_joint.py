@@ -1,8 +1,9 @@
-"""A mechanical joint whose inertia, damping and stiffness are known, swung in MuJoCo: an engine that is not ours.
+"""A mechanical joint whose inertia, damping and stiffness are known, swung in MuJoCo: an engine
+that is not ours.
 
-A bent limb about as large as an arm hangs on a base by a hinge or a ball joint with a damper and a spring,
-is let go several times, and is seen as a laboratory sees it: markers and the wrench on the base, each with
-noise and on its own clock. [S] names this experiment as the check that it lacks.
+A bent limb about as large as an arm hangs on a base by a hinge or a ball joint with a damper and a
+spring, is let go several times, and is seen as a laboratory sees it: markers and the wrench on the
+base, each with noise and on its own clock. [S] names this experiment as the check that it lacks.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ def on_true_clock(wrenches: mm.Wrenches, noise: Noise) -> mm.Wrenches:
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
-    """Quaternions (frames, 4) that turn places (markers, 3) onto what was seen (frames, markers, 3)."""
+    """Quaternions (frames, 4) that turn places (markers, 3) onto what was seen (frames, markers,
+    3).
+    """
     if axis is not None:
         angle = np.arctan2(
             np.einsum("fmi,mi->f", seen, np.cross(axis, places)),
@@ -57,8 +60,11 @@ def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
     return continuous(Rotation.from_matrix(left @ right).as_quat(scalar_first=True))
 
 
-def moment_rows(rotations: Array, rates: Array, accelerations: Array, gravity: Array) -> tuple[Array, Array]:
-    """(frames, 3, 10) moment about a fixed point of the body and force that unit parameters need, in its axes.
+def moment_rows(
+    rotations: Array, rates: Array, accelerations: Array, gravity: Array
+) -> tuple[Array, Array]:
+    """(frames, 3, 10) moment about a fixed point of the body and force that unit parameters need,
+    in its axes.
 
     n = I alpha + omega x I omega - m c x g,  f = -m g + alpha x m c + omega x (omega x m c).
     """
@@ -83,10 +89,15 @@ def _inertia_columns(vectors: Array) -> Array:
     """(frames, 3, 6) with columns I_xx, I_yy, I_zz, I_yz, I_zx, I_xy of I @ vector."""
     x, y, z = vectors.T
     table = np.zeros((len(vectors), 3, 6))
-    table[:, 0, 0], table[:, 1, 1], table[:, 2, 2] = x, y, z
-    table[:, 1, 3], table[:, 2, 3] = z, y
-    table[:, 2, 4], table[:, 0, 4] = x, z
-    table[:, 0, 5], table[:, 1, 5] = y, x
+    table[:, 0, 0] = x
+    table[:, 1, 1] = y
+    table[:, 2, 2] = z
+    table[:, 1, 3] = z
+    table[:, 2, 3] = y
+    table[:, 2, 4] = x
+    table[:, 0, 4] = z
+    table[:, 0, 5] = y
+    table[:, 1, 5] = x
     return table
 
 
@@ -97,7 +108,10 @@ CENTER = np.array([0.1, -0.2, 1.4])
 PLATE = np.array([0.1, -0.2, 1.7])
 """Origin of the plate that carries the base, in ground [m]."""
 BASE_MARKERS: Mapping[str, Array] = FrozenMap(
-    {f"base_{i}": np.array(one) for i, one in enumerate(((0.06, 0.0, 0.08), (-0.04, 0.05, 0.1), (-0.04, -0.05, 0.06)))}
+    {
+        f"base_{i}": np.array(one)
+        for i, one in enumerate(((0.06, 0.0, 0.08), (-0.04, 0.05, 0.1), (-0.04, -0.05, 0.06)))
+    }
 )
 """From the joint's center, in ground [m]."""
 LIMB_MARKERS: Mapping[str, Array] = FrozenMap(
@@ -174,8 +188,8 @@ class JointTruth:
     def passive_torque(self, angles: Array, rates: Array) -> Array:
         """(frames, axes) torque of damper and spring [N m].
 
-        A ball joint's spring pulls along the rotation vector from its rest, here equal to `angles - rest`
-        only where the rest is hanging.
+        A ball joint's spring pulls along the rotation vector from its rest, here equal to `angles -
+        rest` only where the rest is hanging.
         """
         return -self.damping * rates - self.stiffness * (angles - self.rest)
 
@@ -200,7 +214,9 @@ class VirtualJoint:
         """The same joint as a model: the base free in ground, markers on base and limb."""
         text = self.mjcf.replace("<!--free-->", FREE)
         return model_from_mujoco(
-            mujoco.MjModel.from_xml_string(text), name="virtual joint", marker_sites=r"(base|limb)_\d"
+            mujoco.MjModel.from_xml_string(text),
+            name="virtual joint",
+            marker_sites=r"(base|limb)_\d",
         )
 
     def swings(self, cutoff: float = 10.0) -> tuple[SwingRecording, ...]:
@@ -210,7 +226,9 @@ class VirtualJoint:
     def exact_swings(self, rate: float = 200.0) -> tuple[SwingRecording, ...]:
         """Every trial as equations, without noise, filter or difference quotient."""
         every = round(1.0 / (STEP * rate))
-        return tuple(_equations(trial.name, self.truth, trial.exact.every(every)) for trial in self.trials)
+        return tuple(
+            _equations(trial.name, self.truth, trial.exact.every(every)) for trial in self.trials
+        )
 
     def _swing(self, trial: VirtualTrial, cutoff: float) -> SwingRecording:
         time = trial.markers.time
@@ -219,12 +237,21 @@ class VirtualJoint:
         motion = mm.differentiate(mm.Motion(time, ("w", "x", "y", "z"), quaternions), cutoff)
         assert motion.velocities is not None
         assert motion.accelerations is not None
-        turns, rates, accelerations = angular_motion(motion.values, motion.velocities, motion.accelerations)
+        turns, rates, accelerations = angular_motion(
+            motion.values, motion.velocities, motion.accelerations
+        )
         found = mm.resample_wrenches(on_true_clock(trial.wrenches, self.noise), time, cutoff)
         force = found.forces[:, 0]
         moment = found.torques[:, 0] + np.cross(found.points[:, 0] - CENTER, force)
         wrench = np.concatenate([moment, force], axis=1)
-        seen = Sampled(time, turns.as_matrix(), rates, accelerations, wrench, np.zeros((len(time), 0)))
+        seen = Sampled(
+            time=time,
+            rotations=turns.as_matrix(),
+            rates=rates,
+            accelerations=accelerations,
+            wrench=wrench,
+            lengthening=np.zeros((len(time), 0)),
+        )
         return _equations(trial.name, self.truth, seen, 2.0 / cutoff)
 
 
@@ -249,8 +276,8 @@ def mechanical_joint(
     stiffness : of the spring towards `rest`, every axis [N m/rad]
     seed : of the limb's shape, the releases and the noise
     seconds : length of a trial [s]
-    rest : (axes,) angle or rotation vector from hanging at which the spring is slack [rad]; hanging itself
-        by default
+    rest : (axes,) angle or rotation vector from hanging at which the spring is slack [rad]; hanging
+        itself by default
     swing : size of the releases; 1 for 0.5 to 1.1 rad
 
     Raises
@@ -260,13 +287,24 @@ def mechanical_joint(
     if kind not in ("hinge", "ball"):
         raise mm.BadData(f"a virtual joint of kind '{kind}': try 'hinge' or 'ball'")
     if damping < 0.0 or stiffness < 0.0:
-        raise mm.BadData(f"damping {damping} and stiffness {stiffness} of a virtual joint must not be negative")
+        raise mm.BadData(
+            f"damping {damping} and stiffness {stiffness} of a virtual joint must not be negative"
+        )
     random = np.random.default_rng(seed)
     noise = noise or Noise()
     limb = _limb(random)
     axis = _level(random) if kind == "hinge" else None
-    slack = np.zeros(3 if axis is None else 1) if rest is None else np.asarray(rest, dtype=np.float64)
-    truth = JointTruth(kind, float(damping), float(stiffness), slack, axis, limb)
+    slack = (
+        np.zeros(3 if axis is None else 1) if rest is None else np.asarray(rest, dtype=np.float64)
+    )
+    truth = JointTruth(
+        kind=kind,
+        damping=float(damping),
+        stiffness=float(stiffness),
+        rest=slack,
+        axis=axis,
+        parameters=limb,
+    )
     text = _mjcf(truth, BASE_MARKERS, LIMB_MARKERS)
     compiled = mujoco.MjModel.from_xml_string(text)
     if axis is None:
@@ -279,31 +317,39 @@ def mechanical_joint(
         exact = simulate(compiled, qpos, rates, seconds, STEP)
         made.append(
             VirtualTrial(
-                f"release {number + 1}",
-                measured_markers(exact, CENTER, at_base, LIMB_MARKERS, noise, random),
-                measured_wrench(exact, CENTER, PLATE, "base", noise, random),
-                exact,
+                name=f"release {number + 1}",
+                markers=measured_markers(exact, CENTER, at_base, LIMB_MARKERS, noise, random),
+                wrenches=measured_wrench(exact, CENTER, PLATE, "base", noise, random),
+                exact=exact,
             )
         )
-    return VirtualJoint(truth, tuple(made), noise, text, LIMB_MARKERS)
+    return VirtualJoint(
+        truth=truth, trials=tuple(made), noise=noise, mjcf=text, places=LIMB_MARKERS
+    )
 
 
 def _limb(random: np.random.Generator) -> Array:
-    """Inertial parameters (10,) of two thick rods, upper arm and bent forearm, hanging: the mass center below."""
+    """Inertial parameters (10,) of two thick rods, upper arm and bent forearm, hanging: the mass
+    center below.
+    """
     bend = np.deg2rad(random.uniform(30.0, 70.0))
     turn = axis_rotation((0.0, 0.0, 1.0), random.uniform(0.0, 2.0 * np.pi))
-    upper, fore = np.array([0.0, 0.0, -1.0]), turn @ np.array([np.sin(bend), 0.0, -np.cos(bend)])
+    upper = np.array([0.0, 0.0, -1.0])
+    fore = turn @ np.array([np.sin(bend), 0.0, -np.cos(bend)])
     lengths = random.uniform((0.28, 0.36), (0.34, 0.44))
-    masses, radius = random.uniform((1.0, 0.8), (1.3, 1.1)), 0.04
+    masses = random.uniform((1.0, 0.8), (1.3, 1.1))
+    radius = 0.04
     centers = np.stack([0.5 * lengths[0] * upper, lengths[0] * upper + 0.5 * lengths[1] * fore])
     first = masses @ centers
     level = _turn_onto(first, upper)
     inertia = np.zeros((3, 3))
     for mass, center, along, length in zip(masses, centers, (upper, fore), lengths, strict=True):
-        thin, thick = 0.5 * mass * radius**2, mass * (radius**2 / 4.0 + length**2 / 12.0)
+        thin = 0.5 * mass * radius**2
+        thick = mass * (radius**2 / 4.0 + length**2 / 12.0)
         inertia += thick * np.eye(3) + (thin - thick) * np.outer(along, along)
         inertia += mass * (center @ center * np.eye(3) - np.outer(center, center))
-    inertia, first = level @ inertia @ level.T, level @ first
+    inertia = level @ inertia @ level.T
+    first = level @ first
     off = (inertia[1, 2], inertia[2, 0], inertia[0, 1])
     return np.array([masses.sum(), *first, *np.diag(inertia), *off])
 
@@ -313,7 +359,11 @@ def _turn_onto(vector: Array, unit: Array) -> Array:
     start = vector / np.linalg.norm(vector)
     axis = np.cross(start, unit)
     sine = float(np.linalg.norm(axis))
-    return axis_rotation(axis / sine, float(np.arctan2(sine, start @ unit))) if sine > 1e-12 else np.eye(3)
+    return (
+        axis_rotation(axis / sine, float(np.arctan2(sine, start @ unit)))
+        if sine > 1e-12
+        else np.eye(3)
+    )
 
 
 def _level(random: np.random.Generator) -> Array:
@@ -322,7 +372,8 @@ def _level(random: np.random.Generator) -> Array:
 
 
 def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tuple[Array, Array]:
-    """Where and how fast the limb is let go: (axes,) angle or rotation vector and rates along the limb's axes.
+    """Where and how fast the limb is let go: (axes,) angle or rotation vector and rates along the
+    limb's axes.
 
     A ball joint gets a push across the swing, which makes it conical, and one about its long axis.
     """
@@ -337,9 +388,16 @@ def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tu
 
 def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array]) -> str:
     """The joint as MJCF; the base is fixed, and free where `<!--free-->` becomes a joint."""
-    hinge = "" if truth.axis is None else f'axis="{text(truth.axis)}" springref="{text(np.rad2deg(truth.rest))}"'
+    hinge = (
+        ""
+        if truth.axis is None
+        else f'axis="{text(truth.axis)}" springref="{text(np.rad2deg(truth.rest))}"'
+    )
     sites = [
-        [f'<site name="{name}" pos="{text(place)}" size="0.0045"/>' for name, place in places.items()]
+        [
+            f'<site name="{name}" pos="{text(place)}" size="0.0045"/>'
+            for name, place in places.items()
+        ]
         for places in (base, limb)
     ]
     return f"""<mujoco model="virtual joint">
@@ -360,26 +418,29 @@ def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array
 
 
 def _equations(name: str, truth: JointTruth, seen: Sampled, ends: float = 0.0) -> SwingRecording:
-    """A swing as the linear equations of its limb's parameters; so many seconds at its `ends` are not used."""
+    """A swing as the linear equations of its limb's parameters; so many seconds at its `ends` are
+    not used.
+    """
     moment, force = moment_rows(seen.rotations, seen.rates, seen.accelerations, GRAVITY)
     rows = [np.einsum("fij,fjp->fip", seen.rotations, one) for one in (moment, force)]
-    p, along = truth.parameters, truth.directions
+    p = truth.parameters
+    along = truth.directions
     about = along @ inertia_matrices(p) @ along.T
     rate = np.sqrt((truth.mass * truth.com * -GRAVITY[2] + truth.stiffness) / about[0, 0])
     number = np.floor((seen.time - seen.time[0]) * rate / (2.0 * np.pi)).astype(np.int64)
     number[(seen.time < seen.time[0] + ends) | (seen.time > seen.time[-1] - ends)] = -1
     return SwingRecording(
-        name,
-        seen.time,
-        np.concatenate(rows, axis=1),
-        seen.wrench,
-        np.einsum("ai,fip->fap", along, moment),
-        seen.rates @ along.T,
-        truth.angles(seen.rotations),
-        truth.axes,
-        (),
-        np.zeros((len(seen.time), 0, len(along))),
-        seen.rotations,
-        GRAVITY,
-        number,
+        name=name,
+        time=seen.time,
+        wrench_rows=np.concatenate(rows, axis=1),
+        wrench=seen.wrench,
+        torque_rows=np.einsum("ai,fip->fap", along, moment),
+        rates=seen.rates @ along.T,
+        angles=truth.angles(seen.rotations),
+        axes=truth.axes,
+        muscles=(),
+        lengthening=np.zeros((len(seen.time), 0, len(along))),
+        rotations=seen.rotations,
+        gravity=GRAVITY,
+        swing=number,
     )

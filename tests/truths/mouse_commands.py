@@ -1,4 +1,6 @@
-"""The mouse's recordings by one study file, as a user would write it: nothing but the model is prepared."""
+"""The mouse's recordings by one study file, as a user would write it: nothing but the model is
+prepared.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +39,17 @@ labels = {{ {labels} }}
 """
 STEPS = ("calibrate", "ik", "id", "tension", "report")
 TASK = "<IKMarkerTask name='{}'><apply>true</apply><weight>{}</weight></IKMarkerTask>"
-TASKS = "<OpenSimDocument Version='40000'><IKTaskSet name='tasks'><objects>{}</objects></IKTaskSet></OpenSimDocument>"
+TASKS = (
+    "<OpenSimDocument Version='40000'><IKTaskSet"
+    " name='tasks'><objects>{}</objects></IKTaskSet></OpenSimDocument>"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class ByCommand:
-    """What a study left of one recording: `line`, what the step says of its tensions; `warnings` of the trial."""
+    """What a study left of one recording: `line`, what the step says of its tensions; `warnings` of
+    the trial.
+    """
 
     model: mm.Model
     tension: Tension
@@ -52,8 +59,9 @@ class ByCommand:
 
 
 def write_study(folder: Path, data: Path) -> Path:
-    """A study file of all recordings in a folder, with the model and the weights of markers beside it.
-    Each animal is a subject; the groups are by the marks in the files' names, whose meaning is not known.
+    """A study file of all recordings in a folder, with the model and the weights of markers beside
+    it. Each animal is a subject; the groups are by the marks in the files' names, whose meaning is
+    not known.
     """
     model = both_hindlimbs(data)
     write_osim(model, folder / "mouse.osim")
@@ -62,9 +70,11 @@ def write_study(folder: Path, data: Path) -> Path:
     labels = ", ".join(f'"{old}" = "{new}"' for old, new in GAIT_LABELS.items())
     recordings = {path.stem.split("_")[1]: path for path in gait_files(data)}
     subjects = [
-        SUBJECT.format(name=name, recording=path, steps=[*STEPS], labels=labels) for name, path in recordings.items()
+        SUBJECT.format(name=name, recording=path, steps=[*STEPS], labels=labels)
+        for name, path in recordings.items()
     ]
-    marked, unmarked = ([name for name in recordings if (name == "none") is bare] for bare in (False, True))
+    marked = [name for name in recordings if (name == "none") is False]
+    unmarked = [name for name in recordings if (name == "none") is True]
     text = STUDY.format(marked=marked, unmarked=unmarked, subjects="".join(subjects))
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
@@ -87,5 +97,11 @@ def by_command(data: Path) -> Mapping[str, ByCommand]:
             assert result.tension is not None
             assert result.wrenches is not None
             line = tension_line(model, result.tension)
-            found[name] = ByCommand(model, result.tension, result.wrenches, line, tuple(outcome.findings))
+            found[name] = ByCommand(
+                model=model,
+                tension=result.tension,
+                wrenches=result.wrenches,
+                line=line,
+                warnings=tuple(outcome.findings),
+            )
     return found

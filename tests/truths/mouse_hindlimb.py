@@ -1,7 +1,8 @@
-"""The anatomist's mouse hindlimb as a model: `data/mouse-hindlimb-muscles`, a table of an OpenSim 4 model.
+"""The anatomist's mouse hindlimb as a model: `data/mouse-hindlimb-muscles`, a table of an OpenSim 4
+model.
 
-The muscles are those of Charles, Cappellari, Spence, Wells and Hutchinson (2016, J Anat 229:514). The table names
-bone meshes but has none, so the bodies are drawn by their points.
+The muscles are those of Charles, Cappellari, Spence, Wells and Hutchinson (2016, J Anat 229:514).
+The table names bone meshes but has none, so the bodies are drawn by their points.
 """
 
 from __future__ import annotations
@@ -63,11 +64,25 @@ def mouse_hindlimb_model(file: Path | None = None) -> mm.Model:
         tuple(_body(masses[joint.child]) for joint in joints),
         joints,
         tuple(
-            _coordinate(row, table) for joint in joints for row in table["coordinates"] if row["joint"] == joint.name
+            _coordinate(row, table)
+            for joint in joints
+            for row in table["coordinates"]
+            if row["joint"] == joint.name
         ),
         np.array(table["model"]["gravity"], dtype=np.float64),
-        tuple(Marker(one["name"], one["body"], one["location"], one.get("fixed", False)) for one in table["markers"]),
-        tuple(_muscle(one, table["muscle_curve_sets"], groups[one["name"]]) for one in table["muscles"]),
+        tuple(
+            Marker(
+                name=one["name"],
+                body=one["body"],
+                location=one["location"],
+                fixed=one.get("fixed", False),
+            )
+            for one in table["markers"]
+        ),
+        tuple(
+            _muscle(one, table["muscle_curve_sets"], groups[one["name"]])
+            for one in table["muscles"]
+        ),
         tuple(_wrap_object(one) for one in table["wrap_objects"]),
         source=str(path),
         warnings=_odd(table),
@@ -75,7 +90,8 @@ def mouse_hindlimb_model(file: Path | None = None) -> mm.Model:
 
 
 def _in_tree_order(joints: list[Joint]) -> tuple[Joint, ...]:
-    placed, ordered = {"ground"}, []
+    placed = {"ground"}
+    ordered = []
     while len(ordered) < len(joints):
         joint = next(one for one in joints if one.child not in placed and one.parent in placed)
         placed.add(joint.child)
@@ -85,7 +101,12 @@ def _in_tree_order(joints: list[Joint]) -> tuple[Joint, ...]:
 
 def _body(row: Table) -> Body:
     xx, yy, zz, xy, xz, yz = row["inertia"]
-    return Body(row["name"], row["mass"], row["mass_center"], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    return Body(
+        name=row["name"],
+        mass=row["mass"],
+        mass_center=row["mass_center"],
+        inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+    )
 
 
 def _joint(row: Table) -> Joint:
@@ -93,59 +114,93 @@ def _joint(row: Table) -> Joint:
     for name in SPATIAL:
         axis = row["axes"][name]
         given = axis["function"]
-        function = constant(given["value"]) if given["type"] == "Constant" else linear(*given["coefficients"])
+        function = (
+            constant(given["value"])
+            if given["type"] == "Constant"
+            else linear(*given["coefficients"])
+        )
         kind = "rotation" if name.startswith("rotation") else "translation"
-        axes.append(Axis(kind, axis["axis"], function, tuple(axis["coordinates"])))
+        axes.append(
+            Axis(
+                kind=kind,
+                vector=axis["axis"],
+                function=function,
+                coordinates=tuple(axis["coordinates"]),
+            )
+        )
     return Joint(
-        row["name"],
-        row["type"],
-        row["parent"],
-        row["child"],
-        Transform.from_euler_xyz(row["orientation_in_parent"], row["location_in_parent"]),
-        Transform.from_euler_xyz(row["orientation"], row["location"]),
-        tuple(axes),
-        tuple(dict.fromkeys(name for axis in axes[3:] + axes[:3] for name in axis.coordinates)),
+        name=row["name"],
+        kind=row["type"],
+        parent=row["parent"],
+        child=row["child"],
+        parent_frame=Transform.from_euler_xyz(
+            row["orientation_in_parent"], row["location_in_parent"]
+        ),
+        child_frame=Transform.from_euler_xyz(row["orientation"], row["location"]),
+        axes=tuple(axes),
+        coordinates=tuple(
+            dict.fromkeys(name for axis in axes[3:] + axes[:3] for name in axis.coordinates)
+        ),
     )
 
 
 def _coordinate(row: Table, table: Table) -> Coordinate:
     joint = next(one for one in table["joints"] if one["name"] == row["joint"])
-    turns = any(row["name"] in axis["coordinates"] for name, axis in joint["axes"].items() if name.startswith("rot"))
+    turns = any(
+        row["name"] in axis["coordinates"]
+        for name, axis in joint["axes"].items()
+        if name.startswith("rot")
+    )
     return Coordinate(
-        row["name"],
-        "rotational" if turns else "translational",
-        row["default_value"],
-        (row["range"][0], row["range"][1]),
-        row["clamped"],
-        row["locked"],
+        name=row["name"],
+        motion="rotational" if turns else "translational",
+        default=row["default_value"],
+        range=(row["range"][0], row["range"][1]),
+        clamped=row["clamped"],
+        locked=row["locked"],
     )
 
 
 def _wrap_object(row: Table) -> WrapObject:
     pose = Transform.from_euler_xyz(row["xyz_body_rotation"], row["translation"])
     if row["type"] == "WrapEllipsoid":
-        kind, size = "ellipsoid", tuple(row["dimensions"])
+        kind = "ellipsoid"
+        size = tuple(row["dimensions"])
     else:
         kind, fields = KINDS[row["type"]]
         size = tuple(row[field] for field in fields)
     quadrant = {"all": "", "x": "+x", "y": "+y", "z": "+z"}.get(row["quadrant"], row["quadrant"])
-    return WrapObject(row["name"], row["body"], kind, pose, size, quadrant, row["active"])  # type: ignore[arg-type]
+    return WrapObject(
+        name=row["name"],
+        body=row["body"],
+        kind=kind,
+        pose=pose,
+        size=size,
+        quadrant=quadrant,
+        active=row["active"],
+    )  # type: ignore[arg-type]
 
 
 def _muscle(row: Table, curve_sets: Table, groups: tuple[str, ...]) -> Muscle:
-    points = tuple(PathPoint(f"{row['name']}-P{i + 1}", one[1], one[2:]) for i, one in enumerate(row["points"]))
-    wraps = tuple(PathWrap(one["wrap"], one["method"], *map(int, one["range"])) for one in row["wraps"])
-    parameters = {name: float(value) for name, value in row["other"].items() if name not in NOT_PARAMETERS}
+    points = tuple(
+        PathPoint(f"{row['name']}-P{i + 1}", one[1], one[2:]) for i, one in enumerate(row["points"])
+    )
+    wraps = tuple(
+        PathWrap(one["wrap"], one["method"], *map(int, one["range"])) for one in row["wraps"]
+    )
+    parameters = {
+        name: float(value) for name, value in row["other"].items() if name not in NOT_PARAMETERS
+    }
     for curve, values in curve_sets[row["curve_set"]].items():
         parameters |= {f"{CURVES[curve]}/{name}": float(value) for name, value in values.items()}
     return Muscle(
-        row["name"],
-        row["type"],
-        MusclePath(points, wraps),
-        row["max_isometric_force"],
-        row["optimal_fiber_length"],
-        row["tendon_slack_length"],
-        row["pennation_angle"],
+        name=row["name"],
+        kind=row["type"],
+        path=MusclePath(points, wraps),
+        max_isometric_force=row["max_isometric_force"],
+        optimal_fiber_length=row["optimal_fiber_length"],
+        tendon_slack_length=row["tendon_slack_length"],
+        pennation_at_optimal=row["pennation_angle"],
         parameters=FrozenMap(parameters),
         groups=groups,
     )
@@ -157,5 +212,8 @@ def _odd(table: Table) -> tuple[str, ...]:
     for row in table["bodies"]:
         least = float(np.linalg.eigvalsh(_body(row).inertia)[0])
         if least <= 0.0:
-            found.append(f"inertia of body '{row['name']}' is not positive definite (least {least:.2g} kg m^2)")
+            found.append(
+                f"inertia of body '{row['name']}' is not positive definite (least {least:.2g} kg"
+                " m^2)"
+            )
     return tuple(found)

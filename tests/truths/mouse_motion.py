@@ -1,4 +1,5 @@
-"""What the recordings of mice give: a model of each animal, its motion, strides and muscle lengths, and its paw alone.
+"""What the recordings of mice give: a model of each animal, its motion, strides and muscle lengths,
+and its paw alone.
 
 Everything is computed once a process; sections of the validation and the figure share it.
 """
@@ -54,12 +55,15 @@ PAW = 0.015
 """A center of pressure so near to the toes' joint of the table's mouse is under the paw [m]."""
 
 SHOULDERS = ((0.045, 0.0, 0.01), (0.045, 0.0, -0.01))
-"""From the middle between the hips to about the shoulders, under which the forepaws are, on the table's mouse [m]."""
+"""From the middle between the hips to about the shoulders, under which the forepaws are, on the
+table's mouse [m].
+"""
 
 TRACKING = mm.InverseKinematicsOptions(marker_weights=LOOSE)
 UNDERDETERMINED = mm.InverseKinematicsOptions(posture_weight=1e-3)
-"""34 points cannot show 229 coordinates: a pull towards the default pose, a thousandth of theirs, spreads what they
-leave open evenly over the vertebrae."""
+"""34 points cannot show 229 coordinates: a pull towards the default pose, a thousandth of theirs,
+spreads what they leave open evenly over the vertebrae.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,28 +111,48 @@ def mouse(folder: Path, name: str) -> Mouse:
     """A recording through calibration and inverse kinematics."""
     belt = name == "treadmill"
     generic = both_hindlimbs(folder, back=belt)
-    path = folder / TREADMILL if belt else next(one for one in gait_files(folder) if f"_{name}_" in one.stem)
+    path = (
+        folder / TREADMILL
+        if belt
+        else next(one for one in gait_files(folder) if f"_{name}_" in one.stem)
+    )
     trial = recording(path, generic, TREADMILL_LABELS if belt else GAIT_LABELS)
     assert trial.markers is not None
     spans = crossings(trial.markers, generic)
     used = within_crossings(trial.markers, spans)
     calibration = mm.calibrate(
-        generic, [used], mm.CalibrationOptions(marker_weights=LOOSE), path_lengths=default_path_lengths
+        generic,
+        [used],
+        mm.CalibrationOptions(marker_weights=LOOSE),
+        path_lengths=default_path_lengths,
     )
     mm.inverse_kinematics(calibration.model, used, TRACKING)
     began = time.perf_counter()
     fit = mm.inverse_kinematics(calibration.model, used, TRACKING)
     seconds = time.perf_counter() - began
-    return Mouse(name, trial, used, spans, calibration, mm.inverse_kinematics(generic, used, TRACKING), fit, seconds)
+    return Mouse(
+        name=name,
+        trial=trial,
+        used=used,
+        spans=spans,
+        calibration=calibration,
+        generic=mm.inverse_kinematics(generic, used, TRACKING),
+        fit=fit,
+        seconds=seconds,
+    )
 
 
 def held_out(folder: Path, name: str) -> float:
-    """Root mean square marker error of the later half of the frames on a model that the earlier half made [m]."""
+    """Root mean square marker error of the later half of the frames on a model that the earlier
+    half made [m].
+    """
     one = mouse(folder, name)
     frames = np.flatnonzero(one.shown)
     middle = frames[len(frames) // 2]
-    earlier, later = one.used.values.copy(), one.used.values.copy()
-    earlier[middle:], later[:middle] = np.nan, np.nan
+    earlier = one.used.values.copy()
+    later = one.used.values.copy()
+    earlier[middle:] = np.nan
+    later[:middle] = np.nan
     made = mm.calibrate(
         both_hindlimbs(folder, back=name == "treadmill"),
         [replace(one.used, values=earlier)],
@@ -175,16 +199,22 @@ def lengths_over(model: mm.Model, motion: mm.Motion, strides: Strides) -> Length
     known = np.isfinite(motion.values).all(axis=1)
     found = mm.muscle_kinematics(model, part_of(motion, np.flatnonzero(known)), moment_arms=False)
     lengths, rates = (np.full((len(motion), len(model.muscles)), np.nan) for _ in range(2))
-    lengths[known], rates[known] = found.lengths, found.velocities
+    lengths[known] = found.lengths
+    rates[known] = found.velocities
     muscles = model.muscle_names
     return length_analysis(
-        model, mm.Series(motion.time, muscles, lengths), strides, mm.Series(motion.time, muscles, rates)
+        model,
+        mm.Series(motion.time, muscles, lengths),
+        strides,
+        mm.Series(motion.time, muscles, rates),
     )
 
 
 def part_of(motion: mm.Motion, frames: NDArray[np.int64]) -> mm.Motion:
     """A motion in some of its frames."""
-    rows = (None if one is None else one[frames] for one in (motion.velocities, motion.accelerations))
+    rows = (
+        None if one is None else one[frames] for one in (motion.velocities, motion.accelerations)
+    )
     return mm.Motion(motion.time[frames], motion.names, motion.values[frames], *rows)
 
 
@@ -214,11 +244,12 @@ class Alone:
 def alone(folder: Path, name: str) -> Alone | None:
     """Frames in which by geometry one hind paw is alone on the plate.
 
-    It is over the plate, the other and the shoulders are beyond its edges, and the center of pressure is under it.
-    The longest run of loaded frames; the root's residuals are what the forelimbs and the rest of the body would
-    explain, and are not looked at.
+    It is over the plate, the other and the shoulders are beyond its edges, and the center of
+    pressure is under it. The longest run of loaded frames; the root's residuals are what the
+    forelimbs and the rest of the body would explain, and are not looked at.
     """
-    one, motion = mouse(folder, name), motion_of(folder, name)
+    one = mouse(folder, name)
+    motion = motion_of(folder, name)
     if not one.trial.plates:
         return None
     plate = one.trial.plates[0]
@@ -227,7 +258,10 @@ def alone(folder: Path, name: str) -> Alone | None:
     toes = {side: place_of(one.model, motion, f"Toes_{side}") for side in "rl"}
     forepaws = np.zeros(len(motion), np.bool_)
     for offset in SHOULDERS:
-        forepaws |= _over(plate.corners, place_of(one.model, motion, "Pelvis", one.calibration.size * np.array(offset)))
+        forepaws |= _over(
+            plate.corners,
+            place_of(one.model, motion, "Pelvis", one.calibration.size * np.array(offset)),
+        )
     loaded = known & (wrenches.forces[:, 0, 1] > 0.1 * np.nanmax(wrenches.forces[known, 0, 1]))
     best: tuple[str, Array] | None = None
     for side, other in (("r", "l"), ("l", "r")):
@@ -243,21 +277,37 @@ def alone(folder: Path, name: str) -> Alone | None:
     on_foot = replace(wrenches, bodies=(f"Foot_{side}",))
     part = part_of(motion, frames)
     loads = mm.Wrenches(
-        part.time, on_foot.names, on_foot.bodies, wrenches.forces[frames], wrenches.points[frames],
+        part.time,
+        on_foot.names,
+        on_foot.bodies,
+        wrenches.forces[frames],
+        wrenches.points[frames],
         wrenches.torques[frames],
-    )  # fmt: skip
+    )
     torques = mm.inverse_dynamics(one.model, part, loads)
     apart = (wrenches.points[frames, 0] - toes[side][frames])[:, [0, 2]]
     active = mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=False))
     passive = mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=True))
-    return Alone(side, frames, loads, np.linalg.norm(apart, axis=1), torques, active, passive)
+    return Alone(
+        side=side,
+        frames=frames,
+        wrenches=loads,
+        beside=np.linalg.norm(apart, axis=1),
+        torques=torques,
+        active=active,
+        passive=passive,
+    )
 
 
 def place_of(model: mm.Model, motion: mm.Motion, body: str, offset: Array | None = None) -> Array:
-    """(frames, 3) a point of a body in ground, its joint's center by default; NaN where the pose is not known [m]."""
+    """(frames, 3) a point of a body in ground, its joint's center by default; NaN where the pose is
+    not known [m].
+    """
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
-    values = tree.coordinates_of(replace(motion, values=np.where(known[:, None], motion.values, 0.0)))
+    values = tree.coordinates_of(
+        replace(motion, values=np.where(known[:, None], motion.values, 0.0))
+    )
     poses = forward_kinematics(tree, np.ascontiguousarray(values))
     b = tree.body_index[body]
     joint = next(one for one in model.joints if one.child == body)
@@ -269,7 +319,8 @@ def place_of(model: mm.Model, motion: mm.Motion, body: str, offset: Array | None
 
 def _over(corners: Array, places: Array) -> NDArray[np.bool_]:
     """(frames,) whether a place is over a plate."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
     inside = (places[:, [0, 2]] >= low[[0, 2]]) & (places[:, [0, 2]] <= high[[0, 2]])
     return np.asarray(inside.all(axis=1))
 
@@ -282,7 +333,9 @@ def longest(state: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A clip of keypoints on the whole skeleton: errors before and after its points were put where they lie [m]."""
+    """A clip of keypoints on the whole skeleton: errors before and after its points were put where
+    they lie [m].
+    """
 
     model: mm.Model
     fit: KinematicsFit
@@ -301,8 +354,13 @@ def clip_fits(folder: Path, generic: mm.Model, count: int = 3) -> list[Clip]:
     """
     every = clips(folder, generic, count)
     own = default_markers(generic, every[0].names)
-    size = float(np.median([procrustes(own, frame, scale=True).scale for clip in every for frame in clip.values]))
-    made, found = [], []
+    size = float(
+        np.median(
+            [procrustes(own, frame, scale=True).scale for clip in every for frame in clip.values]
+        )
+    )
+    made = []
+    found = []
     for clip in every:
         model = scale(generic, {body: np.full(3, size) for body in generic.body_names})
         fit = mm.inverse_kinematics(model, clip, UNDERDETERMINED)
@@ -314,9 +372,23 @@ def clip_fits(folder: Path, generic: mm.Model, count: int = 3) -> list[Clip]:
             fit = mm.inverse_kinematics(model, clip, UNDERDETERMINED)
             seconds = time.perf_counter() - began
         made.append(model)
-        found.append(Clip(model, fit, size, first, rms(fit), float("nan"), seconds, len(clip)))
+        found.append(
+            Clip(
+                model=model,
+                fit=fit,
+                size=size,
+                first=first,
+                placed=rms(fit),
+                other=float("nan"),
+                seconds=seconds,
+                frames=len(clip),
+            )
+        )
     return [
-        replace(one, other=rms(mm.inverse_kinematics(model, every[(k + 1) % len(every)], UNDERDETERMINED)))
+        replace(
+            one,
+            other=rms(mm.inverse_kinematics(model, every[(k + 1) % len(every)], UNDERDETERMINED)),
+        )
         for k, (one, model) in enumerate(zip(found, made, strict=True))
     ]
 
@@ -337,6 +409,8 @@ def part_masses(folder: Path) -> dict[str, float]:
     """Masses of the skeleton's parts [kg], as its file has them."""
     bodies = read_mjcf(folder / SKELETON / "mouse_with_meshes.xml").bodies
     return {
-        part: sum(body.mass for body in bodies if re.search(pattern, body.name.removesuffix("_interim_0")))
+        part: sum(
+            body.mass for body in bodies if re.search(pattern, body.name.removesuffix("_interim_0"))
+        )
         for part, pattern in PARTS.items()
     }

@@ -1,4 +1,6 @@
-"""Real mice and the models that their recordings are fitted to: both hindlimbs by an anatomist, a whole skeleton."""
+"""Real mice and the models that their recordings are fitted to: both hindlimbs by an anatomist, a
+whole skeleton.
+"""
 
 from __future__ import annotations
 
@@ -27,33 +29,58 @@ KEYPOINTS = f"{SKELETON}/mouse_mocap_3600_frames.h5"
 
 GAIT_LABELS = FrozenMap(
     {
-        "RASI": "Right_Illiac", "LASI": "Left_Illiac", "RightHIP": "Right_Hip", "LeftHIP": "Left_Hip",
-        "LEFT_HIP": "Left_Hip", "RightKNEE": "Right_Knee", "LeftKNEE": "Left_Knee", "RightANKLE": "Right_Ankle",
-        "LeftANKLE": "Left_Ankle", "RightMET": "Right_Met", "LeftMET": "Left_Met", "TAIL": "Tail", "Spine": "Spine",
+        "RASI": "Right_Illiac",
+        "LASI": "Left_Illiac",
+        "RightHIP": "Right_Hip",
+        "LeftHIP": "Left_Hip",
+        "LEFT_HIP": "Left_Hip",
+        "RightKNEE": "Right_Knee",
+        "LeftKNEE": "Left_Knee",
+        "RightANKLE": "Right_Ankle",
+        "LeftANKLE": "Left_Ankle",
+        "RightMET": "Right_Met",
+        "LeftMET": "Left_Met",
+        "TAIL": "Tail",
+        "Spine": "Spine",
     }
-)  # fmt: skip
-"""Labels of mouse-gait-c3d-force, which differ from file to file, and what the model calls these markers."""
+)
+"""Labels of mouse-gait-c3d-force, which differ from file to file, and what the model calls these
+markers.
+"""
 
 TREADMILL_LABELS = FrozenMap(
     {
         f"{side}_{label}": f"{side.capitalize()}_{name}"
         for side in ("right", "left")
-        for label, name in (("hip", "Hip"), ("coord", "Illiac"), ("back", "Back"), ("knee", "Knee"), ("ankle", "Ankle"))
+        for label, name in (
+            ("hip", "Hip"),
+            ("coord", "Illiac"),
+            ("back", "Back"),
+            ("knee", "Knee"),
+            ("ankle", "Ankle"),
+        )
     }
 )
 
 MIDLINE = FrozenMap({"Tail": (-0.014, 0.002, 0.0), "Spine": (0.004, 0.006, 0.0)})
-"""Where two markers of the pelvis that the table lacks are about, from their distances to the others [m]."""
+"""Where two markers of the pelvis that the table lacks are about, from their distances to the
+others [m].
+"""
 
 BACK = (0.031, 0.005, 0.006)
-"""Where the treadmill mouse's right marker on the back is about, by its distances to others, on the pelvis [m]."""
+"""Where the treadmill mouse's right marker on the back is about, by its distances to others, on the
+pelvis [m].
+"""
 
 CROUCHED = FrozenMap({"Hip_flexion": 0.2, "Knee_extension": -2.0, "Ankle_flexion": 0.3})
-"""Where searches for a pose begin: a mouse that stands, for the table's straight hanging legs lie at bounds [rad]."""
+"""Where searches for a pose begin: a mouse that stands, for the table's straight hanging legs lie
+at bounds [rad].
+"""
 
 LOOSE = FrozenMap({"Right_Knee": 0.1, "Left_Knee": 0.1})
-"""Weights of markers on loose skin: over the knee it slides by a third of the thigh's length (seen here: the markers of
-knee and ankle are 10 to 19 mm apart, on bones 19 mm long)."""
+"""Weights of markers on loose skin: over the knee it slides by a third of the thigh's length (seen
+here: the markers of knee and ankle are 10 to 19 mm apart, on bones 19 mm long).
+"""
 
 ADDUCTION = (-0.7, 0.35)
 """Range of the hip's adduction, which the table leaves without bounds [rad]."""
@@ -65,12 +92,13 @@ def gait_files(folder: Path) -> tuple[Path, ...]:
 
 
 def both_hindlimbs(folder: Path, back: bool = False) -> mm.Model:
-    """The anatomist's right hindlimb and its mirror image on a pelvis that moves freely, with the recordings' markers.
+    """The anatomist's right hindlimb and its mirror image on a pelvis that moves freely, with the
+    recordings' markers.
 
-    Freed: the pelvis' turns and the hip's rotation, which the table locks; the pelvis turns about y, z, x in this
-    order, for about x, y, z a mouse that runs along z would stand where these angles are not unique. Locked: the
-    toes, which no marker shows. The left iliac marker, which the table has on the right, is put on the left. By
-    default it stands on bent legs.
+    Freed: the pelvis' turns and the hip's rotation, which the table locks; the pelvis turns about
+    y, z, x in this order, for about x, y, z a mouse that runs along z would stand where these
+    angles are not unique. Locked: the toes, which no marker shows. The left iliac marker, which the
+    table has on the right, is put on the left. By default it stands on bent legs.
 
     Parameters
     ----------
@@ -84,14 +112,26 @@ def both_hindlimbs(folder: Path, back: bool = False) -> mm.Model:
     )
     model = with_other_side(right)
     mirror = np.array([1.0, 1.0, -1.0])
-    own = [replace(one, location=one.location * mirror) if one.name == "Left_Illiac" else one for one in model.markers]
-    added = {"Right_Back": np.array(BACK), "Left_Back": np.array(BACK) * mirror} if back else MIDLINE
+    own = [
+        replace(one, location=one.location * mirror) if one.name == "Left_Illiac" else one
+        for one in model.markers
+    ]
+    added = (
+        {"Right_Back": np.array(BACK), "Left_Back": np.array(BACK) * mirror} if back else MIDLINE
+    )
     own += [Marker(name, "Pelvis", np.array(place)) for name, place in added.items()]
     return model.with_markers(tuple(own))
 
 
 def _freed(one: Coordinate) -> Coordinate:
-    one = next((replace(one, default=angle) for name, angle in CROUCHED.items() if one.name.startswith(name)), one)
+    one = next(
+        (
+            replace(one, default=angle)
+            for name, angle in CROUCHED.items()
+            if one.name.startswith(name)
+        ),
+        one,
+    )
     if one.name.startswith("PelvisToGround_R"):
         return replace(one, locked=False)
     if one.name.startswith("Hip_rotation"):
@@ -106,7 +146,9 @@ def _heading_first(one: Joint) -> Joint:
     if one.parent != GROUND:
         return one
     slides = tuple(axis for axis in one.axes if axis.kind == "translation")
-    turns = {int(np.argmax(np.abs(axis.vector))): axis for axis in one.axes if axis.kind == "rotation"}
+    turns = {
+        int(np.argmax(np.abs(axis.vector))): axis for axis in one.axes if axis.kind == "rotation"
+    }
     return replace(one, axes=(*slides, turns[1], turns[2], turns[0]))
 
 
@@ -114,16 +156,18 @@ def recording(path: Path, model: mm.Model, labels: Mapping[str, str]) -> mm.Tria
     """A recording with the model's names of markers, in the model's ground."""
     trial = mm.read_recording(path)
     assert trial.markers is not None
-    named = replace(trial.markers, names=tuple(labels.get(name, name) for name in trial.markers.names))
+    named = replace(
+        trial.markers, names=tuple(labels.get(name, name) for name in trial.markers.names)
+    )
     return fitted_to(model, replace(trial, markers=named))
 
 
 def whole_skeleton(folder: Path) -> mm.Model:
     """The skeleton of 100 bones with the 34 keypoints of `human-mouse` as markers.
 
-    The file beside the skeleton gives other bodies for some: its Trunk is on the first thoracic vertebra and its Spine
-    on the last, but in the recording the Trunk lies a quarter of the way from the base of the tail to the nose, the
-    Spine half way; and its offsets are all zero.
+    The file beside the skeleton gives other bodies for some: its Trunk is on the first thoracic
+    vertebra and its Spine on the last, but in the recording the Trunk lies a quarter of the way
+    from the base of the tail to the nose, the Spine half way; and its offsets are all zero.
     """
     return with_keypoints(read_mjcf(folder / SKELETON / "mouse_with_meshes.xml"))
 
@@ -133,10 +177,14 @@ def with_keypoints(model: mm.Model) -> mm.Model:
     return with_markers_of(model, read_species("human-mouse").markers, "mouse-keypoints")[0]
 
 
-def clips(folder: Path, model: mm.Model, count: int = 3, frames: int = 360, step: int = 18) -> tuple[mm.Markers, ...]:
-    """Some of the ten clips of keypoints, evenly spaced, every 18th frame, turned to lie along the model.
+def clips(
+    folder: Path, model: mm.Model, count: int = 3, frames: int = 360, step: int = 18
+) -> tuple[mm.Markers, ...]:
+    """Some of the ten clips of keypoints, evenly spaced, every 18th frame, turned to lie along the
+    model.
 
-    The axes are those of the cameras: each clip is turned as its first frame's points lie best on the model's.
+    The axes are those of the cameras: each clip is turned as its first frame's points lie best on
+    the model's.
     """
     markers = mm.read_recording(folder / KEYPOINTS).markers
     assert markers is not None
@@ -147,5 +195,7 @@ def clips(folder: Path, model: mm.Model, count: int = 3, frames: int = 360, step
     for k in chosen:
         span = slice(k * frames, (k + 1) * frames, step)
         turn = procrustes(markers.values[k * frames], own, scale=True).rotation
-        found.append(replace(markers, time=markers.time[span], values=markers.values[span] @ turn.T))
+        found.append(
+            replace(markers, time=markers.time[span], values=markers.values[span] @ turn.T)
+        )
     return tuple(found)

@@ -24,13 +24,15 @@ def point_constraint(
 
     Returns
     -------
-    gaps (frames, 3) [m] and their derivatives (frames, 3, coordinates) in a frame of OpenSim's choice, and
-    assembled (frames, coordinates): each pose as OpenSim closes it, all coordinates weighted alike
+    gaps (frames, 3) [m] and their derivatives (frames, 3, coordinates) in a frame of OpenSim's
+    choice, and assembled (frames, coordinates): each pose as OpenSim closes it, all coordinates
+    weighted alike
     """
     theirs = opensim.Model(str(path))
     theirs.updForceSet().clearAndDestroy()
     state = theirs.initSystem()
-    matter, named = theirs.getMatterSubsystem(), theirs.getCoordinateSet()
+    matter = theirs.getMatterSubsystem()
+    named = theirs.getCoordinateSet()
     columns = []
     for name in model.coordinate_names:
         named.get(name).setLocked(state, False)
@@ -38,7 +40,9 @@ def point_constraint(
         before = state.getQ().to_numpy().copy()
         named.get(name).setValue(state, named.get(name).getValue(state) + 0.1, False)
         columns.append(int(np.argmax(np.abs(state.getQ().to_numpy() - before))))
-    gaps, derivatives, assembled = [], [], []
+    gaps = []
+    derivatives = []
+    assembled = []
     for row in coordinates:
         references = opensim.SimTKArrayCoordinateReference()
         for name, value in zip(model.coordinate_names, row, strict=True):

@@ -13,16 +13,20 @@ from myomorph.tension.tension import Fibers, Tension
 
 
 def tension_of(whole: Tension, part: str) -> Tension:
-    """Activations, tensions, reserves and torques of one part of a joined model, by the part's own names.
-    Status, iterations and equilibrium residual stay those of the whole problem. Contact forces are not taken along, as
-    those between parts have a site on one of them only: `part_of(whole.contacts.wrenches(), part)` gives all on it.
+    """Activations, tensions, reserves and torques of one part of a joined model, by the part's own
+    names. Status, iterations and equilibrium residual stay those of the whole problem. Contact
+    forces are not taken along, as those between parts have a site on one of them only:
+    `part_of(whole.contacts.wrenches(), part)` gives all on it.
     """
     muscles = _own(whole.muscles, part)
     if not muscles:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.muscles))
         raise UnknownName("part", part, begins, "the muscles' names begin with what it")
-    reserves, coordinates = _own(whole.reserve_names, part), _own(whole.coordinates, part)
-    columns, rows, held = list(muscles), list(coordinates), list(reserves)
+    reserves = _own(whole.reserve_names, part)
+    coordinates = _own(whole.coordinates, part)
+    columns = list(muscles)
+    rows = list(coordinates)
+    held = list(reserves)
     return replace(
         whole,
         muscles=tuple(muscles.values()),
@@ -45,7 +49,9 @@ def tension_of(whole: Tension, part: str) -> Tension:
 
 def _own(names: tuple[str, ...], part: str) -> dict[int, str]:
     """Columns of a part, and its own names of them."""
-    return {index: own for index, name in enumerate(names) if (own := own_name(name, part)) is not None}
+    return {
+        index: own for index, name in enumerate(names) if (own := own_name(name, part)) is not None
+    }
 
 
 def _fibers_of(fibers: Fibers, muscles: Mapping[int, str], names: tuple[str, ...]) -> Fibers:
@@ -60,5 +66,9 @@ def _fibers_of(fibers: Fibers, muscles: Mapping[int, str], names: tuple[str, ...
         fiber_powers=fibers.fiber_powers[:, columns],
         tendon_powers=fibers.tendon_powers[:, columns],
         rigid=tuple(new[name] for name in fibers.rigid if name in new),
-        unreachable=tuple(replace(item, muscle=new[item.muscle]) for item in fibers.unreachable if item.muscle in new),
+        unreachable=tuple(
+            replace(item, muscle=new[item.muscle])
+            for item in fibers.unreachable
+            if item.muscle in new
+        ),
     )

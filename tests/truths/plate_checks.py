@@ -1,4 +1,6 @@
-"""What placements say of a force plate's calibration: deviations of a pose, and how far a file's pose is off."""
+"""What placements say of a force plate's calibration: deviations of a pose, and how far a file's
+pose is off.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import fdtrc as chance_above
 
-from myomorph.contact.plate_calibration import PlateCalibration, believed, calibrate_plate, residuals, sizes
+from myomorph.contact.plate_calibration import (
+    PlateCalibration,
+    believed,
+    calibrate_plate,
+    residuals,
+    sizes,
+)
 from myomorph.contact.plate_placements import Placement
 from myomorph.contact.plates import plate_axes
 from myomorph.model.arrays import Array, read_only
@@ -16,8 +24,8 @@ from myomorph.model.spatial import vector_from_rotation
 
 
 def pose_deviations(calibration: PlateCalibration) -> Array:
-    """Standard deviations (6,) of the rotation about the laboratory's axes [rad] and of the center [m], inf along what
-    is not shown.
+    """Standard deviations (6,) of the rotation about the laboratory's axes [rad] and of the center
+    [m], inf along what is not shown.
     """
     lost = np.linalg.norm(calibration.unknown, axis=1) > 0.1
     return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0)))
@@ -43,9 +51,12 @@ class PlateCheck:
 
 
 def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> PlateCheck:
-    """How far the calibration in a file is off, and whether the placements are good enough to say so."""
+    """How far the calibration in a file is off, and whether the placements are good enough to say
+    so.
+    """
     calibration = calibrate_plate(placements, recording)
-    axes, center = plate_axes(recording.corners), recording.corners.mean(axis=0)
+    axes = plate_axes(recording.corners)
+    center = recording.corners.mean(axis=0)
     used, _ = believed(placements)
     distances, angles = sizes(residuals(used, axes, center))
     turn = vector_from_rotation(calibration.rotation @ axes.T)
@@ -54,7 +65,18 @@ def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> P
     values, vectors = np.linalg.eigh(calibration.covariance)
     shown = values > 1e-12 * max(values.max(), 1e-300)
     free = 4 * len(used) - int(shown.sum())
-    share = float(np.sum((vectors[:, shown].T @ correction) ** 2 / values[shown])) / max(int(shown.sum()), 1)
+    share = float(np.sum((vectors[:, shown].T @ correction) ** 2 / values[shown])) / max(
+        int(shown.sum()), 1
+    )
     chance = float(chance_above(int(shown.sum()), max(free, 1), share)) if shown.any() else 1.0
     deviations = np.sqrt(np.diag(calibration.covariance))
-    return PlateCheck(distances, angles, shift, turn, deviations[3:], deviations[:3], chance, calibration)
+    return PlateCheck(
+        distances=distances,
+        angles=angles,
+        shift=shift,
+        turn=turn,
+        shift_sd=deviations[3:],
+        turn_sd=deviations[:3],
+        chance=chance,
+        calibration=calibration,
+    )

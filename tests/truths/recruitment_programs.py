@@ -1,7 +1,9 @@
-"""Criteria of recruitment as conic programs with full matrices, solved by Clarabel, which knows nothing of our solver.
+"""Criteria of recruitment as conic programs with full matrices, solved by Clarabel, which knows
+nothing of our solver.
 
-Powers are power cones, t^(1/p) >= |a|; the greatest activation is a variable; joint loads and co-contraction stand as
-docs/recruitment.md defines them, joint loads from reactions of unit tensions.
+Powers are power cones, t^(1/p) >= |a|; the greatest activation is a variable; joint loads and
+co-contraction stand as docs/recruitment.md defines them, joint loads from reactions of unit
+tensions.
 """
 
 from __future__ import annotations
@@ -88,28 +90,34 @@ def walk(folder: Path) -> Walk:
     # Of the others reserves alone carry the torque, whatever the criterion.
     rows = tuple(name for name in found.coordinates if name not in root and arms[name] > 0.0)
     return Walk(
-        model,
-        motion,
-        wrenches,
-        torques,
-        rows,
-        paths.moment_arms[:, :, [paths.coordinates.index(name) for name in rows]],
-        hill_forces(model, paths.lengths, paths.velocities, "opensim").active,
-        found.torques[:, [found.coordinates.index(name) for name in rows]],
-        np.array([by[name] for name in rows]),
-        model.mass * float(np.linalg.norm(model.gravity)),
+        model=model,
+        motion=motion,
+        wrenches=wrenches,
+        torques=torques,
+        rows=rows,
+        R=paths.moment_arms[:, :, [paths.coordinates.index(name) for name in rows]],
+        F=hill_forces(model, paths.lengths, paths.velocities, "opensim").active,
+        tau=found.torques[:, [found.coordinates.index(name) for name in rows]],
+        reserves=np.array([by[name] for name in rows]),
+        weight=model.mass * float(np.linalg.norm(model.gravity)),
     )
 
 
 def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
-    """(frames, joints, 3) forces that joints transmit under tensions (frames, muscles), in body weights."""
+    """(frames, joints, 3) forces that joints transmit under tensions (frames, muscles), in body
+    weights.
+    """
     pulled = mm.Series(one.motion.time, one.model.muscle_names, forces)
-    found = mm.joint_reactions(one.model, one.motion, pulled, one.wrenches, joints=joints, frame="ground", actuators=())
+    found = mm.joint_reactions(
+        one.model, one.motion, pulled, one.wrenches, joints=joints, frame="ground", actuators=()
+    )
     return found.forces / one.weight
 
 
 def load_columns(one: Walk, joints: tuple[str, ...]) -> tuple[Array, Array]:
-    """Loads without any tension (frames, 3 joints), and what each full activation adds (frames, 3 joints, muscles)."""
+    """Loads without any tension (frames, 3 joints), and what each full activation adds (frames, 3
+    joints, muscles).
+    """
     frames = len(one.motion)
     alone = loads_of(one, np.zeros_like(one.F), joints).reshape(frames, -1)
     added = [
@@ -132,7 +140,9 @@ class _Program:
     """Variables x with cost 1/2 x^T P x + q^T x, and rows s = b - A x in cones."""
 
     def __init__(self, size: int):
-        self.size, self.P, self.q = size, np.zeros((size, size)), np.zeros(size)
+        self.size = size
+        self.P = np.zeros((size, size))
+        self.q = np.zeros(size)
         self._rows: list[tuple[Array, Array, object]] = []
 
     def equal(self, A: Array, b: Array) -> None:
@@ -146,7 +156,8 @@ class _Program:
     def power(self, t: int, x: int, p: float) -> None:
         """x_t >= |x_x|^p."""
         A = np.zeros((3, self.size))
-        A[0, t], A[2, x] = -1.0, -1.0
+        A[0, t] = -1.0
+        A[2, x] = -1.0
         self._rows.append((A, np.array([0.0, 1.0, 0.0]), clarabel.PowerConeT(1.0 / p)))
 
     def solved(self) -> Array:
@@ -163,26 +174,41 @@ class _Program:
 
 
 HIGHEST = mm.TensionOptions(recruitment="minmax")
-SMALLEST, TWICE = 1e-5, 100.0
-"""Cost of a^2 beside the greatest activation, and of co-contraction that lacks, as docs/recruitment.md gives them."""
+SMALLEST = 1e-5
+TWICE = 100.0
+"""Cost of a^2 beside the greatest activation, and of co-contraction that lacks, as
+docs/recruitment.md gives them.
+"""
 
 
-def solve_program(one: Walk, frame: int, by: Criterion, loads: tuple[Array, Array] | None = None) -> Array:
+def solve_program(
+    one: Walk, frame: int, by: Criterion, loads: tuple[Array, Array] | None = None
+) -> Array:
     """Activations (muscles,) of a frame.
 
     Parameters
     ----------
     loads : as of `load_columns`, where the criterion has joint loads
     """
-    n, rows = one.F.shape[1], len(one.rows)
-    options, p = by.tension, by.tension.exponent
+    n = one.F.shape[1]
+    rows = len(one.rows)
+    options = by.tension
+    p = by.tension.exponent
     highest = options.recruitment == "minmax"
     turned = both_ways(one) if by.beside.co_contraction else []
-    # High powers of small numbers: activations in units of about the greatest one, costs in units of its power.
-    unit = 1.0 if p <= 4.0 else float(solve_program(one, frame, replace(by, tension=HIGHEST), loads).max())
+    # High powers of small numbers: activations in units of about the greatest one, costs in units
+    # of its power.
+    unit = (
+        1.0
+        if p <= 4.0
+        else float(solve_program(one, frame, replace(by, tension=HIGHEST), loads).max())
+    )
     scale = unit**-p if p > 4.0 else 1.0
-    # Activations, controls each way, their powers, the greatest activation, co-contraction that lacks.
-    u, t, beta = n, n + 2 * rows, 2 * n + 4 * rows
+    # Activations, controls each way, their powers, the greatest activation, co-contraction that
+    # lacks.
+    u = n
+    t = n + 2 * rows
+    beta = 2 * n + 4 * rows
     made = _Program(beta + 1 + len(turned))
     eye = np.eye(made.size)
     turns = one.R[frame] * one.F[frame][:, None]
@@ -214,18 +240,24 @@ def solve_program(one: Walk, frame: int, by: Criterion, loads: tuple[Array, Arra
     for k, row in enumerate(turned):
         made.P[beta + 1 + k, beta + 1 + k] = 2.0 * TWICE * scale
         share, wanted = _asked(one, frame, row, by.beside.co_contraction)
-        made.at_least((np.append(unit * share, np.zeros(made.size - n)) + eye[beta + 1 + k])[None], np.array([wanted]))
+        made.at_least(
+            (np.append(unit * share, np.zeros(made.size - n)) + eye[beta + 1 + k])[None],
+            np.array([wanted]),
+        )
     return np.clip(unit * made.solved()[:n], 0.0, 1.0)
 
 
 def cost_of(one: Walk, frame: int, by: Criterion, a: Array, loads: tuple[Array, Array]) -> float:
     """What activations (muscles,) cost, the reserves that balance them included."""
-    p, w = by.tension.exponent, _weights(one.model, by.tension)
+    p = by.tension.exponent
+    w = _weights(one.model, by.tension)
     u = (one.tau[frame] - one.R[frame].T @ (one.F[frame] * a)) / one.reserves
     if by.tension.recruitment == "minmax":
         found = a.max() + SMALLEST * w @ a**2 + u @ u
     else:
-        found = w @ a**p + beside_power(p) * w @ a**2 + (np.abs(u) ** (p if p <= 4.0 else 2.0)).sum()
+        found = (
+            w @ a**p + beside_power(p) * w @ a**2 + (np.abs(u) ** (p if p <= 4.0 else 2.0)).sum()
+        )
     if by.beside.joint_load:
         found += by.beside.joint_load * ((loads[0][frame] + loads[1][frame] @ a) ** 2).sum()
     for row in both_ways(one) if by.beside.co_contraction else []:
@@ -240,7 +272,9 @@ def beside_power(p: float) -> float:
 
 
 def _asked(one: Walk, frame: int, row: int, level: float) -> tuple[Array, float]:
-    """What activations give to both sides of a coordinate, and what co-contraction asks, in shares of the weaker."""
+    """What activations give to both sides of a coordinate, and what co-contraction asks, in shares
+    of the weaker.
+    """
     each = one.R[frame, :, row] * one.F[frame]
     weaker = min(np.maximum(each, 0.0).sum(), np.maximum(-each, 0.0).sum())
     return np.abs(each) / weaker, float(abs(one.tau[frame, row]) / weaker + 2.0 * level)
@@ -249,5 +283,7 @@ def _asked(one: Walk, frame: int, row: int, level: float) -> tuple[Array, float]
 def _weights(model: mm.Model, options: mm.TensionOptions) -> Array:
     strength = np.array([one.max_isometric_force for one in model.muscles])
     length = np.array([one.optimal_fiber_length for one in model.muscles])
-    size = {"equal": np.ones(len(strength)), "strength": strength, "volume": strength * length}[options.weights]
+    size = {"equal": np.ones(len(strength)), "strength": strength, "volume": strength * length}[
+        options.weights
+    ]
     return size / size.mean()

@@ -1,7 +1,9 @@
-"""A relaxed leg whose passive knee is known, dropped in MuJoCo: an engine that is not ours. Nobody was measured.
+"""A relaxed leg whose passive knee is known, dropped in MuJoCo: an engine that is not ours. Nobody
+was measured.
 
-The thigh rests on a table, held by a stiff spring where it may give way. A hand holds the shank and lets go; a reflex,
-where there is one, is a torque of the knee's extensors in the first swing, with EMG beside it.
+The thigh rests on a table, held by a stiff spring where it may give way. A hand holds the shank and
+lets go; a reflex, where there is one, is a torque of the knee's extensors in the first swing, with
+EMG beside it.
 """
 
 from __future__ import annotations
@@ -21,9 +23,13 @@ from myomorph.model.arrays import Array
 from myomorph.model.series import Table
 from myomorph.viscosity.study.limb_files import DropFiles, LimbFiles
 
-STEP, RATE, EMG_RATE = 5e-4, 100.0, 1000.0
-HOLD, SWINGING = 1.0, 9.0  # Times that the hand holds the shank, and that it swings [s].
-HARD = 'solreffriction="0.004 1" solimpfriction="0.99 0.999 0.001"'  # Else MuJoCo's dry friction creeps.
+STEP = 5e-4
+RATE = 100.0
+EMG_RATE = 1000.0
+HOLD = 1.0
+SWINGING = 9.0  # Times that the hand holds the shank, and that it swings [s].
+# Else MuJoCo's dry friction creeps.
+HARD = 'solreffriction="0.004 1" solimpfriction="0.99 0.999 0.001"'
 MUSCLE = "rectus_femoris"
 DELAY = 0.04  # By which EMG comes before force [s].
 PLACES = {
@@ -35,12 +41,13 @@ PLACES = {
 
 @dataclass(frozen=True)
 class RelaxedLeg:
-    """A leg: its knee's damping [N m s/rad], stiffness [N m/rad], rest angle from where the shank hangs [rad] and dry
-    friction [N m]; mass of shank and foot [kg], its center below the knee [m], inertia about it [kg m^2].
+    """A leg: its knee's damping [N m s/rad], stiffness [N m/rad], rest angle from where the shank
+    hangs [rad] and dry friction [N m]; mass of shank and foot [kg], its center below the knee [m],
+    inertia about it [kg m^2].
 
-    `giving`: stiffness of what carries the thigh [N m/rad], 0 where nothing moves it; `noise` of markers [m]; `bursts`:
-    number of each drop whose first swing has a reflex of `burst` [N m]; `wrong`: factors of mass, distance and inertia
-    in the model that is identified with.
+    `giving`: stiffness of what carries the thigh [N m/rad], 0 where nothing moves it; `noise` of
+    markers [m]; `bursts`: number of each drop whose first swing has a reflex of `burst` [N m];
+    `wrong`: factors of mass, distance and inertia in the model that is identified with.
     """
 
     damping: float = 0.2
@@ -60,26 +67,44 @@ class RelaxedLeg:
     def truth(self) -> dict[str, float]:
         """By the names of `relaxed.identify.UNITS`; the coordinate is 0 where the shank hangs."""
         torque = {"zero_torque": self.stiffness * self.rest}
-        known = {"viscosity": self.damping, "stiffness": self.stiffness, "rest_angle": self.rest} | torque
+        known = {
+            "viscosity": self.damping,
+            "stiffness": self.stiffness,
+            "rest_angle": self.rest,
+        } | torque
         return known | ({"coulomb": self.friction} if self.friction else {})
 
     def mjcf(self, passive: bool = True) -> str:
         """The leg, its passive knee left out where it is what is looked for."""
         knee = (
-            f'damping="{self.damping}" stiffness="{self.stiffness}" springref="{np.rad2deg(self.rest)}" '
-            f'frictionloss="{self.friction}" {HARD}'
-        )  # fmt: skip
+            f'damping="{self.damping}" stiffness="{self.stiffness}"'
+            f' springref="{np.rad2deg(self.rest)}" frictionloss="{self.friction}" {HARD}'
+        )
         weight = 9.81 * (8.0 * 0.2 + 0.42 * self.mass)
         slack = np.rad2deg(weight / self.giving) if self.giving else 0.0
-        hip = f'stiffness="{self.giving}" damping="{0.02 * self.giving}" springref="{slack}"' if passive else ""
+        hip = (
+            f'stiffness="{self.giving}" damping="{0.02 * self.giving}" springref="{slack}"'
+            if passive
+            else ""
+        )
         joint = f'<joint name="hip" axis="0 -1 0" {hip}/>' if self.giving or not passive else ""
         mass, distance, inertia = (
-            (self.mass, self.distance, self.inertia) if passive
-            else (value * factor for value, factor in
-                  zip((self.mass, self.distance, self.inertia), self.wrong, strict=True))
-        )  # fmt: skip
-        sites = {body: "".join(f'<site name="{body}_{i}" pos="{x} {y} {z}" size="0.005"/>'
-                               for i, (x, y, z) in enumerate(places)) for body, places in PLACES.items()}  # fmt: skip
+            (self.mass, self.distance, self.inertia)
+            if passive
+            else (
+                value * factor
+                for value, factor in zip(
+                    (self.mass, self.distance, self.inertia), self.wrong, strict=True
+                )
+            )
+        )
+        sites = {
+            body: "".join(
+                f'<site name="{body}_{i}" pos="{x} {y} {z}" size="0.005"/>'
+                for i, (x, y, z) in enumerate(places)
+            )
+            for body, places in PLACES.items()
+        }
         return f"""<mujoco model="leg"><option gravity="0 0 -9.81" timestep="{STEP}" integrator="RK4"/><worldbody>
           <body name="thigh" pos="0 0 1">{joint}{sites["thigh"]}
             <inertial pos="0.2 0 0" mass="8" diaginertia="0.03 0.12 0.12"/>
@@ -91,7 +116,9 @@ class RelaxedLeg:
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
-    """One drop: markers with noise, raw EMG, the true knee angle (frames,) [rad], when a reflex pulled [s]."""
+    """One drop: markers with noise, raw EMG, the true knee angle (frames,) [rad], when a reflex
+    pulled [s].
+    """
 
     markers: mm.Markers
     emg: mm.Series
@@ -108,16 +135,20 @@ def drop_leg(leg: RelaxedLeg, number: int, seed: int, release: float = 1.35) -> 
     data.qpos[knee] = start = release + 0.1 * random.standard_normal()
     burst = (0.12, 0.32) if number in leg.bursts else None
     every = round(1.0 / (RATE * STEP))
-    held, frames = round(HOLD * RATE), round((HOLD + SWINGING) * RATE)
-    angles, places = np.empty(frames), np.empty((frames, 8, 3))
+    held = round(HOLD * RATE)
+    frames = round((HOLD + SWINGING) * RATE)
+    angles = np.empty(frames)
+    places = np.empty((frames, 8, 3))
     for frame in range(frames):
         for step in range(every if frame >= held else 1):
             if frame < held:
                 data.qpos[:] = 0.0
-                data.qpos[knee], data.qvel[:] = start, 0.0
+                data.qpos[knee] = start
+                data.qvel[:] = 0.0
                 mujoco.mj_forward(model, data)
             if step == 0:
-                angles[frame], places[frame] = data.qpos[knee], data.site_xpos
+                angles[frame] = data.qpos[knee]
+                places[frame] = data.site_xpos
             if frame >= held:
                 pulls = burst is not None and burst[0] <= data.time <= burst[1]
                 data.qfrc_applied[model.joint("knee").dofadr[0]] = leg.burst if pulls else 0.0
@@ -131,25 +162,32 @@ def drop_leg(leg: RelaxedLeg, number: int, seed: int, release: float = 1.35) -> 
     if when is not None:
         size[(samples > when[0] - DELAY) & (samples < when[1] - DELAY)] = 6e-5
     emg = mm.Series(samples, (MUSCLE,), (size * random.standard_normal(len(samples)))[:, None])
-    return Dropped(markers, emg, angles, when)
+    return Dropped(markers=markers, emg=emg, angles=angles, burst=when)
 
 
 def leg_model(leg: RelaxedLeg) -> mm.Model:
     """What is known of a leg: bones, markers and masses, the latter off as `wrong` says."""
     text = replace(leg, giving=leg.giving or 1.0).mjcf(passive=False)
-    return model_from_mujoco(mujoco.MjModel.from_xml_string(text), name="leg", marker_sites=r"(thigh|shank)_\d")
+    return model_from_mujoco(
+        mujoco.MjModel.from_xml_string(text), name="leg", marker_sites=r"(thigh|shank)_\d"
+    )
 
 
-def write_leg(leg: RelaxedLeg, folder: Path, drops: int = 3, seed: int = 0, emg: bool = True) -> LimbFiles:
-    """Write the model and the drops as a laboratory would have them; returns them as a limb of a study."""
+def write_leg(
+    leg: RelaxedLeg, folder: Path, drops: int = 3, seed: int = 0, emg: bool = True
+) -> LimbFiles:
+    """Write the model and the drops as a laboratory would have them; returns them as a limb of a
+    study.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_osim(leg_model(leg), folder / "leg.osim")
     files = []
     for number in range(drops):
         dropped = drop_leg(leg, number, seed)
-        recording, channel = folder / f"drop{number + 1}.trc", folder / f"drop{number + 1}_emg.sto"
+        recording = folder / f"drop{number + 1}.trc"
+        channel = folder / f"drop{number + 1}_emg.sto"
         write_trc(dropped.markers, recording)
         if emg:
             write_sto(Table(dropped.emg.time, dropped.emg.names, dropped.emg.values), channel)
         files.append(DropFiles(recording.stem, recording, channel if emg else None))
-    return LimbFiles("leg", folder / "leg.osim", "knee", tuple(files))
+    return LimbFiles(name="leg", model=folder / "leg.osim", coordinate="knee", drops=tuple(files))

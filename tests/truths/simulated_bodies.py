@@ -1,4 +1,6 @@
-"""The generic bodies that simulated subjects are made from, with the markers that a laboratory would put on them."""
+"""The generic bodies that simulated subjects are made from, with the markers that a laboratory
+would put on them.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +24,19 @@ CLUSTERS = FrozenMap(
         f"{name}_{side}": size
         for side in "rl"
         for name, size in (
-            ("femur", 0.07), ("tibia", 0.06), ("calcn", 0.04), ("toes", 0.02), ("scapula", 0.04), ("humerus", 0.05),
-            ("radius", 0.04), ("thirdmc", 0.025),
+            ("femur", 0.07),
+            ("tibia", 0.06),
+            ("calcn", 0.04),
+            ("toes", 0.02),
+            ("scapula", 0.04),
+            ("humerus", 0.05),
+            ("radius", 0.04),
+            ("thirdmc", 0.025),
         )
     }
-)  # fmt: skip
-"""Bodies of MyoFullBody that carry four markers, half an edge of the cube they are corners of [m]."""
+)
+"""Bodies of MyoFullBody that carry four markers, half an edge of the cube they are corners of [m].
+"""
 LUMBAR = "L5_S1_* L4_L5_* L3_L4_* L2_L3_* L1_L2_*"
 SLIDING = ("SternumX", "SternumY", "SternumZ")
 FINGERS = ("cmc_", "mp_", "ip_", "mcp", "pm", "md")
@@ -43,17 +52,21 @@ def full_body(free: bool = False) -> tuple[Any, mm.Model]:
     compiled = mujoco.MjModel.from_xml_path(str(musclemimic_models.get_xml_path("myofullbody")))
     model = model_from_mujoco(compiled, name="MyoFullBody", source="MyoFullBody")
     coordinates = tuple(
-        replace(one, locked=one.locked or (not free and one.name.startswith(FINGERS))) for one in model.coordinates
+        replace(one, locked=one.locked or (not free and one.name.startswith(FINGERS)))
+        for one in model.coordinates
     )
     markers = []
     for name, size in CLUSTERS.items():
         for i, offset in enumerate(TETRAHEDRON):
-            markers.append(Marker(f"{name}_{i + 1}", name, model.body(name).mass_center + size * offset))
+            markers.append(
+                Marker(f"{name}_{i + 1}", name, model.body(name).mass_center + size * offset)
+            )
     return compiled, replace(model, coordinates=coordinates, markers=tuple(markers))
 
 
 def many_coordinates(model: mm.Model, free: bool = False) -> mm.Model:
-    """The 171-coordinate model with ranges that a spine has, four markers on the head and three on each hand.
+    """The 171-coordinate model with ranges that a spine has, four markers on the head and three on
+    each hand.
 
     Its vertebrae, ribs and breast bone move as they like only if `free`, when no marker has to show
     them; otherwise the five lumbar joints share each bend and turn evenly, and the chest is stiff.
@@ -63,28 +76,47 @@ def many_coordinates(model: mm.Model, free: bool = False) -> mm.Model:
     for first, *others in (LUMBAR.replace("*", axis).split() for axis in ("FE", "LB", "AR")):
         used |= {first, *others}
         if not free:
-            couplers += [Coupler(f"{one}_follows", one, linear(1.0), (first,)) for one in others]
+            couplers += [
+                Coupler(
+                    name=f"{one}_follows",
+                    dependent=one,
+                    function=linear(1.0),
+                    independents=(first,),
+                )
+                for one in others
+            ]
     trunk = {"lower_trunk", "upper_trunk"}
     segments = segments_of(model)
     inside = {
         name: joint
         for joint in model.joints
         for name in joint.coordinates
-        if joint.parent != GROUND and {segments[joint.parent].name, segments[joint.child].name} <= trunk
+        if joint.parent != GROUND
+        and {segments[joint.parent].name, segments[joint.child].name} <= trunk
     }
     coordinates = []
     for one in model.coordinates:
         moves = free or one.name in used or one.name not in inside
         if one.name in inside:
-            reach = 0.12 if one.name in used else 0.08 if "vertebra" in inside[one.name].child else 0.05
+            reach = (
+                0.12 if one.name in used else 0.08 if "vertebra" in inside[one.name].child else 0.05
+            )
             reach = 0.004 if one.name in SLIDING else reach
             one = replace(one, range=(one.default - reach, one.default + reach), clamped=True)
         if one.name.startswith(("wrist_", "mtp_")):
             moves = free or one.name.startswith("wrist_")
         coordinates.append(replace(one, locked=not moves))
     markers = list(model.markers)
-    for body, offsets in (("head_neck", TETRAHEDRON), ("hand_r", TETRAHEDRON[:3]), ("hand_l", TETRAHEDRON[:3])):
+    for body, offsets in (
+        ("head_neck", TETRAHEDRON),
+        ("hand_r", TETRAHEDRON[:3]),
+        ("hand_l", TETRAHEDRON[:3]),
+    ):
         size = 0.08 if body == "head_neck" else 0.03
         for i, offset in enumerate(offsets):
-            markers.append(Marker(f"{body}_{i + 1}", body, model.body(body).mass_center + size * offset))
-    return replace(model, coordinates=tuple(coordinates), couplers=tuple(couplers), markers=tuple(markers))
+            markers.append(
+                Marker(f"{body}_{i + 1}", body, model.body(body).mass_center + size * offset)
+            )
+    return replace(
+        model, coordinates=tuple(coordinates), couplers=tuple(couplers), markers=tuple(markers)
+    )

@@ -1,7 +1,9 @@
-"""MuJoCo as the engine of simulated subjects: markers and plate wrench from coordinate values alone.
+"""MuJoCo as the engine of simulated subjects: markers and plate wrench from coordinate values
+alone.
 
-Nothing of Myomorph's kernels takes part. Velocities and accelerations are finite differences of eighth
-order of the poses, and MuJoCo's recursive Newton-Euler algorithm (`mj_rne`) gives the forces.
+Nothing of Myomorph's kernels takes part. Velocities and accelerations are finite differences of
+eighth order of the poses, and MuJoCo's recursive Newton-Euler algorithm (`mj_rne`) gives the
+forces.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ Progress = Callable[[int], None] | None
 class Engine(Protocol):
     """Whatever tells markers and wrench from coordinates."""
 
-    def measure(self, values: Array, rate: float, center: Array, progress: Progress = None) -> tuple[Array, Array]:
+    def measure(
+        self, values: Array, rate: float, center: Array, progress: Progress = None
+    ) -> tuple[Array, Array]:
         """Markers and wrench of a motion.
 
         Parameters
@@ -40,7 +44,8 @@ class Engine(Protocol):
 
         Returns
         -------
-        (frames, markers, 3) [m] and (frames, 6) moment and force that the ground gives the person [N m; N]
+        (frames, markers, 3) [m] and (frames, 6) moment and force that the ground gives the person
+        [N m; N]
         """
 
 
@@ -70,7 +75,9 @@ def put_inertia(compiled: Any, model: mm.Model) -> None:
     for b, body in enumerate(model.bodies, 1):
         moments, axes = np.linalg.eigh(body.inertia)
         axes = axes * np.sign(np.linalg.det(axes))
-        compiled.body_mass[b], compiled.body_ipos[b], compiled.body_inertia[b] = body.mass, body.mass_center, moments
+        compiled.body_mass[b] = body.mass
+        compiled.body_ipos[b] = body.mass_center
+        compiled.body_inertia[b] = moments
         compiled.body_iquat[b] = quaternions_of(axes)
     # MuJoCo spares itself work where frames coincided in the file.
     compiled.body_sameframe[:] = 0
@@ -84,11 +91,13 @@ def quaternions_of(rotations: Array) -> Array:
 
 
 class TreeEngine:
-    """A MuJoCo model of a person that began as a MuJoCo model: its own kinematics and its own dynamics.
+    """A MuJoCo model of a person that began as a MuJoCo model: its own kinematics and its own
+    dynamics.
 
     Parameters
     ----------
-    compiled : the MuJoCo model of the generic body, with one free joint, first, and hinges and slides
+    compiled : the MuJoCo model of the generic body, with one free joint, first, and hinges and
+        slides
     person : our model of the person, whose lengths and inertias are put into MuJoCo's
     """
 
@@ -113,32 +122,45 @@ class TreeEngine:
                 at += 1
         self.data = mujoco.MjData(m)
 
-    def measure(self, values: Array, rate: float, center: Array, progress: Progress = None) -> tuple[Array, Array]:
+    def measure(
+        self, values: Array, rate: float, center: Array, progress: Progress = None
+    ) -> tuple[Array, Array]:
         """See `Engine`."""
-        m, d, person = self.compiled, self.data, self.person
+        m = self.compiled
+        d = self.data
+        person = self.person
         turns = Rotation.from_euler("XYZ", values[:, 3:6]).as_matrix() @ self.start
         spin, turning = angular_rates(turns, rate)
         body_turns = turns[MARGIN:-MARGIN]
         first, second = rates(values, rate)
-        qvel, qacc = first.copy(), second.copy()
+        qvel = first.copy()
+        qacc = second.copy()
         qvel[:, 3:6] = np.einsum("fji,fj->fi", body_turns, spin)
         qacc[:, 3:6] = np.einsum("fji,fj->fi", body_turns, turning)
         quaternions = quaternions_of(body_turns)
         qpos = np.hstack([values[MARGIN:-MARGIN, :3], quaternions, values[MARGIN:-MARGIN, 6:]])
         numbers = [m.body(one.body).id for one in person.markers]
         local = np.array([one.location for one in person.markers])
-        places, wrench = np.empty((len(qpos), len(local), 3)), np.empty((len(qpos), 6))
+        places = np.empty((len(qpos), len(local), 3))
+        wrench = np.empty((len(qpos), 6))
         generalized = np.empty(m.nv)
         for frame in range(len(qpos)):
-            d.qpos, d.qvel, d.qacc = qpos[frame], qvel[frame], qacc[frame]
+            d.qpos = qpos[frame]
+            d.qvel = qvel[frame]
+            d.qacc = qacc[frame]
             mujoco.mj_kinematics(m, d)
             mujoco.mj_comPos(m, d)
             mujoco.mj_comVel(m, d)
             mujoco.mj_rne(m, d, 1, generalized)
-            places[frame] = d.xpos[numbers] + np.einsum("mij,mj->mi", d.xmat[numbers].reshape(-1, 3, 3), local)
-            force, origin = generalized[:3], d.xpos[1]
+            places[frame] = d.xpos[numbers] + np.einsum(
+                "mij,mj->mi", d.xmat[numbers].reshape(-1, 3, 3), local
+            )
+            force = generalized[:3]
+            origin = d.xpos[1]
             wrench[frame, 3:] = force
-            wrench[frame, :3] = body_turns[frame] @ generalized[3:6] + np.cross(origin - center, force)
+            wrench[frame, :3] = body_turns[frame] @ generalized[3:6] + np.cross(
+                origin - center, force
+            )
             if progress and frame % 1000 == 999:
                 progress(1000)
         return places, wrench
@@ -177,9 +199,12 @@ class SimbodyEngine:
         self.columns = [person.coordinate_names.index(name) for name in names]
         self.bodies = [self.model.getBodySet().get(name) for name in person.body_names]
         bodies = "".join(
-            '<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>' for _ in person.bodies
+            '<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+            for _ in person.bodies
         )
-        self.free = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+        self.free = mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
+        )
         put_inertia(self.free, person)
         self.free.opt.gravity[:] = person.gravity
 
@@ -202,12 +227,15 @@ class SimbodyEngine:
         turns = Rotation.from_quat(quaternions.reshape(-1, 4)[:, [1, 2, 3, 0]]).as_matrix()
         return turns.reshape(*quaternions.shape[:2], 3, 3), origins
 
-    def measure(self, values: Array, rate: float, center: Array, progress: Progress = None) -> tuple[Array, Array]:
+    def measure(
+        self, values: Array, rate: float, center: Array, progress: Progress = None
+    ) -> tuple[Array, Array]:
         """See `Engine`."""
         rotations, origins = self.poses(values, progress)
         spin, turning = angular_rates(rotations, rate)
         velocity, acceleration = rates(origins, rate)
-        rotations, origins = rotations[MARGIN:-MARGIN], origins[MARGIN:-MARGIN]
+        rotations = rotations[MARGIN:-MARGIN]
+        origins = origins[MARGIN:-MARGIN]
         frames, bodies = origins.shape[:2]
         back = np.swapaxes(rotations, -1, -2)
 
@@ -215,13 +243,18 @@ class SimbodyEngine:
             return (back @ x[..., None])[..., 0]
 
         quaternions = quaternions_of(rotations.reshape(-1, 3, 3))
-        qpos = np.concatenate([origins, quaternions.reshape(frames, bodies, 4)], axis=2).reshape(frames, -1)
+        qpos = np.concatenate([origins, quaternions.reshape(frames, bodies, 4)], axis=2).reshape(
+            frames, -1
+        )
         qvel = np.concatenate([velocity, in_body(spin)], axis=2).reshape(frames, -1)
         qacc = np.concatenate([acceleration, in_body(turning)], axis=2).reshape(frames, -1)
-        m, d = self.free, mujoco.MjData(self.free)
+        m = self.free
+        d = mujoco.MjData(self.free)
         generalized = np.empty((frames, m.nv))
         for frame in range(frames):
-            d.qpos, d.qvel, d.qacc = qpos[frame], qvel[frame], qacc[frame]
+            d.qpos = qpos[frame]
+            d.qvel = qvel[frame]
+            d.qacc = qacc[frame]
             mujoco.mj_kinematics(m, d)
             mujoco.mj_comPos(m, d)
             mujoco.mj_comVel(m, d)

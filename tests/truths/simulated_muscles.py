@@ -1,8 +1,9 @@
-"""People with muscles of their own, integrated independently: fiber dynamics by SciPy, known activations.
+"""People with muscles of their own, integrated independently: fiber dynamics by SciPy, known
+activations.
 
-The person's model has other optimal fiber lengths, tendon slack lengths and strengths. Fibers start in equilibrium and
-are integrated with `muscles.fiber_equations` (the equations that agree with OpenSim's own muscles) by LSODA; nothing
-of `tension.personal` takes part.
+The person's model has other optimal fiber lengths, tendon slack lengths and strengths. Fibers start
+in equilibrium and are integrated with `muscles.fiber_equations` (the equations that agree with
+OpenSim's own muscles) by LSODA; nothing of `tension.personal` takes part.
 """
 
 from __future__ import annotations
@@ -51,9 +52,11 @@ class Errors:
 
 @dataclass(frozen=True)
 class Spread:
-    """How people differ, standard deviations: of log optimal length, normalized length in a pose, log strength.
+    """How people differ, standard deviations: of log optimal length, normalized length in a pose,
+    log strength.
 
-    By default those that `personalize` assumes, as intervals can hold what they promise for no other people.
+    By default those that `personalize` assumes, as intervals can hold what they promise for no
+    other people.
     """
 
     fiber: float = 0.15
@@ -63,7 +66,11 @@ class Spread:
 
 
 def person(
-    model: mm.Model, motions: Sequence[mm.Motion], spread: Spread, rng: np.random.Generator, groups: Array
+    model: mm.Model,
+    motions: Sequence[mm.Motion],
+    spread: Spread,
+    rng: np.random.Generator,
+    groups: Array,
 ) -> mm.Model:
     """A model with muscles of another person, that work in a physiological range in some motions.
 
@@ -72,28 +79,42 @@ def person(
     groups : (muscles,) muscles of one number share their strength
     """
     lengths = np.vstack(
-        [mm.muscle_kinematics(model, one, velocities=False, moment_arms=False).lengths for one in motions]
+        [
+            mm.muscle_kinematics(model, one, velocities=False, moment_arms=False).lengths
+            for one in motions
+        ]
     )
     rise = np.exp(spread.strength * rng.standard_normal(int(groups.max()) + 1))
-    shared = {name: rng.standard_normal((200, 2)) for name in {split_side(one.name)[0]: 0 for one in model.muscles}}
+    shared = {
+        name: rng.standard_normal((200, 2))
+        for name in {split_side(one.name)[0]: 0 for one in model.muscles}
+    }
     muscles = []
     for m, muscle in enumerate(model.muscles):
-        lo, ls = muscle.optimal_fiber_length, muscle.tendon_slack_length
-        mean, low, high = (float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max()))
+        lo = muscle.optimal_fiber_length
+        ls = muscle.tendon_slack_length
+        mean, low, high = (
+            float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max())
+        )
         base, side = split_side(muscle.name)
         alike = spread.sides if side else 0.0
-        # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths stretch too far
-        # would be drawn until it is that of nobody.
+        # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths
+        # stretch too far would be drawn until it is that of nobody.
         ends = min(0.4, (low - 1.02 * ls) / lo - REACH), max(1.55, (high - ls) / lo + REACH)
         for k in range(200):
             draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
             new = lo * np.exp(spread.fiber * draw[0])
             point = (mean - ls) / lo + spread.point * draw[1]
             slack = mean - point * new
-            if slack > 0.3 * ls and ends[0] < (low - 1.02 * slack) / new and (high - slack) / new < ends[1]:
+            if (
+                slack > 0.3 * ls
+                and ends[0] < (low - 1.02 * slack) / new
+                and (high - slack) / new < ends[1]
+            ):
                 break
         else:
-            new, slack = lo, ls
+            new = lo
+            slack = ls
         muscles.append(
             replace(
                 muscle,
@@ -110,7 +131,9 @@ def some_gains(model: mm.Model, errors: Errors, rng: np.random.Generator) -> dic
     return {name: float(np.exp(errors.gain * rng.standard_normal())) for name in model.muscle_names}
 
 
-def smooth_activations(time: Array, muscles: int, rng: np.random.Generator, most: float = 0.7) -> Array:
+def smooth_activations(
+    time: Array, muscles: int, rng: np.random.Generator, most: float = 0.7
+) -> Array:
     """(frames, muscles) bursts of activation of about a third of a second."""
     raw = rng.standard_normal((len(time), muscles))
     smooth = gaussian_filter1d(raw, 0.08 / (time[1] - time[0]), axis=0)
@@ -121,16 +144,20 @@ def smooth_activations(time: Array, muscles: int, rng: np.random.Generator, most
 def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) -> Array:
     """(frames, muscles) tendon forces of muscles under known activations, each by itself [N]."""
     moved = mm.muscle_kinematics(model, motion, moment_arms=False)
-    time, found = np.array(motion.time), np.empty_like(activations)
+    time = np.array(motion.time)
+    found = np.empty_like(activations)
     for m, muscle in enumerate(model.muscles):
         if FIBER_LENGTH not in state_names(muscle):
             raise ValueError(f"{muscle.kind}: integrated_degroote takes all its muscles at once")
-        length, speed, a = (
-            CubicSpline(time, one) for one in (moved.lengths[:, m], moved.velocities[:, m], activations[:, m])
-        )
+        length = CubicSpline(time, moved.lengths[:, m])
+        speed = CubicSpline(time, moved.velocities[:, m])
+        a = CubicSpline(time, activations[:, m])
 
         def at(
-            t: Array, state: Array, muscle: Muscle = muscle, given: tuple[CubicSpline, ...] = (length, speed, a)
+            t: Array,
+            state: Array,
+            muscle: Muscle = muscle,
+            given: tuple[CubicSpline, ...] = (length, speed, a),
         ) -> Fibers:
             t = np.atleast_1d(t)
             return fibers_of(muscle, *(one(t) for one in given), np.atleast_1d(state))
@@ -139,19 +166,33 @@ def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) ->
         if not np.isfinite(first).all():
             first = np.array([muscle.optimal_fiber_length])
         done = solve_ivp(
-            lambda t, state, at=at: at(t, state).fiber_velocity, (time[0], time[-1]), first, "LSODA", time,
-            rtol=1e-6, atol=1e-8, max_step=0.02,
-        )  # fmt: skip
+            lambda t, state, at=at: at(t, state).fiber_velocity,
+            (time[0], time[-1]),
+            first,
+            "LSODA",
+            time,
+            rtol=1e-6,
+            atol=1e-8,
+            max_step=0.02,
+        )
         found[:, m] = at(time, done.y[0]).tendon_force
     return found
 
 
 def as_degroote(model: mm.Model) -> mm.Model:
-    """The model with muscles of De Groote's class, whose fiber velocity is explicit in tendon force and activation."""
-    own = {"fiber_damping": 0.0, "tendon_strain_at_one_norm_force": 0.049, "active_force_width_scale": 1.0}
+    """The model with muscles of De Groote's class, whose fiber velocity is explicit in tendon force
+    and activation.
+    """
+    own = {
+        "fiber_damping": 0.0,
+        "tendon_strain_at_one_norm_force": 0.049,
+        "active_force_width_scale": 1.0,
+    }
     own |= {"passive_fiber_strain_at_one_norm_force": 0.6, "ignore_tendon_compliance": 0.0}
     changed = (
-        replace(one, kind="DeGrooteFregly2016Muscle", parameters=FrozenMap(own), curves=FrozenMap({}))
+        replace(
+            one, kind="DeGrooteFregly2016Muscle", parameters=FrozenMap(own), curves=FrozenMap({})
+        )
         for one in model.muscles
     )
     return replace(model, muscles=tuple(changed))
@@ -160,11 +201,13 @@ def as_degroote(model: mm.Model) -> mm.Model:
 def integrated_degroote(person: mm.Model, lengths: Array, time: Array, activations: Array) -> Array:
     """Tendon forces of all muscles at once, in equations of our own (De Groote et al. 2016) [N].
 
-    The state is each muscle's normalized tendon force f; its rate follows from the path's speed less the fiber's.
+    The state is each muscle's normalized tendon force f; its rate follows from the path's speed
+    less the fiber's.
 
     Parameters
     ----------
-    lengths : (frames, muscles) of the paths [m], or (frames, recordings * muscles) of several recordings side by side
+    lengths : (frames, muscles) of the paths [m], or (frames, recordings * muscles) of several
+        recordings side by side
     activations : alike
 
     Returns
@@ -172,63 +215,91 @@ def integrated_degroote(person: mm.Model, lengths: Array, time: Array, activatio
     of the shape of lengths
     """
     recordings = lengths.shape[1] // len(person.muscles)
-    lo, ls, force, angle, most = (
-        np.tile([getattr(one, name) for one in person.muscles], recordings)
-        for name in (
-            "optimal_fiber_length", "tendon_slack_length", "max_isometric_force", "pennation_at_optimal",
-            "max_contraction_velocity",
-        )
-    )  # fmt: skip
-    strain, stretch = (
-        np.tile([one.parameters[name] for one in person.muscles], recordings)
-        for name in ("passive_fiber_strain_at_one_norm_force", "tendon_strain_at_one_norm_force")
+    lo = np.tile([one.optimal_fiber_length for one in person.muscles], recordings)
+    ls = np.tile([one.tendon_slack_length for one in person.muscles], recordings)
+    force = np.tile([one.max_isometric_force for one in person.muscles], recordings)
+    angle = np.tile([one.pennation_at_optimal for one in person.muscles], recordings)
+    most = np.tile([one.max_contraction_velocity for one in person.muscles], recordings)
+    strain = np.tile(
+        [one.parameters["passive_fiber_strain_at_one_norm_force"] for one in person.muscles],
+        recordings,
     )
-    height, k = lo * np.sin(angle), np.log(6.0) / stretch
-    path, a_of = CubicSpline(time, lengths), CubicSpline(time, activations)
+    stretch = np.tile(
+        [one.parameters["tendon_strain_at_one_norm_force"] for one in person.muscles], recordings
+    )
+    height = lo * np.sin(angle)
+    k = np.log(6.0) / stretch
+    path = CubicSpline(time, lengths)
+    a_of = CubicSpline(time, activations)
     path_speed = path.derivative()
 
     def rate(t: float, f: Array) -> Array:
         tendon = ls * (np.log(5.0 * np.maximum(f + 0.2, 1e-6)) / k + 1.0)
         along = np.maximum(path(t) - tendon, 0.05 * lo)
         fiber = np.hypot(along, height)
-        cosine, x = along / fiber, fiber / lo
+        cosine = along / fiber
+        x = fiber / lo
         bell = (
             0.8150671134243542
-            * np.exp(-0.5 * ((x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)) ** 2)
+            * np.exp(
+                -0.5 * ((x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)) ** 2
+            )
             + 0.433004984392647
-            * np.exp(-0.5 * ((x - 0.716775413397760) / (0.200356847296188 * x - 0.029947116970696)) ** 2)
+            * np.exp(
+                -0.5 * ((x - 0.716775413397760) / (0.200356847296188 * x - 0.029947116970696)) ** 2
+            )
             + 0.1 * np.exp(-0.5 * ((x - 1.0) / 0.353553390593274) ** 2)
         )
         least = np.exp(-3.2 / strain)
         passive = (np.exp(4.0 * (x - 1.0) / strain) - least) / (np.exp(4.0) - least)
-        f_v = np.clip((f / cosine - np.maximum(passive, 0.0)) / np.maximum(a_of(t) * bell, 1e-4), -0.5, 2.2)
+        f_v = np.clip(
+            (f / cosine - np.maximum(passive, 0.0)) / np.maximum(a_of(t) * bell, 1e-4), -0.5, 2.2
+        )
         v = (np.sinh((f_v - 0.8825327733249912) / -0.3211346127989808) + 0.374) / -8.149
         return (path_speed(t) - v * most * lo / cosine) * k * (f + 0.2) / ls
 
     first = np.full(lengths.shape[1], 0.1)
     # Fibers find their equilibrium before the recording begins.
     settled = solve_ivp(
-        lambda t, f: rate(time[0], f) - path_speed(time[0]) * k * (f + 0.2) / ls, (0.0, 0.5), first, "LSODA",
-        rtol=1e-5, atol=1e-7, lband=0, uband=0,
-    ).y[:, -1]  # fmt: skip
-    done = solve_ivp(rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-6, atol=1e-8, lband=0, uband=0)
+        lambda t, f: rate(time[0], f) - path_speed(time[0]) * k * (f + 0.2) / ls,
+        (0.0, 0.5),
+        first,
+        "LSODA",
+        rtol=1e-5,
+        atol=1e-7,
+        lband=0,
+        uband=0,
+    ).y[:, -1]
+    done = solve_ivp(
+        rate, (time[0], time[-1]), settled, "LSODA", time, rtol=1e-6, atol=1e-8, lband=0, uband=0
+    )
     found = done.y.T
     if found.shape != lengths.shape or not -0.3 < found.min() <= found.max() < 3.0:
-        raise RuntimeError(f"fibers were not followed: normalized forces {found.min():.2g} to {found.max():.2g}")
+        raise RuntimeError(
+            f"fibers were not followed: normalized forces {found.min():.2g} to {found.max():.2g}"
+        )
     return found * force
 
 
 def recorded(
-    model: mm.Model, person: mm.Model, motion: mm.Motion, activations: Array, errors: Errors, rng: np.random.Generator,
-    gains: Mapping[str, float], name: str, forces: Array | None = None,
-) -> mm.PersonalTrial:  # fmt: skip
+    model: mm.Model,
+    person: mm.Model,
+    motion: mm.Motion,
+    activations: Array,
+    errors: Errors,
+    rng: np.random.Generator,
+    gains: Mapping[str, float],
+    name: str,
+    forces: Array | None = None,
+) -> mm.PersonalTrial:
     """What is measured of a person: torques and EMG with errors.
 
     Parameters
     ----------
     model : the generic one, for joints' own torques
     gains : of the EMG of each muscle that has it
-    forces : (frames, muscles) of the person's tendons under these activations, None to integrate them [N]
+    forces : (frames, muscles) of the person's tendons under these activations, None to integrate
+        them [N]
     """
     told = tuple(gains)
     moved = mm.muscle_kinematics(person, motion)
@@ -242,19 +313,35 @@ def recorded(
     size = np.sqrt(np.mean(torques**2, axis=0))
     torques = torques + errors.torque * size * slow(motion.time, torques.shape, rng)
     columns = [model.muscle_names.index(one) for one in told]
-    emg = activations[:, columns] * (1.0 + errors.emg * slow(motion.time, (len(motion), len(told)), rng))
-    emg = np.maximum(emg + errors.floor * slow(motion.time, emg.shape, rng), 0.0) / list(gains.values())
+    emg = activations[:, columns] * (
+        1.0 + errors.emg * slow(motion.time, (len(motion), len(told)), rng)
+    )
+    emg = np.maximum(emg + errors.floor * slow(motion.time, emg.shape, rng), 0.0) / list(
+        gains.values()
+    )
     target = EmgTarget(told, emg) if told else None
-    return mm.PersonalTrial(name, motion, mm.Series(motion.time, model.coordinate_names, torques), target)
+    return mm.PersonalTrial(
+        name, motion, mm.Series(motion.time, model.coordinate_names, torques), target
+    )
 
 
 def all_recorded(
-    model: mm.Model, person: mm.Model, motions: Sequence[mm.Motion], activations: Sequence[Array], errors: Errors,
-    rng: np.random.Generator, gains: Mapping[str, float],
-) -> list[mm.PersonalTrial]:  # fmt: skip
+    model: mm.Model,
+    person: mm.Model,
+    motions: Sequence[mm.Motion],
+    activations: Sequence[Array],
+    errors: Errors,
+    rng: np.random.Generator,
+    gains: Mapping[str, float],
+) -> list[mm.PersonalTrial]:
     """The same of several motions on one clock, of De Groote's class, integrated side by side."""
-    lengths = [mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).lengths for one in motions]
-    together = integrated_degroote(person, np.hstack(lengths), np.array(motions[0].time), np.hstack(activations))
+    lengths = [
+        mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).lengths
+        for one in motions
+    ]
+    together = integrated_degroote(
+        person, np.hstack(lengths), np.array(motions[0].time), np.hstack(activations)
+    )
     forces = np.split(together, len(motions), axis=1)
     return [
         recorded(model, person, motion, a, errors, rng, gains, f"recording {k}", forces[k])
@@ -263,7 +350,9 @@ def all_recorded(
 
 
 def with_other_muscles(person: mm.Model, rng: np.random.Generator) -> mm.Model:
-    """The person with other tendons, pennation, velocity and passive curves, estimated only by groups or not at all."""
+    """The person with other tendons, pennation, velocity and passive curves, estimated only by
+    groups or not at all.
+    """
     muscles = []
     for one in person.muscles:
         stretch, angle, most, strain = np.exp(rng.standard_normal(4) * [0.2, 0.15, 0.1, 0.1])
@@ -287,22 +376,32 @@ def slow(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array
     return raw / max(float(raw.std()), 1e-12)
 
 
-def swings(model: mm.Model, ranges: dict[str, tuple[float, float]], time: Array, rng: np.random.Generator) -> mm.Motion:
-    """Coordinates that swing between bounds at periods of about a second, each with a phase of its own."""
-    values, speeds = (np.tile([one.default for one in model.coordinates], (len(time), 1)) for _ in range(2))
+def swings(
+    model: mm.Model, ranges: dict[str, tuple[float, float]], time: Array, rng: np.random.Generator
+) -> mm.Motion:
+    """Coordinates that swing between bounds at periods of about a second, each with a phase of its
+    own.
+    """
+    values, speeds = (
+        np.tile([one.default for one in model.coordinates], (len(time), 1)) for _ in range(2)
+    )
     speeds[:] = 0.0
     for name, (low, high) in ranges.items():
         j = model.coordinate_names.index(name)
-        a, w, p = 0.5 * (high - low), 2.0 * np.pi / rng.uniform(0.8, 1.6), rng.uniform(0.0, 2.0 * np.pi)
+        a = 0.5 * (high - low)
+        w = 2.0 * np.pi / rng.uniform(0.8, 1.6)
+        p = rng.uniform(0.0, 2.0 * np.pi)
         values[:, j] = 0.5 * (high + low) + a * np.sin(w * time + p)
         speeds[:, j] = a * w * np.cos(w * time + p)
     return mm.Motion(time, model.coordinate_names, values, speeds, np.zeros_like(values))
 
 
 def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
-    """(frames, coordinates) of tendon forces (frames, muscles), 0 for coordinates that follow others [N m or N].
+    """(frames, coordinates) of tendon forces (frames, muscles), 0 for coordinates that follow
+    others [N m or N].
 
-    Moment arms (frames, muscles, coordinates) are with couplers: those of a knee hold what goes through its patella.
+    Moment arms (frames, muscles, coordinates) are with couplers: those of a knee hold what goes
+    through its patella.
     """
     torques = np.einsum("fmc,fm->fc", arms, forces)
     torques[:, [model.coordinate_names.index(name) for name in model.dependent_coordinates]] = 0.0
@@ -310,10 +409,14 @@ def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
 
 
 def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
-    """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one has none."""
+    """(poses, coordinates) torques of joints and of resting muscles in equilibrium, NaN where one
+    has none.
+    """
     moved = mm.muscle_kinematics(model, motion)
-    rest, zero = np.full(len(motion), 1e-4), np.zeros(len(motion))
-    forces, whole = np.zeros(moved.lengths.shape), np.ones(len(motion), bool)
+    rest = np.full(len(motion), 1e-4)
+    zero = np.zeros(len(motion))
+    forces = np.zeros(moved.lengths.shape)
+    whole = np.ones(len(motion), bool)
     for m, muscle in enumerate(model.muscles):
         state = equilibrium(muscle, moved.lengths[:, m], zero, rest)
         known = np.isfinite(state)
@@ -321,6 +424,8 @@ def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
         forces[:, m] = resting.tendon_force
         whole &= known
     tree = compile_tree(model)
-    torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(tree, *rates_of(tree, motion))
+    torques = muscle_torques(model, moved.moment_arms, forces) + joint_forces(
+        tree, *rates_of(tree, motion)
+    )
     torques[~whole] = np.nan
     return torques

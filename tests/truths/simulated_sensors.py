@@ -1,4 +1,6 @@
-"""Inertial sensors on a body whose motion is known: orientations and raw signals, with the errors that sensors have."""
+"""Inertial sensors on a body whose motion is known: orientations and raw signals, with the errors
+that sensors have.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +31,17 @@ from myomorph.uncertainty.sources import GROUPS, Sources
 
 FIELD = (0.0, 0.4, -0.9)  # Magnetic field in the earth: east along x, north along y, z up.
 GRAVITY = 9.80665
-SMOOTH, ACCELEROMETER = 15.0, 0.1  # Low-pass of recorded motion before it is differentiated [Hz], and noise [m/s^2].
+SMOOTH = 15.0
+# Low-pass of recorded motion before it is differentiated [Hz], and noise [m/s^2].
+ACCELEROMETER = 0.1
 
 
 @dataclass(frozen=True)
 class SensorErrors:
     """Standard deviations of what is wrong with simulated sensors; 0 leaves one out."""
 
-    # of the rotation of a sensor against its bone about each axis, half of its variance follows the joint angles, half
-    # is a process of its own [rad]
+    # of the rotation of a sensor against its bone about each axis, half of its variance follows the
+    # joint angles, half is a process of its own [rad]
     skin: float = 0.035
     skin_time: float = 0.15  # that correlates it [s]
     noise: float = 0.01  # of the filter, the same way [rad]
@@ -48,7 +52,9 @@ class SensorErrors:
     axes: float = 0.035  # of the orientation of joint axes, the body's against the model's [rad]
 
 
-NO_ERRORS = SensorErrors(**dict.fromkeys(("skin", "noise", "pose", "heading", "drift", "axes"), 0.0))
+NO_ERRORS = SensorErrors(
+    **dict.fromkeys(("skin", "noise", "pose", "heading", "drift", "axes"), 0.0)
+)
 
 
 @read_only
@@ -58,7 +64,8 @@ class SimulatedSensors:
     sensors: InertialSensors  # orientations over the motion
     pose: InertialSensors  # in the calibration pose, one second
     rotations: Array  # (sensors, 3, 3) from sensors to bodies
-    # (frames, sensors) by which each earth is turned about the vertical against the body's ground [rad]
+    # (frames, sensors) by which each earth is turned about the vertical against the body's ground
+    # [rad]
     headings: Array
     person: Model  # the body, whose joint axes differ from those of the model
 
@@ -72,14 +79,18 @@ def simulated_sensors(
     mounted: Array | None = None,
     accelerometers: bool = False,
 ) -> SimulatedSensors:
-    """Sensors named BODY_imu on bodies that move; `mounted`: (sensors, 3, 3) from sensors to bodies, by default any;
-    `accelerometers`: they measure acceleration too, at a place on the body that nobody knows.
+    """Sensors named BODY_imu on bodies that move; `mounted`: (sensors, 3, 3) from sensors to
+    bodies, by default any; `accelerometers`: they measure acceleration too, at a place on the body
+    that nobody knows.
     """
-    errors, rng = errors or SensorErrors(), np.random.default_rng(seed)
+    errors = errors or SensorErrors()
+    rng = np.random.default_rng(seed)
     off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
     sources = Sources(**{**off, "joint_axis": errors.axes})
     person = drawn_model(model, Draw(0, sources, Normals(1, seed)))
-    tree, count, frames = compile_tree(person), len(bodies), len(motion)
+    tree = compile_tree(person)
+    count = len(bodies)
+    frames = len(motion)
     columns = [tree.body_number(body) for body in bodies]
     values = tree.coordinates_of(motion)
     floating = floating_coordinates(model)
@@ -93,7 +104,11 @@ def simulated_sensors(
     gains = rng.normal(size=(len(joints), 3 * count))
     following = (moving @ gains).reshape(frames, count, 3)
     following /= np.maximum(following.std(axis=0), 1e-9)
-    skin = np.sqrt(0.5) * errors.skin * (following + _process(rng, frames, count, errors.skin_time * rate))
+    skin = (
+        np.sqrt(0.5)
+        * errors.skin
+        * (following + _process(rng, frames, count, errors.skin_time * rate))
+    )
     filtered = errors.noise * _process(rng, frames, count, errors.noise_time * rate)
     walk = rng.normal(size=(frames, count)).cumsum(axis=0) * errors.drift / np.sqrt(60.0 * rate)
     headings = common + errors.heading * rng.normal(size=count) + walk
@@ -112,24 +127,39 @@ def simulated_sensors(
         coordinate = model.coordinates[j]
         if coordinate.clamped:
             stance[:, j] = np.clip(stance[:, j], *coordinate.range)
-    still = earth(tree.coordinates_of(Motion(np.arange(len(stance)) / rate, model.coordinate_names, stance)),
-                  np.zeros((len(stance), count, 3)), np.tile(headings[0], (len(stance), 1)))  # fmt: skip
+    still = earth(
+        tree.coordinates_of(Motion(np.arange(len(stance)) / rate, model.coordinate_names, stance)),
+        np.zeros((len(stance), count, 3)),
+        np.tile(headings[0], (len(stance), 1)),
+    )
     felt = None
     if accelerometers:
         felt = _accelerations(rng, tree, values, motion.time, columns) - np.asarray(model.gravity)
-        turned = forward_kinematics(tree, values).rotations[:, columns] @ rotation_from_vector(skin) @ mounted
-        felt = np.einsum("fsji,fsj->fsi", turned, felt) + ACCELEROMETER * rng.normal(size=felt.shape)
+        turned = (
+            forward_kinematics(tree, values).rotations[:, columns]
+            @ rotation_from_vector(skin)
+            @ mounted
+        )
+        felt = np.einsum("fsji,fsj->fsi", turned, felt) + ACCELEROMETER * rng.normal(
+            size=felt.shape
+        )
     return SimulatedSensors(
-        InertialSensors(motion.time, names, quaternion_from_rotation(measured), accelerations=felt),
-        InertialSensors(np.arange(len(stance)) / rate, names, quaternion_from_rotation(still)),
-        mounted,
-        headings,
-        person,
+        sensors=InertialSensors(
+            motion.time, names, quaternion_from_rotation(measured), accelerations=felt
+        ),
+        pose=InertialSensors(np.arange(len(stance)) / rate, names, quaternion_from_rotation(still)),
+        rotations=mounted,
+        headings=headings,
+        person=person,
     )
 
 
-def _accelerations(rng: np.random.Generator, tree: Tree, values: Array, time: Array, columns: list[int]) -> Array:
-    """(frames, sensors, 3) of points on bodies some centimetres from their origins, in ground [m/s^2]."""
+def _accelerations(
+    rng: np.random.Generator, tree: Tree, values: Array, time: Array, columns: list[int]
+) -> Array:
+    """(frames, sensors, 3) of points on bodies some centimetres from their origins, in ground
+    [m/s^2].
+    """
     poses = forward_kinematics(tree, values)
     places = poses.points(np.array(columns), 0.05 * rng.normal(size=(len(columns), 3)))
     names = tuple(map(str, range(3 * len(columns))))
@@ -141,22 +171,29 @@ def _accelerations(rng: np.random.Generator, tree: Tree, values: Array, time: Ar
 def raw_signals(
     sensors: InertialSensors, rate: float, noise: float = 0.01, bias: float = 0.005, seed: int = 0
 ) -> InertialSensors:
-    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place. `noise`: of angular
-    velocities [rad/s]; ten times as much of accelerations [m/s^2]; `bias`: standard deviation of gyroscopes [rad/s].
+    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place.
+    `noise`: of angular velocities [rad/s]; ten times as much of accelerations [m/s^2]; `bias`:
+    standard deviation of gyroscopes [rad/s].
     """
     assert sensors.orientations is not None
     rng = np.random.default_rng(seed)
     time = np.arange(sensors.time[0], sensors.time[-1], 1.0 / rate)
-    flat = natural_spline(sensors.time, np.array(sensors.orientations).reshape(len(sensors), -1), degree=3)
+    flat = natural_spline(
+        sensors.time, np.array(sensors.orientations).reshape(len(sensors), -1), degree=3
+    )
     step = 0.5 / rate
-    before, now, after = (_rotations(flat(time + shift), sensors) for shift in (-step, 0.0, step))
+    before = _rotations(flat(time + (-step)), sensors)
+    now = _rotations(flat(time + 0.0), sensors)
+    after = _rotations(flat(time + step), sensors)
     speeds = vector_from_rotation(np.swapaxes(before, 2, 3) @ after) * rate
     shape = speeds.shape
     inverse = np.swapaxes(now, 2, 3)
     return InertialSensors(
         time,
         sensors.names,
-        angular_velocities=speeds + bias * rng.normal(size=shape[1:]) + noise * rng.normal(size=shape),
+        angular_velocities=speeds
+        + bias * rng.normal(size=shape[1:])
+        + noise * rng.normal(size=shape),
         accelerations=inverse @ [0.0, 0.0, GRAVITY] + 10.0 * noise * rng.normal(size=shape),
         magnetic_fields=inverse @ FIELD + noise * rng.normal(size=shape),
     )

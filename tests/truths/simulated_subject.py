@@ -1,10 +1,11 @@
-"""A simulated subject whose lengths, marker places and inertial parameters are known, and what a laboratory records.
+"""A simulated subject whose lengths, marker places and inertial parameters are known, and what a
+laboratory records.
 
-The generic model becomes a person: bodies stretched segment by segment, markers put a centimeter off,
-every body's mass deformed by a random affine map, which no rigid body's physics can object to. The
-person moves through a motion of closed form; `simulated_engines` tells where the markers are and what
-wrench the plate measures without any of Myomorph's kernels, and noise is laid over both. Synthetic:
-nobody was measured.
+The generic model becomes a person: bodies stretched segment by segment, markers put a centimeter
+off, every body's mass deformed by a random affine map, which no rigid body's physics can object to.
+The person moves through a motion of closed form; `simulated_engines` tells where the markers are
+and what wrench the plate measures without any of Myomorph's kernels, and noise is laid over both.
+Synthetic: nobody was measured.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ class SubjectOptions:
     length : largest relative change of a length, along or across a segment, the same on both sides
     asymmetry : largest relative difference that the left side adds
     marker_shift : standard deviation of a marker's place, along each axis [m]
-    mass, center, shape : largest relative change of a body's mass; shift of its mass center in parts of
-        its radius of gyration; relative change of its extent along and across its axes
+    mass, center, shape : largest relative change of a body's mass; shift of its mass center in
+        parts of its radius of gyration; relative change of its extent along and across its axes
     seed : of all of them
     """
 
@@ -74,9 +75,10 @@ class Instruments:
     rate : of markers and plate [Hz]
     marker : standard deviation of each marker coordinate's white noise [m]
     force : standard deviation of each force component's white noise [N]
-    sensors : half distances of the plate's four sensors along x and y of its top [m]. A force noise of
-        0.5 N is 0.25 N in each sensor; the moments' noise about the plate's center follows by the lever
-        arms, 0.5 N times (b, a) about the axes in the top and 0.5 N sqrt(a^2 + b^2) about the upright one
+    sensors : half distances of the plate's four sensors along x and y of its top [m]. A force noise
+        of 0.5 N is 0.25 N in each sensor; the moments' noise about the plate's center follows by
+        the lever arms, 0.5 N times (b, a) about the axes in the top and 0.5 N sqrt(a^2 + b^2) about
+        the upright one
     seed : of the noise
     """
 
@@ -87,7 +89,9 @@ class Instruments:
     seed: int = 5
 
     def sigma(self, up: Array) -> Array:
-        """(6,) standard deviations of the wrench's noise: moments about the plate's center, then forces."""
+        """(6,) standard deviations of the wrench's noise: moments about the plate's center, then
+        forces.
+        """
         across, along = self.sensors[::-1]
         lever = np.where(np.abs(up) > 0.5, np.hypot(along, across), 0.0)
         lever[np.flatnonzero(np.abs(up) < 0.5)] = across, along
@@ -102,7 +106,8 @@ class Recording:
     ----------
     motion : the true one, with derivatives of its closed form
     markers, exact_markers : with and without noise
-    wrench, exact_wrench : (frames, 6) moment about `center` and force on the person, in ground [N m; N]
+    wrench, exact_wrench : (frames, 6) moment about `center` and force on the person, in ground [N
+        m; N]
     center : (3,) of the plate's top, in ground [m]
     sigma : (6,) of the wrench's noise
     wrenches : the noisy wrench on one foot, as loads are given to the steps
@@ -130,10 +135,15 @@ def random_subject(generic: mm.Model, options: SubjectOptions | None = None) -> 
     sides = {j: i for i, j in mirrored_lengths(lengths)}
     for i in range(len(lengths)):
         own = 1.0 + options.length * random.uniform(-1.0, 1.0)
-        values[i] = values[sides[i]] * (1.0 + options.asymmetry * random.uniform(-1.0, 1.0)) if i in sides else own
+        values[i] = (
+            values[sides[i]] * (1.0 + options.asymmetry * random.uniform(-1.0, 1.0))
+            if i in sides
+            else own
+        )
     grown = scale(generic, factors_of(lengths, values), inertia="affine")
     markers = tuple(
-        replace(one, location=one.location + options.marker_shift * random.standard_normal(3)) for one in grown.markers
+        replace(one, location=one.location + options.marker_shift * random.standard_normal(3))
+        for one in grown.markers
     )
     table = np.array([deformed(row, options, random) for row in inertial_parameters(grown)])
     return Subject(generic, with_inertial_parameters(grown.with_markers(markers), table))
@@ -159,7 +169,9 @@ def deformed(parameters: Array, options: SubjectOptions, random: np.random.Gener
     k = 1.0 + options.mass * random.uniform(-1.0, 1.0)
     size = np.sqrt(np.trace(spread) / mass / 2.0)
     center = center + options.center * size * random.uniform(-1.0, 1.0, 3)
-    J[3, 3], J[:3, 3], J[3, :3] = k * mass, k * mass * center, k * mass * center
+    J[3, 3] = k * mass
+    J[:3, 3] = k * mass * center
+    J[3, :3] = k * mass * center
     J[:3, :3] = k * (A @ spread @ A.T + mass * np.outer(center, center))
     return parameters_of(J)
 
@@ -192,17 +204,22 @@ class Amplitudes:
 Curves = Callable[[Array], tuple[Array, Array, Array]]
 
 
-def middles_and_reaches(model: mm.Model, amplitudes: Amplitudes | None = None) -> tuple[tuple[str, ...], Array, Array]:
+def middles_and_reaches(
+    model: mm.Model, amplitudes: Amplitudes | None = None
+) -> tuple[tuple[str, ...], Array, Array]:
     """Names, middle and reach of the coordinates that move: neither locked nor driven."""
     amplitudes = amplitudes or Amplitudes()
     base = next(joint for joint in model.joints if joint.parent == GROUND)
-    names, middles, reaches = [], [], []
+    names = []
+    middles = []
+    reaches = []
     for one in model.coordinates:
         if one.locked or one.name in model.dependent_coordinates:
             continue
         slides = one.motion == "translational"
         if one.name in base.coordinates:
-            middle, reach = one.default, amplitudes.root[0 if slides else 1]
+            middle = one.default
+            reach = amplitudes.root[0 if slides else 1]
         else:
             low, high = one.range
             most = amplitudes.most[1 if slides else 0]
@@ -215,7 +232,11 @@ def middles_and_reaches(model: mm.Model, amplitudes: Amplitudes | None = None) -
 
 
 def exciting_curves(
-    middles: Array, reaches: Array, seed: int = 1, sines: int = 5, band: tuple[float, float] = (0.08, 0.9)
+    middles: Array,
+    reaches: Array,
+    seed: int = 1,
+    sines: int = 5,
+    band: tuple[float, float] = (0.08, 0.9),
 ) -> Curves:
     """Sums of sines of random frequencies and phases in every coordinate, growing from rest."""
     random = np.random.default_rng(seed)
@@ -223,20 +244,24 @@ def exciting_curves(
     omega = 2.0 * np.pi * random.uniform(*band, (sines, n))
     phase = random.uniform(0.0, 2.0 * np.pi, (sines, n))
     share = random.uniform(0.5, 1.0, (sines, n))
-    # Five sines seldom meet: together they reach about half of their sum, and never more than the reach.
+    # Five sines seldom meet: together they reach about half of their sum, and never more than the
+    # reach.
     size = reaches * share / share.sum(axis=0)
 
     def curves(time: Array) -> tuple[Array, Array, Array]:
         t = time[:, None]
         swings = [np.zeros((len(time), n)) for _ in range(3)]
         for a, w, p in zip(size, omega, phase, strict=True):
-            s, c = np.sin(w * t + p), np.cos(w * t + p)
+            s = np.sin(w * t + p)
+            c = np.cos(w * t + p)
             swings[0] += a * s
             swings[1] += a * w * c
             swings[2] -= a * w * w * s
         u = t**4
         rest = np.exp(-u)
-        grow, rise, bend = 1.0 - rest, 4.0 * t**3 * rest, (12.0 * t**2 - 16.0 * t**6) * rest
+        grow = 1.0 - rest
+        rise = 4.0 * t**3 * rest
+        bend = (12.0 * t**2 - 16.0 * t**6) * rest
         x, v, a = swings
         return middles + grow * x, grow * v + rise * x, grow * a + 2.0 * rise * v + bend * x
 
@@ -244,9 +269,16 @@ def exciting_curves(
 
 
 def step_curves(
-    middles: Array, reaches: Array, duration: float, seed: int = 2, every: float = 1.2, width: float = 0.2
+    middles: Array,
+    reaches: Array,
+    duration: float,
+    seed: int = 2,
+    every: float = 1.2,
+    width: float = 0.2,
 ) -> Curves:
-    """Moves from one random pose to the next: x_0 + sum_k d_k Phi((t - t_k) / width), Phi the normal distribution."""
+    """Moves from one random pose to the next: x_0 + sum_k d_k Phi((t - t_k) / width), Phi the
+    normal distribution.
+    """
     random = np.random.default_rng(seed)
     at = np.arange(every, duration - every, every)
     poses = middles + 0.8 * reaches * random.uniform(-1.0, 1.0, (len(at) + 1, len(middles)))
@@ -311,7 +343,9 @@ def follow(model: mm.Model, values: Array) -> None:
 
 
 def plate_center(model: mm.Model) -> Array:
-    """(3,) the point of the floor under the base in its default pose: ground's height 0 is the floor."""
+    """(3,) the point of the floor under the base in its default pose: ground's height 0 is the
+    floor.
+    """
     base = next(joint for joint in model.joints if joint.parent == GROUND)
     default = {one.name: one.default for one in model.coordinates}
     place = np.array(base.parent_frame.translation)
@@ -323,10 +357,17 @@ def plate_center(model: mm.Model) -> Array:
 
 
 def on_one_foot(model: mm.Model, time: Array, wrench: Array, center: Array) -> mm.Wrenches:
-    """The wrench as a force at its center of pressure with an upright free torque, on the right foot."""
-    foot = next(body for body, one in segments_of(model).items() if one.name == "foot" and one.side == "right")
+    """The wrench as a force at its center of pressure with an upright free torque, on the right
+    foot.
+    """
+    foot = next(
+        body
+        for body, one in segments_of(model).items()
+        if one.name == "foot" and one.side == "right"
+    )
     up = -model.gravity / np.linalg.norm(model.gravity)
-    moment, force = wrench[:, :3], wrench[:, 3:]
+    moment = wrench[:, :3]
+    force = wrench[:, 3:]
     arm = np.cross(up, moment) / (force @ up)[:, None]
     free = moment - np.cross(arm, force)
     one = [np.asarray(each)[:, None, :] for each in (force, center + arm, free)]

@@ -1,4 +1,6 @@
-"""The truth of a simulated subject in the frames of a model that was found, and what either predicts."""
+"""The truth of a simulated subject in the frames of a model that was found, and what either
+predicts.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +18,38 @@ from truths.simulated_subject import parameters_of
 
 
 def joint_distances(model: mm.Model) -> dict[tuple[str, str], float]:
-    """Distances between the joint centers of each segment in the default pose, by their bodies' names [m].
+    """Distances between the joint centers of each segment in the default pose, by their bodies'
+    names [m].
 
     A joint to the ground is no joint of the body, and massless bodies' joints are not counted.
     """
     tree = compile_tree(model)
     pose = forward_kinematics(tree, tree.defaults[None])
     parents = {joint.child: joint.parent for joint in model.joints}
-    free = {one.name for one in model.coordinates if not one.locked} - set(model.dependent_coordinates)
-    turning = {joint.child for joint in model.joints if free & set(joint.coordinates) and joint.parent != GROUND}
+    free = {one.name for one in model.coordinates if not one.locked} - set(
+        model.dependent_coordinates
+    )
+    turning = {
+        joint.child
+        for joint in model.joints
+        if free & set(joint.coordinates) and joint.parent != GROUND
+    }
     bodies = np.array([tree.body_index[joint.child] for joint in model.joints])
     # MuJoCo's joints turn about their anchors, OpenSim's about their child frames' origins.
     anchors = [_anchor(joint) for joint in model.joints]
     places = pose.points(bodies, np.array(anchors))[0]
-    centers = {joint.child: place for joint, place in zip(model.joints, places, strict=True) if joint.child in turning}
+    centers = {
+        joint.child: place
+        for joint, place in zip(model.joints, places, strict=True)
+        if joint.child in turning
+    }
     found = {}
     for bodies in segments_that_stretch(model):
-        joints = [one for one in centers if one == bodies[0] or (parents[one] in bodies and one not in bodies)]
+        joints = [
+            one
+            for one in centers
+            if one == bodies[0] or (parents[one] in bodies and one not in bodies)
+        ]
         for i, one in enumerate(joints):
             for other in joints[:i]:
                 found[other, one] = float(np.linalg.norm(centers[one] - centers[other]))
@@ -45,8 +62,11 @@ def _anchor(joint: Joint) -> Array:
     return joint.axes[-1].origin
 
 
-def frames_between(person: mm.Model, true: mm.Motion, model: mm.Model, motion: mm.Motion) -> tuple[Array, Array]:
-    """Pose (bodies, 3, 3), (bodies, 3) of the person's body frames in the model's, as a recording shows them.
+def frames_between(
+    person: mm.Model, true: mm.Motion, model: mm.Model, motion: mm.Motion
+) -> tuple[Array, Array]:
+    """Pose (bodies, 3, 3), (bodies, 3) of the person's body frames in the model's, as a recording
+    shows them.
 
     Where a joint's zero lies, and where a body's frame lies between its joints, is convention: no
     recording tells it, and markers and masses are compared without it.
@@ -54,7 +74,10 @@ def frames_between(person: mm.Model, true: mm.Motion, model: mm.Model, motion: m
     at = np.isin(np.round(true.time, 6), np.round(motion.time, 6))
     poses = [
         forward_kinematics(tree, tree.coordinates_of(one))
-        for tree, one in ((compile_tree(person), at_frames(true, at)), (compile_tree(model), motion))
+        for tree, one in (
+            (compile_tree(person), at_frames(true, at)),
+            (compile_tree(model), motion),
+        )
     ]
     seen = np.isfinite(poses[1].origins).all(axis=(1, 2))
     back = np.swapaxes(poses[1].rotations[seen, 1:], -1, -2)
@@ -72,7 +95,8 @@ def at_frames(motion: mm.Motion, at: np.ndarray) -> mm.Motion:
 def moved(parameters: Array, rotations: Array, origins: Array) -> Array:
     """Parameters (bodies, 10) in other frames of the bodies, J -> T J T^T."""
     T = np.tile(np.eye(4), (len(parameters), 1, 1))
-    T[:, :3, :3], T[:, :3, 3] = rotations, origins
+    T[:, :3, :3] = rotations
+    T[:, :3, 3] = origins
     return parameters_of(T @ pseudo_inertias(parameters) @ np.swapaxes(T, -1, -2))
 
 

@@ -16,7 +16,8 @@ RADIUS = 0.03  # Of soft tissue, as a ball [m].
 class SoftTissue:
     """A part of a limb's mass that hangs on it by springs and dampers, the same in every direction."""
 
-    place: tuple[float, float, float]  # (3,) of its center in the limb's frame while the limb hangs at rest [m]
+    # (3,) of its center in the limb's frame while the limb hangs at rest [m]
+    place: tuple[float, float, float]
     mass: float  # [kg]
     frequency: float  # at which it vibrates against a limb that is held [Hz]
     damping: float  # ratio to the critical one
@@ -30,7 +31,9 @@ class SoftTissue:
         return np.array([self.mass, *(self.mass * x), *np.diag(inertia), *off])
 
     def mjcf(self, down: Array) -> str:
-        """A body on three slides that is where `place` says while gravity `down` (3,), in the limb's frame, pulls."""
+        """A body on three slides that is where `place` says while gravity `down` (3,), in the
+        limb's frame, pulls.
+        """
         angular = 2.0 * np.pi * self.frequency
         sag = down / angular**2
         slides = "".join(

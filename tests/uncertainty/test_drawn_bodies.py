@@ -30,7 +30,9 @@ def draw(number=0, draws=200, **sizes):
 
 def markers_at(model, values):
     tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), model.coordinate_names, values)))
+    poses = forward_kinematics(
+        tree, tree.coordinates_of(Motion(np.zeros(1), model.coordinate_names, values))
+    )
     bodies = np.array([tree.body_number(one.body) for one in model.markers], np.int64)
     return poses.points(bodies, np.array([one.location for one in model.markers]))[0]
 
@@ -50,7 +52,12 @@ def test_every_source_belongs_to_one_group():
 
 
 def test_segments_weigh_otherwise_and_the_whole_the_same(model):
-    masses = np.array([[one.mass for one in drawn_model(model, draw(k, segment_mass=0.1)).bodies] for k in range(200)])
+    masses = np.array(
+        [
+            [one.mass for one in drawn_model(model, draw(k, segment_mass=0.1)).bodies]
+            for k in range(200)
+        ]
+    )
     np.testing.assert_allclose(masses.sum(axis=1), model.mass, rtol=1e-12)
     # Two bodies whose sum is fixed: the share of one is p, its logit has 0.1 sqrt(2).
     share = masses[:, 0] / model.mass
@@ -59,7 +66,8 @@ def test_segments_weigh_otherwise_and_the_whole_the_same(model):
 
 def test_another_center_leaves_the_zero_pose_and_moves_the_bent_one(model):
     other = drawn_model(model, draw(joint_center=0.01, joint_axis=0.05))
-    zero, bent = np.zeros((1, 2)), np.array([[0.0, 1.0]])
+    zero = np.zeros((1, 2))
+    bent = np.array([[0.0, 1.0]])
     np.testing.assert_allclose(markers_at(other, zero), markers_at(model, zero), atol=1e-12)
     assert np.abs(markers_at(other, bent) - markers_at(model, bent)).max() > 1e-3
 
@@ -83,8 +91,11 @@ def test_bowed_legs_move_the_knee_out_between_hip_and_ankle(data):
     still = Motion(np.zeros(1), model.coordinate_names, np.zeros((1, len(model.coordinates))))
     places = forward_kinematics(tree, tree.coordinates_of(still)).origins[0]
     chain = [tree.body_index[name] for name in ("femur_r", "tibia_r", "talus_r")]
-    observed = Markers(still.time, tuple(one.name for one in model.markers), markers_at(model, still.values)[None])
-    angles, moved = [], []
+    observed = Markers(
+        still.time, tuple(one.name for one in model.markers), markers_at(model, still.values)[None]
+    )
+    angles = []
+    moved = []
     for k in range(20):
         bowed = drawn_model(model, draw(k, leg_alignment=0.04))
         found = poses_near(bowed, observed, still, InverseKinematicsOptions())
@@ -101,16 +112,30 @@ def test_bowed_legs_move_the_knee_out_between_hip_and_ankle(data):
 
 
 def test_points_of_paths_move_by_their_size(model):
-    before = [one.location for muscle in model.muscles for one in muscle.path.points if isinstance(one, PathPoint)]
+    before = [
+        one.location
+        for muscle in model.muscles
+        for one in muscle.path.points
+        if isinstance(one, PathPoint)
+    ]
     moved = []
     for k in range(200):
         muscles = drawn_model(model, draw(k, attachment=0.004)).muscles
-        moved.append([one.location for muscle in muscles for one in muscle.path.points if isinstance(one, PathPoint)])
+        moved.append(
+            [
+                one.location
+                for muscle in muscles
+                for one in muscle.path.points
+                if isinstance(one, PathPoint)
+            ]
+        )
     # Latin hypercubes: standard deviations are right to a few percent in each column.
     np.testing.assert_allclose((np.array(moved) - np.array(before)).std(axis=0), 0.004, rtol=0.08)
 
 
-@pytest.mark.parametrize(("name", "value"), [("placement", -0.001), ("strength", np.nan), ("skin_time", 0.0)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("placement", -0.001), ("strength", np.nan), ("skin_time", 0.0)]
+)
 def test_a_size_that_is_none_is_refused(name, value):
     with pytest.raises(BadData, match=name):
         Sources(**{name: value})
@@ -130,7 +155,9 @@ def test_arrays_of_a_drawn_model_are_those_that_compiling_it_anew_makes(data):
 
 
 def test_tendons_are_fitted_to_drawn_paths_and_fibers(model):
-    """Normalized fiber lengths in the default pose stay; the source of slack lengths alone changes them."""
+    """Normalized fiber lengths in the default pose stay; the source of slack lengths alone changes
+    them.
+    """
 
     def fibers(one):
         lengths = default_path_lengths(one)
@@ -144,7 +171,9 @@ def test_tendons_are_fitted_to_drawn_paths_and_fibers(model):
     drawn = drawn_subject(model, draw(4, attachment=0.004, wrap_radius=0.1, fiber_length=0.1))
     assert np.abs(default_path_lengths(drawn) - default_path_lengths(model)).max() > 1e-3
     np.testing.assert_allclose(fibers(drawn), fibers(model), atol=1e-9)
-    apart = [fibers(drawn_subject(model, draw(k, slack_length=0.05))) - fibers(model) for k in range(200)]
+    apart = [
+        fibers(drawn_subject(model, draw(k, slack_length=0.05))) - fibers(model) for k in range(200)
+    ]
     np.testing.assert_allclose(np.std(apart, axis=0), 0.05, rtol=0.05)
 
 

@@ -14,7 +14,7 @@ from myomorph.uncertainty.sources import Sources
 
 TIME = np.arange(0.0, 2.0, 0.01)
 SITES = tuple(
-    Site(name, body, np.zeros((1, 3)), Cone(), group="foot_r")
+    Site(name=name, body=body, points=np.zeros((1, 3)), cone=Cone(), group="foot_r")
     for name, body in (("heel", "calcn_r"), ("ball", "calcn_r"), ("toe", "toes_r"))
 )
 
@@ -49,7 +49,8 @@ def test_a_touch_that_the_recording_cuts_keeps_that_end():
 
 
 def test_without_sizes_contacts_are_those_that_were_found():
-    given, none = ready((0.5, 1.1), (0.6, 1.2), (0.7, 1.2)), draw(0, contact_time=0.0, contact_point=0.0)
+    given = ready((0.5, 1.1), (0.6, 1.2), (0.7, 1.2))
+    none = draw(0, contact_time=0.0, contact_point=0.0)
     np.testing.assert_array_equal(drawn_activations(given, SITES, none).values, given.values)
     assert drawn_sites(SITES, none) == SITES
 

@@ -16,17 +16,27 @@ def test_each_of_equal_parts_holds_one_draw():
 
 
 def test_numbers_depend_on_their_own_source_and_item_alone():
-    first, second = Normals(20, seed=1), Normals(20, seed=1)
+    first = Normals(20, seed=1)
+    second = Normals(20, seed=1)
     second.of(0, "strength", "soleus_r")
-    np.testing.assert_array_equal(first.of(5, "placement", "RASI", 3), second.of(5, "placement", "RASI", 3))
+    np.testing.assert_array_equal(
+        first.of(5, "placement", "RASI", 3), second.of(5, "placement", "RASI", 3)
+    )
     assert not np.allclose(first.of(5, "placement", "RASI", 3), first.of(5, "placement", "LASI", 3))
-    assert not np.allclose(first.of(5, "placement", "RASI", 3), Normals(20, seed=2).of(5, "placement", "RASI", 3))
+    assert not np.allclose(
+        first.of(5, "placement", "RASI", 3), Normals(20, seed=2).of(5, "placement", "RASI", 3)
+    )
 
 
 def test_a_process_has_variance_one_and_is_correlated_as_a_gaussian():
-    """Of white noise smoothed by a Gaussian of width w, the correlation over a lag d is exp(-d^2 / 4 w^2)."""
-    width, lag = 10.0, 12
-    values = np.stack([Normals(300).process(k, "skin", "thigh", 200, width, 1)[:, 0] for k in range(300)])
+    """Of white noise smoothed by a Gaussian of width w, the correlation over a lag d is exp(-d^2 /
+    4 w^2).
+    """
+    width = 10.0
+    lag = 12
+    values = np.stack(
+        [Normals(300).process(k, "skin", "thigh", 200, width, 1)[:, 0] for k in range(300)]
+    )
     np.testing.assert_allclose(values.std(axis=0).mean(), 1.0, atol=0.03)
     assert values[:, 0].std() > 0.85
     together = (values[:, :-lag] * values[:, lag:]).mean()

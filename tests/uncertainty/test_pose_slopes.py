@@ -10,13 +10,20 @@ import pytest
 
 from myomorph.demo.arm import example_files
 from myomorph.io.formats import read_model, read_trial
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, poses_near, tracked_markers
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    inverse_kinematics,
+    poses_near,
+    tracked_markers,
+)
 from myomorph.uncertainty.online_errors import SlopeFinder
 
 
 def test_what_they_leave_out_falls_with_the_square_of_the_errors(tmp_path: Path) -> None:
-    files, options = example_files(tmp_path), InverseKinematicsOptions()
-    model, markers = read_model(files.model), read_trial(files.markers).markers
+    files = example_files(tmp_path)
+    options = InverseKinematicsOptions()
+    model = read_model(files.model)
+    markers = read_trial(files.markers).markers
     assert markers is not None
     exact = inverse_kinematics(model, markers, options).motion
     names, weights = tracked_markers(model, markers, options)

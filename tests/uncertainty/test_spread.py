@@ -8,7 +8,8 @@ from scipy.special import ndtri
 from myomorph.uncertainty import spread as spreads
 from myomorph.uncertainty.spread import Draws, Spread, widened
 
-TIME, NAMES = np.arange(3) / 10.0, ("a", "b")
+TIME = np.arange(3) / 10.0
+NAMES = ("a", "b")
 SCALE = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 
 
@@ -46,16 +47,23 @@ def test_draws_without_a_solution_do_not_count():
 
 def test_between_its_frames_limits_keep_their_distance():
     found = normal_draws()
-    own, time = np.full((3, 2), 10.0), np.array([0.0, 0.05, 0.1, 0.15, 0.2])
+    own = np.full((3, 2), 10.0)
+    time = np.array([0.0, 0.05, 0.1, 0.15, 0.2])
     nominal = 100.0 + np.arange(10.0).reshape(5, 2)
     between = found.over(time, own, nominal)
     np.testing.assert_allclose(between.high[::2] - nominal[::2], found.high - own)
-    np.testing.assert_allclose(between.high[1] - nominal[1], 0.5 * ((found.high[0] + found.high[1]) - 20.0))
+    np.testing.assert_allclose(
+        between.high[1] - nominal[1], 0.5 * ((found.high[0] + found.high[1]) - 20.0)
+    )
 
 
 def test_widened_limits_are_further_apart_and_never_below_what_can_be():
-    time, low, high = np.zeros(1), np.array([[1.0, 10.0]]), np.array([[3.0, 30.0]])
-    spread = Spread(time, ("knee", "hip_f"), low, high, np.ones((1, 2)))
+    time = np.zeros(1)
+    low = np.array([[1.0, 10.0]])
+    high = np.array([[3.0, 30.0]])
+    spread = Spread(
+        time=time, names=("knee", "hip_f"), low=low, high=high, deviation=np.ones((1, 2))
+    )
     wider = widened("torques", spread, 3.0)
     np.testing.assert_allclose([wider.low, wider.high], [[[-1.0, 0.0]], [[5.0, 50.0]]])
     assert (widened("forces", spread, 3.0).low == 0.0).all()

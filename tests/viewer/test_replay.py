@@ -31,7 +31,8 @@ WAYS = ("up", "ahead", "right")
 
 def turned(wxyz: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Vectors turned by quaternions."""
-    w, axis = wxyz[:, :1], wxyz[:, 1:]
+    w = wxyz[:, :1]
+    axis = wxyz[:, 1:]
     return vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)
 
 
@@ -48,18 +49,25 @@ def test_poses_are_those_of_the_kinematics() -> None:
         assert body.frame_at(float(body.time[frame]) + 0.004) == frame
     quaternion = quaternions(poses.rotations[57])
     vector = np.array([0.3, -0.2, 0.7])
-    assert turned(quaternion, np.tile(vector, (len(quaternion), 1))) == pytest.approx(poses.rotations[57] @ vector)
+    assert turned(quaternion, np.tile(vector, (len(quaternion), 1))) == pytest.approx(
+        poses.rotations[57] @ vector
+    )
 
 
 def test_tubes_reach_from_point_to_point() -> None:
-    """Every tube's ends, turned and placed, are the path's points; the ones beyond the path have no size."""
+    """Every tube's ends, turned and placed, are the path's points; the ones beyond the path have no
+    size.
+    """
     random = np.random.default_rng(1)
     points = random.normal(size=(7, 3))
     points[1] = points[0] - [0.0, 0.0, 0.4]
     points[6] = np.nan
     muscle = np.array([0, 0, 0, 1, 1, 1, 1])
-    made = tubes(points, muscle, np.array([0.01, 0.02]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-    starts, ends = [0, 1, 3, 4, 5], [1, 2, 4, 5, 6]
+    made = tubes(
+        points, muscle, np.array([0.01, 0.02]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    )
+    starts = [0, 1, 3, 4, 5]
+    ends = [1, 2, 4, 5, 6]
     assert len(made.positions) == 5
     half = made.scales[:4, 2] - 0.35 * made.scales[:4, 0]
     along = turned(made.wxyzs[:4].astype(float), np.array([0.0, 0.0, 1.0]) * half[:, None])
@@ -82,7 +90,8 @@ def test_a_tighter_muscle_is_thicker_by_its_cross_section() -> None:
 
 def test_muscles_that_were_found_stand_out() -> None:
     body = PlayedBody(everything())
-    plain, found = body.at(20).tubes, body.at(20, (3,)).tubes
+    plain = body.at(20).tubes
+    found = body.at(20, (3,)).tubes
     own = body.tube_muscles == 3
     assert (found.scales[own, 0] > 1.3 * plain.scales[own, 0]).all()
     assert (found.scales[~own, 0] <= plain.scales[~own, 0] + 1e-9).all()
@@ -98,11 +107,19 @@ def test_arrows_stand_where_forces_act_and_are_as_long_as_they_are_strong() -> N
     ends = body.at(frame).measured
     assert np.isfinite(ends[:, 0, 0]).tolist() == [True, False]
     assert ends[0, 0] == pytest.approx(given.dynamics.wrenches.points[frame, 0])
-    length = WEIGHT * body.size * given.dynamics.wrenches.forces[frame, 0, 1] / (given.model.mass * GRAVITY)  # type: ignore[union-attr]
+    length = (
+        WEIGHT
+        * body.size
+        * given.dynamics.wrenches.forces[frame, 0, 1]
+        / (given.model.mass * GRAVITY)
+    )  # type: ignore[union-attr]
     assert np.linalg.norm(ends[0, 1] - ends[0, 0]) == pytest.approx(length, rel=1e-6)
     assert np.isnan(body.at(0).measured).all()
     shafts, heads = arrows(ends, body.size, np.zeros(3))
-    tip = heads.positions[0] + turned(heads.wxyzs[:1].astype(float), np.array([[0.0, 0.0, heads.scales[0, 2]]]))[0]
+    tip = (
+        heads.positions[0]
+        + turned(heads.wxyzs[:1].astype(float), np.array([[0.0, 0.0, heads.scales[0, 2]]]))[0]
+    )
     assert tip == pytest.approx(ends[0, 1], abs=1e-6)
     assert 2 * (shafts.scales[0, 2] + heads.scales[0, 2]) == pytest.approx(length, rel=1e-5)
     assert not shafts.scales[1].any()
@@ -118,7 +135,14 @@ def test_contact_forces_have_arrows_of_their_own() -> None:
     forces = np.zeros((51, 2, 3))
     forces[:, :, 1] = [200.0, 100.0]
     points = np.tile([[[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]], (51, 1, 1))
-    contacts = ContactForces(time, (site, toe), np.ones((51, 2)), forces, points, np.zeros_like(forces))
+    contacts = ContactForces(
+        time=time,
+        sites=(site, toe),
+        activations=np.ones((51, 2)),
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
     body = PlayedBody(having(given, forces=contacts))
     assert body.at(75).estimated[:, 0] == pytest.approx(np.array([[0.1, 0.0, 0.0]]))
     assert np.isnan(body.at(10).estimated).all(), "nothing is known before the contacts' clock"
@@ -133,7 +157,9 @@ def test_contact_forces_have_arrows_of_their_own() -> None:
 def test_markers_of_the_model_are_those_recorded() -> None:
     given = everything()
     assert given.model is not None
-    markers = tuple(Marker(name, "femur_r", np.array([0.1, 0.0, 0.0])) for name in ("RASI", "RKNE", "UNSEEN"))
+    markers = tuple(
+        Marker(name, "femur_r", np.array([0.1, 0.0, 0.0])) for name in ("RASI", "RKNE", "UNSEEN")
+    )
     recorded = Markers(given.kinematics.markers.time, ("RKNE",), np.full((200, 1, 3), np.nan))  # type: ignore[union-attr]
     body = PlayedBody(having(given, model=replace(given.model, markers=markers), markers=recorded))
     instant = body.at(30)
@@ -208,18 +234,33 @@ def test_curves_hold_the_values_in_their_units() -> None:
 
 def test_bands_are_the_limits_of_their_own_column_in_the_units_of_the_curve() -> None:
     given = everything()
-    tension, motion = given.tension, given.kinematics.motion
+    tension = given.tension
+    motion = given.kinematics.motion
     assert tension is not None
     assert motion is not None
-    muscles = Spread(tension.time, tension.muscles, tension.forces - 3.0, tension.forces + 5.0, tension.forces)
-    angles = Spread(motion.time, motion.names, motion.values - 0.1, motion.values + 0.2, motion.values)
+    muscles = Spread(
+        time=tension.time,
+        names=tension.muscles,
+        low=tension.forces - 3.0,
+        high=tension.forces + 5.0,
+        deviation=tension.forces,
+    )
+    angles = Spread(
+        time=motion.time,
+        names=motion.names,
+        low=motion.values - 0.1,
+        high=motion.values + 0.2,
+        deviation=motion.values,
+    )
     found = Uncertainty(FrozenMap({"forces": muscles, "coordinates": angles}), draws=20)
     body = PlayedBody(replace(given, uncertainty=found))
     chart = charts.coordinate_chart(body, "hip", ("hip_flexion_r", "hip_flexion_l"))
     for one in chart.curves:
         assert one.values - one.low == pytest.approx(np.rad2deg(0.1))
         assert one.high - one.values == pytest.approx(np.rad2deg(0.2))
-    pull = charts.muscle_chart(body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")), "forces")
+    pull = charts.muscle_chart(
+        body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")), "forces"
+    )
     assert pull is not None
     inside = np.isfinite(pull.curves[0].values) & np.isfinite(pull.curves[0].low)
     assert inside.sum() > 0.9 * len(body.time)
@@ -245,7 +286,9 @@ def test_plates_keep_their_outline_in_any_order() -> None:
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 2], [0, 0, 2]], dtype=float)
     none = np.zeros((0, 3))
     for order in ([0, 1, 2, 3], [2, 0, 3, 1], [3, 1, 0, 2]):
-        corners = ForcePlate("one", 2, square[order], none, none, none).corners
+        corners = ForcePlate(
+            name="one", kind=2, corners=square[order], forces=none, points=none, torques=none
+        ).corners
         around = corners[outline(corners)]
         sides = np.linalg.norm(around - np.roll(around, -1, axis=0), axis=1)
         assert sorted(sides) == pytest.approx([1, 1, 2, 2])
@@ -283,18 +326,28 @@ def test_two_people_in_one_model_have_a_center_and_a_color_each() -> None:
     alone = PlayedBody(shown("anna", model=one, coordinates=motion(one)))
     assert body.size == pytest.approx(alone.size, rel=0.1), "thickness is that of one person"
     pushed = having(body.results, wrenches=steps(moved.time, one.mass * GRAVITY))
-    ends, own = PlayedBody(pushed).at(60).measured, PlayedBody(having(alone.results, wrenches=pushed.dynamics.wrenches))
+    ends = PlayedBody(pushed).at(60).measured
+    own = PlayedBody(having(alone.results, wrenches=pushed.dynamics.wrenches))
     assert np.linalg.norm(np.diff(ends[0], axis=0)) == pytest.approx(
         np.linalg.norm(np.diff(own.at(60).measured[0], axis=0)), rel=0.1
     ), "a body weight is that of one person"
     chart = charts.center_chart(body)
     assert chart is not None
-    assert [one.label for one in chart.curves] == [f"{who} {way}" for who in ("anna", "bo") for way in WAYS]
-    found = MuscleIndex(body.muscles, [who.prefix for who in body.subjects]).matches("bo rectus femoris")
+    assert [one.label for one in chart.curves] == [
+        f"{who} {way}" for who in ("anna", "bo") for way in WAYS
+    ]
+    found = MuscleIndex(body.muscles, [who.prefix for who in body.subjects]).matches(
+        "bo rectus femoris"
+    )
     assert found == ("bo_recfem_r", "bo_recfem_l")
 
 
 def test_the_way_over_the_floor() -> None:
     assert PlayedBody(everything()).travelled == pytest.approx(1.2 * 1.99, rel=1e-6)
     still = motion(model(), 50)
-    assert PlayedBody(shown("x", model=model(), coordinates=still, wrenches=steps(still.time, 600.0))).travelled < 0.7
+    assert (
+        PlayedBody(
+            shown("x", model=model(), coordinates=still, wrenches=steps(still.time, 600.0))
+        ).travelled
+        < 0.7
+    )

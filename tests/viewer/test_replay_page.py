@@ -1,4 +1,6 @@
-"""The page in a real browser: it opens, its slider moves the pose, a muscle is found, and nothing goes wrong."""
+"""The page in a real browser: it opens, its slider moves the pose, a muscle is found, and nothing
+goes wrong.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,10 @@ from walker import everything
 
 pytest.importorskip("viser")
 
-WIDTH, HEIGHT = 1200, 640
-LEFT, RIGHT = 415, 855
+WIDTH = 1200
+HEIGHT = 640
+LEFT = 415
+RIGHT = 855
 """Columns of pixels between the panels."""
 
 
@@ -36,10 +40,12 @@ def walker() -> ReportInput:
     assert given.model is not None
     assert given.kinematics.fit is not None
     time = given.kinematics.fit.motion.time
-    recorded = Markers(time, ("thigh",), np.stack([1.2 * time, np.full_like(time, 0.8), 0 * time], axis=1)[:, None])
+    recorded = Markers(
+        time, ("thigh",), np.stack([1.2 * time, np.full_like(time, 0.8), 0 * time], axis=1)[:, None]
+    )
     none = np.zeros((0, 3))
     square = np.array([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.6, 0.0, 0.4], [0.0, 0.0, 0.4]])
-    plate = ForcePlate("plate", 2, square, none, none, none)
+    plate = ForcePlate(name="plate", kind=2, corners=square, forces=none, points=none, torques=none)
     model = replace(given.model, markers=(Marker("thigh", "femur_r", np.array([0.05, -0.1, 0.0])),))
     return having(given, model=model, markers=recorded, plates=(plate,))
 
@@ -48,8 +54,15 @@ def with_limits() -> ReportInput:
     """The walker with limits of its tensions."""
     given = walker()
     assert given.tension is not None
-    time, forces = given.tension.time, given.tension.forces
-    spread = Spread(time, given.tension.muscles, 0.8 * forces, 1.3 * forces, 0.1 * forces)
+    time = given.tension.time
+    forces = given.tension.forces
+    spread = Spread(
+        time=time,
+        names=given.tension.muscles,
+        low=0.8 * forces,
+        high=1.3 * forces,
+        deviation=0.1 * forces,
+    )
     return replace(given, uncertainty=Uncertainty(FrozenMap({"forces": spread}), draws=20))
 
 
@@ -64,14 +77,20 @@ def page() -> Iterator[Replay]:
 def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     program = browser_program()
     if program is None:
-        pytest.skip("needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one")
+        pytest.skip(
+            "needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one"
+        )
     with Browser(program, tmp_path_factory.mktemp("profile"), WIDTH, HEIGHT) as opened:
-        # On a busy machine the page would draw fewer pixels, and no picture would come back as it was.
+        # On a busy machine the page would draw fewer pixels, and no picture would come back as it
+        # was.
         opened.open(f"http://127.0.0.1:{page.port}/?fixedDpr=1")
         opened.until("document.body.innerText.includes('Time [s]')")
         opened.until("document.querySelectorAll('.u-over').length >= 4")
         wait(lambda: len(np.unique(scene(opened).reshape(-1, 3), axis=0)) > 500, 30, "the body")
-        opened.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(one => one.click())")
+        opened.run(
+            "document.querySelectorAll('.mantine-Notification-closeButton').forEach(one =>"
+            " one.click())"
+        )
         yield opened
 
 
@@ -108,27 +127,23 @@ def other(browser: Browser, before: np.ndarray, pixels: int = 100) -> None:
 
 def focus(browser: Browser, label: str) -> None:
     """Put the cursor into the field with a label, and empty it."""
-    told = browser.run(
-        f"""(() => {{
+    told = browser.run(f"""(() => {{
             const label = [...document.querySelectorAll('label')].find(one => one.textContent.trim() === {label!r});
             const field = label.closest('.mantine-Flex-root').querySelector('input');
             field.focus(); field.select(); return true;
-        }})()"""
-    )
+        }})()""")
     assert told
 
 
 def click(browser: Browser, text: str) -> None:
     """Press the button with a text."""
-    place = browser.run(
-        f"""(() => {{
+    place = browser.run(f"""(() => {{
             const all = [...document.querySelectorAll('button, label')];
             const button = all.find(one => one.textContent.trim() === {text!r});
             button.scrollIntoView({{block: 'center'}});
             const found = button.getBoundingClientRect();
             return [found.x + found.width / 2, found.y + found.height / 2];
-        }})()"""
-    )
+        }})()""")
     browser.click(*place)
 
 
@@ -137,10 +152,18 @@ def test_the_slider_moves_the_pose(page: Replay, browser: Browser) -> None:
     assert page.now == page.span[0]
     browser.run("document.querySelectorAll('[role=slider]')[0].focus()")
     browser.press("End")
-    wait(lambda: page.now == pytest.approx(page.span[1], abs=2e-3), 10, "the time of the slider's end")
+    wait(
+        lambda: page.now == pytest.approx(page.span[1], abs=2e-3),
+        10,
+        "the time of the slider's end",
+    )
     other(browser, before, 400)
     browser.press("Home")
-    wait(lambda: page.now == pytest.approx(page.span[0], abs=2e-3), 10, "the time of the slider's start")
+    wait(
+        lambda: page.now == pytest.approx(page.span[0], abs=2e-3),
+        10,
+        "the time of the slider's start",
+    )
     same_again(browser, before)
 
 
@@ -149,12 +172,17 @@ def test_it_plays_and_pauses(page: Replay, browser: Browser) -> None:
     drawn = page.drawn
     click(browser, "Play")
     wait(lambda: page.playing and page.drawn > drawn + 10, 10, "frames")
-    told = "[...document.querySelectorAll('button')].some(one => one.textContent.trim() === 'Pause')"
+    told = (
+        "[...document.querySelectorAll('button')].some(one => one.textContent.trim() === 'Pause')"
+    )
     browser.until(told)
     click(browser, "Pause")
     wait(lambda: not page.playing, 10, "a pause")
     assert page.span[0] < page.now <= page.span[1]
-    browser.until(f"Math.abs({page.now:.3f} - document.querySelectorAll('[role=slider]')[0].ariaValueNow) < 0.05")
+    browser.until(
+        f"Math.abs({page.now:.3f} - document.querySelectorAll('[role=slider]')[0].ariaValueNow) <"
+        " 0.05"
+    )
 
 
 def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
@@ -167,8 +195,15 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     muscle = body.muscles.index("recfem_r")
     wait(lambda: page.found[0] == (muscle,), 10, "the one muscle")
     frame = body.frame_at(0.6)
-    row = ["recfem_r", f"{body.activations[frame, muscle]:.2f}", f"{body.tensions[frame, muscle]:.0f} N"]
-    rows = "[...document.querySelectorAll('tr')].map(row => [...row.children].map(one => one.textContent).join('|'))"
+    row = [
+        "recfem_r",
+        f"{body.activations[frame, muscle]:.2f}",
+        f"{body.tensions[frame, muscle]:.0f} N",
+    ]
+    rows = (
+        "[...document.querySelectorAll('tr')].map(row => [...row.children].map(one =>"
+        " one.textContent).join('|'))"
+    )
     browser.until(f"{rows}.includes({'|'.join(row)!r})")
     other(browser, before)
     focus(browser, "Find")
@@ -230,7 +265,9 @@ def test_nothing_went_wrong_and_nothing_left_the_machine(page: Replay, browser: 
     """After all that was done above."""
     assert browser.errors == []
     asked = browser.run("performance.getEntriesByType('resource').map(one => one.name)")
-    assert all(one.startswith((f"http://127.0.0.1:{page.port}", "data:", "blob:")) for one in asked), asked
+    assert all(
+        one.startswith((f"http://127.0.0.1:{page.port}", "data:", "blob:")) for one in asked
+    ), asked
 
 
 def test_two_bodies_share_a_clock() -> None:
@@ -239,14 +276,22 @@ def test_two_bodies_share_a_clock() -> None:
     motion = late.kinematics.fit.motion
     moved = replace(motion, time=motion.time + 100.0)
     other = having(
-        late, title="later", fit=replace(late.kinematics.fit, motion=moved), markers=None, wrenches=None, tension=None
+        late,
+        title="later",
+        fit=replace(late.kinematics.fit, motion=moved),
+        markers=None,
+        wrenches=None,
+        tension=None,
     )
     replay = Replay([{"one": walker}, {"two": lambda: other}])
     try:
         assert replay.span == pytest.approx((0.0, 1.99))
         replay.seek(0.5)
         assert [replay.own_time(i) for i in range(2)] == pytest.approx([0.5, 100.5])
-        assert [shown.body.results.head.title for shown in replay.shown] == ["walker: first steps", "later"]
+        assert [shown.body.results.head.title for shown in replay.shown] == [
+            "walker: first steps",
+            "later",
+        ]
         assert replay.spacing > 0.3, "bodies in one place begin side by side"
         replay.part(1.5)
         assert replay.shown[1].node.position == pytest.approx(1.5 * replay.bodies[0].scene.right)
@@ -274,20 +319,28 @@ def test_it_listens_on_this_machine_and_on_the_port_it_is_given() -> None:
 
 
 def test_a_plot_has_its_values_after_every_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy browser draws between any two messages, and another that opens the page gets the last of each kind."""
+    """A busy browser draws between any two messages, and another that opens the page gets the last
+    of each kind.
+    """
     buffers = pytest.importorskip("viser.infra._async_message_buffer")
-    push, plots, drawn, bands = buffers.AsyncMessageBuffer.push, {}, [], set()
+    push = buffers.AsyncMessageBuffer.push
+    plots = {}
+    drawn = []
+    bands = set()
 
     def look(buffer: object, message: object) -> None:
         push(buffer, message)
-        kind, uuid = type(message).__name__, getattr(message, "uuid", None)
+        kind = type(message).__name__
+        uuid = getattr(message, "uuid", None)
         if kind == "GuiUplotMessage":
             plots[uuid] = {"series": message.props.series, "data": message.props.data}
             for band in message.props.bands or ():
                 assert max(band["series"]) < len(message.props.data) - 1
                 bands.add(len(message.props.bands))
         elif kind == "GuiUpdateMessage" and uuid in plots:
-            plots[uuid].update({name: one for name, one in message.updates.items() if name in plots[uuid]})
+            plots[uuid].update(
+                {name: one for name, one in message.updates.items() if name in plots[uuid]}
+            )
         elif kind == "GuiRemoveMessage":
             plots.pop(uuid, None)
         for one in plots.values():

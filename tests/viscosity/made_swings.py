@@ -31,7 +31,9 @@ class Made:
     def parameters(self) -> np.ndarray:
         c = np.array([0.03, -0.42, 0.02])
         spread = np.array([[0.004, 0.001, 0.0], [0.001, 0.05, 0.002], [0.0, 0.002, 0.003]])
-        pseudo = self.mass * np.block([[spread + np.outer(c, c), c[:, None]], [c[None], np.ones((1, 1))]])
+        pseudo = self.mass * np.block(
+            [[spread + np.outer(c, c), c[:, None]], [c[None], np.ones((1, 1))]]
+        )
         return parameters_of(pseudo)
 
     def lengthening(self, angles: np.ndarray) -> np.ndarray:
@@ -39,20 +41,29 @@ class Made:
         turn = self.bend * np.roll(self.arms, 1, axis=1) * np.arange(1, len(self.arms) + 1)[:, None]
         return (
             self.arms
-            + np.einsum("...a,ma->...m", angles, np.cos(np.arange(3 * len(self.arms))).reshape(-1, 3))[..., None] * turn
+            + np.einsum(
+                "...a,ma->...m", angles, np.cos(np.arange(3 * len(self.arms))).reshape(-1, 3)
+            )[..., None]
+            * turn
         )
 
     def passive(self, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
         J = self.lengthening(angles)
         speeds = np.einsum("...ma,...a->...m", J, rates)
         return (
-            -self.damping * rates - self.stiffness * angles - np.einsum("...ma,m,...m->...a", J, self.viscosity, speeds)
+            -self.damping * rates
+            - self.stiffness * angles
+            - np.einsum("...ma,m,...m->...a", J, self.viscosity, speeds)
         )
 
 
 def skew(x: np.ndarray) -> np.ndarray:
     zero = np.zeros(x.shape[:-1])
-    rows = [[zero, -x[..., 2], x[..., 1]], [x[..., 2], zero, -x[..., 0]], [-x[..., 1], x[..., 0], zero]]
+    rows = [
+        [zero, -x[..., 2], x[..., 1]],
+        [x[..., 2], zero, -x[..., 0]],
+        [-x[..., 1], x[..., 0], zero],
+    ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
@@ -64,11 +75,16 @@ def inertia_columns(x: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def limb_rows(rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(frames, 6, 10) wrench in ground and (frames, 3, 10) moment in the limb; rates (frames, 3) in the limb."""
+def limb_rows(
+    rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(frames, 6, 10) wrench in ground and (frames, 3, 10) moment in the limb; rates (frames, 3) in
+    the limb.
+    """
     frames = len(rotations)
     g = np.einsum("fji,j->fi", rotations, GRAVITY)
-    force, moment = np.zeros((frames, 3, 10)), np.zeros((frames, 3, 10))
+    force = np.zeros((frames, 3, 10))
+    moment = np.zeros((frames, 3, 10))
     force[:, :, 0] = -g
     force[:, :, 1:4] = skew(accelerations) + skew(rates) @ skew(rates)
     moment[:, :, 1:4] = skew(g)
@@ -76,12 +92,17 @@ def limb_rows(rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarra
     return np.concatenate([rotations @ moment, rotations @ force], axis=1), moment
 
 
-def swing(made: Made, start: np.ndarray, rate: np.ndarray, seconds: float) -> tuple[SwingRecording, ...]:
-    """Releases from rotation vectors `start` (releases, 3) with angular velocity `rate` in the limb, at 100 Hz.
+def swing(
+    made: Made, start: np.ndarray, rate: np.ndarray, seconds: float
+) -> tuple[SwingRecording, ...]:
+    """Releases from rotation vectors `start` (releases, 3) with angular velocity `rate` in the
+    limb, at 100 Hz.
 
-    Accelerations are those of the states, so the equations hold exactly; the states are Runge and Kutta's.
+    Accelerations are those of the states, so the equations hold exactly; the states are Runge and
+    Kutta's.
     """
-    I, h = inertia_matrices(made.parameters), made.parameters[1:4]
+    I = inertia_matrices(made.parameters)
+    h = made.parameters[1:4]
     inverse = np.linalg.inv(I)
 
     def acceleration(q, w):
@@ -92,11 +113,15 @@ def swing(made: Made, start: np.ndarray, rate: np.ndarray, seconds: float) -> tu
         return (torque - np.cross(w, w @ I)) @ inverse
 
     def derivative(state):
-        q, w = state[:, :4], state[:, 4:]
-        turning = 0.5 * np.concatenate([q[:, 3:] * w + np.cross(q[:, :3], w), -np.sum(q[:, :3] * w, 1)[:, None]], 1)
+        q = state[:, :4]
+        w = state[:, 4:]
+        turning = 0.5 * np.concatenate(
+            [q[:, 3:] * w + np.cross(q[:, :3], w), -np.sum(q[:, :3] * w, 1)[:, None]], 1
+        )
         return np.concatenate([turning, acceleration(q, w)], axis=1)
 
-    time, step = np.arange(0.0, seconds, STEP), STEP
+    time = np.arange(0.0, seconds, STEP)
+    step = STEP
     state = np.concatenate([Rotation.from_rotvec(start).as_quat(), rate], axis=1)
     states = []
     for _ in time:
@@ -108,10 +133,16 @@ def swing(made: Made, start: np.ndarray, rate: np.ndarray, seconds: float) -> tu
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
     all_states = np.stack(states, axis=1)
     return tuple(
-        recorded(made, f"release {i}", time, Rotation.from_quat(one[:, :4]).as_matrix(), one[:, 4:],
-                 acceleration(one[:, :4], one[:, 4:]))
+        recorded(
+            made,
+            f"release {i}",
+            time,
+            Rotation.from_quat(one[:, :4]).as_matrix(),
+            one[:, 4:],
+            acceleration(one[:, :4], one[:, 4:]),
+        )
         for i, one in enumerate(all_states)
-    )  # fmt: skip
+    )
 
 
 def recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> SwingRecording:
@@ -124,29 +155,35 @@ def recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> 
     speed = rates @ (rates[len(rates) // 50] / np.linalg.norm(rates[len(rates) // 50]))
     turns = np.concatenate([[False], (speed[1:] > 0.0) != (speed[:-1] > 0.0)])
     return SwingRecording(
-        name,
-        time,
-        rows,
-        rows @ made.parameters if wrench is None else wrench,
-        directions @ moments,
-        rates @ directions.T,
-        turned,
-        ("x", "y", "z") if made.axis is None else ("hinge",),
-        MUSCLES[: len(made.arms)],
-        made.lengthening(angles) @ directions.T,
-        rotations,
-        GRAVITY.copy(),
-        np.cumsum(turns) // 2,
+        name=name,
+        time=time,
+        wrench_rows=rows,
+        wrench=rows @ made.parameters if wrench is None else wrench,
+        torque_rows=directions @ moments,
+        rates=rates @ directions.T,
+        angles=turned,
+        axes=("x", "y", "z") if made.axis is None else ("hinge",),
+        muscles=MUSCLES[: len(made.arms)],
+        lengthening=made.lengthening(angles) @ directions.T,
+        rotations=rotations,
+        gravity=GRAVITY.copy(),
+        swing=np.cumsum(turns) // 2,
     )
 
 
 def eleven(random: np.random.Generator, bend: float = 0.3) -> dict:
     """Muscles that pull every way."""
-    return {"arms": 0.02 * random.normal(size=(11, 3)), "viscosity": np.full(11, 120.0), "bend": bend}
+    return {
+        "arms": 0.02 * random.normal(size=(11, 3)),
+        "viscosity": np.full(11, 120.0),
+        "bend": bend,
+    }
 
 
 def three_releases(made: Made, seconds: float = 6.0) -> tuple[SwingRecording, ...]:
     if made.axis is not None:
         return swing(made, np.outer([0.7, 1.0, -0.8], made.axis), np.zeros((3, 3)), seconds)
     starts = np.array([[0.7, 0.1, 0.2], [0.1, 0.3, 0.8], [-0.5, -0.4, 0.5]])
-    return swing(made, starts, np.array([[0.2, 1.5, 0.1], [0.1, -2.0, 0.2], [0.0, 1.0, -0.2]]), seconds)
+    return swing(
+        made, starts, np.array([[0.2, 1.5, 0.1], [0.1, -2.0, 0.2], [0.0, 1.0, -0.2]]), seconds
+    )

@@ -1,4 +1,6 @@
-"""Limbs with passive laws, swung by a plain integrator and written as the equations that identification takes."""
+"""Limbs with passive laws, swung by a plain integrator and written as the equations that
+identification takes.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ LAWS: dict[str, dict[str, float | Array]] = {
 }
 HINGES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """First axis in ground, last in the limb."""
-STARTS, RATES = ([0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]), ([0.5, 2.0, 0.0], [1.0, -3.0, 0.4])
+STARTS = ([0.8, 0.2, 0.3], [-0.3, 0.5, 0.9])
+RATES = ([0.5, 2.0, 0.0], [1.0, -3.0, 0.4])
 MUSCLES = ("deltoid", "supraspinatus", "teres", "biceps")
 
 
@@ -49,8 +52,17 @@ def released() -> dict[str, list[SwingRecording]]:
 
 
 def moment_arms(angles: Array) -> Array:
-    """(frames, muscles, 3) d(length)/d(angle) of muscles whose moment arms change with the pose [m/rad]."""
-    level = np.array([[0.02, 0.004, -0.012], [-0.015, 0.006, 0.018], [0.011, -0.013, 0.008], [-0.008, 0.01, -0.016]])
+    """(frames, muscles, 3) d(length)/d(angle) of muscles whose moment arms change with the pose
+    [m/rad].
+    """
+    level = np.array(
+        [
+            [0.02, 0.004, -0.012],
+            [-0.015, 0.006, 0.018],
+            [0.011, -0.013, 0.008],
+            [-0.008, 0.01, -0.016],
+        ]
+    )
     return level + 0.004 * np.sin(angles[:, None, :] + np.arange(4)[:, None])
 
 
@@ -64,11 +76,14 @@ def swung(
     rate: float = 100.0,
     muscles: bool = True,
 ) -> list[SwingRecording]:
-    """Exact recordings of limbs let go at rotation vectors from hanging, with rates along their axes.
+    """Exact recordings of limbs let go at rotation vectors from hanging, with rates along their
+    axes.
 
     All at once: the classical Runge-Kutta method of order 4 on quaternions, steps of 5 ms.
     """
-    inertia, h, gravity = inertia_matrices(LIMB), LIMB[1:4], np.array(GRAVITY)
+    inertia = inertia_matrices(LIMB)
+    h = LIMB[1:4]
+    gravity = np.array(GRAVITY)
     hanging = Rotation.align_vectors([gravity], [h])[0]
     upright = hanging.inv()
     turn = np.eye(3) if axis is None else axis[None]
@@ -83,18 +98,26 @@ def swung(
         slopes = hinge_slopes(rotation.as_matrix(), HINGES) if axis is None else None
         columns = resistances(angles @ turn.T, w @ turn.T, arms(angles), laws[0].width, slopes)
         torque = -np.einsum("fac,fc->fa", columns, coefficients) @ turn
-        torque = torque + np.cross(h, rotation.apply(gravity, inverse=True)) - np.cross(w, w @ inertia)
+        torque = (
+            torque + np.cross(h, rotation.apply(gravity, inverse=True)) - np.cross(w, w @ inertia)
+        )
         if axis is None:
             return torque @ np.linalg.inv(inertia)
         return np.outer(torque @ axis / (axis @ inertia @ axis), axis)
 
     def slope(state: Array) -> Array:
-        vector, scalar, w = state[:, :3], state[:, 3:4], state[:, 4:]
-        turning = np.hstack([scalar * w + np.cross(vector, w), -np.sum(vector * w, axis=1, keepdims=True)])
+        vector = state[:, :3]
+        scalar = state[:, 3:4]
+        w = state[:, 4:]
+        turning = np.hstack(
+            [scalar * w + np.cross(vector, w), -np.sum(vector * w, axis=1, keepdims=True)]
+        )
         return np.hstack([0.5 * turning, acceleration(state[:, :4], w)])
 
     every = round(200.0 / rate)
-    state = np.hstack([(hanging * Rotation.from_rotvec(np.array(starts))).as_quat(), np.array(rates, dtype=float)])
+    state = np.hstack(
+        [(hanging * Rotation.from_rotvec(np.array(starts))).as_quat(), np.array(rates, dtype=float)]
+    )
     states = []
     for i in range(round(200.0 * seconds)):
         if i % every == 0:
@@ -108,17 +131,30 @@ def swung(
     made = []
     for number, path in enumerate(np.swapaxes(states, 0, 1)):
         coefficients = np.tile(laws[number].coefficients, (len(path), 1))
-        q, w = path[:, :4], path[:, 4:]
+        q = path[:, :4]
+        w = path[:, 4:]
         rotations = Rotation.from_quat(q)
         moment, force = moment_rows(rotations.as_matrix(), w, acceleration(q, w), gravity)
         rows = [np.einsum("fij,fjp->fip", rotations.as_matrix(), one) for one in (moment, force)]
         wrench_rows = np.concatenate(rows, axis=1)
         angles = (upright * rotations).as_rotvec()
         period = 2.0 * np.pi * np.sqrt(inertia[0, 0] / (np.linalg.norm(h) * 9.81))
-        made.append(SwingRecording(
-            f"release {number + 1}", time, wrench_rows, wrench_rows @ LIMB, np.einsum("ai,fip->fap", turn, moment),
-            w @ turn.T, angles @ turn.T, ("x", "y", "z") if axis is None else ("flexion",), MUSCLES if muscles else (),
-            arms(angles), rotations.as_matrix(), np.array(gravity), np.floor(time / period).astype(int),
-            hinges=HINGES if axis is None else np.zeros((0, 3)),
-        ))  # fmt: skip
+        made.append(
+            SwingRecording(
+                name=f"release {number + 1}",
+                time=time,
+                wrench_rows=wrench_rows,
+                wrench=wrench_rows @ LIMB,
+                torque_rows=np.einsum("ai,fip->fap", turn, moment),
+                rates=w @ turn.T,
+                angles=angles @ turn.T,
+                axes=("x", "y", "z") if axis is None else ("flexion",),
+                muscles=MUSCLES if muscles else (),
+                lengthening=arms(angles),
+                rotations=rotations.as_matrix(),
+                gravity=np.array(gravity),
+                swing=np.floor(time / period).astype(int),
+                hinges=HINGES if axis is None else np.zeros((0, 3)),
+            )
+        )
     return made

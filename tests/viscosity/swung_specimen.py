@@ -1,4 +1,6 @@
-"""A specimen swung by an integrator of its own: markers without noise, wrench without noise, and the truth."""
+"""A specimen swung by an integrator of its own: markers without noise, wrench without noise, and
+the truth.
+"""
 
 from __future__ import annotations
 
@@ -34,25 +36,58 @@ PATHS = {
     "front": [("scapula", (0.02, -0.02, 0.02)), ("humerus", (0.01, -0.09, 0.015))],
     "back_1": [("scapula", (-0.07, -0.03, -0.03)), ("humerus", (-0.01, -0.04, 0.01))],
     "back_2": [("scapula", (-0.06, -0.07, -0.03)), ("humerus", (-0.012, -0.05, 0.0))],
-    "long": [("scapula", (-0.01, -0.055, 0.02)), ("humerus", (0.0, -0.2, 0.03)), ("ulna", (0.02, -0.02, 0.0))],
+    "long": [
+        ("scapula", (-0.01, -0.055, 0.02)),
+        ("humerus", (0.0, -0.2, 0.03)),
+        ("ulna", (0.02, -0.02, 0.0)),
+    ],
     "chest": [("trunk", (0.1, 0.3, 0.05)), ("humerus", (0.01, -0.06, 0.0))],
 }
 FORCES = {"front": 300.0, "back_1": 100.0, "back_2": 300.0, "long": 200.0, "chest": 200.0}
 
 
 def arm_model() -> Model:
-    """A trunk, a scapula on it, an arm on a chain with a phantom body, a wrist of two axes, and muscles."""
+    """A trunk, a scapula on it, an arm on a chain with a phantom body, a wrist of two axes, and
+    muscles.
+    """
 
     def body(name: str, mass: float, center: tuple[float, float, float]) -> Body:
-        return Body(name, mass, np.array(center), mass * np.diag([0.004, 0.001, 0.004]))
+        return Body(
+            name=name,
+            mass=mass,
+            mass_center=np.array(center),
+            inertia=mass * np.diag([0.004, 0.001, 0.004]),
+        )
 
     def joint(name: str, parent: str, child: str, at, axes=(), turn=(0.0, 0.0, 0.0)) -> Joint:
         frame = Transform.from_euler_xyz(turn, at)
-        made = tuple(Axis("rotation", np.eye(3)["xyz".index(axis)], linear(1.0), (one,)) for axis, one in axes)
-        return Joint(name, "made", parent, child, frame, Transform.identity(), made, tuple(one for _, one in axes))
+        made = tuple(
+            Axis(
+                kind="rotation",
+                vector=np.eye(3)["xyz".index(axis)],
+                function=linear(1.0),
+                coordinates=(one,),
+            )
+            for axis, one in axes
+        )
+        return Joint(
+            name=name,
+            kind="made",
+            parent=parent,
+            child=child,
+            parent_frame=frame,
+            child_frame=Transform.identity(),
+            axes=made,
+            coordinates=tuple(one for _, one in axes),
+        )
 
     def path(name: str) -> Path:
-        return Path(tuple(PathPoint(f"{name}{i}", one, np.array(at)) for i, (one, at) in enumerate(PATHS[name])))
+        return Path(
+            tuple(
+                PathPoint(f"{name}{i}", one, np.array(at))
+                for i, (one, at) in enumerate(PATHS[name])
+            )
+        )
 
     bodies = (
         body("trunk", 20.0, (0.0, 0.1, 0.0)),
@@ -67,28 +102,63 @@ def arm_model() -> Model:
     )
     joints = (
         joint("root", GROUND, "trunk", (0.0, 1.0, 0.0), [("y", "heading")]),
-        joint("scapulothoracic", "trunk", "scapula", (0.0, 0.4, 0.15), [("y", "protraction")], (0.1, -0.5, 0.2)),
         joint(
-            "plane", "scapula", "phantom", (-0.01, -0.03, 0.01), [("y", "plane"), ("x", "elevation")], (0.0, 0.4, 0.1)
+            "scapulothoracic",
+            "trunk",
+            "scapula",
+            (0.0, 0.4, 0.15),
+            [("y", "protraction")],
+            (0.1, -0.5, 0.2),
+        ),
+        joint(
+            "plane",
+            "scapula",
+            "phantom",
+            (-0.01, -0.03, 0.01),
+            [("y", "plane"), ("x", "elevation")],
+            (0.0, 0.4, 0.1),
         ),
         joint("rotation", "phantom", "humerus", (0.0, 0.0, 0.0), [("y", "rotation")]),
-        joint("elbow", "humerus", "ulna", (0.005, -0.29, -0.01), [("z", "elbow")], (0.05, 0.0, 0.1)),
+        joint(
+            "elbow", "humerus", "ulna", (0.005, -0.29, -0.01), [("z", "elbow")], (0.05, 0.0, 0.1)
+        ),
         joint("forearm", "ulna", "radius", (0.0, -0.01, 0.02), [("y", "forearm")]),
-        joint("wrist", "radius", "carpus", (0.02, -0.23, 0.01), [("x", "wrist_a")], (0.0, 0.3, 0.0)),
+        joint(
+            "wrist", "radius", "carpus", (0.02, -0.23, 0.01), [("x", "wrist_a")], (0.0, 0.3, 0.0)
+        ),
         joint("palm", "carpus", "hand", (0.0, -0.02, 0.0), [("z", "wrist_b")]),
         joint("finger", "hand", "finger", (0.0, -0.09, 0.0), [("z", "grip")]),
     )
     names = [name for one in joints for name in one.coordinates]
-    coordinates = tuple(Coordinate(name, default=0.2 if name == "elevation" else 0.0) for name in names)
-    muscles = tuple(Muscle(name, "made", path(name), FORCES[name], 0.1, 0.1) for name in PATHS)
-    return Model("arm", bodies, joints, coordinates, np.array([0.0, -9.81, 0.0]), muscles=muscles)
+    coordinates = tuple(
+        Coordinate(name, default=0.2 if name == "elevation" else 0.0) for name in names
+    )
+    muscles = tuple(
+        Muscle(
+            name=name,
+            kind="made",
+            path=path(name),
+            max_isometric_force=FORCES[name],
+            optimal_fiber_length=0.1,
+            tendon_slack_length=0.1,
+        )
+        for name in PATHS
+    )
+    return Model(
+        name="arm",
+        bodies=bodies,
+        joints=joints,
+        coordinates=coordinates,
+        gravity=np.array([0.0, -9.81, 0.0]),
+        muscles=muscles,
+    )
 
 
 NAMES = SpecimenNames(
-    "scapula",
-    "humerus",
-    ("ulna", "radius", "hand"),
-    {"front": ("front",), "back": ("back_1", "back_2"), "long": ("long",)},
+    base="scapula",
+    first="humerus",
+    bones=("ulna", "radius", "hand"),
+    muscles={"front": ("front",), "back": ("back_1", "back_2"), "long": ("long",)},
 )
 
 
@@ -117,7 +187,9 @@ class Swung:
 
 
 def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
-    """(10,) of all bones of the limb about the joint's center, along the humerus' axes, at held angles."""
+    """(10,) of all bones of the limb about the joint's center, along the humerus' axes, at held
+    angles.
+    """
     model = specimen.model
     tree = compile_tree(model)
     values = np.array([[held.get(name, 0.0) for name in model.coordinate_names]])
@@ -129,7 +201,9 @@ def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
 
     frame = pose(specimen.first) @ Transform(np.eye(3), specimen.center_in_limb)
     table = dict(zip(model.body_names, inertial_parameters(model), strict=True))
-    return sum(moved_parameters(table[name], frame.inverse() @ pose(name)) for name in specimen.limb)
+    return sum(
+        moved_parameters(table[name], frame.inverse() @ pose(name)) for name in specimen.limb
+    )
 
 
 def swing(
@@ -141,10 +215,14 @@ def swing(
     held: dict[str, float] | None = None,
     hold: float = 0.0,
 ) -> Swung:
-    """Let the limb go, turned by a rotation vector from hanging; a hand holds it for the first `hold` seconds."""
+    """Let the limb go, turned by a rotation vector from hanging; a hand holds it for the first
+    `hold` seconds.
+    """
     held = HELD if held is None else held
     phi = limb_parameters(specimen, held)
-    mass, h, inertia = phi[0], phi[1:4], inertia_matrices(phi)
+    mass = phi[0]
+    h = phi[1:4]
+    inertia = inertia_matrices(phi)
     gravity = specimen.model.gravity
     hanging = _turn_onto(h / np.linalg.norm(h), gravity / np.linalg.norm(gravity))
     angle = float(np.linalg.norm(release))
@@ -152,11 +230,16 @@ def swing(
     inverse = np.linalg.inv(inertia)
 
     def turning(R: Array, w: Array) -> Array:
-        moment = np.cross(h, np.einsum("...ji,j->...i", R, gravity)) - damping * w - np.cross(w, w @ inertia)
+        moment = (
+            np.cross(h, np.einsum("...ji,j->...i", R, gravity))
+            - damping * w
+            - np.cross(w, w @ inertia)
+        )
         return moment @ inverse
 
     def change(_, state: Array) -> Array:
-        R, w = state[:9].reshape(3, 3), state[9:]
+        R = state[:9].reshape(3, 3)
+        w = state[9:]
         x, y, z = w
         spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         return np.concatenate([(R @ spin).ravel(), turning(R, w)])
@@ -166,22 +249,45 @@ def swing(
     begin = np.concatenate([start.ravel(), np.zeros(3)])
     states = np.tile(begin, (len(time), 1))
     solved = solve_ivp(
-        change, (hold, seconds), begin, method="DOP853", t_eval=time[after], rtol=1e-10, atol=1e-11, max_step=0.05
+        change,
+        (hold, seconds),
+        begin,
+        method="DOP853",
+        t_eval=time[after],
+        rtol=1e-10,
+        atol=1e-11,
+        max_step=0.05,
     )
     states[after] = solved.y.T
-    R, w = states[:, :9].reshape(-1, 3, 3), states[:, 9:]
+    R = states[:, :9].reshape(-1, 3, 3)
+    w = states[:, 9:]
     a = np.where(after[:, None], turning(R, w), 0.0)
     wrench = np.empty((len(time), 6))
     wrench[:, :3] = np.einsum("fij,fj->fi", R, -damping * w)
-    wrench[:, 3:] = np.einsum("fij,fj->fi", R, np.cross(a, h) + np.cross(w, np.cross(w, h))) - mass * gravity
+    wrench[:, 3:] = (
+        np.einsum("fij,fj->fi", R, np.cross(a, h) + np.cross(w, np.cross(w, h))) - mass * gravity
+    )
     wrench[~after, 3:] *= 0.3  # The hand carries the rest.
     center = specimen.center_in_ground
     point = np.tile(center + [0.1, 0.0, -0.05], (len(time), 1))
     torque = wrench[:, :3] - np.cross(point - center, wrench[:, 3:])
-    wrenches = Wrenches(time, ("plate",), ("",), wrench[:, None, 3:], point[:, None], torque[:, None])
+    wrenches = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("",),
+        forces=wrench[:, None, 3:],
+        points=point[:, None],
+        torques=torque[:, None],
+    )
     seen = R[::EVERY]
     markers = markers_of(specimen, time[::EVERY], seen, held)
-    return Swung(SwingTrial(name, markers, wrenches), seen, w[::EVERY], phi, damping)
+    return Swung(
+        trial=SwingTrial(name, markers, wrenches),
+        rotations=seen,
+        rates=w[::EVERY],
+        parameters=phi,
+        damping=damping,
+    )
 
 
 def _turn_onto(one: Array, other: Array) -> Array:
@@ -190,10 +296,13 @@ def _turn_onto(one: Array, other: Array) -> Array:
     return axis_rotation(axis / size, float(np.arctan2(size, one @ other)))
 
 
-def markers_of(specimen: Specimen, time: Array, rotations: Array, held: dict[str, float]) -> Markers:
+def markers_of(
+    specimen: Specimen, time: Array, rotations: Array, held: dict[str, float]
+) -> Markers:
     """Where the clusters are while the humerus has rotations (frames, 3, 3) in ground."""
     model = specimen.model
-    center, in_limb = (Transform(np.eye(3), place) for place in (specimen.center, specimen.center_in_limb))
+    center = Transform(np.eye(3), specimen.center)
+    in_limb = Transform(np.eye(3), specimen.center_in_limb)
     joints = tuple(
         replace(one, axes=(), coordinates=(), parent_frame=center, child_frame=in_limb)
         if one.child == specimen.first

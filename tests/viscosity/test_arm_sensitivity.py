@@ -10,9 +10,14 @@ from swung_limb import LIMB, RATES, STARTS, law, released, swung
 
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity, with_attachments
+from myomorph.viscosity.trust.moment_arms import (
+    MomentArmOptions,
+    moment_arm_sensitivity,
+    with_attachments,
+)
 
-JOINT, MUSCLE = 0.03, 90.0
+JOINT = 0.03
+MUSCLE = 90.0
 FEW = MomentArmOptions(draws=2, offset=0.0)
 
 
@@ -32,7 +37,9 @@ def test_exact_arms_give_the_truth(sensitivity):
 
 def test_a_common_factor_acts_by_its_inverse_square(intact, sensitivity):
     longer = [replace(one, lengthening=1.1 * one.lengthening) for one in intact]
-    assert moment_arm_sensitivity(longer, LIMB, JOINT, FEW)[0].exact == pytest.approx(MUSCLE / 1.1**2, rel=1e-3)
+    assert moment_arm_sensitivity(longer, LIMB, JOINT, FEW)[0].exact == pytest.approx(
+        MUSCLE / 1.1**2, rel=1e-3
+    )
     spread = sensitivity[0]
     factors = np.sqrt(spread.exact / spread.draws)
     assert np.std(factors) == pytest.approx(0.1, rel=0.05)
@@ -41,12 +48,15 @@ def test_a_common_factor_acts_by_its_inverse_square(intact, sensitivity):
 
 def test_factors_of_each_muscle_average_out_but_a_common_one_does_not(intact, sensitivity):
     common, each = sensitivity[:2]
-    step, slopes = 1e-4, []
+    step = 1e-4
+    slopes = []
     for m in range(4):
         factor = np.ones((4, 1))
         factor[m] += step
         moved = [replace(one, lengthening=factor * one.lengthening) for one in intact]
-        slopes.append(np.log(moment_arm_sensitivity(moved, LIMB, JOINT, FEW)[0].exact / common.exact) / step)
+        slopes.append(
+            np.log(moment_arm_sensitivity(moved, LIMB, JOINT, FEW)[0].exact / common.exact) / step
+        )
     assert sum(slopes) == pytest.approx(-2.0, abs=5e-3)
     assert each.sd == pytest.approx(0.1 * np.linalg.norm(slopes), rel=0.15)
     assert common.sd == pytest.approx(0.2, rel=0.15)
@@ -57,14 +67,18 @@ def test_factors_of_each_muscle_average_out_but_a_common_one_does_not(intact, se
 
 
 def test_offsets_act_as_arms_that_are_moved(intact):
-    spread = moment_arm_sensitivity(intact, LIMB, JOINT, MomentArmOptions(draws=4, offset=2e-3, seed=7))[-1]
+    spread = moment_arm_sensitivity(
+        intact, LIMB, JOINT, MomentArmOptions(draws=4, offset=2e-3, seed=7)
+    )[-1]
     random = np.random.default_rng(7)
     random.standard_normal((4, 1))
     random.standard_normal((4, 4))
     for found in spread.draws:
         offset = 2e-3 * random.standard_normal((4, 3))
         moved = [replace(one, lengthening=one.lengthening + offset) for one in intact]
-        assert moment_arm_sensitivity(moved, LIMB, JOINT, FEW)[0].exact == pytest.approx(found, rel=5e-3)
+        assert moment_arm_sensitivity(moved, LIMB, JOINT, FEW)[0].exact == pytest.approx(
+            found, rel=5e-3
+        )
     assert spread.exact == pytest.approx(MUSCLE, rel=1e-3)
 
 
@@ -77,16 +91,25 @@ def test_swings_without_muscles_are_refused(intact):
 def test_intervals_hold_what_wrong_attachments_do(intact):
     """Arms of each muscle are off by offsets; the budget says that hardly anything else matters."""
     bare = swung([law(viscosity=JOINT)] * 2, STARTS, RATES, muscles=False)
-    options, size, level = ViscosityOptions(draws=50, stiffness=False, level=0.9), 5e-3, 0.9
-    random, held, plain, told = np.random.default_rng(3), 0, 0, []
+    options = ViscosityOptions(draws=50, stiffness=False, level=0.9)
+    size = 5e-3
+    level = 0.9
+    random = np.random.default_rng(3)
+    held = 0
+    plain = 0
+    told = []
     for _ in range(10):
         offset = size * random.standard_normal((4, 3))
         moved = [replace(one, lengthening=one.lengthening + offset) for one in intact]
         found = identify_specimen("off", bare, moved, options=options)
-        wider, shares = with_attachments(found, (), MomentArmOptions(offset=size, draws=200, stiffness=False), level)
+        wider, shares = with_attachments(
+            found, (), MomentArmOptions(offset=size, draws=200, stiffness=False), level
+        )
         held += wider.muscles.common.holds(MUSCLE)
         plain += found.muscles.common.holds(MUSCLE)
-        assert [(one.source, one.quantity) for one in shares] == [("attachments", "muscle_viscosity")]
+        assert [(one.source, one.quantity) for one in shares] == [
+            ("attachments", "muscle_viscosity")
+        ]
         told.append(shares[0].share)
     assert held >= 8
     assert plain <= 3

@@ -24,7 +24,9 @@ from truths.mechanical_joint import mechanical_joint
 
 @pytest.fixture(scope="module")
 def spun() -> tuple[Specimen, Motion, Sampled]:
-    """A limb that turns several times about its length, without noise, as coordinates of its specimen."""
+    """A limb that turns several times about its length, without noise, as coordinates of its
+    specimen.
+    """
     joint = mechanical_joint("ball", 0.01, 0.0, 25, seconds=8.0, trials=1)
     specimen = build_specimen(joint.model, SpecimenNames("base", "limb"))
     exact = joint.trials[0].exact.every(5)
@@ -50,10 +52,14 @@ def test_accelerations_give_the_wrench(spun: tuple[Specimen, Motion, Sampled]) -
     assert np.abs(rows @ parameters - exact.wrench[20:-20]).max() < 1e-2
 
 
-def test_an_accelerated_base_is_as_gravity_the_other_way(spun: tuple[Specimen, Motion, Sampled]) -> None:
+def test_an_accelerated_base_is_as_gravity_the_other_way(
+    spun: tuple[Specimen, Motion, Sampled],
+) -> None:
     specimen, motion, _ = spun
-    swung, time = differentiate_joint(specimen, motion), motion.time
-    acceleration, turning = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.2, -0.3])
+    swung = differentiate_joint(specimen, motion)
+    time = motion.time
+    acceleration = np.array([0.3, -0.2, 0.5])
+    turning = np.array([0.1, 0.2, -0.3])
     moves = np.hstack([0.5 * np.outer(time**2, acceleration), np.outer(time, turning)])
     base = differentiate(Motion(time, ("x", "y", "z", "a", "b", "c"), moves))
     moved = on_moving_base(specimen, limb_motion(specimen, swung), base)
@@ -69,11 +75,17 @@ def test_an_accelerated_base_is_as_gravity_the_other_way(spun: tuple[Specimen, M
 def test_same_as_angles_where_they_are_smooth(spun: tuple[Specimen, Motion, Sampled]) -> None:
     specimen, motion, _ = spun
     time = motion.time
-    smooth = np.stack([0.3 * np.sin(4.0 * time), 0.2 * np.cos(3.0 * time), 0.25 * np.sin(2.0 * time + 1.0)], axis=1)
+    smooth = np.stack(
+        [0.3 * np.sin(4.0 * time), 0.2 * np.cos(3.0 * time), 0.25 * np.sin(2.0 * time + 1.0)],
+        axis=1,
+    )
     plain = Motion(time, motion.names, smooth)
-    ours, angles = differentiate_joint(specimen, plain), differentiate(plain)
+    ours = differentiate_joint(specimen, plain)
+    angles = differentiate(plain)
     for name, tolerance in (("values", 1e-12), ("velocities", 1e-6), ("accelerations", 1e-3)):
-        np.testing.assert_allclose(getattr(ours, name)[30:-30], getattr(angles, name)[30:-30], atol=tolerance)
+        np.testing.assert_allclose(
+            getattr(ours, name)[30:-30], getattr(angles, name)[30:-30], atol=tolerance
+        )
 
 
 def test_gaps_stay_gaps(spun: tuple[Specimen, Motion, Sampled]) -> None:

@@ -1,4 +1,6 @@
-"""What rests on the base changes no viscosity and no first moment; a mass is as well known as that load is."""
+"""What rests on the base changes no viscosity and no first moment; a mass is as well known as that
+load is.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ def light() -> list:
 def loaded(recordings: list, mass: float) -> list:
     """The recordings with a mass at rest on the base; wrenches are those that carry."""
     force = -mass * GRAVITY
-    return [replace(one, wrench=one.wrench + np.concatenate([np.cross(PLACE, force), force])) for one in recordings]
+    return [
+        replace(one, wrench=one.wrench + np.concatenate([np.cross(PLACE, force), force]))
+        for one in recordings
+    ]
 
 
 def test_a_load_of_the_base_changes_neither_viscosity_nor_first_moment(light):

@@ -1,4 +1,6 @@
-"""The plate's clock from a swing: a spherical pendulum simulated in MuJoCo, rows by the regressor of its rigid link."""
+"""The plate's clock from a swing: a spherical pendulum simulated in MuJoCo, rows by the regressor
+of its rigid link.
+"""
 
 from __future__ import annotations
 
@@ -34,19 +36,25 @@ def swing(seconds: float = 31.0):
 
 
 def base_rows(time: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """Moment and force (frames, 6, 10) on the base that unit mass, first and second moments of mass cause."""
+    """Moment and force (frames, 6, 10) on the base that unit mass, first and second moments of mass
+    cause.
+    """
     spline = natural_spline(time, rotations.reshape(len(time), 9))
-    r, r2 = rotations, spline.derivative(2)(time).reshape(-1, 3, 3)
+    r = rotations
+    r2 = spline.derivative(2)(time).reshape(-1, 3, 3)
     rows = np.zeros((len(time), 6, 10))
     rows[:, 3:, 0] = GRAVITY
-    # Every mass dm at x pulls with g - R'' x; the parameters are the mass and its first and second moments.
+    # Every mass dm at x pulls with g - R'' x; the parameters are the mass and its first and second
+    # moments.
     for k in range(3):
         rows[:, 3:, 1 + k] = -r2[:, :, k]
         rows[:, :3, 1 + k] = np.cross(r[:, :, k], GRAVITY)
     pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
     for column, (i, j) in enumerate(pairs):
         moment = np.cross(r[:, :, i], r2[:, :, j])
-        rows[:, :3, 4 + column] = -(moment if i == j else moment + np.cross(r[:, :, j], r2[:, :, i]))
+        rows[:, :3, 4 + column] = -(
+            moment if i == j else moment + np.cross(r[:, :, j], r2[:, :, i])
+        )
     return rows
 
 
@@ -54,18 +62,33 @@ def base_rows(time: np.ndarray, rotations: np.ndarray) -> np.ndarray:
 def truth():
     time, rotations = swing()
     rows = base_rows(time, rotations)
-    middle, mass = np.array([0.01, 0.02, -0.4]), 2.5
-    second = np.diag(0.5 * (0.135 - 2 * np.array([0.06, 0.065, 0.01]))) + mass * np.outer(middle, middle)
+    middle = np.array([0.01, 0.02, -0.4])
+    mass = 2.5
+    second = np.diag(0.5 * (0.135 - 2 * np.array([0.06, 0.065, 0.01]))) + mass * np.outer(
+        middle, middle
+    )
     phi = np.concatenate(
-        [[mass], mass * middle, [second[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]]
+        [
+            [mass],
+            mass * middle,
+            [second[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))],
+        ]
     )
     return time, rotations, rows @ phi, natural_spline(time, rows @ phi, degree=3)
 
 
 def recorded(
-    truth, offset: float, drift: float, seed: int, force: float = 0.3, moment: float = 0.03, angle: float = 3e-4
+    truth,
+    offset: float,
+    drift: float,
+    seed: int,
+    force: float = 0.3,
+    moment: float = 0.03,
+    angle: float = 3e-4,
 ):
-    """30 s of frames at 200 Hz with noisy orientations, and of wrenches at 2000 Hz on another clock."""
+    """30 s of frames at 200 Hz with noisy orientations, and of wrenches at 2000 Hz on another
+    clock.
+    """
     _, rotations, _, spline = truth
     random = np.random.default_rng(seed)
     start = 0.5
@@ -90,12 +113,15 @@ def test_without_noise_the_clock_is_exact(truth, offset, drift):
 
 
 def test_with_noise_of_a_laboratory_the_clock_is_found_nearly_as_well_as_can_be(truth):
-    """0.3 N, 0.03 Nm and 0.3 mrad: root mean square of four runs beside the bound that the plate's noise alone sets."""
+    """0.3 N, 0.03 Nm and 0.3 mrad: root mean square of four runs beside the bound that the plate's
+    noise alone sets.
+    """
     time, _, wrench, _ = truth
     slopes = np.gradient(wrench, 0.0005, axis=0)[1000:61000] / np.repeat([0.03, 0.3], 3)
     away = time[1000:61000] - 15.5
     bound = 1.0 / np.sqrt([np.sum(slopes**2), np.sum(slopes**2 * (away**2)[:, None])])
-    errors, told = [], []
+    errors = []
+    told = []
     for seed in range(4):
         clock = wrench_clock(*recorded(truth, 0.0123, 40e-6, seed))
         errors.append((clock.offset - 0.0123 - 40e-6 * clock.epoch, clock.drift - 40e-6))
@@ -109,7 +135,8 @@ def test_with_noise_of_a_laboratory_the_clock_is_found_nearly_as_well_as_can_be(
 
 def test_a_plate_tared_with_the_arm_on_it_has_the_same_clock(truth):
     time, rows, own, wrench = recorded(truth, 0.0123, 40e-6, 3)
-    clock, tared = (wrench_clock(time, rows, own, one) for one in (wrench, wrench - wrench[0]))
+    clock = wrench_clock(time, rows, own, wrench)
+    tared = wrench_clock(time, rows, own, (wrench - wrench[0]))
     assert tared.offset == pytest.approx(clock.offset, abs=1e-9)
     assert tared.drift == pytest.approx(clock.drift, abs=1e-9)
 
@@ -117,6 +144,8 @@ def test_a_plate_tared_with_the_arm_on_it_has_the_same_clock(truth):
 def test_a_swing_without_motion_is_refused(truth):
     time, rows, own, wrench = recorded(truth, 0.0, 0.0, 0)
     with pytest.raises(BadData, match="do not explain each other"):
-        wrench_clock(time, np.broadcast_to(rows[:1], rows.shape), own, wrench, ClockOptions(cutoff=3.0))
+        wrench_clock(
+            time, np.broadcast_to(rows[:1], rows.shape), own, wrench, ClockOptions(cutoff=3.0)
+        )
     with pytest.raises(BadData, match=r"expected rows \(frames, 6"):
         wrench_clock(time, rows[:, :3], own, wrench)

@@ -10,9 +10,15 @@ from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, s
 from swing_cohort import published_row, specimens
 
 
-@pytest.mark.parametrize("name", ["joint_viscosity", "total_viscosity", "muscle_viscosity", "estimated_muscle_mass"])
+@pytest.mark.parametrize(
+    "name", ["joint_viscosity", "total_viscosity", "muscle_viscosity", "estimated_muscle_mass"]
+)
 def test_the_papers_own_figures_give_its_mean_and_population_sd(name):
-    line = next(one for one in cohort([published_row(one) for one in SPECIMENS]) if one.quantity.name == name)
+    line = next(
+        one
+        for one in cohort([published_row(one) for one in SPECIMENS])
+        if one.quantity.name == name
+    )
     assert f"{line.mean:.2E}" == f"{getattr(MEAN, name):.2E}"
     assert f"{line.sd:.2E}" == f"{getattr(SD, name):.2E}"
     assert line.count == 6
@@ -34,7 +40,10 @@ def test_the_interval_of_the_mean_holds_it_as_often_as_it_says():
     held = 0
     for _ in range(2000):
         drawn = truth + spread * random.normal(size=3)
-        rows = [{"mass_intact": Estimate(v, v - 1.96 * s, v + 1.96 * s)} for v, s in zip(drawn, spread, strict=True)]
+        rows = [
+            {"mass_intact": Estimate(v, v - 1.96 * s, v + 1.96 * s)}
+            for v, s in zip(drawn, spread, strict=True)
+        ]
         (line,) = cohort(rows)
         held += line.low <= truth.mean() <= line.high
     assert 0.935 < held / 2000 < 0.965
@@ -43,7 +52,9 @@ def test_the_interval_of_the_mean_holds_it_as_often_as_it_says():
 def test_what_a_specimen_lacks_is_not_counted():
     lines = {
         one.quantity.name: one
-        for one in cohort([{"mass_intact": Estimate(2.0, 2.0, 2.0)}, {"com_intact": Estimate(0.4, 0.4, 0.4)}, {}])
+        for one in cohort(
+            [{"mass_intact": Estimate(2.0, 2.0, 2.0)}, {"com_intact": Estimate(0.4, 0.4, 0.4)}, {}]
+        )
     }
     assert {name: one.count for name, one in lines.items()} == {"mass_intact": 1, "com_intact": 1}
     assert lines["mass_intact"].sd == 0.0
@@ -51,7 +62,7 @@ def test_what_a_specimen_lacks_is_not_counted():
 
 
 def test_unknown_intervals_stay_unknown():
-    (line, *_) = cohort([published_row(SPECIMENS[0]), published_row(SPECIMENS[1])])
+    line, *_ = cohort([published_row(SPECIMENS[0]), published_row(SPECIMENS[1])])
     assert np.isnan(line.low)
     assert np.isnan(line.high)
 

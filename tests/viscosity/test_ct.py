@@ -1,4 +1,6 @@
-"""A specimen's CT from files: STL and PLY in millimetres, picked points, a recording; bones of a shoulder model."""
+"""A specimen's CT from files: STL and PLY in millimetres, picked points, a recording; bones of a
+shoulder model.
+"""
 
 from __future__ import annotations
 
@@ -30,35 +32,47 @@ def written(path: Path, surface: Surface) -> Path:
 
 @pytest.fixture(scope="module")
 def specimen(data, tmp_path_factory):
-    """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its markers truly are."""
+    """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its
+    markers truly are.
+    """
     from myomorph.io.mesh import read_mesh
     from myomorph.morph.registration.clusters import bone_surface
 
     folder = tmp_path_factory.mktemp("ct")
     model = read_osim(data(MODEL))
-    scans, truth = [], {}
+    scans = []
+    truth = {}
     for seed, (bone, names) in enumerate(NAMES.items(), start=3):
         body = model.body(bone)
-        meshes = {mesh.file: read_mesh(data(f"{Path(MODEL).parent}/Geometry/{mesh.file}")) for mesh in body.meshes}
+        meshes = {
+            mesh.file: read_mesh(data(f"{Path(MODEL).parent}/Geometry/{mesh.file}"))
+            for mesh in body.meshes
+        }
         surface = bone_surface(body, meshes)
         scan, way = made_scan(surface, seed=seed, refine=1)
         back = way.inverse()
         # The cluster keeps its size; only its middle sits where the model's bone has it.
         turn = Similarity(back.rotation @ rotation_from_euler_xyz((0.1, 0.2, 0.3)), np.zeros(3))
         centers = turn.apply(OFFSETS - OFFSETS.mean(axis=0)) + back.apply(PLACES[bone])
-        truth |= {name: way.rigid.apply(center) for name, center in zip(names, centers, strict=True)}
+        truth |= {
+            name: way.rigid.apply(center) for name, center in zip(names, centers, strict=True)
+        }
         truth |= {f"ct {name}": center for name, center in zip(names, centers, strict=True)}
         picked = folder / f"{bone}.csv"
         chosen = surface.vertices[np.linspace(0, len(surface.vertices) - 1, 5).astype(int)]
         lines = ["name,x,y,z,bone_x,bone_y,bone_z"]
         for number, (there, here) in enumerate(zip(1000 * back.apply(chosen), chosen, strict=True)):
-            lines.append(",".join([f"p{number}", *(f"{x:.4f}" for x in there), *(f"{x:.6f}" for x in here)]))
+            lines.append(
+                ",".join([f"p{number}", *(f"{x:.4f}" for x in there), *(f"{x:.6f}" for x in here)])
+            )
         picked.write_text("\n".join(lines))
         scans.append(
             ScanFiles(
                 bone=bone,
                 surface=written(folder / f"{bone}.stl", scan),
-                cluster=written(folder / f"{bone}_cluster.ply", cluster(centers, seed=seed, noise=1e-4)),
+                cluster=written(
+                    folder / f"{bone}_cluster.ply", cluster(centers, seed=seed, noise=1e-4)
+                ),
                 markers=names,
                 picked=picked if bone == "humerus" else None,
             )
@@ -97,7 +111,9 @@ def test_without_a_recording_picked_points_must_tell_the_markers_apart(specimen)
 
 def test_wrong_tables_are_named(specimen, tmp_path):
     model, scans, truth = specimen
-    table = ScanFiles(bone="humerus", surface="a.stl", cluster="b.stl", markers=["hum1", "hum2", "hum3"])
+    table = ScanFiles(
+        bone="humerus", surface="a.stl", cluster="b.stl", markers=["hum1", "hum2", "hum3"]
+    )
     assert table.within(tmp_path).surface == tmp_path / "a.stl"
     with pytest.raises(BadData, match="2 markers, but a cluster needs three"):
         table.model_copy(update={"markers": ["hum1", "hum2"]}).within(tmp_path)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from myomorph.model.errors import BadData
-from myomorph.viscosity.trust.cutoff import MAX_CUTOFF, MIN_CUTOFF, choice_of, residual_analysis, scan_cutoffs
+from myomorph.viscosity.trust.cutoff import (
+    MAX_CUTOFF,
+    MIN_CUTOFF,
+    choice_of,
+    residual_analysis,
+    scan_cutoffs,
+)
 from truths.mechanical_joint import mechanical_joint
 
 RATE = 200.0
@@ -15,7 +21,9 @@ TIME = np.arange(0.0, 30.0, 1.0 / RATE)
 
 def decaying(frequency: float, noise: float, seed: int = 0) -> np.ndarray:
     random = np.random.default_rng(seed)
-    return np.exp(-0.1 * TIME) * np.sin(2.0 * np.pi * frequency * TIME) + noise * random.standard_normal(len(TIME))
+    return np.exp(-0.1 * TIME) * np.sin(
+        2.0 * np.pi * frequency * TIME
+    ) + noise * random.standard_normal(len(TIME))
 
 
 def test_the_noise_of_a_signal_is_found_again():
@@ -26,7 +34,8 @@ def test_the_noise_of_a_signal_is_found_again():
 
 
 def test_a_faster_motion_asks_for_a_higher_cutoff():
-    slow, fast = (residual_analysis(f"{f:g}", [decaying(f, 0.004)], RATE) for f in (0.7, 4.0))
+    slow = residual_analysis(f"{0.7:g}", [decaying(0.7, 0.004)], RATE)
+    fast = residual_analysis(f"{4.0:g}", [decaying(4.0, 0.004)], RATE)
     assert fast.cutoff > 2.0 * slow.cutoff
     choice = choice_of([slow, fast])
     assert choice.cutoff == fast.cutoff
@@ -35,7 +44,9 @@ def test_a_faster_motion_asks_for_a_higher_cutoff():
 
 
 def test_a_choice_stays_within_its_limits():
-    still = residual_analysis("still", [1e-3 * np.random.default_rng(2).standard_normal(len(TIME))], RATE)
+    still = residual_analysis(
+        "still", [1e-3 * np.random.default_rng(2).standard_normal(len(TIME))], RATE
+    )
     assert choice_of([still]).cutoff == MIN_CUTOFF
     quick = residual_analysis("quick", [decaying(18.0, 1e-4)], RATE)
     assert choice_of([quick]).cutoff == MAX_CUTOFF

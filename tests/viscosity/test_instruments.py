@@ -1,4 +1,6 @@
-"""Laws of instruments estimated from swings: what they tell is found, what they cannot tell stays assumed."""
+"""Laws of instruments estimated from swings: what they tell is found, what they cannot tell stays
+assumed.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from myomorph.viscosity.identification.identify import ViscosityOptions, identif
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
 from truths.mechanical_joint import mechanical_joint
 
-DAMPING, ORIGIN = 0.055, np.array([0.2, 0.0, -0.8])
+DAMPING = 0.055
+ORIGIN = np.array([0.2, 0.0, -0.8])
 OPTIONS = ViscosityOptions(draws=10, stiffness=False)
 
 
@@ -45,16 +48,23 @@ def found_of(swings):
 )
 def test_estimates_change_no_more_than_their_prior_lets_gains_change(swings, errors):
     """Without correction these errors change the mass center or the viscosity by up to ten percent."""
-    exact, wrong = found_of(swings), off(swings, *errors)
+    exact = found_of(swings)
+    wrong = off(swings, *errors)
     instruments = estimate_instruments({"without": wrong}, ErrorOptions())
     mended = found_of([instruments.corrected(one) for one in wrong])
     assert np.abs(np.array(mended) / exact - 1.0).max() < 0.006
-    assert np.abs(np.array(mended) / exact - 1.0).max() < 0.5 * np.abs(np.array(found_of(wrong)) / exact - 1.0).max()
+    assert (
+        np.abs(np.array(mended) / exact - 1.0).max()
+        < 0.5 * np.abs(np.array(found_of(wrong)) / exact - 1.0).max()
+    )
 
 
 def test_a_gain_that_all_channels_share_moves_no_limb_and_stays_unknown(swings):
     gains = [(name, axis, 0.02) for name in ("force_gain", "moment_gain") for axis in range(3)]
-    plain, shared = (estimate_instruments({"without": one}, ErrorOptions()) for one in (swings, off(swings, *gains)))
+    plain, shared = (
+        estimate_instruments({"without": one}, ErrorOptions())
+        for one in (swings, off(swings, *gains))
+    )
     np.testing.assert_allclose(shared.errors / shared.prior, plain.errors / plain.prior, atol=0.05)
     along = np.array([0.01 if name.endswith("gain") else 0.0 for name, _ in shared.sources])
     assert along @ np.linalg.solve(shared.covariance, along) == pytest.approx(
@@ -72,7 +82,9 @@ def test_a_plate_and_a_center_that_are_off_are_told_only_together(swings):
     assert left < 0.25 * float(np.sqrt(apart @ np.diag(found.prior**2) @ apart))
     assert apart @ found.errors == pytest.approx(0.006, abs=3.0 * left)
     # As the prior has it: 2 and 3 mm.
-    assert -size["joint_center", 0] / size["plate_position", 0] == pytest.approx(9.0 / 4.0, rel=0.05)
+    assert -size["joint_center", 0] / size["plate_position", 0] == pytest.approx(
+        9.0 / 4.0, rel=0.05
+    )
 
 
 def test_without_a_source_nothing_is_estimated(swings):

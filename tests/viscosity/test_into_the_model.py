@@ -40,36 +40,86 @@ SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
 def ball(order="yxy"):
     """A limb that turns about three axes of a base, which itself turns on the ground."""
     still = Transform.identity()
-    lean = Axis("rotation", np.array([0.0, 0.6, 0.8]), linear(1.0), ("lean",))
+    lean = Axis(
+        kind="rotation",
+        vector=np.array([0.0, 0.6, 0.8]),
+        function=linear(1.0),
+        coordinates=("lean",),
+    )
     turns = tuple(
-        Axis("rotation", np.eye(3)["xyz".index(letter)], linear(1.0), (f"q{i}",)) for i, letter in enumerate(order)
+        Axis(
+            kind="rotation",
+            vector=np.eye(3)["xyz".index(letter)],
+            function=linear(1.0),
+            coordinates=(f"q{i}",),
+        )
+        for i, letter in enumerate(order)
     )
     names = tuple(axis.coordinates[0] for axis in turns)
     joints = (
-        Joint("stand", "PinJoint", GROUND, "base", still, still, (lean,), ("lean",)),
-        Joint("ball", "CustomJoint", "base", "limb", still, still, turns, names),
+        Joint(
+            name="stand",
+            kind="PinJoint",
+            parent=GROUND,
+            child="base",
+            parent_frame=still,
+            child_frame=still,
+            axes=(lean,),
+            coordinates=("lean",),
+        ),
+        Joint(
+            name="ball",
+            kind="CustomJoint",
+            parent="base",
+            child="limb",
+            parent_frame=still,
+            child_frame=still,
+            axes=turns,
+            coordinates=names,
+        ),
     )
-    bodies = tuple(Body(name, 1.0, np.array([0.0, -0.2, 0.0]), 0.01 * np.eye(3)) for name in ("base", "limb"))
+    bodies = tuple(
+        Body(name=name, mass=1.0, mass_center=np.array([0.0, -0.2, 0.0]), inertia=0.01 * np.eye(3))
+        for name in ("base", "limb")
+    )
     coordinates = tuple(Coordinate(name) for name in ("lean", *names))
-    return Model("ball", bodies, joints, coordinates, np.array([0.0, -9.8, 0.0]))
+    return Model(
+        name="ball",
+        bodies=bodies,
+        joints=joints,
+        coordinates=coordinates,
+        gravity=np.array([0.0, -9.8, 0.0]),
+    )
 
 
 def swung(model, size=0.6, frames=60, seed=0):
     rng = np.random.default_rng(seed)
     n = len(model.coordinates)
     time = np.linspace(0.0, 2.0, frames)
-    rate, phase = rng.uniform(2, 5, n), rng.uniform(0, 6, n)
+    rate = rng.uniform(2, 5, n)
+    phase = rng.uniform(0, 6, n)
     angle = np.outer(time, rate) + phase
     center = np.array([0.1, 0.3, 0.9, -0.4])[:n]
-    return Motion(time, model.coordinate_names, center + size * np.sin(angle), size * rate * np.cos(angle))
+    return Motion(
+        time=time,
+        names=model.coordinate_names,
+        values=center + size * np.sin(angle),
+        velocities=size * rate * np.cos(angle),
+    )
 
 
 def turning_against(model, motion, base, limb):
-    """Angular velocity of a limb against its base along the limb's axes, by differences of rotations."""
+    """Angular velocity of a limb against its base along the limb's axes, by differences of
+    rotations.
+    """
     tree = compile_tree(model)
     step = 1e-6
-    R = [forward_kinematics(tree, motion.values + sign * step * motion.velocities).rotations for sign in (-1.0, 1.0)]
-    a, b = tree.body_index[base], tree.body_index[limb]
+    R = [
+        forward_kinematics(tree, motion.values + sign * step * motion.velocities).rotations
+        for sign in (-1.0, 1.0)
+    ]
+    a = tree.body_index[base]
+    b = tree.body_index[limb]
     before, after = (np.swapaxes(one[:, a], 1, 2) @ one[:, b] for one in R)
     return Rotation.from_matrix(np.swapaxes(before, 1, 2) @ after).as_rotvec() / (2 * step)
 
@@ -83,12 +133,15 @@ def test_any_model_gets_a_joint_s_damping_and_its_muscles():
     assert set(single.coordinates) == {"q0", "q1", "q2"}
     assert all(0.03 < value < 0.09 for value in single.coordinates.values())
     assert single.residual > bushing.residual
-    hinge = replace(model, joints=(model.joints[0], replace(model.joints[1], axes=model.joints[1].axes[:1])))
+    hinge = replace(
+        model, joints=(model.joints[0], replace(model.joints[1], axes=model.joints[1].axes[:1]))
+    )
     assert dampers_of(hinge, "base", "limb", 0.06, {}).coordinates == pytest.approx({"q0": 0.06})
 
 
 def test_dampers_of_mujoco_act_as_they_should(tmp_path):
-    made, damped = tmp_path / "arm.xml", tmp_path / "out" / "damped.xml"
+    made = tmp_path / "arm.xml"
+    damped = tmp_path / "out" / "damped.xml"
     damped.parent.mkdir()
     made.write_text(MJCF, encoding="utf-8")
     write_dampers(made, damped, {"ball": 0.07}, {"m": 30.0})
@@ -103,7 +156,9 @@ def test_dampers_of_mujoco_act_as_they_should(tmp_path):
 
 
 def test_damping_takes_the_joint_s_power():
-    """The least-squares dampers take, over the motion, the power that the joint's own damping takes."""
+    """The least-squares dampers take, over the motion, the power that the joint's own damping
+    takes.
+    """
     model = ball()
     motion = swung(model)
     d = np.array([0.05, 0.08, 0.02])
@@ -116,7 +171,9 @@ def test_damping_takes_the_joint_s_power():
 
 
 def test_a_hinge_is_expressed_exactly():
-    """Where only one coordinate moves its damper says all; the others keep what the joint has at that pose."""
+    """Where only one coordinate moves its damper says all; the others keep what the joint has at
+    that pose.
+    """
     model = ball()
     motion = swung(model)
     alone = np.array([0.0, 0.0, 1.0, 0.0])
@@ -143,7 +200,9 @@ def test_the_matrix_is_that_of_the_joint():
 
 
 def test_a_bushing_says_what_coordinates_cannot():
-    """About y, x, y at a small middle angle the first and last turn fall together: dampers of them fail there."""
+    """About y, x, y at a small middle angle the first and last turn fall together: dampers of them
+    fail there.
+    """
     model = ball()
     motion = swung(model, size=0.4)
     of_coordinates = coordinate_damping(model, "base", "limb", 0.05, motion)
@@ -169,7 +228,9 @@ def test_a_spring_lies_on_the_joint_s_torque():
     motion = swung(model, size=1e-3)
     values = motion.values.copy()
     values[:, 1:] -= values[:, 1:].mean(axis=0)
-    found = coordinate_stiffness(model, "base", "limb", 3.0, {"lean": 0.5}, replace(motion, values=values))
+    found = coordinate_stiffness(
+        model, "base", "limb", 3.0, {"lean": 0.5}, replace(motion, values=values)
+    )
     for name in ("q0", "q1", "q2"):
         assert found.values[name] == pytest.approx(3.0, rel=1e-3)
         assert found.rest[name] == pytest.approx(0.0, abs=1e-4)
@@ -179,7 +240,9 @@ def test_a_spring_lies_on_the_joint_s_torque():
 def test_what_cannot_be_is_refused():
     model = ball()
     motion = swung(model)
-    with pytest.raises(BadData, match=r"viscosity of a joint is -1\.0: expected one number or three"):
+    with pytest.raises(
+        BadData, match=r"viscosity of a joint is -1\.0: expected one number or three"
+    ):
         coordinate_damping(model, "base", "limb", -1.0, motion)
     with pytest.raises(BadModel, match="no coordinate turns 'base' against 'base'"):
         joint_bushing(model, "base", "base", 0.1, motion)
@@ -194,7 +257,9 @@ def test_what_cannot_be_is_refused():
 
 
 def test_strands_share_evenly():
-    shared = line_viscosity({"A": 300.0, "B": 50.0}, {"A": ("a1", "a2", "a3"), "B": ("b",), "C": ("c",)})
+    shared = line_viscosity(
+        {"A": 300.0, "B": 50.0}, {"A": ("a1", "a2", "a3"), "B": ("b",), "C": ("c",)}
+    )
     assert shared == {"a1": 100.0, "a2": 100.0, "a3": 100.0, "b": 50.0}
     with pytest.raises(BadData, match="'D' has no lines"):
         line_viscosity({"D": 1.0}, {"A": ("a",)})
@@ -210,11 +275,14 @@ def arm(tmp_path):
 
 
 def test_it_survives_a_file_twice(arm, tmp_path):
-    model, path = arm, tmp_path / "thick.osim"
+    model = arm
+    path = tmp_path / "thick.osim"
     first, second = model.coordinate_names[:2]
     viscosity = {name: 100.0 + i for i, name in enumerate(model.muscle_names)}
     made = with_passive_dynamics(model, {first: 0.05}, {second: 1.5}, {second: 0.3}, viscosity)
-    bushing = joint_bushing(model, model.body_names[0], model.body_names[1], 0.1, swung(model)).bushing
+    bushing = joint_bushing(
+        model, model.body_names[0], model.body_names[1], 0.1, swung(model)
+    ).bushing
     made = with_passive_dynamics(made, bushings=(bushing,))
     motion = swung(made)
     for _ in range(2):
@@ -223,7 +291,9 @@ def test_it_survives_a_file_twice(arm, tmp_path):
         assert not read.warnings
         assert {one.name: one.viscosity for one in read.muscles} == viscosity
         forces = passive_generalized_forces(read, motion)
-        np.testing.assert_allclose(forces.values, passive_generalized_forces(made, motion).values, atol=1e-12)
+        np.testing.assert_allclose(
+            forces.values, passive_generalized_forces(made, motion).values, atol=1e-12
+        )
         made = read
     # Put in again, it replaces what is there.
     again = with_passive_dynamics(read, {first: 0.2}, bushings=(bushing,))
@@ -254,13 +324,21 @@ def test_a_damper_on_another_path_stays_a_force_of_its_own(arm, tmp_path):
 
 
 def test_opensim_computes_the_same_passive_forces(data, tmp_path):
-    """Its inverse dynamics with these forces applied, less that without: springs, bushing and dampers along muscles."""
+    """Its inverse dynamics with these forces applied, less that without: springs, bushing and
+    dampers along muscles.
+    """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
     model = read_osim(data(SHOULDER))
-    motion = differentiate(motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/FLX01.mot")), model), 3.0)
+    motion = differentiate(
+        motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/FLX01.mot")), model), 3.0
+    )
     # Muscles with points that move are left out: OpenSim's force on them does not fit their length.
-    straight = [one.name for one in model.muscles if len(one.path.wraps) < 2 and "Latissimus" not in one.name]
+    straight = [
+        one.name
+        for one in model.muscles
+        if len(one.path.wraps) < 2 and "Latissimus" not in one.name
+    ]
     made = with_passive_dynamics(
         model,
         damping=coordinate_damping(model, "scapula", "humerus", 0.05, motion).values,
@@ -272,14 +350,21 @@ def test_opensim_computes_the_same_passive_forces(data, tmp_path):
     read = read_osim(tmp_path / "made.osim")
     theirs = opensim.Model(str(tmp_path / "made.osim"))
     state = theirs.initSystem()
-    names, named, forces = model.coordinate_names, theirs.getCoordinateSet(), theirs.getForceSet()
+    names = model.coordinate_names
+    named = theirs.getCoordinateSet()
+    forces = theirs.getForceSet()
     for i in range(theirs.getMuscles().getSize()):
         theirs.getMuscles().get(i).setAppliesForce(state, False)
     added = [*(one.name for one in read.passive_torques), *(one.name for one in read.bushings)]
     added += [f"{name}_viscosity" for name in straight]
     solver = opensim.InverseDynamicsSolver(theirs)
     kept = np.array([100, 300, 500])
-    some = Motion(motion.time[kept], motion.names, motion.values[kept], motion.velocities[kept])
+    some = Motion(
+        time=motion.time[kept],
+        names=motion.names,
+        values=motion.values[kept],
+        velocities=motion.velocities[kept],
+    )
     c, rates = rates_of(compile_tree(read), some)
     rows = [names.index(name) for name in SCAPULA]
     for name in names:
@@ -287,7 +372,11 @@ def test_opensim_computes_the_same_passive_forces(data, tmp_path):
     for frame in range(len(kept)):
         x, y = c[frame, rows[:2]]
         turn = np.array(
-            [[1, 0, np.sin(y)], [0, np.cos(x), -np.sin(x) * np.cos(y)], [0, np.sin(x), np.cos(x) * np.cos(y)]]
+            [
+                [1, 0, np.sin(y)],
+                [0, np.cos(x), -np.sin(x) * np.cos(y)],
+                [0, np.sin(x), np.cos(x) * np.cos(y)],
+            ]
         )
         speeds = rates[frame].copy()
         speeds[rows] = turn @ speeds[rows]

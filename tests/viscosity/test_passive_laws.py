@@ -47,7 +47,8 @@ def test_a_swing_is_what_its_law_and_inertia_predict(ball, name):
 
 def test_three_hinges_damp_the_rates_of_their_own_angles():
     random = np.random.default_rng(0)
-    angles, speeds = random.uniform(-1.0, 1.0, (20, 3)), random.standard_normal((20, 3))
+    angles = random.uniform(-1.0, 1.0, (20, 3))
+    speeds = random.standard_normal((20, 3))
     turns = [Rotation.from_rotvec(np.outer(angles[:, i], np.eye(3)[i])) for i in range(3)]
     limb = turns[0] * turns[1] * turns[2]
     # Rates along the limb's axes are what each hinge adds, seen from beyond the hinges after it.
@@ -87,12 +88,16 @@ def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, cho
     comparison = compare_passive_laws(ball[name], QUICK)
     best = comparison.chosen
     assert best.name == chosen
-    assert best.law.coefficients == pytest.approx(law(**LAWS[name]).coefficients, abs=2e-5, rel=1e-3)
+    assert best.law.coefficients == pytest.approx(
+        law(**LAWS[name]).coefficients, abs=2e-5, rel=1e-3
+    )
     assert best.angle_error < 1e-3
     assert best.angle_error <= comparison.fits[0].angle_error
     kinds = [{term.removesuffix(" by axis") for term in one.terms} for one in comparison.fits]
     acted = set(LAWS[name]) - {"rest_moment"}
-    others = [one for one, kind in zip(comparison.fits, kinds, strict=True) if acted - kind - {"muscle"}]
+    others = [
+        one for one, kind in zip(comparison.fits, kinds, strict=True) if acted - kind - {"muscle"}
+    ]
     assert others or name == "muscles"
     assert all(one.angle_error > best.angle_error for one in others)
 
@@ -108,7 +113,10 @@ def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, cho
     ],
 )
 def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction):
-    bare = [replace(each, muscles=(), strands=(), lengthening=np.zeros((len(each), 0, 3))) for each in ball[name]]
+    bare = [
+        replace(each, muscles=(), strands=(), lengthening=np.zeros((len(each), 0, 3)))
+        for each in ball[name]
+    ]
     problem = PassiveProblem.of(bare, 0.1, InertiaOptions())
     off = problem.parameters(np.ones(len(problem.sums))) * np.linspace(0.98, 1.02, 10)
     acting = acting_law(problem, off, (), 20, 0)
@@ -117,7 +125,9 @@ def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction
         return
     assert (acting.form, acting.friction) == (form, friction)
     truth = law(**LAWS[name])
-    expected = {"axes": truth.viscosity, "friction": truth.viscosity[:1], "hinges": truth.hinges}[name]
+    expected = {"axes": truth.viscosity, "friction": truth.viscosity[:1], "hinges": truth.hinges}[
+        name
+    ]
     values = {kind: each.value for kind, each in acting.coefficients.items() if kind != DRY}
     parts = list(values.values())[1:] or list(values.values())
     assert parts == pytest.approx(expected, rel=0.05)
@@ -125,7 +135,9 @@ def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction
         assert acting.coefficients[DRY].value == pytest.approx(truth.coulomb, rel=0.1)
     # The torque that is taken off the muscles is the law's own, in rates of the one viscosity.
     resisted = acting.coefficients["viscosity"].value * acting.resisting(bare[0])[bare[0].used]
-    assert resisted == pytest.approx(-truth.torque(bare[0])[bare[0].used], abs=0.1 * np.ptp(resisted))
+    assert resisted == pytest.approx(
+        -truth.torque(bare[0])[bare[0].used], abs=0.1 * np.ptp(resisted)
+    )
 
 
 @pytest.mark.parametrize("kind", ["hinge", "ball"])
@@ -180,8 +192,10 @@ def test_bounded_least_squares_is_optimal():
     random = np.random.default_rng(2)
     groups = law_columns(("viscosity by axis", "coulomb", "quadratic"), 3)[1]
     n = len(groups)
-    A, b = random.standard_normal((50, 12, n)), random.standard_normal((50, 12))
-    H, g = np.swapaxes(A, 1, 2) @ A, np.einsum("dik,di->dk", A, b)
+    A = random.standard_normal((50, 12, n))
+    b = random.standard_normal((50, 12))
+    H = np.swapaxes(A, 1, 2) @ A
+    g = np.einsum("dik,di->dk", A, b)
     x, gain = bounded_least_squares(H, g, groups)
     assert (x >= 0.0).all()
     assert gain == pytest.approx(np.einsum("di,di->d", x, g))

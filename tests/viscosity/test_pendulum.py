@@ -11,7 +11,8 @@ from myomorph.model.errors import BadData, UnknownName
 from truths.decays import compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 TIME = np.arange(0.0, 20.0, 0.02)
-INERTIA, WEIGHT = 0.9, 14.0
+INERTIA = 0.9
+WEIGHT = 14.0
 """About the axis [kg m^2], and m g l [N m]."""
 TORQUES = {
     ("viscous",): lambda w: 0.05 * w,
@@ -27,7 +28,9 @@ def pendulum(torque, start: float = 0.35) -> np.ndarray:
     def slope(_time, state):
         return [state[1], -(WEIGHT * np.sin(state[0]) + torque(state[1])) / INERTIA]
 
-    return solve_ivp(slope, TIME[[0, -1]], [start, 0.0], "LSODA", t_eval=TIME, rtol=1e-8, atol=1e-9).y[1]
+    return solve_ivp(
+        slope, TIME[[0, -1]], [start, 0.0], "LSODA", t_eval=TIME, rtol=1e-8, atol=1e-9
+    ).y[1]
 
 
 @pytest.mark.parametrize("terms", TORQUES)
@@ -60,7 +63,9 @@ def test_errors_of_independent_noise_are_those_of_the_textbook():
 
 
 def test_a_hanging_body_has_the_inertia_of_the_textbook():
-    mass, length, g = 1.7, 0.8, 9.81
+    mass = 1.7
+    length = 0.8
+    g = 9.81
     period = 2.0 * np.pi * np.sqrt(2.0 * length / (3.0 * g))
     assert compound_inertia(mass, g, 0.5 * length, period) == pytest.approx(mass * length**2 / 12.0)
     assert torsional_inertia(0.5, 1.2, 2.4) == pytest.approx(2.0)

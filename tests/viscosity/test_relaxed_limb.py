@@ -1,4 +1,6 @@
-"""A relaxed limb that is dropped: its equation of motion, what is found of its joint, and what is named."""
+"""A relaxed limb that is dropped: its equation of motion, what is found of its joint, and what is
+named.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def drops_of(leg, count=1, seed=0):
         angles = drop_leg(leg, number, seed).angles
         motion = motion_of(angles)
         equation = swing_equation(leg_model(leg), "knee", motion)
-        found += find_drops(f"drop{number + 1}", equation, angles, motion.values[:, 1], motion.velocities[:, 1])
+        found += find_drops(
+            f"drop{number + 1}", equation, angles, motion.values[:, 1], motion.velocities[:, 1]
+        )
     return found
 
 
@@ -50,13 +54,19 @@ def test_the_equation_is_inverse_dynamics_of_the_coordinate_while_the_base_moves
     time = np.arange(200) / RATE
     motion = motion_of(0.2 + np.sin(3.0 * time), 0.3 * np.sin(2.0 * time))
     equation = swing_equation(leg_model(LEG), "knee", motion)
-    torque = equation.torque(*(values[:, 1] for values in (motion.values, motion.velocities, motion.accelerations)))
-    np.testing.assert_allclose(torque, mm.inverse_dynamics(leg_model(LEG), motion)["knee"], atol=1e-5)
+    torque = equation.torque(
+        *(values[:, 1] for values in (motion.values, motion.velocities, motion.accelerations))
+    )
+    np.testing.assert_allclose(
+        torque, mm.inverse_dynamics(leg_model(LEG), motion)["knee"], atol=1e-5
+    )
 
 
 def test_a_swing_forward_is_that_of_mujoco():
     (drop,) = drops_of(LEG)
-    law = PassiveLaw.of(np.array([LEG.damping, LEG.stiffness, LEG.stiffness * LEG.rest, *np.zeros(6)]))
+    law = PassiveLaw.of(
+        np.array([LEG.damping, LEG.stiffness, LEG.stiffness * LEG.rest, *np.zeros(6)])
+    )
     held = round(HOLD * RATE)
     swung = drop.equation.swing(held, len(drop.angles), drop.measured[held], 0.0, law)
     np.testing.assert_allclose(swung[:200], drop.measured[held : held + 200], atol=2e-3)
@@ -65,7 +75,8 @@ def test_a_swing_forward_is_that_of_mujoco():
 def test_a_limb_of_twice_the_mass_has_twice_the_torque():
     drops = drops_of(LEG)
     heavy = [replace(drop, equation=drop.equation.scaled(2.0, 2.0)) for drop in drops]
-    once, twice = quantities(fit_swings(drops, SPRUNG)), quantities(fit_swings(heavy, SPRUNG))
+    once = quantities(fit_swings(drops, SPRUNG))
+    twice = quantities(fit_swings(heavy, SPRUNG))
     for name in ("viscosity", "stiffness", "zero_torque"):
         assert twice[name] == pytest.approx(2.0 * once[name], rel=1e-3)
     assert twice["rest_angle"] == pytest.approx(once["rest_angle"], rel=1e-3)
@@ -73,8 +84,11 @@ def test_a_limb_of_twice_the_mass_has_twice_the_torque():
 
 def test_each_drop_of_a_recording_is_found_and_no_lift_by_hand():
     leg = replace(LEG, damping=0.4)
-    first, second = (drop_leg(leg, number, 0).angles for number in (0, 1))
-    lift = first[-1] + (second[0] - first[-1]) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, 120)))
+    first = drop_leg(leg, 0, 0).angles
+    second = drop_leg(leg, 1, 0).angles
+    lift = first[-1] + (second[0] - first[-1]) * 0.5 * (
+        1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, 120))
+    )
     angles = np.concatenate([first, lift, second])
     motion = motion_of(angles)
     equation = swing_equation(leg_model(leg), "knee", motion)
@@ -89,12 +103,15 @@ def test_each_drop_of_a_recording_is_found_and_no_lift_by_hand():
 def test_what_a_coordinate_moves_is_weighed():
     body = limb_body(leg_model(LEG), "knee", drops_of(LEG)[0].equation)
     whole = LEG.inertia + LEG.mass * LEG.distance**2
-    np.testing.assert_allclose((body.mass, body.distance, body.inertia), (LEG.mass, LEG.distance, whole), rtol=1e-3)
+    np.testing.assert_allclose(
+        (body.mass, body.distance, body.inertia), (LEG.mass, LEG.distance, whole), rtol=1e-3
+    )
 
 
 def test_dry_friction_is_chosen_where_there_is_some_and_only_there():
     leg = replace(LEG, friction=0.15)
-    rough, smooth = (identify_limb(drops_of(each, 2), body_of(each)) for each in (leg, LEG))
+    rough = identify_limb(drops_of(leg, 2), body_of(leg))
+    smooth = identify_limb(drops_of(LEG, 2), body_of(LEG))
     assert rough.fit.terms == (*SPRUNG, "coulomb")
     assert rough.estimates["coulomb"].value == pytest.approx(0.15, rel=0.05)
     assert smooth.fit.terms == SPRUNG
@@ -129,9 +146,9 @@ def studied(tmp_path_factory):
     folder = tmp_path_factory.mktemp("relaxed")
     write_leg(replace(LEG, bursts=(1,)), folder)
     (folder / "study.toml").write_text(
-        '[study]\nname = "leg"\nsimulated = ["A leg in MuJoCo."]\n[[limb]]\nname = "p01"\nmodel = "leg.osim"\n'
-        'coordinate = "knee"\ndrops = ["drop?.trc"]\n'
-        "truth = {viscosity = 0.2, stiffness = 2.0, rest_angle = 0.3}\n"
+        '[study]\nname = "leg"\nsimulated = ["A leg in MuJoCo."]\n[[limb]]\nname = "p01"\nmodel ='
+        ' "leg.osim"\ncoordinate = "knee"\ndrops = ["drop?.trc"]\ntruth = {viscosity = 0.2,'
+        " stiffness = 2.0, rest_angle = 0.3}\n"
     )
     plan = read_viscosity_plan(folder / "study.toml")
     outcomes = run_viscosity(plan, folder / "out")
@@ -159,7 +176,9 @@ def test_the_model_has_the_spring_and_the_damper(studied):
     (torque,) = mm.read_model(studied / "out" / "p01" / "identified.osim").passive_torques
     assert torque.coordinate == "knee"
     at = np.array([0.0, 1.0])
-    np.testing.assert_allclose(torque.torque(at), row["zero_torque"].value - row["stiffness"].value * at, rtol=1e-6)
+    np.testing.assert_allclose(
+        torque.torque(at), row["zero_torque"].value - row["stiffness"].value * at, rtol=1e-6
+    )
     assert float(torque.damping(0.0)) == pytest.approx(row["viscosity"].value)
 
 
@@ -181,8 +200,15 @@ def test_a_mujoco_model_gets_damper_and_spring(studied):
     for number in (0, 2):
         angles = drop_leg(LEG, number, 0).angles
         rows = "".join(f"{i / RATE}\t0\t{angle}\n" for i, angle in enumerate(angles))
-        (folder / f"drop{number}.mot").write_text(f"drop\ninDegrees=no\nendheader\ntime\thip\tknee\n{rows}")
-    text = (studied / "study.toml").read_text().replace("leg.osim", "leg.xml").replace("drop?.trc", "drop?.mot")
+        (folder / f"drop{number}.mot").write_text(
+            f"drop\ninDegrees=no\nendheader\ntime\thip\tknee\n{rows}"
+        )
+    text = (
+        (studied / "study.toml")
+        .read_text()
+        .replace("leg.osim", "leg.xml")
+        .replace("drop?.trc", "drop?.mot")
+    )
     (folder / "study.toml").write_text(text)
     assert main(["viscosity", str(folder / "study.toml"), "--out", str(folder / "out")]) == 0
     assert read_limb(folder / "out" / "p01").notes == (
@@ -192,7 +218,9 @@ def test_a_mujoco_model_gets_damper_and_spring(studied):
     knee = made.joint("knee")
     assert np.ravel(knee.damping)[0] == pytest.approx(LEG.damping, rel=0.02)
     assert np.ravel(knee.stiffness)[0] == pytest.approx(LEG.stiffness, rel=0.02)
-    assert made.qpos_spring[made.jnt_qposadr[made.joint("knee").id]] == pytest.approx(LEG.rest, rel=0.02)
+    assert made.qpos_spring[made.jnt_qposadr[made.joint("knee").id]] == pytest.approx(
+        LEG.rest, rel=0.02
+    )
 
 
 def test_what_is_wrong_with_a_limb_is_said_at_once(studied):
@@ -204,7 +232,11 @@ def test_what_is_wrong_with_a_limb_is_said_at_once(studied):
     )
     with pytest.raises(BadFile) as caught:
         read_viscosity_plan(path)
-    for part in ("'arm.osim' does not exist", "no file matches 'jump*.trc'", "unknown quantity 'viscous'"):
+    for part in (
+        "'arm.osim' does not exist",
+        "no file matches 'jump*.trc'",
+        "unknown quantity 'viscous'",
+    ):
         assert part in str(caught.value)
 
 
@@ -213,7 +245,11 @@ def test_what_is_wrong_with_a_limb_is_said_at_once(studied):
     [
         ('"knee"', '"ankle"', "coordinate 'ankle'"),
         ('"drop?.trc"', '{recording = "drop1.trc", time = [0.0, 0.9]}', "holds no drop"),
-        ('coordinate = "knee"', 'coordinate = "knee"\nmuscles = ["vastus"]', "no EMG channel 'vastus'"),
+        (
+            'coordinate = "knee"',
+            'coordinate = "knee"\nmuscles = ["vastus"]',
+            "no EMG channel 'vastus'",
+        ),
         ("[[limb]]", "[[limp]]", "'limb'"),
     ],
 )
@@ -228,7 +264,10 @@ def test_bad_input_ends_with_status_2(studied, capsys, old, new, message):
 def test_the_template_holds_a_limb(tmp_path):
     text = study_template()
     start = text.index("# [[limb]]")
-    limb = [line.removeprefix("# ") for line in text[start : text.index("[options.", start)].splitlines()]
+    limb = [
+        line.removeprefix("# ")
+        for line in text[start : text.index("[options.", start)].splitlines()
+    ]
     for name in ("p01.osim", "drop1.trc"):
         (tmp_path / name).write_text("")
     (tmp_path / "study.toml").write_text("\n".join(['[study]\nname = "x"', *limb]))

@@ -1,4 +1,6 @@
-"""Laws of the error budget: errors that all swings share are held by the intervals that know of them."""
+"""Laws of the error budget: errors that all swings share are held by the intervals that know of
+them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,15 @@ from truths.mechanical_joint import mechanical_joint
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)
 BARE = Made(damping=0.05)
 WHOLE = replace(BARE, mass=2.5, **eleven(np.random.default_rng(0)))
-NONE = ErrorOptions(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NONE = ErrorOptions(
+    plate_position=0.0,
+    plate_rotation=0.0,
+    force_gain=0.0,
+    moment_gain=0.0,
+    plate_clock=0.0,
+    joint_center=0.0,
+    soft_tissue=0.0,
+)
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +41,39 @@ def swings():
     return three_releases(BARE), three_releases(WHOLE)
 
 
-@pytest.mark.parametrize(("source", "axis", "size"), [("plate_position", 0, 0.005), ("moment_gain", 1, -0.02),
-                                                ("joint_center", 2, 0.008), ("plate_rotation", 1, 0.01)])  # fmt: skip
-def test_an_instrument_that_is_off_is_in_the_interval_that_knows_of_it_only(swings, source, axis, size):
-    off = [[disturbed(replace(one, origin=np.array([0.2, 0.0, -0.8])), source, axis, size) for one in own]
-           for own in swings]  # fmt: skip
+@pytest.mark.parametrize(
+    ("source", "axis", "size"),
+    [
+        ("plate_position", 0, 0.005),
+        ("moment_gain", 1, -0.02),
+        ("joint_center", 2, 0.008),
+        ("plate_rotation", 1, 0.01),
+    ],
+)
+def test_an_instrument_that_is_off_is_in_the_interval_that_knows_of_it_only(
+    swings, source, axis, size
+):
+    off = [
+        [
+            disturbed(replace(one, origin=np.array([0.2, 0.0, -0.8])), source, axis, size)
+            for one in own
+        ]
+        for own in swings
+    ]
     found = identify_specimen("off", *off, options=OPTIONS)
     wider, shares = with_shared_errors(found, OPTIONS, replace(NONE, **{source: abs(size)}))
     for condition, truth in ((wider.without, BARE), (wider.intact, WHOLE)):
         assert condition.com.holds(float(np.linalg.norm(truth.parameters[1:4]) / truth.mass))
-        assert condition.mass.holds(truth.mass) or condition.mass.value == pytest.approx(truth.mass, rel=1e-3)
+        assert condition.mass.holds(truth.mass) or condition.mass.value == pytest.approx(
+            truth.mass, rel=1e-3
+        )
     assert wider.without.viscosity.holds(0.05)
     assert wider.muscles.common.holds(120.0)
     for quantity in ("joint_viscosity", "muscle_viscosity"):
         assert sum(one.share for one in shares if one.quantity == quantity) == pytest.approx(1.0)
-    largest = max((one for one in shares if one.quantity == "joint_viscosity"), key=lambda one: one.share)
+    largest = max(
+        (one for one in shares if one.quantity == "joint_viscosity"), key=lambda one: one.share
+    )
     assert largest.source in (source, "swings")
 
 
@@ -56,10 +84,15 @@ def joint():
 
 @pytest.mark.parametrize(
     "errors",
-    [[("plate_position", 2, 0.005)], [("moment_gain", 0, 0.02), ("moment_gain", 1, -0.01), ("moment_gain", 2, 0.02)]],
+    [
+        [("plate_position", 2, 0.005)],
+        [("moment_gain", 0, 0.02), ("moment_gain", 1, -0.01), ("moment_gain", 2, 0.02)],
+    ],
     ids=["plate 5 mm", "gains +2/-1/+2 %"],
 )
-def test_the_plain_law_stays_near_a_mujoco_joints_truth_and_the_default_errors_hold_it(joint, errors):
+def test_the_plain_law_stays_near_a_mujoco_joints_truth_and_the_default_errors_hold_it(
+    joint, errors
+):
     swings = [replace(one, origin=np.array([0.2, 0.0, -0.8])) for one in joint.swings()]
     for error in errors:
         swings = [disturbed(one, *error) for one in swings]
@@ -83,7 +116,9 @@ def test_what_errors_add_grows_with_their_standard_deviation(swings):
     sds = []
     for size in (0.002, 0.004):
         shares = with_shared_errors(found, OPTIONS, replace(NONE, plate_position=size))[1]
-        sds.append(next(s.sd for s in shares if (s.source, s.quantity) == ("plate_position", "com_intact")))
+        sds.append(
+            next(s.sd for s in shares if (s.source, s.quantity) == ("plate_position", "com_intact"))
+        )
     assert sds[1] == pytest.approx(2.0 * sds[0], rel=0.05)
 
 
@@ -96,7 +131,9 @@ def test_the_template_has_every_key_and_is_what_the_reader_knows(tmp_path):
     path = write_template(tmp_path / "new")
     text = path.read_text(encoding="utf-8")
     given = [
-        line[2:] if line.startswith("# ") and re.match(r"# \[\[|.* = ", line) and " =  #" not in line else line
+        line[2:]
+        if line.startswith("# ") and re.match(r"# \[\[|.* = ", line) and " =  #" not in line
+        else line
         for line in text.split("\n")
     ]
     specimen, _ = "\n".join(given).split("[options.", 1)

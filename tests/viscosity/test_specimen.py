@@ -37,23 +37,37 @@ THORACOSCAPULAR = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.o
 
 def thoracoscapular(data: Callable[[str], Path]) -> tuple[Model, SpecimenNames]:
     model = read_model(data(THORACOSCAPULAR))
-    return model, SpecimenNames("scapula", "humerus", ("ulna", "radius", "hand"), fig1_muscles(model))
+    return model, SpecimenNames(
+        base="scapula",
+        first="humerus",
+        bones=("ulna", "radius", "hand"),
+        muscles=fig1_muscles(model),
+    )
 
 
 def myosuite() -> tuple[Model, SpecimenNames]:
     model = model_from_mujoco(compiled("myoarm"))
-    return model, SpecimenNames("scapula_r", "humerus_r", ("ulna_r", "radius_r", "thirdmc_r"), fig1_muscles(model))
+    return model, SpecimenNames(
+        base="scapula_r",
+        first="humerus_r",
+        bones=("ulna_r", "radius_r", "thirdmc_r"),
+        muscles=fig1_muscles(model),
+    )
 
 
 def bodies_of(model: Model) -> dict[str, Transform]:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(AT_REST))
-    return {name: Transform(poses.rotations[0, b], poses.origins[0, b]) for name, b in tree.body_index.items()}
+    return {
+        name: Transform(poses.rotations[0, b], poses.origins[0, b])
+        for name, b in tree.body_index.items()
+    }
 
 
 def same_as_source(model: Model, specimen: Specimen, length: float = 1e-9) -> None:
     """Bones and muscles stand as in the source's default pose."""
-    source, own = bodies_of(model), bodies_of(specimen.model)
+    source = bodies_of(model)
+    own = bodies_of(specimen.model)
     for name in specimen.model.body_names:
         np.testing.assert_allclose(own[name].rotation, source[name].rotation, atol=1e-12)
         np.testing.assert_allclose(own[name].translation, source[name].translation, atol=1e-12)
@@ -92,7 +106,13 @@ def test_figure_1_of_the_thoracoscapular_model(data):
     assert sum(len(strands) for strands in specimen.muscles.values()) == 15
     assert [note.split("'")[1] for note in specimen.notes] == ["Supraspinatus_A", "TeresMajor"]
     # The model welds the hand; wires may hold it at another angle.
-    assert specimen.held_coordinates == ("elbow_flexion", "pro_sup", "hand_rx", "hand_ry", "hand_rz")
+    assert specimen.held_coordinates == (
+        "elbow_flexion",
+        "pro_sup",
+        "hand_rx",
+        "hand_ry",
+        "hand_rz",
+    )
 
 
 @pytest.mark.parametrize("coordinate", ["elbow", "forearm", "wrist_a", "wrist_b"])
@@ -102,11 +122,15 @@ def test_held_joints_move_the_bones_as_the_source_does(coordinate):
 
     def hand(one: Model) -> Transform:
         posed = replace(
-            one, coordinates=tuple(replace(c, default=0.4) if c.name == coordinate else c for c in one.coordinates)
+            one,
+            coordinates=tuple(
+                replace(c, default=0.4) if c.name == coordinate else c for c in one.coordinates
+            ),
         )
         return bodies_of(posed)["hand"]
 
-    source, own = hand(model), hand(specimen.model)
+    source = hand(model)
+    own = hand(specimen.model)
     np.testing.assert_allclose(own.rotation, source.rotation, atol=1e-12)
     np.testing.assert_allclose(own.translation, source.translation, atol=1e-12)
 
@@ -124,17 +148,27 @@ def test_no_mass_of_the_limb_is_lost():
 
 def test_inertia_moves_as_points_of_mass_do():
     rng = np.random.default_rng(0)
-    points, masses = rng.normal(size=(20, 3)), rng.uniform(0.1, 1.0, 20)
+    points = rng.normal(size=(20, 3))
+    masses = rng.uniform(0.1, 1.0, 20)
     pose = Transform.from_euler_xyz(rng.normal(size=3), rng.normal(size=3))
 
     def parameters(places):
         second = np.einsum("p,pi,pj->ij", masses, places, places)
         inertia = np.trace(second) * np.eye(3) - second
         return np.array(
-            [masses.sum(), *(masses @ places), *np.diag(inertia), inertia[1, 2], inertia[2, 0], inertia[0, 1]]
+            [
+                masses.sum(),
+                *(masses @ places),
+                *np.diag(inertia),
+                inertia[1, 2],
+                inertia[2, 0],
+                inertia[0, 1],
+            ]
         )
 
-    np.testing.assert_allclose(moved_parameters(parameters(points), pose), parameters(pose.apply(points)), rtol=1e-12)
+    np.testing.assert_allclose(
+        moved_parameters(parameters(points), pose), parameters(pose.apply(points)), rtol=1e-12
+    )
 
 
 def swinging(specimen: Specimen, frames: int = 200) -> Motion:
@@ -151,7 +185,12 @@ def test_rates_are_the_derivative_of_the_rotation():
     limb = limb_motion(specimen, motion)
     step = np.einsum("fji,fjk->fik", limb.rotations[:-2], limb.rotations[2:])
     spin = 0.5 * np.stack(
-        [step[:, 2, 1] - step[:, 1, 2], step[:, 0, 2] - step[:, 2, 0], step[:, 1, 0] - step[:, 0, 1]], 1
+        [
+            step[:, 2, 1] - step[:, 1, 2],
+            step[:, 0, 2] - step[:, 2, 0],
+            step[:, 1, 0] - step[:, 0, 1],
+        ],
+        1,
     )
     np.testing.assert_allclose(spin / 0.01, limb.rates[1:-1], atol=3e-3 * np.abs(limb.rates).max())
 
@@ -166,11 +205,17 @@ def test_rows_are_the_inverse_dynamics_of_the_welded_limb():
     found = np.einsum("fac,fa->fc", limb.slopes, torques)
     whole = inverse_dynamics(specimen.model, motion)
     np.testing.assert_allclose(
-        found, np.stack([whole[name] for name in specimen.joint_coordinates], axis=1), rtol=1e-9, atol=1e-10
+        found,
+        np.stack([whole[name] for name in specimen.joint_coordinates], axis=1),
+        rtol=1e-9,
+        atol=1e-10,
     )
-    # The base carries the same wrench: its own weight, which a plate set to zero does not show, taken off.
+    # The base carries the same wrench: its own weight, which a plate set to zero does not show,
+    # taken off.
     base = np.stack([whole[name] for name in specimen.base_coordinates[:3]], axis=1)
-    still = -specimen.model.body("scapula").mass * specimen.stand.rotation.T @ specimen.model.gravity
+    still = (
+        -specimen.model.body("scapula").mass * specimen.stand.rotation.T @ specimen.model.gravity
+    )
     force = (limb.wrench_rows @ phi)[:, 3:] @ specimen.stand.rotation
     np.testing.assert_allclose(force + still, base, rtol=1e-9, atol=1e-9)
 
@@ -189,7 +234,9 @@ def test_lengthening_is_the_velocity_of_the_muscles():
 
 
 def test_strands_share_the_viscosity_of_their_muscle():
-    """What a muscle's viscosity takes from the swing is what its strands, each with its share, take."""
+    """What a muscle's viscosity takes from the swing is what its strands, each with its share,
+    take.
+    """
     specimen = build_specimen(arm_model(), NAMES)
     motion = swinging(specimen)
     limb = limb_motion(specimen, motion)
@@ -198,21 +245,32 @@ def test_strands_share_the_viscosity_of_their_muscle():
     speeds = np.einsum("fsa,fa->fs", lengthening(specimen, motion, limb.slopes), limb.rates)
     of = [viscosity[name] for name, own in specimen.muscles.items() for _ in own]
     wanted = muscle_kinematics(specimen.model, motion)
-    power = sum(strands[name] * v**2 for name, v in zip(wanted.muscles, wanted.velocities.T, strict=True))
+    power = sum(
+        strands[name] * v**2 for name, v in zip(wanted.muscles, wanted.velocities.T, strict=True)
+    )
     np.testing.assert_allclose(np.square(speeds) @ of, power, rtol=1e-10)
 
 
 def test_where_coordinates_are_zero_is_free():
-    """Stand and rest only say from where coordinates count: arms about the limb's own axes are the same."""
+    """Stand and rest only say from where coordinates count: arms about the limb's own axes are the
+    same.
+    """
     specimen = build_specimen(arm_model(), NAMES)
     turn = axis_rotation(np.array([0.6, 0.0, 0.8]), 0.9)
     rest = specimen.stand.rotation.T @ bodies_of(specimen.model)["humerus"].rotation
     other = specimen.resting(rest @ turn)
-    still = Motion(np.zeros(1), specimen.joint_coordinates, np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)))
+    still = Motion(
+        time=np.zeros(1),
+        names=specimen.joint_coordinates,
+        values=np.zeros((1, 3)),
+        velocities=np.zeros((1, 3)),
+        accelerations=np.zeros((1, 3)),
+    )
     # Where the other one is zero, in the angles of the first.
     angles = Rotation.from_matrix(turn).as_euler("XYZ")[None]
     same = replace(still, values=angles)
-    one, two = limb_motion(specimen, same), limb_motion(other, still)
+    one = limb_motion(specimen, same)
+    two = limb_motion(other, still)
     np.testing.assert_allclose(one.rotations, two.rotations, atol=1e-12)
     np.testing.assert_allclose(one.torque_rows, two.torque_rows, atol=1e-12)
     np.testing.assert_allclose(
@@ -222,7 +280,9 @@ def test_where_coordinates_are_zero_is_free():
 
 def test_a_hinge_has_the_axis_of_the_models_joint():
     model = arm_model()
-    specimen = build_specimen(model, SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge"))
+    specimen = build_specimen(
+        model, SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge")
+    )
     assert specimen.joint_coordinates == specimen.axes == ("ulna_angle",)
     np.testing.assert_allclose(specimen.axis_vectors, [[0.0, 0.0, 1.0]], atol=1e-12)
     np.testing.assert_allclose(specimen.center_in_limb, 0.0, atol=1e-12)
@@ -230,7 +290,9 @@ def test_a_hinge_has_the_axis_of_the_models_joint():
     limb = limb_motion(specimen, motion)
     np.testing.assert_allclose(limb.rates, motion.velocities, atol=1e-12)
     torque = limb.torque_rows @ limb_parameters(specimen, {})
-    np.testing.assert_allclose(torque[:, 0], inverse_dynamics(specimen.model, motion)["ulna_angle"], atol=1e-9)
+    np.testing.assert_allclose(
+        torque[:, 0], inverse_dynamics(specimen.model, motion)["ulna_angle"], atol=1e-9
+    )
 
 
 def test_clusters_can_be_told_by_their_sides():
@@ -248,9 +310,21 @@ def test_clusters_can_be_told_by_their_sides():
     [
         (SpecimenNames("scapla", "humerus"), UnknownName, "unknown body 'scapla'"),
         (SpecimenNames("ulna", "humerus"), BadModel, "'humerus' does not hang on 'ulna'"),
-        (SpecimenNames("scapula", "humerus", ("trunk",)), BadModel, "bone 'trunk' does not hang on 'humerus'"),
-        (SpecimenNames("scapula", "humerus", (), {"a": ("chest",)}), BadModel, "'chest' runs over 'trunk'"),
-        (SpecimenNames("scapula", "humerus", (), {"a": ("bakc",)}), UnknownName, "unknown muscle 'bakc'"),
+        (
+            SpecimenNames("scapula", "humerus", ("trunk",)),
+            BadModel,
+            "bone 'trunk' does not hang on 'humerus'",
+        ),
+        (
+            SpecimenNames(base="scapula", first="humerus", bones=(), muscles={"a": ("chest",)}),
+            BadModel,
+            "'chest' runs over 'trunk'",
+        ),
+        (
+            SpecimenNames(base="scapula", first="humerus", bones=(), muscles={"a": ("bakc",)}),
+            UnknownName,
+            "unknown muscle 'bakc'",
+        ),
         (SpecimenNames("scapula", "humerus", joint="hinge"), BadModel, "is no hinge"),
     ],
 )

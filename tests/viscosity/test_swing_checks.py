@@ -46,7 +46,9 @@ def test_a_plate_tared_with_the_limb_on_it_is_named(sound, side):
 
 def test_the_viscosity_survives_a_hidden_mass(sound):
     tared = with_constant(sound, np.concatenate([np.zeros(3), LIMB[0] * GRAVITY]))
-    found = identify_specimen("hidden", tared, [], options=ViscosityOptions(tare="unknown", draws=20))
+    found = identify_specimen(
+        "hidden", tared, [], options=ViscosityOptions(tare="unknown", draws=20)
+    )
     assert found.without is not None
     assert np.isnan(found.without.mass.value)
     assert found.without.viscosity.value == pytest.approx(LAWS["viscosity"]["viscosity"], rel=1e-3)
@@ -65,7 +67,9 @@ def test_too_few_swings_are_named(sound):
 
 def test_a_swing_too_small_is_named():
     joint = mechanical_joint("ball", 0.03, 0.0, seed=4, seconds=10.0, swing=0.004)
-    condition = identify_specimen("still", joint.swings(), [], options=ViscosityOptions(draws=60)).without
+    condition = identify_specimen(
+        "still", joint.swings(), [], options=ViscosityOptions(draws=60)
+    ).without
     assert condition is not None
     (found,) = condition_findings(condition)
     assert (found.kind, found.place) == ("small swing", "swings")
@@ -73,7 +77,9 @@ def test_a_swing_too_small_is_named():
 
 def test_an_axis_that_does_not_turn_is_named():
     joint = mechanical_joint("ball", 0.05, 0.0, seed=4, seconds=20.0)
-    condition = identify_specimen("wide", joint.swings(), [], options=ViscosityOptions(draws=60)).without
+    condition = identify_specimen(
+        "wide", joint.swings(), [], options=ViscosityOptions(draws=60)
+    ).without
     assert condition is not None
     assert condition_findings(condition) == ()
     doubtful = replace(condition, excited=(True, True, False))

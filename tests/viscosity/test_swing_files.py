@@ -1,4 +1,6 @@
-"""Markers and forces of a swing from every kind of file are those that were recorded, whichever way is up."""
+"""Markers and forces of a swing from every kind of file are those that were recorded, whichever way
+is up.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,22 @@ from myomorph.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Table, 
 from myomorph.model.spatial import axis_rotation
 from myomorph.viscosity.study.calibration import PlateFiles, calibrate, placed, plate_residuals
 from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
-from myomorph.viscosity.study.swing_files import carrying, open_specimen, open_swing, turn_to, turned, wrench_of_table
+from myomorph.viscosity.study.swing_files import (
+    carrying,
+    open_specimen,
+    open_swing,
+    turn_to,
+    turned,
+    wrench_of_table,
+)
 from myomorph.viscosity.swings.plate import wrench_about
 
 DOWN = np.array([0.0, -9.80665, 0.0])
-LABELS = [f"{what}{axis}" for what in ("ground_force_v", "ground_force_p", "ground_torque_") for axis in "xyz"]
+LABELS = [
+    f"{what}{axis}"
+    for what in ("ground_force_v", "ground_force_p", "ground_torque_")
+    for axis in "xyz"
+]
 
 
 @pytest.fixture(scope="module")
@@ -43,24 +56,31 @@ def write_table(wrenches, path, names=LABELS):
 
 
 def plate_of(wrenches, rotation, center):
-    """A plate at a pose whose channels, force and moment about its origin, stand for the wrench on what it carries."""
+    """A plate at a pose whose channels, force and moment about its origin, stand for the wrench on
+    what it carries.
+    """
     origin = np.array([0.001, -0.002, -0.04])
     force = wrenches.forces[:, 0] @ rotation
     about = wrench_about(wrenches, center)[:, :3] @ rotation
     local = np.array([[0.2, 0.3, 0.0], [-0.2, 0.3, 0.0], [-0.2, -0.3, 0.0], [0.2, -0.3, 0.0]])
     channels = np.hstack([force, about - np.cross(force, origin)])
-    return PlateRecording("FP1", 2, local @ rotation.T + center, origin, channels)
+    return PlateRecording(
+        name="FP1", kind=2, corners=local @ rotation.T + center, origin=origin, channels=channels
+    )
 
 
 def opened(folder, specimen, markers, loads, **given):
     files = SpecimenFiles("s", folder / "arm.osim", **given)
     place = given.pop("place", None)
-    return open_swing(SwingFiles("one", folder / markers, folder / loads), specimen.model, files, place)
+    return open_swing(
+        SwingFiles("one", folder / markers, folder / loads), specimen.model, files, place
+    )
 
 
 def same(trial, truth, center, tolerance):
     np.testing.assert_allclose(trial.markers.values, truth.markers.values, atol=tolerance)
-    found, known = wrench_about(trial.wrenches, center), wrench_about(truth.wrenches, center)
+    found = wrench_about(trial.wrenches, center)
+    known = wrench_about(truth.wrenches, center)
     np.testing.assert_allclose(found, known[: len(found)], atol=50 * tolerance)
 
 
@@ -76,11 +96,15 @@ def test_tables_come_back(swung):
 def test_columns_are_known_by_name_or_by_order(swung, tmp_path):
     wrenches = swung[2].trial.wrenches
     write_table(wrenches, tmp_path / "order.sto", [f"c{i}" for i in range(9)])
-    np.testing.assert_allclose(whole(wrench_of_table(tmp_path / "order.sto")), whole(wrenches), rtol=1e-9)
+    np.testing.assert_allclose(
+        whole(wrench_of_table(tmp_path / "order.sto")), whole(wrenches), rtol=1e-9
+    )
     shuffled = [*LABELS[3:6], *LABELS[6:], *LABELS[:3]]
     values = whole(wrenches)[:, [3, 4, 5, 6, 7, 8, 0, 1, 2]]
     write_sto(Table(wrenches.time, tuple(shuffled), values), tmp_path / "names.sto")
-    np.testing.assert_allclose(whole(wrench_of_table(tmp_path / "names.sto")), whole(wrenches), rtol=1e-9)
+    np.testing.assert_allclose(
+        whole(wrench_of_table(tmp_path / "names.sto")), whole(wrenches), rtol=1e-9
+    )
     write_sto(Table(wrenches.time, ("a", "b"), values[:, :2]), tmp_path / "two.sto")
     with pytest.raises(BadFile, match="2 columns beside the time"):
         wrench_of_table(tmp_path / "two.sto")
@@ -90,7 +114,9 @@ def test_forces_on_the_plate_are_reversed_and_said(swung):
     folder, specimen, made = swung
     wrenches = made.trial.wrenches
     write_trc(made.trial.markers, folder / "b.trc")
-    write_table(replace(wrenches, forces=-wrenches.forces, torques=-wrenches.torques), folder / "b.mot")
+    write_table(
+        replace(wrenches, forces=-wrenches.forces, torques=-wrenches.torques), folder / "b.mot"
+    )
     trial, notes = opened(folder, specimen, "b.trc", "b.mot")
     same(trial, made.trial, specimen.center_in_ground, 2e-6)
     assert notes == ("one: the forces were those on the plate, and were reversed",)
@@ -121,13 +147,21 @@ def test_turning_puts_up_against_gravity(up, gravity):
 
 def test_a_plate_that_hides_the_weight_tells_no_vertical():
     force = np.random.default_rng(0).normal(size=(50, 1, 3))
-    wrenches = Wrenches(np.arange(50.0), ("p",), ("",), force - force.mean(axis=0), 0 * force, 0 * force)
+    wrenches = Wrenches(
+        time=np.arange(50.0),
+        names=("p",),
+        bodies=("",),
+        forces=force - force.mean(axis=0),
+        points=0 * force,
+        torques=0 * force,
+    )
     assert carrying(wrenches, DOWN, "one") == (wrenches, ())
 
 
 def test_a_c3d_holds_all_of_it(swung):
     folder, specimen, made = swung
-    lab, center = Z_UP_TO_Y_UP.T, np.array([0.3, 0.2, 1.4])
+    lab = Z_UP_TO_Y_UP.T
+    center = np.array([0.3, 0.2, 1.4])
     rotation = axis_rotation([0.0, 0.6, 0.8], 2.9)
     plate = plate_of(turned(made.trial.wrenches, lab), rotation, center)
     write_c3d(folder / "c.c3d", made.trial.markers.rotated(lab), plate)
@@ -137,19 +171,30 @@ def test_a_c3d_holds_all_of_it(swung):
 
 def test_a_plate_is_put_where_a_weight_says_it_is(swung):
     folder, specimen, made = swung
-    turn, center = axis_rotation([0.0, 0.0, 1.0], 0.4), np.array([0.2, -0.1, 0.0])
+    turn = axis_rotation([0.0, 0.0, 1.0], 0.4)
+    center = np.array([0.2, -0.1, 0.0])
     thought = center + [0.01, -0.008, 0.0]
     grid = [(0.15, 0.2), (-0.15, 0.2), (-0.15, -0.2), (0.15, -0.2), (0.0, 0.05)]
-    time, fine = np.arange(0.0, 6.0 * len(grid), 0.005), np.arange(0.0, 6.0 * len(grid), 0.0005)
-    point, force, points = np.zeros((len(time), 3)), np.zeros((len(fine), 1, 3)), np.zeros((len(fine), 1, 3))
+    time = np.arange(0.0, 6.0 * len(grid), 0.005)
+    fine = np.arange(0.0, 6.0 * len(grid), 0.0005)
+    point = np.zeros((len(time), 3))
+    force = np.zeros((len(fine), 1, 3))
+    points = np.zeros((len(fine), 1, 3))
     for i, place in enumerate(grid):
         foot = center + turn @ [*place, 0.0]
         point[(time >= 6 * i) & (time < 6 * i + 6)] = foot + [0.0, 0.0, 0.1]
         loaded = (fine >= 6 * i + 1) & (fine < 6 * i + 5)
-        force[loaded, 0], points[loaded, 0] = [0.0, 0.0, 10 * 9.80665], foot
+        force[loaded, 0] = [0.0, 0.0, 10 * 9.80665]
+        points[loaded, 0] = foot
     spread = np.array([[0.08, 0, 0], [-0.04, 0.07, 0], [-0.04, -0.07, 0]])
     seen = Markers(time, ("a", "b", "c"), point[:, None] + spread)
-    weight = plate_of(Wrenches(fine, ("w",), ("",), force, points, 0 * force), turn, center)
+    weight = plate_of(
+        Wrenches(
+            time=fine, names=("w",), bodies=("",), forces=force, points=points, torques=0 * force
+        ),
+        turn,
+        center,
+    )
     moved = replace(weight, corners=weight.corners + (thought - center))
     write_c3d(folder / "weight.c3d", seen, moved)
     files = PlateFiles((folder / "weight.c3d",), MarkedWeight("disc", ("a", "b", "c"), mass=10.0))
@@ -158,16 +203,20 @@ def test_a_plate_is_put_where_a_weight_says_it_is(swung):
     assert plate_residuals(found)[0].value < 0.2
     lab = Z_UP_TO_Y_UP.T
     raw = plate_of(turned(made.trial.wrenches, lab), turn, center)
-    write_c3d(folder / "d.c3d", made.trial.markers.rotated(lab), replace(raw, corners=moved.corners))
-    swings, known = (
-        SwingFiles("one", folder / "d.c3d", folder / "d.c3d"),
-        SpecimenFiles("s", folder / "arm.osim", up="z"),
+    write_c3d(
+        folder / "d.c3d", made.trial.markers.rotated(lab), replace(raw, corners=moved.corners)
     )
+    swings = SwingFiles("one", folder / "d.c3d", folder / "d.c3d")
+    known = SpecimenFiles("s", folder / "arm.osim", up="z")
     trial, _ = open_swing(swings, specimen.model, known, lambda one: placed(one, files, found))
     at = specimen.center_in_ground
-    np.testing.assert_allclose(wrench_about(trial.wrenches, at), wrench_about(made.trial.wrenches, at), atol=0.02)
+    np.testing.assert_allclose(
+        wrench_about(trial.wrenches, at), wrench_about(made.trial.wrenches, at), atol=0.02
+    )
     off, _ = open_swing(swings, specimen.model, known)
-    assert np.abs(wrench_about(off.wrenches, at) - wrench_about(made.trial.wrenches, at)).max() > 0.1
+    assert (
+        np.abs(wrench_about(off.wrenches, at) - wrench_about(made.trial.wrenches, at)).max() > 0.1
+    )
     with pytest.raises(UnknownName, match="'FP7'"):
         calibrate(replace(files, plate="FP7"))
 

@@ -15,9 +15,20 @@ from myomorph.model.series import Markers, Motion, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
 from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.swings.recording import REACH, SwingRecording, swing_numbers, touched_frames, whole_frames
+from myomorph.viscosity.swings.recording import (
+    REACH,
+    SwingRecording,
+    swing_numbers,
+    touched_frames,
+    whole_frames,
+)
 from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions, swing_recordings
+from myomorph.viscosity.tracking.tracked import (
+    TrackedSpecimen,
+    TrackedTrial,
+    TrackingOptions,
+    swing_recordings,
+)
 
 SPECIMEN = arm_specimen()
 CUTOFF = 10.0
@@ -62,13 +73,21 @@ def joined(first: SwingTrial, second: SwingTrial) -> SwingTrial:
         np.concatenate([first.markers.values, second.markers.values]),
     )
     time = np.concatenate([first.wrenches.time, second.wrenches.time + after])
-    wrenches = Wrenches(time, ("plate",), ("",), both("forces"), both("points"), both("torques"))
+    wrenches = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("",),
+        forces=both("forces"),
+        points=both("points"),
+        torques=both("torques"),
+    )
     return SwingTrial("joined", markers, wrenches)
 
 
 def test_the_rows_explain_wrench_and_torque_by_the_true_parameters():
     """Newton-Euler of an integrator that knows nothing of the rows; what is left is the filter's."""
-    one, truth = recording(), swung()
+    one = recording()
+    truth = swung()
     use = one.used
     size = np.abs(one.wrench[use]).max(axis=0)
     error = one.wrench_rows[use] @ truth.parameters - one.wrench[use]
@@ -82,9 +101,12 @@ def test_the_rows_explain_wrench_and_torque_by_the_true_parameters():
 
 
 def test_the_wrench_of_the_rows_is_that_of_the_joint_torque():
-    one, truth = recording(), swung()
+    one = recording()
+    truth = swung()
     moment = (one.wrench_rows @ truth.parameters)[:, :3]
-    np.testing.assert_allclose(np.einsum("fji,fj->fi", one.rotations, moment), one.torque_rows @ truth.parameters)
+    np.testing.assert_allclose(
+        np.einsum("fji,fj->fi", one.rotations, moment), one.torque_rows @ truth.parameters
+    )
 
 
 def test_angles_count_from_the_mean_of_the_swings():
@@ -145,17 +167,21 @@ def test_releases_within_a_trial_and_the_hand_between_them():
     second = swing(SPECIMEN, release=(-0.5, 0.1, 0.4), seconds=6.0, hold=1.5)
     trial = noisy(joined(first.trial, second.trial))
     tracked = track(SPECIMEN, [trial], TrackingOptions(clock=False))
-    touched, time = tracked.trials[0].touched, trial.markers.time
+    touched = tracked.trials[0].touched
+    time = trial.markers.time
     held = (time > 4.0) & (time < 5.5)
     assert touched[held].all()
     assert not touched[(time < 3.6) | (time > 5.7)].any()
     (one,) = swing_recordings(tracked, 8.0)
-    before, after = set(one.swing[time < 4.0]) - {-1}, set(one.swing[time > 5.5]) - {-1}
+    before = set(one.swing[time < 4.0]) - {-1}
+    after = set(one.swing[time > 5.5]) - {-1}
     assert len(before) >= 2
     assert len(after) >= 3
     assert not before & after
     used = one.used
-    phi = np.linalg.lstsq(one.wrench_rows[used].reshape(-1, 10), one.wrench[used].ravel(), rcond=None)[0]
+    phi = np.linalg.lstsq(
+        one.wrench_rows[used].reshape(-1, 10), one.wrench[used].ravel(), rcond=None
+    )[0]
     assert phi[0] == pytest.approx(first.parameters[0], rel=2e-3)
     np.testing.assert_allclose(phi[1:4], first.parameters[1:4], atol=2e-3)
 
@@ -163,7 +189,8 @@ def test_releases_within_a_trial_and_the_hand_between_them():
 def test_hands_are_found_whatever_the_plate_was_tared_with():
     rng = np.random.default_rng(1)
     truth = recording()
-    rows, wrench = np.array(truth.wrench_rows), np.array(truth.wrench) + rng.normal(size=6) * 20.0
+    rows = np.array(truth.wrench_rows)
+    wrench = np.array(truth.wrench) + rng.normal(size=6) * 20.0
     free = truth.used
     hand = (truth.time > 2.0) & (truth.time < 2.4)
     wrench[hand, 3:] += [1.5, 0.0, -1.0]
@@ -196,13 +223,24 @@ def test_clocks_that_agree_are_left_alone():
 def test_a_hinge_swings_about_its_axis():
     from swung_specimen import arm_model
 
-    specimen = build_specimen(arm_model(), SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge"))
+    specimen = build_specimen(
+        arm_model(), SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge")
+    )
     phi = limb_parameters(specimen, HELD)
     time = 0.005 * np.arange(800)
     angle = 0.8 * np.exp(-0.4 * time) * np.cos(7.0 * time) + 0.2
     motion = Motion(time, specimen.joint_coordinates, angle[:, None])
-    trial = TrackedTrial("hinge", motion, np.zeros((800, 6)), np.zeros(800, bool), np.zeros(800), Clock())
-    (one,) = swing_recordings(TrackedSpecimen(specimen, (trial,), {}, ()), None)
+    trial = TrackedTrial(
+        name="hinge",
+        motion=motion,
+        wrench=np.zeros((800, 6)),
+        touched=np.zeros(800, bool),
+        rms=np.zeros(800),
+        clock=Clock(),
+    )
+    (one,) = swing_recordings(
+        TrackedSpecimen(specimen=specimen, trials=(trial,), held={}, slips=()), None
+    )
     assert one.axes == ("ulna_angle",)
     assert one.torque_rows.shape == (800, 1, 10)
     assert one.muscles == tuple(specimen.muscles)
@@ -213,7 +251,8 @@ def test_a_hinge_swings_about_its_axis():
 
 def test_swing_numbers_of_a_decaying_oscillation():
     time = 0.01 * np.arange(1000)
-    angle, rate = np.exp(-0.2 * time) * np.cos(2 * np.pi * time), np.zeros(1000)
+    angle = np.exp(-0.2 * time) * np.cos(2 * np.pi * time)
+    rate = np.zeros(1000)
     rate[:] = np.gradient(angle, 0.01)
     free = np.ones(1000, bool)
     free[400:450] = False
@@ -223,7 +262,9 @@ def test_swing_numbers_of_a_decaying_oscillation():
     assert numbers[450] == 4
     assert [int((numbers == k).sum()) for k in range(1, 3)] == pytest.approx([100, 100], abs=2)
     # A limb that hangs still keeps its last numbers, cut as long as the swings before.
-    still = swing_numbers(np.where(time < 5.0, angle, 0.0), np.where(time < 5.0, rate, 0.0), np.ones(1000, bool), 0.01)
+    still = swing_numbers(
+        np.where(time < 5.0, angle, 0.0), np.where(time < 5.0, rate, 0.0), np.ones(1000, bool), 0.01
+    )
     assert np.unique(still, return_counts=True)[1].max() < 200
 
 
@@ -236,7 +277,9 @@ def test_frames_in_reach_of_ends_are_told():
 
 def test_nothing_free_is_refused():
     tracked = track(SPECIMEN, [swung().trial], PLAIN)
-    held = replace(tracked, trials=tuple(replace(one, touched=np.ones(1200, bool)) for one in tracked.trials))
+    held = replace(
+        tracked, trials=tuple(replace(one, touched=np.ones(1200, bool)) for one in tracked.trials)
+    )
     with pytest.raises(BadData, match="none of the trials swing has a frame of free swing"):
         swing_recordings(held, CUTOFF)
 
@@ -250,13 +293,25 @@ def test_recordings_without_muscles_have_none():
 
 def test_swings_are_told_by_the_limbs_sway_however_much_it_twists():
     time = 0.005 * np.arange(1600)
-    sway, twist = 0.4 * np.cos(5.0 * time), 4.0 * np.sin(2.0 * time)
+    sway = 0.4 * np.cos(5.0 * time)
+    twist = 4.0 * np.sin(2.0 * time)
     turns = Rotation.from_rotvec(np.outer(sway, [0.6, 0.0, 0.8])) * Rotation.from_rotvec(
         np.outer(twist, [0.0, 1.0, 0.0])
     )
     hanging = SPECIMEN.standing(Transform(np.eye(3), np.zeros(3))).resting(np.eye(3))
     motion = Motion(time, hanging.joint_coordinates, turns.as_euler("XYZ"))
-    trial = TrackedTrial("twist", motion, np.zeros((1600, 6)), np.zeros(1600, bool), np.zeros(1600), Clock())
-    (one,) = swing_recordings(TrackedSpecimen(hanging, (trial,), {}, ()), None, muscles=False)
+    trial = TrackedTrial(
+        name="twist",
+        motion=motion,
+        wrench=np.zeros((1600, 6)),
+        touched=np.zeros(1600, bool),
+        rms=np.zeros(1600),
+        clock=Clock(),
+    )
+    (one,) = swing_recordings(
+        TrackedSpecimen(specimen=hanging, trials=(trial,), held={}, slips=()), None, muscles=False
+    )
     counts = np.unique(one.swing, return_counts=True)[1]
-    assert counts[:-1] == pytest.approx(np.full(len(counts) - 1, 2.0 * np.pi / 5.0 / 0.005), rel=0.05)
+    assert counts[:-1] == pytest.approx(
+        np.full(len(counts) - 1, 2.0 * np.pi / 5.0 / 0.005), rel=0.05
+    )

@@ -41,8 +41,12 @@ def hinge() -> tuple[SwingRecording, ...]:
 
 
 def remade(one: SwingRecording, **changed: object) -> SwingRecording:
-    given = {field.name: np.array(value) if isinstance(value := getattr(one, field.name), np.ndarray) else value
-             for field in fields(one)}  # fmt: skip
+    given = {
+        field.name: np.array(value)
+        if isinstance(value := getattr(one, field.name), np.ndarray)
+        else value
+        for field in fields(one)
+    }
     return SwingRecording(**{**given, **changed})  # type: ignore[arg-type]
 
 
@@ -52,7 +56,9 @@ def test_truth_is_recovered_where_nothing_is_noisy(bare, whole):
         assert condition.parameters == pytest.approx(truth.parameters, abs=1e-9)
         assert condition.mass.value == pytest.approx(truth.mass, rel=1e-9)
     assert found.without.viscosity.value == pytest.approx(0.05, rel=1e-9)
-    assert [axis.value for axis in found.without.axis_viscosity] == pytest.approx([0.05] * 3, rel=1e-8)
+    assert [axis.value for axis in found.without.axis_viscosity] == pytest.approx(
+        [0.05] * 3, rel=1e-8
+    )
     assert found.without.plate_viscosity.value == pytest.approx(0.05, rel=1e-9)
     assert found.without.excited == (True, True, True)
     assert found.muscle_mass.value == pytest.approx(0.5, rel=1e-9)
@@ -73,9 +79,13 @@ def test_values_by_pcsa_are_the_shares_times_their_factor():
     shares = np.linspace(0.4, 1.6, 11)
     made = replace(WHOLE, viscosity=90.0 * shares / shares.mean())
     found = identify_specimen(
-        "shares", three_releases(BARE, 4.0), three_releases(made, 4.0), dict(zip(MUSCLES, shares, strict=True)), 0.7,
+        "shares",
+        three_releases(BARE, 4.0),
+        three_releases(made, 4.0),
+        dict(zip(MUSCLES, shares, strict=True)),
+        0.7,
         OPTIONS,
-    )  # fmt: skip
+    )
     assert found.muscles.by_pcsa.value == pytest.approx(90.0, rel=1e-8)
     assert found.muscles.pcsa.mean() == pytest.approx(1.0)
     assert [one.value for one in found.muscles.by_muscle] == pytest.approx(made.viscosity, rel=1e-4)
@@ -95,7 +105,8 @@ def test_turning_the_laboratory_changes_nothing(bare):
         )
         for one in bare
     ]
-    first, second = (identify_specimen("turned", given, (), options=OPTIONS).without for given in (bare, turned))
+    first = identify_specimen("turned", bare, (), options=OPTIONS).without
+    second = identify_specimen("turned", turned, (), options=OPTIONS).without
     assert second.parameters == pytest.approx(first.parameters, abs=1e-9)
     assert second.viscosity.value == pytest.approx(first.viscosity.value, rel=1e-9)
     assert second.plate_viscosity.value == pytest.approx(first.plate_viscosity.value, rel=1e-9)
@@ -103,7 +114,10 @@ def test_turning_the_laboratory_changes_nothing(bare):
 
 def noisy(given, size: float, seed: int = 0):
     random = np.random.default_rng(seed)
-    return [remade(one, wrench=one.wrench + size * random.standard_normal(one.wrench.shape)) for one in given]
+    return [
+        remade(one, wrench=one.wrench + size * random.standard_normal(one.wrench.shape))
+        for one in given
+    ]
 
 
 def test_sums_over_blocks_are_the_direct_solution(whole):
@@ -119,17 +133,24 @@ def test_sums_over_blocks_are_the_direct_solution(whole):
     torque = np.concatenate([one.torque_rows[u] @ phi for one, u in zip(given, use, strict=True)])
     for axis in range(3):
         A = np.column_stack([rates[:, axis], angles[:, axis], np.ones(len(rates))])
-        assert found.axes[axis] == pytest.approx(-np.linalg.lstsq(A, torque[:, axis], rcond=None)[0][0], rel=1e-8)
+        assert found.axes[axis] == pytest.approx(
+            -np.linalg.lstsq(A, torque[:, axis], rcond=None)[0][0], rel=1e-8
+        )
     plain = joint_viscosity(torque_problem(whole_sums, phi, stiffness=False), sums.frames.sum())
     assert plain.one == pytest.approx(-np.sum(rates * torque) / np.sum(rates**2), rel=1e-9)
     moment = np.concatenate(
-        [np.einsum("fji,fj->fi", one.rotations[u], one.wrench[u, :3]) for one, u in zip(given, use, strict=True)]
+        [
+            np.einsum("fji,fj->fi", one.rotations[u], one.wrench[u, :3])
+            for one, u in zip(given, use, strict=True)
+        ]
     )
     assert whole_sums[:, PLATE, PLATE] == pytest.approx(np.sum(moment**2, axis=0))
 
 
 def test_a_spring_that_is_left_out_biases_what_resists(bare):
-    without = identify_specimen("spring", bare, (), options=replace(OPTIONS, stiffness=False)).without
+    without = identify_specimen(
+        "spring", bare, (), options=replace(OPTIONS, stiffness=False)
+    ).without
     fitted = identify_specimen("spring", bare, (), options=OPTIONS).without
     assert abs(without.viscosity.value / 0.05 - 1.0) > 0.02
     assert fitted.viscosity.value == pytest.approx(0.05, rel=1e-9)
@@ -137,9 +158,14 @@ def test_a_spring_that_is_left_out_biases_what_resists(bare):
 
 def test_angles_counted_from_another_rest_change_nothing(bare):
     turn = Rotation.from_rotvec([0.03, -0.05, 0.02])
-    moved = [remade(one, angles=(turn * Rotation.from_rotvec(one.angles.copy())).as_rotvec()) for one in bare]
+    moved = [
+        remade(one, angles=(turn * Rotation.from_rotvec(one.angles.copy())).as_rotvec())
+        for one in bare
+    ]
     sums = swing_sums(moved)
-    left = joint_viscosity(torque_problem(sums.torque_total(np.ones(len(sums))), BARE.parameters), sums.frames.sum())
+    left = joint_viscosity(
+        torque_problem(sums.torque_total(np.ones(len(sums))), BARE.parameters), sums.frames.sum()
+    )
     found = identify_specimen("moved", moved, (), options=OPTIONS).without
     assert abs(left.one / 0.05 - 1.0) > 2e-3
     assert found.viscosity.value == pytest.approx(0.05, rel=1e-4)
@@ -159,11 +185,16 @@ def test_rank_is_that_of_a_symmetric_matrix_where_moment_arms_are_constant():
     arms = {"arms": WHOLE.arms, "viscosity": WHOLE.viscosity, "bend": 0.0}
     for axis, rank in ((None, 6), (np.array([0.0, 0.0, 1.0]), 1)):
         sums = swing_sums(three_releases(Made(axis=axis, **arms), 2.0))
-        problem = muscle_problem(torque_problem(sums.torque_total(np.ones(len(sums))), WHOLE.parameters), np.zeros(1))
+        problem = muscle_problem(
+            torque_problem(sums.torque_total(np.ones(len(sums))), WHOLE.parameters), np.zeros(1)
+        )
         assert problem.rank == rank
     sums = swing_sums(three_releases(WHOLE, 4.0))
     assert (
-        muscle_problem(torque_problem(sums.torque_total(np.ones(len(sums))), WHOLE.parameters), np.zeros(3)).rank == 11
+        muscle_problem(
+            torque_problem(sums.torque_total(np.ones(len(sums))), WHOLE.parameters), np.zeros(3)
+        ).rank
+        == 11
     )
 
 
@@ -182,9 +213,15 @@ def shaken(recordings, random: np.random.Generator, size: float) -> list[SwingRe
 def test_instruments_keep_noise_of_the_acceleration_from_shrinking_the_limb(bare):
     sums = swing_sums(shaken(bare, np.random.default_rng(3), 2.0))
     truth = np.linalg.norm(BARE.parameters[1:4])
-    error, plain = (
-        abs(np.linalg.norm(limb_inertia(sums, None, InertiaOptions(instruments=used)).parameters[1:4]) / truth - 1.0)
-        for used in (True, False)
+    error = abs(
+        np.linalg.norm(limb_inertia(sums, None, InertiaOptions(instruments=True)).parameters[1:4])
+        / truth
+        - 1.0
+    )
+    plain = abs(
+        np.linalg.norm(limb_inertia(sums, None, InertiaOptions(instruments=False)).parameters[1:4])
+        / truth
+        - 1.0
     )
     assert error < 0.01
     assert plain > 5.0 * error
@@ -200,10 +237,16 @@ class Straight(Made):
 
 
 def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
-    """Noise says that their inertia is small, and of a possible body no other is larger than the other two together."""
-    limb, random = Straight(), np.random.default_rng(0)
+    """Noise says that their inertia is small, and of a possible body no other is larger than the
+    other two together.
+    """
+    limb = Straight()
+    random = np.random.default_rng(0)
     exact = swing(limb, np.outer([0.7, -0.9], [1.0, 0.0, 0.0]), np.zeros((2, 3)), 6.0)
-    plate = [remade(one, wrench=one.wrench + 0.03 * random.standard_normal(one.wrench.shape)) for one in exact]
+    plate = [
+        remade(one, wrench=one.wrench + 0.03 * random.standard_normal(one.wrench.shape))
+        for one in exact
+    ]
     swings = shaken(plate, random, 0.5)
     errors = []
     for share in (swing_prediction.SPEED_THRESHOLD, 0.0):
@@ -215,7 +258,9 @@ def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
 
 
 def test_a_body_that_cannot_be_is_not_returned(bare):
-    broken = [remade(one, wrench=one.wrench * np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])) for one in bare]
+    broken = [
+        remade(one, wrench=one.wrench * np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])) for one in bare
+    ]
     sums = swing_sums(broken)
     found = limb_inertia(sums)
     assert not found.possible
@@ -227,7 +272,10 @@ def test_intervals_of_independent_blocks_hold_the_truth_as_often_as_they_say():
     trial = np.repeat(np.arange(4), 6)
     held = 0
     for _ in range(300):
-        blocks = random.standard_normal((24, 1)) * np.linspace(2.0, 0.5, 6)[np.tile(np.arange(6), 4), None]
+        blocks = (
+            random.standard_normal((24, 1))
+            * np.linspace(2.0, 0.5, 6)[np.tile(np.arange(6), 4), None]
+        )
         draws = Influences(np.array([blocks.sum()]), blocks, trial).draws(300, random)
         low, high = np.quantile(draws, [0.025, 0.975])
         held += low <= 0.0 <= high

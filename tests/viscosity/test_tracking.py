@@ -1,4 +1,6 @@
-"""Bones from clusters: the truth comes back, in any laboratory, and what is wrong with markers is named."""
+"""Bones from clusters: the truth comes back, in any laboratory, and what is wrong with markers is
+named.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def with_markers(trial: SwingTrial, change) -> SwingTrial:
 def rotations(tracked: TrackedSpecimen, trial: int = 0) -> Array:
     """(frames, 3, 3) of the humerus in ground."""
     pendulum = compile_tree(tracked.specimen.pendulum)
-    return forward_kinematics(pendulum, pendulum.coordinates_of(tracked.trials[trial].motion)).rotations[:, 1]
+    return forward_kinematics(
+        pendulum, pendulum.coordinates_of(tracked.trials[trial].motion)
+    ).rotations[:, 1]
 
 
 def apart(one: Array, other: Array) -> Array:
@@ -54,7 +58,9 @@ def test_exact_markers_give_the_exact_motion_base_and_held_angles():
     tracked = track(SPECIMEN, [truth.trial], MARKERS_ONLY)
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
     assert tracked.held == pytest.approx(HELD, abs=1e-7)
-    np.testing.assert_allclose(tracked.specimen.center_in_ground, SPECIMEN.center_in_ground, atol=1e-8)
+    np.testing.assert_allclose(
+        tracked.specimen.center_in_ground, SPECIMEN.center_in_ground, atol=1e-8
+    )
     assert tracked.trials[0].rms.max() < 1e-8
     assert not tracked.slips
     assert not tracked.trials[0].notes
@@ -65,10 +71,15 @@ def test_noise_of_a_third_of_a_millimeter():
     truth = swung()
     rng = np.random.default_rng(3)
     noisy = with_markers(
-        truth.trial, lambda values, _: np.add(values, 3e-4 * rng.normal(size=values.shape), out=values)
+        truth.trial,
+        lambda values, _: np.add(values, 3e-4 * rng.normal(size=values.shape), out=values),
     )
     tracked = track(SPECIMEN, [noisy], MARKERS_ONLY)
-    error = np.degrees(Rotation.from_matrix(np.einsum("fji,fjk->fik", truth.rotations, rotations(tracked))).as_rotvec())
+    error = np.degrees(
+        Rotation.from_matrix(
+            np.einsum("fji,fjk->fik", truth.rotations, rotations(tracked))
+        ).as_rotvec()
+    )
     # About the humerus' length the clusters' width counts, about the others the limb's length.
     assert np.sqrt(np.mean(error**2, axis=0)) == pytest.approx([0.017, 0.105, 0.013], rel=0.25)
     assert np.degrees(max(abs(tracked.held[name] - HELD[name]) for name in HELD)) < 0.03
@@ -80,12 +91,17 @@ def test_a_turned_laboratory_changes_nothing():
     turn = Rotation.from_rotvec([0.4, -1.9, 0.8]).as_matrix()
     trial = truth.trial
     wrenches = replace(
-        trial.wrenches, **{name: getattr(trial.wrenches, name) @ turn.T for name in ("forces", "points", "torques")}
+        trial.wrenches,
+        **{
+            name: getattr(trial.wrenches, name) @ turn.T for name in ("forces", "points", "torques")
+        },
     )
     turned = replace(trial, markers=trial.markers.rotated(turn), wrenches=wrenches)
     here = track(SPECIMEN, [trial], MARKERS_ONLY)
     there = track(SPECIMEN.turned(turn), [turned], MARKERS_ONLY)
-    np.testing.assert_allclose(there.trials[0].motion.values, here.trials[0].motion.values, atol=1e-7)
+    np.testing.assert_allclose(
+        there.trials[0].motion.values, here.trials[0].motion.values, atol=1e-7
+    )
     np.testing.assert_allclose(rotations(there), turn @ rotations(here), atol=1e-7)
     moved = here.trials[0].wrench.reshape(-1, 2, 3) @ turn.T
     np.testing.assert_allclose(there.trials[0].wrench.reshape(-1, 2, 3), moved, atol=1e-6)
@@ -125,7 +141,8 @@ def test_two_clusters_with_swapped_markers_at_once():
 
     def exchange(values, column):
         for one, other in (("humerus_1", "humerus_2"), ("hand_1", "hand_3")):
-            a, b = column[one], column[other]
+            a = column[one]
+            b = column[other]
             values[:, a], values[:, b] = values[:, b].copy(), values[:, a].copy()
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, exchange)], MARKERS_ONLY)
@@ -143,7 +160,9 @@ def test_a_lost_marker_leaves_the_bone_solved():
     tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
     notes = " ".join(tracked.trials[0].notes)
-    assert "'humerus_2' is unseen in 300 frames between 0.50 and 2.00 s; 'humerus' has 2 left" in notes
+    assert (
+        "'humerus_2' is unseen in 300 frames between 0.50 and 2.00 s; 'humerus' has 2 left" in notes
+    )
 
 
 def test_a_whole_cluster_lost_follows_the_bones_beside_it():
@@ -178,11 +197,18 @@ def test_a_marker_that_is_not_on_its_bone_is_left_out():
     truth = swung()
     tracked = track(
         SPECIMEN,
-        [with_markers(truth.trial, lambda values, column: values[150:250, column["radius_1"]].__iadd__(0.03))],
+        [
+            with_markers(
+                truth.trial,
+                lambda values, column: values[150:250, column["radius_1"]].__iadd__(0.03),
+            )
+        ],
         MARKERS_ONLY,
     )
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
-    assert any("'radius_1' is off its cluster in 100 frames" in note for note in tracked.trials[0].notes)
+    assert any(
+        "'radius_1' is off its cluster in 100 frames" in note for note in tracked.trials[0].notes
+    )
 
 
 def test_another_cluster_than_the_models_is_refused():
@@ -220,14 +246,21 @@ def test_a_cluster_that_slips_is_named_by_its_bone_and_put_back(bone):
     truth = swung()
     by = np.array([3e-3, -4e-3, 0.0])
 
-    turn = np.broadcast_to(SPECIMEN.stand.rotation, truth.rotations.shape) if bone == "scapula" else truth.rotations
+    turn = (
+        np.broadcast_to(SPECIMEN.stand.rotation, truth.rotations.shape)
+        if bone == "scapula"
+        else truth.rotations
+    )
 
     def slip(first: int, values: Array, column: dict[str, int]) -> None:
         own = [i for name, i in column.items() if name.startswith(bone)]
         values[first:, own] += (turn[first:] @ by)[:, None]
 
     trials = [truth.trial, replace(truth.trial, name="later")]
-    slipped = [with_markers(trial, partial(slip, first)) for trial, first in zip(trials, (330, 0), strict=True)]
+    slipped = [
+        with_markers(trial, partial(slip, first))
+        for trial, first in zip(trials, (330, 0), strict=True)
+    ]
     tracked = track(SPECIMEN, slipped, MARKERS_ONLY)
     (found,) = tracked.slips
     assert (found.trial, found.what, found.cluster) == ("swing", bone, True)
@@ -255,17 +288,24 @@ def test_what_moves_between_two_trials_is_named_and_followed():
     other = markers_of(SPECIMEN, time, truth.rotations, HELD | {"elbow": HELD["elbow"] + 0.1})
     values = other.values + np.array([0.01, 0.0, 0.0])
     later = replace(truth.trial, name="later", markers=Markers(time, other.names, values))
-    tracked = track(SPECIMEN, [truth.trial, replace(truth.trial, name="again"), later], MARKERS_ONLY)
+    tracked = track(
+        SPECIMEN, [truth.trial, replace(truth.trial, name="again"), later], MARKERS_ONLY
+    )
     found = {(slip.trial, slip.what, slip.before) for slip in tracked.slips}
     assert found >= {("later", "elbow", True), ("later", "base", True)}
     assert apart(rotations(tracked, 2), truth.rotations).max() < 1e-3
-    assert any("'elbow' is 3.8 degrees away from its position in the other" in one for one in tracked.trials[2].notes)
+    assert any(
+        "'elbow' is 3.8 degrees away from its position in the other" in one
+        for one in tracked.trials[2].notes
+    )
 
 
 def test_markers_that_the_model_does_not_name():
     truth = swung()
     other = replace(truth.trial.markers, names=tuple(f"m{i}" for i in range(15)))
-    with pytest.raises(BadData, match="0 markers of the base 'scapula' are recorded, of which three are needed"):
+    with pytest.raises(
+        BadData, match="0 markers of the base 'scapula' are recorded, of which three are needed"
+    ):
         track(SPECIMEN, [replace(truth.trial, markers=other)], MARKERS_ONLY)
     with pytest.raises(BadData, match="no trial"):
         track(SPECIMEN, [])
@@ -281,7 +321,9 @@ def test_the_wrench_is_moved_to_the_center_and_to_the_markers_clock():
     # The same wrench by another point of application.
     given = truth.trial.wrenches
     shift = np.array([0.3, -0.2, 0.1])
-    elsewhere = replace(given, points=given.points + shift, torques=given.torques - np.cross(shift, given.forces))
+    elsewhere = replace(
+        given, points=given.points + shift, torques=given.torques - np.cross(shift, given.forces)
+    )
     again = track(SPECIMEN, [replace(truth.trial, wrenches=elsewhere)], MARKERS_ONLY)
     np.testing.assert_allclose(again.trials[0].wrench, wrench, atol=1e-9)
 
@@ -292,14 +334,19 @@ def test_the_fixture_is_taken_off_as_tare():
     fixture = np.array([3.0, 40.0, -2.0]), np.array([0.3, 0.0, 1.2]), np.array([0.4, -0.1, 0.9])
 
     def added(forces: Array, points: Array, torques: Array):
-        force, moment = forces + fixture[0], torques + np.cross(points, forces)
+        force = forces + fixture[0]
+        moment = torques + np.cross(points, forces)
         total = moment + fixture[1] + np.cross(fixture[2], fixture[0])
         return replace(given, forces=force, points=np.zeros_like(points), torques=total)
 
     loaded = added(given.forces, given.points, given.torques)
     tare = added(0.0 * given.forces, given.points, 0.0 * given.torques)
     plain = track(SPECIMEN, [truth.trial], MARKERS_ONLY).trials[0].wrench
-    tared = track(SPECIMEN, [replace(truth.trial, wrenches=loaded, tare=tare)], MARKERS_ONLY).trials[0].wrench
+    tared = (
+        track(SPECIMEN, [replace(truth.trial, wrenches=loaded, tare=tare)], MARKERS_ONLY)
+        .trials[0]
+        .wrench
+    )
     np.testing.assert_allclose(tared, plain, atol=1e-8)
 
 
@@ -315,7 +362,10 @@ def test_a_center_beside_the_model_is_told_and_can_be_used():
     shift = np.array([0.004, -0.006, 0.003])
     wrong = SPECIMEN.centered(SPECIMEN.center + shift, SPECIMEN.center_in_limb)
     told = track(wrong, [truth.trial], MARKERS_ONLY)
-    assert "7.8 mm from the joint's center of the model (set center to 'motion' to use it)" in told.notes[0]
+    assert (
+        "7.8 mm from the joint's center of the model (set center to 'motion' to use it)"
+        in told.notes[0]
+    )
     np.testing.assert_allclose(told.specimen.center, wrong.center)
     used = track(wrong, [truth.trial], replace(MARKERS_ONLY, center="motion"))
     np.testing.assert_allclose(used.specimen.center, SPECIMEN.center, atol=1e-8)
@@ -325,7 +375,9 @@ def test_a_center_beside_the_model_is_told_and_can_be_used():
 
 def test_a_hinge_is_tracked_through_whole_turns():
     specimen = with_clusters(
-        build_specimen(arm_model(), SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge"))
+        build_specimen(
+            arm_model(), SpecimenNames("humerus", "ulna", ("radius", "hand"), joint="hinge")
+        )
     )
     tree = compile_tree(specimen.model)
     time = 0.005 * np.arange(600)
@@ -341,12 +393,15 @@ def test_a_hinge_is_tracked_through_whole_turns():
 
 
 @pytest.mark.parametrize(
-    ("bone", "part"), [("scapula", slice(None)), ("humerus", slice(None)), ("radius", slice(200, 420))]
+    ("bone", "part"),
+    [("scapula", slice(None)), ("humerus", slice(None)), ("radius", slice(200, 420))],
 )
 def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part):
     """Distances are the same then; the bone seems turned over, away from its joints."""
     like = np.array([[0.05, 0.0], [-0.03, 0.03], [-0.03, -0.03]])
-    middles = {one.name[:-2]: one.location for one in SPECIMEN.model.markers if one.name.endswith("_1")}
+    middles = {
+        one.name[:-2]: one.location for one in SPECIMEN.model.markers if one.name.endswith("_1")
+    }
     specimen = SPECIMEN.with_markers(
         tuple(
             replace(one, location=middles[one.body] + [*like[int(one.name[-1]) - 1], 0.0])
@@ -358,8 +413,12 @@ def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part
     trial = replace(truth.trial, markers=markers)
 
     def exchange(values, column):
-        two, three = column[f"{bone}_2"], column[f"{bone}_3"]
-        values[part, two], values[part, three] = values[part, three].copy(), values[part, two].copy()
+        two = column[f"{bone}_2"]
+        three = column[f"{bone}_3"]
+        values[part, two], values[part, three] = (
+            values[part, three].copy(),
+            values[part, two].copy(),
+        )
 
     tracked = track(specimen, [with_markers(trial, exchange)], MARKERS_ONLY)
     assert apart(rotations(tracked), truth.rotations).max() < 1e-5
@@ -395,12 +454,22 @@ def test_markers_that_blink_are_told_in_one_line():
 
 def test_the_thoracoscapular_shoulder_with_a_hand_that_its_model_welds(data):
     model = read_model(data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"))
-    names = SpecimenNames("scapula", "humerus", ("ulna", "radius", "hand"), fig1_muscles(model))
+    names = SpecimenNames(
+        base="scapula",
+        first="humerus",
+        bones=("ulna", "radius", "hand"),
+        muscles=fig1_muscles(model),
+    )
     specimen = with_clusters(build_specimen(model, names))
     held = {"elbow_flexion": 0.3, "pro_sup": 0.9, "hand_rx": 0.4, "hand_ry": -0.3, "hand_rz": 0.2}
     time = 0.005 * np.arange(600)
-    sway = np.stack([0.5 * np.sin(5.0 * time), 0.3 * np.sin(2.0 * time), 0.4 * np.cos(4.6 * time)], axis=1)
-    turned = Rotation.from_rotvec(sway).as_matrix() @ Rotation.from_euler("XYZ", [0.2, 0.8, 0.1]).as_matrix()
+    sway = np.stack(
+        [0.5 * np.sin(5.0 * time), 0.3 * np.sin(2.0 * time), 0.4 * np.cos(4.6 * time)], axis=1
+    )
+    turned = (
+        Rotation.from_rotvec(sway).as_matrix()
+        @ Rotation.from_euler("XYZ", [0.2, 0.8, 0.1]).as_matrix()
+    )
     markers = markers_of(specimen, time, turned, held)
     tracked = track(specimen, [replace(swung().trial, markers=markers)], MARKERS_ONLY)
     assert tracked.held == pytest.approx(held, abs=1e-7)
@@ -408,13 +477,18 @@ def test_the_thoracoscapular_shoulder_with_a_hand_that_its_model_welds(data):
 
 
 def test_places_of_markers_and_the_center_come_from_the_motion_where_the_model_has_them_wrong():
-    truth, random = swung(), np.random.default_rng(1)
+    truth = swung()
+    random = np.random.default_rng(1)
     off = {one.name: one.location + 1e-3 * random.normal(size=3) for one in SPECIMEN.model.markers}
     limb = set(SPECIMEN.limb)
-    markers = tuple(replace(one, location=off[one.name]) if one.body in limb else one for one in SPECIMEN.model.markers)
+    markers = tuple(
+        replace(one, location=off[one.name]) if one.body in limb else one
+        for one in SPECIMEN.model.markers
+    )
     wrong = SPECIMEN.with_markers(markers)
     wrong = wrong.centered(wrong.center + [0.002, -0.001, 0.001], wrong.center_in_limb)
-    kept, used = (track(wrong, [truth.trial], replace(MARKERS_ONLY, center=center)) for center in ("model", "motion"))
+    kept = track(wrong, [truth.trial], replace(MARKERS_ONLY, center="model"))
+    used = track(wrong, [truth.trial], replace(MARKERS_ONLY, center="motion"))
     assert np.nanmax(kept.trials[0].rms) > 1e-3
     assert np.nanmax(used.trials[0].rms) < 2e-5
     np.testing.assert_allclose(used.specimen.center_in_ground, SPECIMEN.center_in_ground, atol=2e-5)

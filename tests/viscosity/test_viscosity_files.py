@@ -1,4 +1,6 @@
-"""Tables of a cohort have the columns that the issue names; the report can be made again from its store."""
+"""Tables of a cohort have the columns that the issue names; the report can be made again from its
+store.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,11 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.viscosity.cohort import MEAN, SPECIMENS, specimen_row
 from myomorph.viscosity.report.page import viscosity_page
-from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput, specimen_report
+from myomorph.viscosity.report.specimen_report import (
+    SpecimenReport,
+    ViscosityInput,
+    specimen_report,
+)
 from myomorph.viscosity.study import results as files
 from myomorph.viscosity.study.results import DIGITS, STORE, read_store, write_value
 from swing_cohort import MUSCLES, specimens
@@ -46,7 +52,9 @@ def test_specimens_have_the_columns_in_their_order_each_with_its_interval(report
     text = files.specimens_table([(one.name, one.row) for one in reports])
     head = text.splitlines()[0].split(",")
     assert [name for name in head if not name.endswith(("_low", "_high"))] == COLUMNS
-    assert [head[head.index(name) + 1] for name in COLUMNS[1:-1]] == [f"{name}_low" for name in COLUMNS[1:-1]]
+    assert [head[head.index(name) + 1] for name in COLUMNS[1:-1]] == [
+        f"{name}_low" for name in COLUMNS[1:-1]
+    ]
     rows = table(text)
     for printed, row in zip(SPECIMENS, rows, strict=True):
         assert row["name"] == printed.name
@@ -69,7 +77,9 @@ def test_a_specimen_with_one_condition_leaves_cells_empty():
     row = specimen_row(type(found)(found.name, found.without, None, None, None, None))
     (cells,) = table(files.specimens_table([("01", row)]))
     assert float(cells["mass_muscles_removed"]) == SPECIMENS[0].mass_muscles_removed
-    assert {cells[name] for name in ("mass_intact", "total_viscosity_low", "measured_muscle_mass")} == {""}
+    assert {
+        cells[name] for name in ("mass_intact", "total_viscosity_low", "measured_muscle_mass")
+    } == {""}
 
 
 def test_tables_are_written_for_axes_muscles_models_and_notes(reports, tmp_path):

@@ -1,4 +1,6 @@
-"""The page on a cohort prints the tables as the paper does, and draws what it is given where it belongs."""
+"""The page on a cohort prints the tables as the paper does, and draws what it is given where it
+belongs.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def reports():
 
 
 def given(reports, **changes):
-    return ViscosityInput("shoulder <1>", reports, notes=(Note("simulated", "made & drawn"),), **changes)
+    return ViscosityInput(
+        "shoulder <1>", reports, notes=(Note("simulated", "made & drawn"),), **changes
+    )
 
 
 def test_tables_are_as_the_paper_prints_them(reports):
@@ -47,7 +51,15 @@ def test_tables_are_as_the_paper_prints_them(reports):
     one, two, means, *_ = table_section(reports, lines).grids
     assert one.rows[0] == ("01", "2.02E+00", "4.25E-01", "7.61E-02")
     assert one.rows[6] == ("mean", "2.02E+00", "4.33E-01", "5.33E-02")
-    assert two.rows[4] == ("05", "2.66E+00", "5.62E-01", "9.36E-01", "4.35E-01", "1.52E-01", "2.48E+03")
+    assert two.rows[4] == (
+        "05",
+        "2.66E+00",
+        "5.62E-01",
+        "9.36E-01",
+        "4.35E-01",
+        "1.52E-01",
+        "2.48E+03",
+    )
     assert two.rows[6][-2:] == (scientific(MEAN.total_viscosity), scientific(MEAN.muscle_viscosity))
     assert two.rows[7][-2:] == (scientific(SD.total_viscosity), scientific(SD.muscle_viscosity))
     assert two.rows[10] == ("literature: Stroeve 1999", "", "", "", "", "2.00E-01", "")
@@ -73,7 +85,9 @@ def test_values_have_the_digits_that_their_interval_leaves():
 
 
 def test_the_page_says_first_what_is_simulated_and_what_failed(reports):
-    page = viscosity_page(given((*reports[:3], SpecimenReport("04", failure="a wire slipped <here>"))))
+    page = viscosity_page(
+        given((*reports[:3], SpecimenReport("04", failure="a wire slipped <here>")))
+    )
     head = page.split("<nav")[0]
     assert "shoulder &lt;1&gt;" in head
     assert "Specimen 04 could not be done: a wire slipped &lt;here&gt;" in head
@@ -89,18 +103,53 @@ def test_trust_is_drawn_where_it_is_given(reports):
     swing = np.sin(time)[:, None] * np.ones(3)
     full = replace(
         reports[0],
-        models=(PassiveModel("without", "viscosity", "0.076 Nms/rad", 0.076, 0.0, 0.0, 0.01, 0.1, True),),
-        held_out=(HeldOutSwing("without", time, AXES, swing, {"viscosity": 1.1 * swing}),),
-        cutoff=CutoffScan(np.array([4.0, 8.0]), 6.0, {"joint_viscosity": np.array([0.07, 0.08])}, "Chosen so."),
-        arms=ArmSpread(
-            np.array([0.0, 0.1]),
-            np.array([240.0, 200.0]),
-            np.array([240.0, 239.0]),
-            np.array([240.0, 290.0]),
-            20,
-            (ArmError("one factor", "10 %", 0.2, -0.05, 200.0, 239.0, 290.0),),
+        models=(
+            PassiveModel(
+                condition="without",
+                terms="viscosity",
+                values="0.076 Nms/rad",
+                viscosity=0.076,
+                aic=0.0,
+                bic=0.0,
+                angle_error=0.01,
+                wrench_error=0.1,
+                chosen=True,
+            ),
         ),
-        calibration=(Residual("plate", 0.4, "mm", "8 placements"),),
+        held_out=(
+            HeldOutSwing(
+                condition="without",
+                time=time,
+                axes=AXES,
+                measured=swing,
+                predicted={"viscosity": 1.1 * swing},
+            ),
+        ),
+        cutoff=CutoffScan(
+            cutoffs=np.array([4.0, 8.0]),
+            chosen=6.0,
+            values={"joint_viscosity": np.array([0.07, 0.08])},
+            reason="Chosen so.",
+        ),
+        arms=ArmSpread(
+            errors=np.array([0.0, 0.1]),
+            low=np.array([240.0, 200.0]),
+            median=np.array([240.0, 239.0]),
+            high=np.array([240.0, 290.0]),
+            draws=20,
+            kinds=(
+                ArmError(
+                    kind="one factor",
+                    size="10 %",
+                    sd=0.2,
+                    bias=-0.05,
+                    low=200.0,
+                    median=239.0,
+                    high=290.0,
+                ),
+            ),
+        ),
+        calibration=(Residual(what="plate", value=0.4, unit="mm", detail="8 placements"),),
     )
     page = viscosity_page(given((full,)))
     for told in (
@@ -116,7 +165,12 @@ def test_trust_is_drawn_where_it_is_given(reports):
 
 
 def test_a_specimen_with_one_condition_is_drawn(reports):
-    half = replace(reports[0], intact=None, muscles=None, row={"joint_viscosity": reports[0].row["joint_viscosity"]})
+    half = replace(
+        reports[0],
+        intact=None,
+        muscles=None,
+        row={"joint_viscosity": reports[0].row["joint_viscosity"]},
+    )
     page = viscosity_page(given((half,)))
     assert "Angles without muscles" in page
     assert "Angles with muscles" not in page
@@ -124,7 +178,18 @@ def test_a_specimen_with_one_condition_is_drawn(reports):
 
 def test_points_lie_where_their_values_are():
     drawn = xy_plot(
-        "T", "N", "x", [Cloud(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]), "first", "c", dotted=True)]
+        "T",
+        "N",
+        "x",
+        [
+            Cloud(
+                x=np.array([0.0, 1.0, 2.0]),
+                y=np.array([0.0, 1.0, 4.0]),
+                style="first",
+                label="c",
+                dotted=True,
+            )
+        ],
     )
     x, y = np.array(re.findall(r'cx="([\d.]+)" cy="([\d.]+)"', drawn), dtype=float).T
     assert np.diff(x) == pytest.approx([x[1] - x[0]] * 2, abs=0.11)
@@ -139,7 +204,7 @@ def test_bars_reach_their_values_and_intervals_beyond_the_chart_are_cut():
         ["a", "b", "c"],
         values,
         [Beside("t", "truth", np.array([1.0, np.nan, 3.0]))],
-        [Level(1.5, "l", "mean", 0.5)],
+        [Level(value=1.5, label="l", style="mean", spread=0.5)],
     )
     heights = [float(one) for one in re.findall(r'class="bar[^>]*height="([\d.]+)"', drawn)]
     assert heights[1] == pytest.approx(2.0 * heights[0], abs=0.2)
@@ -151,7 +216,11 @@ def test_bars_reach_their_values_and_intervals_beyond_the_chart_are_cut():
 
 def test_rows_place_dots_in_proportion():
     drawn = interval_rows(
-        "T", "N", ["a", "b"], [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.5, 2.5)], levels=[Level(1.0, "<l>", "mean")]
+        "T",
+        "N",
+        ["a", "b"],
+        [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.5, 2.5)],
+        levels=[Level(1.0, "<l>", "mean")],
     )
     dots = [float(one) for one in re.findall(r'cx="([\d.]+)"', drawn)]
     line = float(re.search(r'class="level [^>]*M([\d.]+) ', drawn).group(1))

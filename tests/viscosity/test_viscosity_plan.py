@@ -20,7 +20,15 @@ intact = ["full1.c3d"]
 
 @pytest.fixture
 def folder(tmp_path):
-    for name in ("arm.osim", "bare1.trc", "bare1.mot", "bare2.trc", "bare2_loads.mot", "full1.c3d", "lone.trc"):
+    for name in (
+        "arm.osim",
+        "bare1.trc",
+        "bare1.mot",
+        "bare2.trc",
+        "bare2_loads.mot",
+        "full1.c3d",
+        "lone.trc",
+    ):
         (tmp_path / name).write_text("")
     return tmp_path
 
@@ -40,7 +48,12 @@ def problems_of(folder, text):
 def test_smallest_form(folder):
     plan = plan_of(folder, SMALLEST)
     (one,) = plan.specimens
-    assert (plan.name, one.name, one.model, one.joint) == ("shoulder", "01", folder / "arm.osim", "ball")
+    assert (plan.name, one.name, one.model, one.joint) == (
+        "shoulder",
+        "01",
+        folder / "arm.osim",
+        "ball",
+    )
     assert [(swing.name, swing.loads.name) for swing in one.without] == [
         ("bare1", "bare1.mot"),
         ("bare2", "bare2_loads.mot"),
@@ -50,7 +63,9 @@ def test_smallest_form(folder):
 
 
 def test_whole_form(folder):
-    text = SMALLEST.replace('["bare*.trc"]', '[{markers = "lone.trc", loads = "bare1.mot", time = [1, 3], name = "a"}]')
+    text = SMALLEST.replace(
+        '["bare*.trc"]', '[{markers = "lone.trc", loads = "bare1.mot", time = [1, 3], name = "a"}]'
+    )
     text = text.replace('name = "shoulder"', 'name = "shoulder"\nsimulated = ["made"]')
     text += """measured_muscle_mass = 0.765
 base = "blade"
@@ -65,7 +80,12 @@ draws = 20
     plan = plan_of(folder, text)
     (one,) = plan.specimens
     assert one.without[0].time == (1.0, 3.0)
-    assert (one.base, one.first, one.bones, one.measured_muscle_mass) == ("blade", "arm", ("ulna",), 0.765)
+    assert (one.base, one.first, one.bones, one.measured_muscle_mass) == (
+        "blade",
+        "arm",
+        ("ulna",),
+        0.765,
+    )
     assert one.muscles == {"biceps": ("BIClong", "BICshort")}
     assert one.tare == folder / "bare2_loads.mot"
     assert one.truth == {"joint_viscosity": 0.0761}
@@ -74,7 +94,9 @@ draws = 20
 
 
 def test_everything_wrong_is_told_at_once(folder):
-    text = SMALLEST.replace("arm.osim", "harm.osim").replace('"bare*.trc"', '"lone.trc", "bare1.trc", "bare1.trc"')
+    text = SMALLEST.replace("arm.osim", "harm.osim").replace(
+        '"bare*.trc"', '"lone.trc", "bare1.trc", "bare1.trc"'
+    )
     text = text.replace("full1.c3d", "full2.c3d") + "truth = {viscosity = 1.0}\n[[specimen]]\n"
     text += 'name = "01"\nmodel = "arm.osim"\n'
     told = problems_of(folder, text)
@@ -98,10 +120,18 @@ def test_everything_wrong_is_told_at_once(folder):
         ("removed =", "remvoed =", "unknown key 'specimen.1.remvoed': there are 'removed'"),
         ("intact =", "muscle =", "unknown key 'specimen.1.muscle': there are 'muscles'"),
         ('name = "shoulder"', 'nam = "shoulder"', "'study.name' is missing"),
-        ('["bare*.trc"]', '[{marker = "bare1.trc"}]', "unknown key 'specimen.1.removed.1.marker': there are 'markers'"),
+        (
+            '["bare*.trc"]',
+            '[{marker = "bare1.trc"}]',
+            "unknown key 'specimen.1.removed.1.marker': there are 'markers'",
+        ),
         ('["bare*.trc"]', '["bare1.trc"]\nmeasured_muscle_mass = -1', "greater than 0"),
         ('["bare*.trc"]', '["bare1.trc"]\ntime = [3, 1]', "expected a start before an end"),
-        ("[study]", "[options.identification]\ndraw = 1\n[study]", "'options.identification.draw': there are 'draws'"),
+        (
+            "[study]",
+            "[options.identification]\ndraw = 1\n[study]",
+            "'options.identification.draw': there are 'draws'",
+        ),
     ],
 )
 def test_each_mistake_is_named(folder, old, new, told):
@@ -137,9 +167,17 @@ unit = "mm"
     (one,) = plan.specimens
     assert one.up == "z"
     assert [path.name for path in one.plate.placements] == ["weight1.c3d", "weight2.c3d"]
-    assert (one.plate.weight.markers, one.plate.weight.mass, one.plate.plate) == (("w1", "w2", "w3"), 10.0, "FP1")
+    assert (one.plate.weight.markers, one.plate.weight.mass, one.plate.plate) == (
+        ("w1", "w2", "w3"),
+        10.0,
+        "FP1",
+    )
     (scan,) = one.ct
-    assert (scan.bone, scan.surface, scan.markers) == ("humerus_r", folder / "humerus.stl", ("h1", "h2", "h3"))
+    assert (scan.bone, scan.surface, scan.markers) == (
+        "humerus_r",
+        folder / "humerus.stl",
+        ("h1", "h2", "h3"),
+    )
 
 
 def test_what_is_wrong_with_plate_and_ct_is_told(folder):

@@ -1,4 +1,6 @@
-"""A specimen that fails is named and the rest of the cohort is done; files are whole and the report opens."""
+"""A specimen that fails is named and the rest of the cohort is done; files are whole and the report
+opens.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,15 @@ def study(tmp_path):
     for name in ("arm.osim", "a.trc", "a.mot", "b.trc", "b.mot"):
         (tmp_path / name).write_text("")
     tables = [
-        f'[[specimen]]\nname = "{one.name}"\nmodel = "arm.osim"\nremoved = ["a.trc"]\nintact = ["b.trc"]\n'
+        f'[[specimen]]\nname = "{one.name}"\nmodel = "arm.osim"\nremoved = ["a.trc"]\nintact ='
+        ' ["b.trc"]\n'
         for one in SPECIMENS[:4]
     ]
-    text = '[study]\nname = "four shoulders"\n' + "".join(tables) + "[options.identification]\ndraws = 7\n"
+    text = (
+        '[study]\nname = "four shoulders"\n'
+        + "".join(tables)
+        + "[options.identification]\ndraws = 7\n"
+    )
     path = tmp_path / "shoulder.toml"
     path.write_text(text)
     return path
@@ -60,7 +67,8 @@ def rows(path):
 
 @pytest.mark.usefixtures("studied")
 def test_the_rest_of_the_cohort_is_done(study, tmp_path):
-    out, seen = tmp_path / "out", []
+    out = tmp_path / "out"
+    seen = []
     outcomes = run_viscosity(read_viscosity_plan(study), out, seen.append)
     assert outcomes == seen
     assert [bool(outcome.error) for outcome in outcomes] == [False, True, True, False]
@@ -71,7 +79,10 @@ def test_the_rest_of_the_cohort_is_done(study, tmp_path):
     assert float(cohort["total_viscosity"]["mean"]) == pytest.approx(mean)
     assert cohort["total_viscosity"]["n"] == "2"
     failed = [row for row in rows(out / "notes.csv") if row["kind"] == "failed"]
-    assert [row["text"] for row in failed] == ["a wire slipped: the elbow turns", "ZeroDivisionError: by nothing"]
+    assert [row["text"] for row in failed] == [
+        "a wire slipped: the elbow turns",
+        "ZeroDivisionError: by nothing",
+    ]
     page = (out / "report.html").read_text()
     assert "Specimen 02 could not be done: a wire slipped" in page
     assert "four shoulders" in page
@@ -101,8 +112,14 @@ def test_a_second_run_reuses_what_has_not_changed(study, tmp_path, monkeypatch):
     out = tmp_path / "out"
     run_viscosity(read_viscosity_plan(study), out)
     of_a_run = ("study.log", "study.json", "timings.csv", "results.csv")
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file() and path.name not in of_a_run}
-    looked = {row.work.key[0]: row for row in dry_run(graph_of(read_viscosity_plan(study), out), out).rows}
+    before = {
+        path: path.read_bytes()
+        for path in out.rglob("*")
+        if path.is_file() and path.name not in of_a_run
+    }
+    looked = {
+        row.work.key[0]: row for row in dry_run(graph_of(read_viscosity_plan(study), out), out).rows
+    }
     assert looked["01"].reused == ("viscosity",)
     assert looked["02"].computed == ("viscosity",)
     again = run_viscosity(read_viscosity_plan(study), out)
@@ -112,7 +129,9 @@ def test_a_second_run_reuses_what_has_not_changed(study, tmp_path, monkeypatch):
     (tmp_path / "b.mot").write_text("\n")
     changed = dry_run(graph_of(read_viscosity_plan(study), out), out).rows[0]
     assert changed.reasons["viscosity"] == ("loads with muscles b.mot has changed",)
-    study.write_text(study.read_text().replace('name = "01"', 'name = "01"\ntruth = { joint_viscosity = 0.1 }'))
+    study.write_text(
+        study.read_text().replace('name = "01"', 'name = "01"\ntruth = { joint_viscosity = 0.1 }')
+    )
     (tmp_path / "b.mot").write_text("")
     outcome = run_viscosity(read_viscosity_plan(study), out)[0]
     # What a value is held against does not change how it is found, but the page shows it.
@@ -122,7 +141,12 @@ def test_a_second_run_reuses_what_has_not_changed(study, tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("studied")
 def test_a_dry_run_and_its_command_compute_nothing(study, tmp_path, capsys):
-    assert main(["viscosity", str(study), "--out", str(tmp_path / "out"), "--dry-run", "--workers", "1"]) == 0
+    assert (
+        main(
+            ["viscosity", str(study), "--out", str(tmp_path / "out"), "--dry-run", "--workers", "1"]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "four shoulders" in said
     assert "time unknown: viscosity" in said
@@ -164,11 +188,19 @@ def test_options_come_from_their_tables():
         (["STUDY", "--draws", "20"], "--draws is for --model: write it into the table [options]"),
         (["--model", "none.osim", "--intact", "b.trc"], "none.osim: does not exist"),
         (["--model", "arm.osim"], "no recordings: give --intact and --removed"),
-        (["--model", "arm.osim", "--intact", "b.trc", "--intact-loads", "a.mot", "b.mot"], "1 recordings but 2 files"),
-        (["--model", "arm.osim", "--removed", "lone.trc"], "lone.trc: has no forces beside it; give --removed-loads"),
+        (
+            ["--model", "arm.osim", "--intact", "b.trc", "--intact-loads", "a.mot", "b.mot"],
+            "1 recordings but 2 files",
+        ),
+        (
+            ["--model", "arm.osim", "--removed", "lone.trc"],
+            "lone.trc: has no forces beside it; give --removed-loads",
+        ),
     ],
 )
-def test_what_is_wrong_is_one_line_and_status_2(arguments, told, study, tmp_path, monkeypatch, capsys):
+def test_what_is_wrong_is_one_line_and_status_2(
+    arguments, told, study, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "lone.trc").write_text("")
     arguments = [str(study) if one == "STUDY" else one for one in arguments]
@@ -180,7 +212,9 @@ def test_what_is_wrong_is_one_line_and_status_2(arguments, told, study, tmp_path
 
 
 def test_files_that_cannot_be_read_are_named_specimen_by_specimen(study, tmp_path):
-    outcomes = run_viscosity(read_viscosity_plan(_with(study, "draws = 7", "draws = 20")), tmp_path / "out")
+    outcomes = run_viscosity(
+        read_viscosity_plan(_with(study, "draws = 7", "draws = 20")), tmp_path / "out"
+    )
     assert all(outcome.error for outcome in outcomes)
     assert "a.trc" in outcomes[0].error
     assert rows(tmp_path / "out" / "specimens.csv") == []

@@ -1,4 +1,6 @@
-"""From files to tables: limbs swung by an integrator of the tests, some with what goes wrong in a laboratory."""
+"""From files to tables: limbs swung by an integrator of the tests, some with what goes wrong in a
+laboratory.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ from myomorph.viscosity.study.results import read_store
 from myomorph.viscosity.study.run import run_viscosity
 from myomorph.viscosity.study.viewing import swings_of
 
-JOINT, TOTAL = 0.05, 0.09
+JOINT = 0.05
+TOTAL = 0.09
 RELEASES = ((0.6, 0.2, -0.5), (-0.3, -0.6, 0.5))
 OPTIONS = """
 [options.identification]
@@ -36,13 +39,18 @@ draws = 10
 
 def write_swing(swung, stem, offset=None, rename=lambda name: name):
     """A trial as TRC and MOT; `offset` (6,) is taken off force and torque about the point."""
-    markers, wrenches = swung.trial.markers, swung.trial.wrenches
+    markers = swung.trial.markers
+    wrenches = swung.trial.wrenches
     named = Markers(markers.time, tuple(rename(name) for name in markers.names), markers.values)
     write_trc(named, stem.with_suffix(".trc"))
     parts = [wrenches.forces[:, 0], wrenches.points[:, 0], wrenches.torques[:, 0]]
     if offset is not None:
         parts[0] = parts[0] - offset
-    names = [f"{what}{axis}" for what in ("ground_force_v", "ground_force_p", "ground_torque_") for axis in "xyz"]
+    names = [
+        f"{what}{axis}"
+        for what in ("ground_force_v", "ground_force_p", "ground_torque_")
+        for axis in "xyz"
+    ]
     write_sto(Table(wrenches.time, tuple(names), np.hstack(parts)), stem.with_suffix(".mot"))
 
 
@@ -54,13 +62,18 @@ def ran(tmp_path_factory):
     swings = {}
     for condition, damping in (("bare", JOINT), ("full", TOTAL)):
         for i, release in enumerate(RELEASES, 1):
-            swung = swings[condition] = swing(specimen, release=release, seconds=6.0, damping=damping)
+            swung = swings[condition] = swing(
+                specimen, release=release, seconds=6.0, damping=damping
+            )
             write_swing(swung, folder / f"{condition}{i}")
             weight = swung.trial.wrenches.forces[:, 0].mean(axis=0)
             write_swing(swung, folder / f"tared_{condition}{i}", offset=weight)
             write_swing(swung, folder / f"other_{condition}{i}", rename=lambda name: f"x{name}")
     tables = [
-        'name = "whole"\nremoved = ["bare*.trc"]\nintact = ["full*.trc"]\nmeasured_muscle_mass = 0.3',
+        (
+            'name = "whole"\nremoved = ["bare*.trc"]\nintact = ["full*.trc"]\nmeasured_muscle_mass'
+            " = 0.3"
+        ),
         'name = "half"\nremoved = ["bare*.trc"]',
         'name = "tared"\nremoved = ["tared_bare*.trc"]\nintact = ["full*.trc"]',
         'name = "unnamed"\nremoved = ["other_bare*.trc"]\nintact = ["other_full*.trc"]',
@@ -86,7 +99,7 @@ def test_truth_comes_back(ran):
     assert row["estimated_muscle_mass"].value == pytest.approx(0.0, abs=0.01)
     assert row["muscle_viscosity"].value > 0.0
     with (out / "specimens.csv").open() as stream:
-        (first, *_) = csv.DictReader(stream)
+        first, *_ = csv.DictReader(stream)
     assert float(first["joint_viscosity"]) == pytest.approx(row["joint_viscosity"].value, rel=1e-7)
 
 
@@ -95,14 +108,17 @@ def test_swings_are_shown_with_the_muscles_that_were_there(ran):
     _, out, _ = ran
     shown = swings_of(out)
     assert {"whole bare1", "whole full1", "half bare1"} <= set(shown)
-    bare, full = (PlayedBody(shown[f"whole {trial}"]()) for trial in ("bare1", "full1"))
+    bare = PlayedBody(shown["whole bare1"]())
+    full = PlayedBody(shown["whole full1"]())
     assert not bare.muscles
     assert full.muscles == arm_specimen().model.muscle_names
     # The joint stays where it was while the limb swings.
     joint = next(joint for joint in full.model.joints if joint.child == arm_specimen().first)
     at = [full.at(frame) for frame in range(0, len(full.time), 20)]
     body = full.model.body_names.index(joint.child) + 1
-    centers = [each.origins[body] + each.rotations[body] @ joint.child_frame.translation for each in at]
+    centers = [
+        each.origins[body] + each.rotations[body] @ joint.child_frame.translation for each in at
+    ]
     assert np.ptp(centers, axis=0).max() < 1e-9
     assert centers[0] == pytest.approx(arm_specimen().center_in_ground, abs=0.002)
 
@@ -130,7 +146,9 @@ def test_a_plate_that_hides_the_mass_is_named_and_the_other_condition_keeps_its_
     reports, _, swung = ran
     one = reports["tared"]
     assert any("the plate was set to zero with the limb on it" in note for note in one.notes)
-    assert not {"mass_muscles_removed", "com_muscles_removed", "estimated_muscle_mass"} & set(one.row)
+    assert not {"mass_muscles_removed", "com_muscles_removed", "estimated_muscle_mass"} & set(
+        one.row
+    )
     assert one.row["mass_intact"].value == pytest.approx(swung.parameters[0], rel=0.002)
     assert one.row["joint_viscosity"].value == pytest.approx(JOINT, rel=0.03)
 
@@ -167,7 +185,21 @@ def test_one_specimen_needs_no_study_file(ran, capsys):
         str(folder / "arm.osim"),
         *(word for name, files in recordings.items() for word in (name, *files)),
     ]
-    assert main(["viscosity", *given, "--muscle-mass", "0.3", "--draws", "40", "--out", str(folder / "one")]) == 0
+    assert (
+        main(
+            [
+                "viscosity",
+                *given,
+                "--muscle-mass",
+                "0.3",
+                "--draws",
+                "40",
+                "--out",
+                str(folder / "one"),
+            ]
+        )
+        == 0
+    )
     with (folder / "one" / "specimens.csv").open() as stream:
         (row,) = csv.DictReader(stream)
     found = reports["whole"].row

@@ -1,4 +1,6 @@
-"""Chapter 5 of [D] by the files that `myomorph demo` writes and `myomorph run` runs, beside the truth."""
+"""Chapter 5 of [D] by the files that `myomorph demo` writes and `myomorph run` runs, beside the
+truth.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,15 @@ OF_ARMS = re.compile(r"(^|_)(arm|elbow)_")  # In names of coordinates.
 
 @cache
 def ran(name: str) -> tuple[Written, Path]:
-    """A demonstration and the folder of its results by default options; raises `RuntimeError` with what was printed."""
+    """A demonstration and the folder of its results by default options; raises `RuntimeError` with
+    what was printed.
+    """
     written = write_performance(name, Path(tempfile.mkdtemp(prefix="chapter5_")))
     out = written.study.parent / "results"
-    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as told:
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as said,
+        contextlib.redirect_stderr(io.StringIO()) as told,
+    ):
         status = main(["run", str(written.study), "--out", str(out)])
     if status:
         raise RuntimeError(f"{name}: {said.getvalue()}{told.getvalue()}")
@@ -65,12 +72,17 @@ def measure_drum() -> Iterator[Row]:
     """Strokes, their times and impulses as they reach the forearm; torques; feet without plates."""
     written, out = ran("drum")
     home = out / written.results
-    touches = [touch for touch in read_events(home / "contacts.csv").intervals if touch.site.startswith("stick")]
+    touches = [
+        touch
+        for touch in read_events(home / "contacts.csv").intervals
+        if touch.site.startswith("stick")
+    ]
     loads = read_external_loads(home / "contact_forces.xml")
     for name, side in STICK_OF.items():
         on = loads.bodies.index(f"forearm_{side}")
         mine = [stroke for stroke in written.strokes if stroke[0] == name]
-        late, share = [], []
+        late = []
+        share = []
         for _, at, impulse, known in mine:
             starts = [touch.start - at for touch in touches if touch.site == f"stick_{side}"]
             near = [start for start in starts if abs(start) < 0.05]
@@ -92,11 +104,12 @@ def measure_drum() -> Iterator[Row]:
 
 
 def compared(home: Path, written: Written) -> Row:
-    """RMS errors of the arms' torques and of the others beside standard deviations over time of the truth, those of
-    activations, and what the report warns of.
+    """RMS errors of the arms' torques and of the others beside standard deviations over time of the
+    truth, those of activations, and what the report warns of.
     """
     row: Row = {}
-    torques, table = written.torques, mm.read_sto(home / "torques_with_contacts.sto")
+    torques = written.torques
+    table = mm.read_sto(home / "torques_with_contacts.sto")
     for what in ("arms", "legs and trunk"):
         some = [name for name in torques.names if bool(OF_ARMS.search(name)) == (what == "arms")]
         errors = [at_times(table, f"{name}_moment", torques.time) - torques[name] for name in some]
@@ -104,7 +117,10 @@ def compared(home: Path, written: Written) -> Row:
         row[f"SD of {what} [N m]"] = rms([torques[name] - torques[name].mean() for name in some])
     row |= likeness(mm.read_sto(home / "activations.sto"), written.activations)
     with (home / "quality.csv").open(encoding="utf-8", newline="") as file:
-        over = "; ".join(row["quantity"] for row in csv.DictReader(file) if row["state"] == "over") or "none"
+        over = (
+            "; ".join(row["quantity"] for row in csv.DictReader(file) if row["state"] == "over")
+            or "none"
+        )
     return row | {"over their limits": over}
 
 
@@ -114,13 +130,21 @@ def at_times(table: mm.Series, name: str, time: Array) -> Array:
 
 
 def likeness(table: mm.Series, truth: mm.Series) -> Row:
-    """RMS error of activations, and the median over muscles that change of their correlation with the truth."""
-    errors, alike = [], []
+    """RMS error of activations, and the median over muscles that change of their correlation with
+    the truth.
+    """
+    errors = []
+    alike = []
     for name in truth.names:
         estimate = at_times(table, name, truth.time)
         known = np.isfinite(estimate)
         true = truth[name][known]
         errors.append(estimate[known] - true)
         if np.ptp(true) > 0.05:
-            alike.append(np.corrcoef(estimate[known], true)[0, 1] if np.ptp(estimate[known]) > 0.0 else 0.0)
-    return {"activations, RMS": rms(np.concatenate(errors)), "activations, median r": float(np.median(alike))}
+            alike.append(
+                np.corrcoef(estimate[known], true)[0, 1] if np.ptp(estimate[known]) > 0.0 else 0.0
+            )
+    return {
+        "activations, RMS": rms(np.concatenate(errors)),
+        "activations, median r": float(np.median(alike)),
+    }

@@ -14,7 +14,13 @@ from benchmarks.hands_lift_forces import WAYS, found, holding, left_floor, left_
 from benchmarks.hands_lift_forces import task as lift_task
 from benchmarks.hands_seat import chair, leavings, solved
 from benchmarks.hands_seat import task as seat_task
-from benchmarks.hands_spine import carried_moment, of_laboratory, point_of_laboratory, regressed_point, spine
+from benchmarks.hands_spine import (
+    carried_moment,
+    of_laboratory,
+    point_of_laboratory,
+    regressed_point,
+    spine,
+)
 from benchmarks.hands_wheel import at_each_time, directions, hands_off, of_each_cycle, wheels
 from myomorph.model.arrays import Array
 from myomorph.tension.tension import Tension
@@ -23,14 +29,18 @@ Row = dict[str, object]
 LIFTING = 0.3
 """Time after the box left the floor that is called the lift-off [s]."""
 
-EVERY, SEATED = 4, 20
-"""Of the frames with hands at the box, and of those on the seat, each that far is asked what it leaves open."""
+EVERY = 4
+SEATED = 20
+"""Of the frames with hands at the box, and of those on the seat, each that far is asked what it
+leaves open.
+"""
 
 
 def measure_lift(folder: Path) -> Iterator[Row]:
     """The hands' force on the box against the measured one, by phase."""
     for lift in LIFTS:
-        truth, during = hands_measured(folder, lift), _phases(folder, lift)
+        truth = hands_measured(folder, lift)
+        during = _phases(folder, lift)
         free = during["lift-off"] | during["carried"]
         for way, words in WAYS.items():
             one = found(folder, lift, way)
@@ -50,12 +60,15 @@ def measure_lift(folder: Path) -> Iterator[Row]:
 def measure_lift_open(folder: Path) -> Iterator[Row]:
     """What the data leave open of the hands' force on the box."""
     for lift in LIFTS:
-        truth, during = hands_measured(folder, lift)[:, 1], _phases(folder, lift)
+        truth = hands_measured(folder, lift)[:, 1]
+        during = _phases(folder, lift)
         held = np.flatnonzero(~during["before holding"])[::EVERY].tolist()
         for way in ("body", "box", "hidden"):
             intervals = left_open(lift_task(folder, lift, way), held)
             # The sites are on the hands; the box is pushed the other way.
-            _, greatest, least = (-one[:, 0, 1] for one in (intervals.forces, intervals.low, intervals.high))
+            _ = -intervals.forces[:, 0, 1]
+            greatest = -intervals.low[:, 0, 1]
+            least = -intervals.high[:, 0, 1]
             near = intervals.near_high[:, 0, 1] - intervals.near_low[:, 0, 1]
             inside = (truth[held] >= least) & (truth[held] <= greatest)
             row: Row = {"lift": lift, "known": WAYS[way]}
@@ -71,7 +84,8 @@ def measure_lift_open(folder: Path) -> Iterator[Row]:
 
 def _phases(folder: Path, lift: str) -> dict[str, NDArray[np.bool_]]:
     """Frames by what is going on."""
-    time, off = recorded(folder, lift).markers.time, left_floor(folder, lift)
+    time = recorded(folder, lift).markers.time
+    off = left_floor(folder, lift)
     grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]
     return {
         "before holding": time < grasp,
@@ -82,15 +96,23 @@ def _phases(folder: Path, lift: str) -> dict[str, NDArray[np.bool_]]:
 
 
 def measure_spine(folder: Path) -> Iterator[Row]:
-    """Moment at L5/S1: ours from below and, by the hands' forces found, from above, beside the laboratory's."""
+    """Moment at L5/S1: ours from below and, by the hands' forces found, from above, beside the
+    laboratory's.
+    """
     for lift in LIFTS:
         time = recorded(folder, lift).markers.time
         below, above = of_laboratory(recorded(folder, lift))
-        passing, off = spine(folder, lift), time >= left_floor(folder, lift)
-        joint = next(one for one in lifter(folder).model.joints if one.child == "torso").parent_frame.translation
+        passing = spine(folder, lift)
+        off = time >= left_floor(folder, lift)
+        joint = next(
+            one for one in lifter(folder).model.joints if one.child == "torso"
+        ).parent_frame.translation
         whole = np.ones(len(time), np.bool_)
         ours = {"ours from below": (passing.from_below, whole)}
-        ours["ours from below, at the model's lumbar joint"] = (spine(folder, lift, joint).from_below, whole)
+        ours["ours from below, at the model's lumbar joint"] = (
+            spine(folder, lift, joint).from_below,
+            whole,
+        )
         for way in ("body", "box", "hidden"):
             moment = passing.from_above + carried_moment(passing, found(folder, lift, way))
             ours[f"ours from above, hands by {WAYS[way]}"] = (moment, whole)
@@ -120,7 +142,9 @@ def measure_spine_point(folder: Path) -> Iterator[Row]:
         yield {
             "lift": lift,
             "best point: forward, up, right [mm]": _millimetres(best),
-            "left, sideways, twisting, bending [N m]": ", ".join(f"{rms(one):.1f}" for one in left.T),
+            "left, sideways, twisting, bending [N m]": ", ".join(
+                f"{rms(one):.1f}" for one in left.T
+            ),
             "regressed L5/S1 [mm]": _millimetres(regressed),
             "apart [mm]": 1e3 * float(np.linalg.norm(best - regressed)),
             "model's lumbar joint [mm]": _millimetres(joint),
@@ -128,9 +152,14 @@ def measure_spine_point(folder: Path) -> Iterator[Row]:
 
 
 def measure_rim(folder: Path) -> Iterator[Row]:
-    """The hand's moment about the axle from the wheel's angle alone; cycles in turn fitted and tested."""
+    """The hand's moment about the axle from the wheel's angle alone; cycles in turn fitted and
+    tested.
+    """
     for wheel in wheels(folder):
-        for words, told in (("every frame", at_each_time(wheel)), ("mean of each cycle", of_each_cycle(wheel))):
+        for words, told in (
+            ("every frame", at_each_time(wheel)),
+            ("mean of each cycle", of_each_cycle(wheel)),
+        ):
             yield {
                 "recording": wheel.name,
                 "moment of": words,
@@ -141,7 +170,9 @@ def measure_rim(folder: Path) -> Iterator[Row]:
                 "spread of the measured [N m]": float(told.measured.std()),
                 "mean measured [N m]": float(told.measured.mean()),
                 "correlation": told.correlation,
-                "RMS predicted with hands off [N m]": hands_off(wheel, told) if words == "every frame" else "",
+                "RMS predicted with hands off [N m]": hands_off(wheel, told)
+                if words == "every frame"
+                else "",
             }
 
 
@@ -157,7 +188,9 @@ def measure_rim_directions(folder: Path) -> Iterator[Row]:
 
 
 def measure_seat(folder: Path) -> Iterator[Row]:
-    """The seat's force while sitting and standing: by Newton's law, and found with the feet known or hidden."""
+    """The seat's force while sitting and standing: by Newton's law, and found with the feet known
+    or hidden.
+    """
     one = chair(folder)
     ways: dict[str, tuple[Array, Tension | None]] = {"Newton's law alone": (one.newton, None)}
     known = {"feet known": (True, False), "feet hidden": (False, False)}
@@ -178,10 +211,14 @@ def measure_seat(folder: Path) -> Iterator[Row]:
                 "up, RMS error [N]": rms(error[:, 1]),
                 "forward, mean [N]": float(force[during, 0].mean()),
                 "forward, RMS error [N]": rms(error[:, 0]),
-                "feet up by plates, mean [N]": float(one.feet.forces[during, :, 1].sum(axis=1).mean()),
+                "feet up by plates, mean [N]": float(
+                    one.feet.forces[during, :, 1].sum(axis=1).mean()
+                ),
                 "weight [N]": one.weight,
                 "residual forces, RMS [N]": rms(_residuals(solution)[during]) if solution else "",
-                "off the middle, to the right [mm]": _millimetre(place[during, 1]) if during is sitting else "",
+                "off the middle, to the right [mm]": _millimetre(place[during, 1])
+                if during is sitting
+                else "",
             }
 
 
@@ -193,7 +230,9 @@ def measure_seat_open(folder: Path) -> Iterator[Row]:
     for words, plates in (("feet known", True), ("feet hidden", False)):
         intervals = left_open(seat_task(folder, plates), frames)
         seat = intervals.groups.index("seat")
-        forces, low, high = (part[:, seat] for part in (intervals.forces, intervals.low, intervals.high))
+        forces = intervals.forces[:, seat]
+        low = intervals.low[:, seat]
+        high = intervals.high[:, seat]
         near = intervals.near_high[:, 0] - intervals.near_low[:, 0]
         row: Row = {"seat by": words, "frames": len(frames)}
         for k, axis in ((1, "up"), (0, "forward"), (2, "sideways")):
@@ -218,7 +257,9 @@ def _millimetre(values: Array) -> float:
 
 
 def measure_seat_times(folder: Path) -> Iterator[Row]:
-    """When the seat is left and taken, by the seat's motion, by the force, and by the plates under the feet."""
+    """When the seat is left and taken, by the seat's motion, by the force, and by the plates under
+    the feet.
+    """
     found_all = leavings(chair(folder))
     for words, rising in (("standing up", True), ("sitting down", False)):
         some = [one for one in found_all if one.rising is rising]

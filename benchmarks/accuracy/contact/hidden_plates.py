@@ -1,4 +1,6 @@
-"""Measured ground forces hidden and estimated: with all plates, some, or one plate under both feet hidden."""
+"""Measured ground forces hidden and estimated: with all plates, some, or one plate under both feet
+hidden.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,20 @@ from benchmarks.accuracy.tension.knee import command
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.contact.shared import shared_wrenches
-from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, hysteresis, steady
+from myomorph.contact.states import (
+    ActivationOptions,
+    ContactStateOptions,
+    contact_activations,
+    hysteresis,
+    steady,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.series import Table
 from myomorph.tension.tension import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
-LOADED, UNLOADED = 0.05, 0.03
+LOADED = 0.05
+UNLOADED = 0.03
 """Shares of the weight between which a measured foot begins and ceases to carry."""
 
 
@@ -42,10 +51,11 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
-    """What of the errors is the whole ground force's, and what is the sharing between the feet; times of contact.
+    """What of the errors is the whole ground force's, and what is the sharing between the feet;
+    times of contact.
 
-    Of errors e_r and e_l of the feet, the whole's is e_r + e_l, of masses and accelerations alone, and that of the
-    sharing, while both carry, (e_r - e_l) / 2.
+    Of errors e_r and e_l of the feet, the whole's is e_r + e_l, of masses and accelerations alone,
+    and that of the sharing, while both carry, (e_r - e_l) / 2.
     """
     for case in CASES:
         hidden = opened(folder, case)
@@ -55,12 +65,15 @@ def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
         measured = np.array([(force, moment) for _, force, moment in feet_of(hidden)])
         found = np.array([foot_wrench(tension, side) for side, _, _ in feet_of(hidden)])
         errors = (found - measured)[:, 0]
-        whole, between = errors.sum(axis=0), 0.5 * (errors[0] - errors[-1])
+        whole = errors.sum(axis=0)
+        between = 0.5 * (errors[0] - errors[-1])
         row: dict[str, object] = {"recording": case.name, "low-pass [Hz]": hidden.cutoff}
         both = hidden.use & (measured[:, 0, :, 1] > UNLOADED * hidden.weight).all(axis=0)
         row |= {"frames": int(hidden.use.sum()), "on both feet": int(both.sum())}
         for axis in (1, 0, 2):
-            row[f"whole, {AXES[axis]} [% weight]"] = 100.0 * rms(whole[hidden.use, axis]) / hidden.weight
+            row[f"whole, {AXES[axis]} [% weight]"] = (
+                100.0 * rms(whole[hidden.use, axis]) / hidden.weight
+            )
         for axis in (1, 0, 2):
             shared = 100.0 * rms(between[both, axis]) / hidden.weight if both.any() else ""
             row[f"sharing, {AXES[axis]} [% weight]"] = shared
@@ -69,7 +82,9 @@ def measure_parts(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
-    """The walk with three plates: times of contact known, one foot's force known, both feet's known only together."""
+    """The walk with three plates: times of contact known, one foot's force known, both feet's known
+    only together.
+    """
     hidden = opened(folder, CASES[0])
     right = [k for k, one in enumerate(hidden.measured.bodies) if one == "calcn_r"]
     known = _chosen(hidden.measured, right)
@@ -79,7 +94,9 @@ def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
         "times of contact": estimated(hidden, ready=_timed(hidden)),
         "right foot's force": estimated(hidden, known=known, ready=ready),
         "right foot's force, soft": estimated(hidden, shared=_shared(hidden, known)),
-        "both feet's force together": estimated(hidden, shared=_shared(hidden, summed(hidden.measured))),
+        "both feet's force together": estimated(
+            hidden, shared=_shared(hidden, summed(hidden.measured))
+        ),
     }
     for name, tension in ways.items():
         for side, force, moment in feet_of(hidden):
@@ -95,7 +112,9 @@ def measure_partial(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def force_errors(hidden: Hidden, force: np.ndarray, found: np.ndarray) -> dict[str, object]:
-    """Root mean square error of each component, over its peak-to-peak range and over the weight [%]."""
+    """Root mean square error of each component, over its peak-to-peak range and over the weight
+    [%].
+    """
     use = hidden.use
     errors = np.sqrt(np.mean((found - force)[use] ** 2, axis=0))
     spread = np.ptp(force[use], axis=0)
@@ -111,7 +130,11 @@ def center_errors(
     hidden: Hidden, measured: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, object]:
     """Distance of the centers of pressure while both forces carry a twentieth of the weight [mm]."""
-    use = hidden.use & (measured[0][:, 1] > LOADED * hidden.weight) & (found[0][:, 1] > LOADED * hidden.weight)
+    use = (
+        hidden.use
+        & (measured[0][:, 1] > LOADED * hidden.weight)
+        & (found[0][:, 1] > LOADED * hidden.weight)
+    )
     apart = np.linalg.norm(_center(*found)[use] - _center(*measured)[use], axis=1)
     return {"COP, RMS [mm]": 1e3 * rms(apart), "COP, median [mm]": float(1e3 * np.median(apart))}
 
@@ -123,7 +146,9 @@ def _center(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 
 def timing(hidden: Hidden) -> dict[str, object]:
-    """Touchdown and lift-off of the estimated contacts after those of the plates, mean and standard deviation [ms]."""
+    """Touchdown and lift-off of the estimated contacts after those of the plates, mean and standard
+    deviation [ms].
+    """
     states = hidden.contacts.states(hidden.motion.time)
     found: dict[str, list[float]] = {"touchdown": [], "lift-off": []}
     for side, body in (("right", "calcn_r"), ("left", "calcn_l")):
@@ -141,7 +166,9 @@ def timing(hidden: Hidden) -> dict[str, object]:
                     found[what].append(1e3 * float(near[np.argmin(np.abs(near - time))] - time))
     row: dict[str, object] = {}
     for what, late in found.items():
-        row[f"{what} [ms]"] = f"{np.mean(late):.0f} ± {np.std(late):.0f} ({len(late)})" if late else ""
+        row[f"{what} [ms]"] = (
+            f"{np.mean(late):.0f} ± {np.std(late):.0f} ({len(late)})" if late else ""
+        )
     return row
 
 
@@ -168,9 +195,15 @@ def _timed(hidden: Hidden) -> mm.Series:
     """Activations whose touches begin and end when the plates are loaded and unloaded."""
     plates = mm.resample_wrenches(hidden.raw, hidden.motion.time, 3.0 * hidden.cutoff)
     told = mm.find_contacts(
-        hidden.model, hidden.motion, hidden.sites, ContactStateOptions(floor=hidden.floor), plates=plates
+        hidden.model,
+        hidden.motion,
+        hidden.sites,
+        ContactStateOptions(floor=hidden.floor),
+        plates=plates,
     )
-    return contact_activations(hidden.model, hidden.motion, hidden.sites, told, ActivationOptions(floor=hidden.floor))
+    return contact_activations(
+        hidden.model, hidden.motion, hidden.sites, told, ActivationOptions(floor=hidden.floor)
+    )
 
 
 def _without(hidden: Hidden, group: str) -> mm.Series:
@@ -185,15 +218,21 @@ def summed(wrenches: mm.Wrenches) -> mm.Wrenches:
     force = wrenches.forces.sum(axis=1)
     moment = (wrenches.torques + np.cross(wrenches.points, wrenches.forces)).sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        point = np.column_stack([moment[:, 2] / force[:, 1], np.zeros(len(force)), -moment[:, 0] / force[:, 1]])
+        point = np.column_stack(
+            [moment[:, 2] / force[:, 1], np.zeros(len(force)), -moment[:, 0] / force[:, 1]]
+        )
     point = np.where(np.isfinite(point), point, 0.0)
     torque = moment - np.cross(point, force)
-    return mm.Wrenches(wrenches.time, ("one plate",), ("",), force[:, None], point[:, None], torque[:, None])
+    return mm.Wrenches(
+        wrenches.time, ("one plate",), ("",), force[:, None], point[:, None], torque[:, None]
+    )
 
 
 def _shared(hidden: Hidden, plates: mm.Wrenches):
     # A plate without an outline: whoever touches may stand on it.
-    return shared_wrenches(hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, reach=2.0)
+    return shared_wrenches(
+        hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, reach=2.0
+    )
 
 
 def tension_of(folder: Path, number: int) -> tuple[Hidden, Tension]:
@@ -202,21 +241,28 @@ def tension_of(folder: Path, number: int) -> tuple[Hidden, Tension]:
     return hidden, estimated(hidden)
 
 
-OPENCAP, RAJAGOPAL = "opencap-subject4-multitask", "rajagopal-walk-emg"
+OPENCAP = "opencap-subject4-multitask"
+RAJAGOPAL = "rajagopal-walk-emg"
 ONE_PLATE_CASES = {
     "walk, Rajagopal": (
-        f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/coordinates.sto",
-        f"{RAJAGOPAL}/grf_walk.xml", (0.6, 1.4),
+        f"{RAJAGOPAL}/subject_walk_scaled.osim",
+        f"{RAJAGOPAL}/coordinates.sto",
+        f"{RAJAGOPAL}/grf_walk.xml",
+        (0.6, 1.4),
     ),
     "walk, OpenCap": (
-        f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
-        f"{OPENCAP}/grf/walking1_external_forces.xml", (0.3, 1.2),
+        f"{OPENCAP}/models/manually_scaled.osim",
+        f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
+        f"{OPENCAP}/grf/walking1_external_forces.xml",
+        (0.3, 1.2),
     ),
     "sit to stand, OpenCap": (
-        f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/ik_manual_scaling/STS1_ik.mot",
-        f"{OPENCAP}/grf/STS1_external_forces.xml", (1.0, 6.0),
+        f"{OPENCAP}/models/manually_scaled.osim",
+        f"{OPENCAP}/ik_manual_scaling/STS1_ik.mot",
+        f"{OPENCAP}/grf/STS1_external_forces.xml",
+        (1.0, 6.0),
     ),
-}  # fmt: skip
+}
 """Model, coordinates, forces of two plates, and the time [s]."""
 WAYS = {"nearest foot": (), "shared": ("--contacts", "auto", "--measured", "shared")}
 FOOT_LOADED = 20.0
@@ -229,7 +275,16 @@ def measure_one_plate(folder: Path) -> Iterator[dict[str, object]]:
         model = mm.read_model(folder / model_file)
         motion = mm.read_motion(folder / motion_file, model)
         plates = mm.read_loads(folder / loads_file, model, motion)
-        common = ("--model", folder / model_file, "--motion", folder / motion_file, "--cutoff", 6, "--time", *span)
+        common = (
+            "--model",
+            folder / model_file,
+            "--motion",
+            folder / motion_file,
+            "--cutoff",
+            6,
+            "--time",
+            *span,
+        )
         with tempfile.TemporaryDirectory() as place:
             home = Path(place)
             one = home / "one.mot"
@@ -237,7 +292,9 @@ def measure_one_plate(folder: Path) -> Iterator[dict[str, object]]:
             truth = _tension(home / "truth", *common, "--loads", folder / loads_file)
             for way, more in WAYS.items():
                 activations = _tension(home / "found", *common, "--loads", one, *more)
-                found = mm.read_loads(home / "found" / "contact_forces.xml" if more else one, model, motion)
+                found = mm.read_loads(
+                    home / "found" / "contact_forces.xml" if more else one, model, motion
+                )
                 row: dict[str, object] = {"recording": name, "one plate's force": way}
                 for side in ("right", "left"):
                     error = _foot(found, side, truth.time) - _foot(plates, side, truth.time)
@@ -258,11 +315,16 @@ def _tension(out: Path, *typed: object) -> Table:
 
 def _added(plates: mm.Wrenches) -> Table:
     """The force of all plates as one plate at height 0 would have it."""
-    forces, points, torques = (np.nan_to_num(part) for part in (plates.forces, plates.points, plates.torques))
-    force, moment = forces.sum(axis=1), (torques + np.cross(points, forces)).sum(axis=1)
+    forces = np.nan_to_num(plates.forces)
+    points = np.nan_to_num(plates.points)
+    torques = np.nan_to_num(plates.torques)
+    force = forces.sum(axis=1)
+    moment = (torques + np.cross(points, forces)).sum(axis=1)
     loaded = force[:, 1] > FOOT_LOADED
     vertical = np.where(loaded, force[:, 1], 1.0)
-    center = np.stack([moment[:, 2] / vertical, np.zeros(len(force)), -moment[:, 0] / vertical], axis=1)
+    center = np.stack(
+        [moment[:, 2] / vertical, np.zeros(len(force)), -moment[:, 0] / vertical], axis=1
+    )
     values = np.hstack([force, center, moment - np.cross(center, force)]) * loaded[:, None]
     names = [f"ground_{part}{axis}" for part in ("force_v", "force_p", "torque_") for axis in "xyz"]
     return Table(plates.time, tuple(names), values)

@@ -1,4 +1,6 @@
-"""Forces from inertial sensors alone against force plates: simulated sensors on walks whose plates were recorded."""
+"""Forces from inertial sensors alone against force plates: simulated sensors on walks whose plates
+were recorded.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,16 @@ from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simul
 
 import myomorph as mm
 from benchmarks.errors import rms
-from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, estimated, feet_of, foot_wrench, opened, tracked
+from benchmarks.hidden_plates import (
+    CASES,
+    Hidden,
+    HiddenCase,
+    estimated,
+    feet_of,
+    foot_wrench,
+    opened,
+    tracked,
+)
 from myomorph.cli import main
 from myomorph.contact.site_motion import rest_on_floor, walked
 from myomorph.contact.sites import foot_sites
@@ -34,38 +45,53 @@ KNEES = {"right": "knee_angle_r", "left": "knee_angle_l"}
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Errors of each foot's force and knee's torque without plates: by markers, and by sensors alone."""
+    """Errors of each foot's force and knee's torque without plates: by markers, and by sensors
+    alone.
+    """
     for case in WALKS:
         hidden = opened(folder, case)
         yield from _rows(hidden, "markers", [hidden])
         for how, used in (("orientations", False), ("orientations and accelerations", True)):
-            yield from _rows(hidden, how, [by_sensors(folder, case, seed, used)[0] for seed in SEEDS])
+            yield from _rows(
+                hidden, how, [by_sensors(folder, case, seed, used)[0] for seed in SEEDS]
+            )
 
 
 def by_sensors(
     folder: Path, case: HiddenCase, seed: int, accelerations: bool = True
 ) -> tuple[Hidden, SimulatedSensors]:
-    """The recording as sensors alone show it: joint angles, and where the feet have carried the body, with the pelvis
-    sensor's accelerations or without.
+    """The recording as sensors alone show it: joint angles, and where the feet have carried the
+    body, with the pelvis sensor's accelerations or without.
     """
     hidden = opened(folder, case)
-    model, truth = hidden.model, tracked(folder, case, hidden.model)
+    model = hidden.model
+    truth = tracked(folder, case, hidden.model)
     made = simulated_sensors(model, truth, BODIES, SensorErrors(), seed, accelerometers=True)
     found = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose))
-    felt = trunk_acceleration(model, found.mounting, found.sensors, truth.time) if accelerations else None
+    felt = (
+        trunk_acceleration(model, found.mounting, found.sensors, truth.time)
+        if accelerations
+        else None
+    )
     whole = mm.differentiate(walked(model, found.fit.motion, felt), hidden.cutoff)
     standing = walked(model, whole)
     feet, floor = rest_on_floor(model, standing, foot_sites(model))
     contacts = mm.find_contacts(model, standing, feet, ContactStateOptions(floor=floor.height))
-    ready = contact_activations(model, standing, feet, contacts, ActivationOptions(floor=floor.height))
+    ready = contact_activations(
+        model, standing, feet, contacts, ActivationOptions(floor=floor.height)
+    )
     motion = cut(whole, hidden.motion.time[0], hidden.motion.time[-1])
     used = np.isin(whole.time, motion.time)
     shown = mm.Series(motion.time, ready.names, ready.values[used])
-    return replace(hidden, motion=motion, sites=feet, contacts=contacts, activations=shown, floor=floor.height), made
+    return replace(
+        hidden, motion=motion, sites=feet, contacts=contacts, activations=shown, floor=floor.height
+    ), made
 
 
 def _rows(hidden: Hidden, how: str, tries: list[Hidden]) -> Iterator[Row]:
-    """Root mean square errors over the tries, foot by foot, in frames in which the plates measure all contacts."""
+    """Root mean square errors over the tries, foot by foot, in frames in which the plates measure
+    all contacts.
+    """
     measured = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
     errors: dict[str, list[np.ndarray]] = {}
     torques: dict[str, list[np.ndarray]] = {}
@@ -84,9 +110,13 @@ def _rows(hidden: Hidden, how: str, tries: list[Hidden]) -> Iterator[Row]:
         knee = measured[KNEES[side]][hidden.use]
         row: Row = {"recording": hidden.case.name, "by": how, "foot": side}
         for axis in (1, 0, 2):
-            row[f"{AXES[axis]} [% range]"] = 100.0 * rms(np.array(errors[side])[..., axis]) / float(spread[axis])
+            row[f"{AXES[axis]} [% range]"] = (
+                100.0 * rms(np.array(errors[side])[..., axis]) / float(spread[axis])
+            )
         for axis in (1, 0, 2):
-            row[f"{AXES[axis]} [% weight]"] = 100.0 * rms(np.array(errors[side])[..., axis]) / hidden.weight
+            row[f"{AXES[axis]} [% weight]"] = (
+                100.0 * rms(np.array(errors[side])[..., axis]) / hidden.weight
+            )
         row["knee torque [N m/kg]"] = rms(np.array(torques[side])) / hidden.model.mass
         row["knee torque [% range]"] = 100.0 * rms(np.array(torques[side])) / float(np.ptp(knee))
         row["speed [m/s]"] = float(np.mean(speeds))
@@ -95,13 +125,14 @@ def _rows(hidden: Hidden, how: str, tries: list[Hidden]) -> Iterator[Row]:
 
 def _speed(hidden: Hidden) -> float:
     """Of the pelvis along x, in the mean [m/s]."""
-    way, time = hidden.motion["pelvis_tx"], hidden.motion.time
+    way = hidden.motion["pelvis_tx"]
+    time = hidden.motion.time
     return float((way[-1] - way[0]) / (time[-1] - time[0]))
 
 
 def measure_intervals(folder: Path) -> Iterator[Row]:
-    """Share of what plates measured within the limits that a study of sensors alone writes, and how wide they are; in
-    samples in which the foot carries 5 % of the weight, or may.
+    """Share of what plates measured within the limits that a study of sensors alone writes, and how
+    wide they are; in samples in which the foot carries 5 % of the weight, or may.
     """
     for case in WALKS:
         hidden = opened(folder, case)
@@ -110,18 +141,30 @@ def measure_intervals(folder: Path) -> Iterator[Row]:
         row: Row = {"recording": case.name}
         parts: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         for side, force, _ in feet_of(hidden):
-            foot, knee = f"foot_{side[0]}_f", f"{KNEES[side]}_moment"
+            foot = f"foot_{side[0]}_f"
+            knee = f"{KNEES[side]}_moment"
             loaded = np.maximum(force[:, 1], high[f"{foot}y"]) > 0.05 * hidden.weight
-            truths = {f"{AXES[axis]} [% weight]": (f"{foot}{'xyz'[axis]}", force[:, axis]) for axis in (1, 0, 2)}
-            for name, (column, truth) in (truths | {"knee torque [N m/kg]": (knee, torques[KNEES[side]])}).items():
+            truths = {
+                f"{AXES[axis]} [% weight]": (f"{foot}{'xyz'[axis]}", force[:, axis])
+                for axis in (1, 0, 2)
+            }
+            for name, (column, truth) in (
+                truths | {"knee torque [N m/kg]": (knee, torques[KNEES[side]])}
+            ).items():
                 unit = hidden.model.mass if "kg" in name else hidden.weight / 100.0
                 inside = (low[column] <= truth) & (truth <= high[column])
                 use = hidden.use & loaded
-                parts.setdefault(name, []).append((inside[use], (high[column] - low[column])[use] / unit))
+                parts.setdefault(name, []).append(
+                    (inside[use], (high[column] - low[column])[use] / unit)
+                )
         for name, both in parts.items():
             what, unit = name.split(" [")
-            row[f"{what}, inside [%]"] = 100.0 * float(np.mean(np.concatenate([part[0] for part in both])))
-            row[f"{what}, width [{unit}"] = float(np.mean(np.concatenate([part[1] for part in both])))
+            row[f"{what}, inside [%]"] = 100.0 * float(
+                np.mean(np.concatenate([part[0] for part in both]))
+            )
+            row[f"{what}, width [{unit}"] = float(
+                np.mean(np.concatenate([part[1] for part in both]))
+            )
         yield row
 
 
@@ -153,14 +196,25 @@ def _limits(hidden: Hidden, made: SimulatedSensors) -> list[dict[str, np.ndarray
         mm.write_osim(hidden.model, home / "model.osim")
         (home / "study.toml").write_text(STUDY.format(cutoff=hidden.cutoff))
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            assert main(["run", str(home / "study.toml"), "--out", str(home / "out"), "--workers", "1"]) == 0
+            assert (
+                main(
+                    ["run", str(home / "study.toml"), "--out", str(home / "out"), "--workers", "1"]
+                )
+                == 0
+            )
         tables = [
-            [mm.read_sto(next((home / "out").rglob(f"{what}_{end}.sto")))
-             for what in ("contact_groups", "torques_with_contacts")]
+            [
+                mm.read_sto(next((home / "out").rglob(f"{what}_{end}.sto")))
+                for what in ("contact_groups", "torques_with_contacts")
+            ]
             for end in ("low", "high")
-        ]  # fmt: skip
+        ]
     time = hidden.motion.time
     return [
-        {column: np.interp(time, table.time, table[column]) for table in both for column in table.names}
+        {
+            column: np.interp(time, table.time, table[column])
+            for table in both
+            for column in table.names
+        }
         for both in tables
     ]

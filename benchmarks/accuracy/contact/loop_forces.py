@@ -1,4 +1,6 @@
-"""Forces on models that close loops against OpenSim 4.6: moment arms, inverse dynamics, static optimization."""
+"""Forces on models that close loops against OpenSim 4.6: moment arms, inverse dynamics, static
+optimization.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,10 @@ from myomorph.tension.terms.actuators import default_reserves
 FOLDER = "shoulder-thoracoscapular"
 MODELS = ("model_cmc/TSM_subject_CMC_{}Weight.osim", "model_rmr/TSM_subject_{}Weight.osim")
 TRIALS = ("ABD01", "FLX01", "SHRUG01")
-BONEPIN = ("shoulder-bonepin/subject1_abdbonepin.osim", "shoulder-bonepin/std_subject1_abdbonepin_IK.mot")
+BONEPIN = (
+    "shoulder-bonepin/subject1_abdbonepin.osim",
+    "shoulder-bonepin/std_subject1_abdbonepin_IK.mot",
+)
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
 CUTOFF = 3.0
 POSES = 4
@@ -42,10 +47,10 @@ def _moved(model: mm.Model, path: Path) -> mm.Motion:
 class ArmCounts:
     """What comparing moment arms found, in metres.
 
-    `same`: greatest difference where OpenSim's forces of the path fit its length; `moving`, `two`: greatest difference
-    where they do not: a point that moves, two surfaces at once; `slope`: greatest difference of ours from the slope of
-    length, over at most one surface that is no ellipsoid; `rough`: the same of the other paths, which OpenSim's rules
-    do not make shortest.
+    `same`: greatest difference where OpenSim's forces of the path fit its length; `moving`, `two`:
+    greatest difference where they do not: a point that moves, two surfaces at once; `slope`:
+    greatest difference of ours from the slope of length, over at most one surface that is no
+    ellipsoid; `rough`: the same of the other paths, which OpenSim's rules do not make shortest.
     """
 
     pairs: int = 0
@@ -57,7 +62,9 @@ class ArmCounts:
 
 
 def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
-    """Moment arms of all muscles about all coordinates, and the slope of length along the coupled motion."""
+    """Moment arms of all muscles about all coordinates, and the slope of length along the coupled
+    motion.
+    """
     if not (folder / FOLDER).exists():
         return
     opensim.Logger.setLevelString("Off")
@@ -102,7 +109,10 @@ def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
             given = np.array([points.computeMomentArm(state, named.get(name)) for name in names])
             off = float(np.abs(given - arms[frame, i]).max())
             current = points.getCurrentPath(state)
-            wrapped = sum(current.get(k).getConcreteClassName() == "PathWrapPoint" for k in range(current.getSize()))
+            wrapped = sum(
+                current.get(k).getConcreteClassName() == "PathWrapPoint"
+                for k in range(current.getSize())
+            )
             if any(isinstance(point, MovingPathPoint) for point in muscle.path.points):
                 found.moving = max(found.moving, off)
             elif wrapped > 2:
@@ -120,7 +130,9 @@ def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
 
 
 def _slopes(tree: Tree, c: np.ndarray) -> np.ndarray:
-    """(frames, muscles, coordinates) slope of length along each coordinate's coupled motion, by differences."""
+    """(frames, muscles, coordinates) slope of length along each coordinate's coupled motion, by
+    differences.
+    """
     n = c.shape[1]
     along = np.tile(np.eye(n), (len(c), 1, 1))
     for group in loop_groups(tree):
@@ -143,7 +155,10 @@ def _slopes(tree: Tree, c: np.ndarray) -> np.ndarray:
 def measure_torques(folder: Path) -> Iterator[dict[str, object]]:
     """Inverse dynamics against OpenSim's solver with its own speeds, and against its tool."""
     cases = [(f"{FOLDER}/{MODELS[0].format('no')}", f"{FOLDER}/ik/{trial}.mot") for trial in TRIALS]
-    cases += [(f"{FOLDER}/{MODELS[0].format('2kg')}", f"{FOLDER}/ik/{trial}.mot") for trial in ("ABD21", "FLX21")]
+    cases += [
+        (f"{FOLDER}/{MODELS[0].format('2kg')}", f"{FOLDER}/ik/{trial}.mot")
+        for trial in ("ABD21", "FLX21")
+    ]
     cases.append(BONEPIN)
     for model_path, motion_path in cases:
         if not (folder / model_path).exists():
@@ -154,14 +169,22 @@ def measure_torques(folder: Path) -> Iterator[dict[str, object]]:
         folded = loop_torques(model, motion, torques)
         tool = _tool(folder / model_path, model, motion)
         false = loop_torques(model, motion, replace(torques, values=tool)).torques.values
-        shoulder = [k for k, name in enumerate(folded.torques.names) if name in ("plane_elv", "shoulder_elv")]
+        shoulder = [
+            k
+            for k, name in enumerate(folded.torques.names)
+            if name in ("plane_elv", "shoulder_elv")
+        ]
         yield {
             "motion": Path(motion_path).stem,
             "frames": len(motion),
             "dependent": ", ".join(folded.dependent),
-            "OpenSim's solver, its speeds [N m]": _solver(folder / model_path, model, motion, torques.values),
+            "OpenSim's solver, its speeds [N m]": _solver(
+                folder / model_path, model, motion, torques.values
+            ),
             "OpenSim's tool [N m]": float(np.abs(tool - torques.values).max()),
-            "tool, at the elevation of the arm [N m]": float(np.abs(false - folded.torques.values)[:, shoulder].max()),
+            "tool, at the elevation of the arm [N m]": float(
+                np.abs(false - folded.torques.values)[:, shoulder].max()
+            ),
             "greatest torque there [N m]": float(np.abs(folded.torques.values[:, shoulder]).max()),
         }
 
@@ -175,29 +198,37 @@ def _tool(path: Path, model: mm.Model, motion: mm.Motion) -> np.ndarray:
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "q.mot"
-        write_sto(table_from_motion(mm.Motion(motion.time, motion.names, motion.values), model), file)
+        write_sto(
+            table_from_motion(mm.Motion(motion.time, motion.names, motion.values), model), file
+        )
         bare = Path(folder) / "bare.osim"
         theirs = opensim.Model(str(path))
         theirs.updForceSet().clearAndDestroy()
         theirs.printToXML(str(bare))
-        found = opensim_tools.inverse_dynamics(bare, file, None, float(motion.time[0]), float(motion.time[-1]))
+        found = opensim_tools.inverse_dynamics(
+            bare, file, None, float(motion.time[0]), float(motion.time[-1])
+        )
     names = [name.rsplit("_", 1)[0] for name in found.names]
     return found.values[:, [names.index(name) for name in model.coordinate_names]]
 
 
 def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray) -> float:
-    """Greatest difference from InverseDynamicsSolver [N m or N], given angular velocities of the scapula."""
+    """Greatest difference from InverseDynamicsSolver [N m or N], given angular velocities of the
+    scapula.
+    """
     names = model.coordinate_names
     theirs = opensim.Model(str(path))
     theirs.updForceSet().clearAndDestroy()
     state = theirs.initSystem()
-    named, solver = theirs.getCoordinateSet(), opensim.InverseDynamicsSolver(theirs)
+    named = theirs.getCoordinateSet()
+    solver = opensim.InverseDynamicsSolver(theirs)
     rows = [names.index(name) for name in SCAPULA]
     columns = [motion.names.index(name) for name in names]
     c = motion.values[:, columns]
     assert motion.velocities is not None
     assert motion.accelerations is not None
-    rates, changes = motion.velocities[:, columns], motion.accelerations[:, columns]
+    rates = motion.velocities[:, columns]
+    changes = motion.accelerations[:, columns]
     turn = angular_velocities(c[:, rows[0]], c[:, rows[1]])
     ahead = angular_velocities(*(c[:, rows[:2]] + STEP * rates[:, rows[:2]]).T)
     behind = angular_velocities(*(c[:, rows[:2]] - STEP * rates[:, rows[:2]]).T)
@@ -206,7 +237,8 @@ def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray)
     for name in names:
         named.get(name).setLocked(state, False)
     for frame in np.linspace(0, len(motion) - 1, 10).astype(int):
-        u, udot = rates[frame].copy(), changes[frame].copy()
+        u = rates[frame].copy()
+        udot = changes[frame].copy()
         u[rows] = turn[frame] @ rates[frame, rows]
         udot[rows] = turn[frame] @ changes[frame, rows] + turning[frame] @ rates[frame, rows]
         for j, name in enumerate(names):
@@ -220,14 +252,17 @@ def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray)
 
 
 def measure_static(folder: Path) -> Iterator[dict[str, object]]:
-    """Static optimization of two poses of an abduction: OpenSim's constraint against our null space."""
+    """Static optimization of two poses of an abduction: OpenSim's constraint against our null
+    space.
+    """
     path = folder / FOLDER / MODELS[0].format("no")
     if not path.exists():
         return
     model = mm.read_model(path)
     recorded = folder / FOLDER / "ik/ABD01.mot"
     actuators = tuple(
-        replace(one, optimal_force=TRUNK) if "ground" in one.name else one for one in default_reserves(model, 1.0, 10.0)
+        replace(one, optimal_force=TRUNK) if "ground" in one.name else one
+        for one in default_reserves(model, 1.0, 10.0)
     )
     with tempfile.TemporaryDirectory() as scratch:
         reserves = Path(scratch) / "reserves.xml"
@@ -237,18 +272,26 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
     frames = np.searchsorted(motion.time, theirs.time - 1e-6)
     some = replace(motion.frames(frames), time=theirs.time)
     ours = mm.solve_tension(
-        model, some, mm.inverse_dynamics(model, some), mm.TensionOptions(min_activation="model"), actuators
+        model,
+        some,
+        mm.inverse_dynamics(model, some),
+        mm.TensionOptions(min_activation="model"),
+        actuators,
     )
     columns = [theirs.names.index(name) for name in ours.muscles]
     controls = [theirs.names.index(name) for name in (*ours.muscles, *ours.reserve_names)]
     strength = np.array([one.optimal_force for one in actuators])
     for frame in range(len(some)):
-        mine = float((ours.activations[frame] ** 2).sum() + ((ours.reserves[frame] / strength) ** 2).sum())
+        mine = float(
+            (ours.activations[frame] ** 2).sum() + ((ours.reserves[frame] / strength) ** 2).sum()
+        )
         yield {
             "time [s]": float(theirs.time[frame]),
             "effort": f"{mine:.5f}",
             "OpenSim's effort": f"{float((theirs.activations[frame, controls] ** 2).sum()):.5f}",
-            "greatest difference of force [N]": float(np.abs(theirs.forces[frame, columns] - ours.forces[frame]).max()),
+            "greatest difference of force [N]": float(
+                np.abs(theirs.forces[frame, columns] - ours.forces[frame]).max()
+            ),
             "greatest force [N]": float(ours.forces[frame].max()),
             "OpenSim's time a frame [s]": theirs.seconds / len(some),
         }

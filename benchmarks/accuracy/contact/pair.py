@@ -1,4 +1,6 @@
-"""Two simulated fighters whose forces are known: contact forces and tensions together, or one after the other."""
+"""Two simulated fighters whose forces are known: contact forces and tensions together, or one after
+the other.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,10 @@ WORKERS = 2
 class Knowledge:
     """What an estimate is told beside the motion and which foot stands.
 
-    `plates`: fighters under whose feet everything is measured; `directed`: whether the grips are known to pull only,
-    and about where to; `emg`: of "none", "16" channels a fighter, or "all" muscles; `gains`: of EMG: "given", as
-    envelopes are activations but for their errors, or "default", as the library finds them.
+    `plates`: fighters under whose feet everything is measured; `directed`: whether the grips are
+    known to pull only, and about where to; `emg`: of "none", "16" channels a fighter, or "all"
+    muscles; `gains`: of EMG: "given", as envelopes are activations but for their errors, or
+    "default", as the library finds them.
     """
 
     words: str
@@ -55,14 +58,21 @@ KNOWN = (
     Knowledge("and 16 EMG channels of each", emg="16"),
     Knowledge("and directions and 16 channels", directed=True, emg="16"),
     Knowledge("and directions and EMG of all muscles", directed=True, emg="all"),
-    Knowledge("plates under tori, directions, 16 channels", ("tori",), True, "16"),
-    Knowledge("plates under both, 16 channels", PARTS, False, "16"),
+    Knowledge(
+        words="plates under tori, directions, 16 channels",
+        plates=("tori",),
+        directed=True,
+        emg="16",
+    ),
+    Knowledge(words="plates under both, 16 channels", plates=PARTS, directed=False, emg="16"),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Root mean squares over time: of feet that were not measured and of grips [N], activations [1], tensions [N]."""
+    """Root mean squares over time: of feet that were not measured and of grips [N], activations
+    [1], tensions [N].
+    """
 
     feet: float
     grips: float
@@ -117,14 +127,23 @@ def estimate(
     options = mm.TensionOptions(passive=True)
     emg = emg_target(pair, known.emg)
     if emg is not None and known.gains == "default":
-        emg = calibrated(pair, EmgTrial(motion, torques, pair.emg, task), emg.muscles, options)
+        emg = calibrated(
+            pair,
+            EmgTrial(motion=motion, torques=torques, emg=pair.emg, contacts=task),
+            emg.muscles,
+            options,
+        )
     return mm.solve_tension(pair.model, motion, torques, options, contacts=task, emg=emg)
 
 
 def open_sites(pair: VirtualPair, known: Knowledge) -> tuple[Site, ...]:
     """The sites whose forces are to be found."""
     measured = tuple(f"{part}_foot" for part in known.plates)
-    return tuple(one for one in pair_sites(pair.builds, known.directed) if not one.group.startswith(measured or "-"))
+    return tuple(
+        one
+        for one in pair_sites(pair.builds, known.directed)
+        if not one.group.startswith(measured or "-")
+    )
 
 
 def emg_target(pair: VirtualPair, channels: str) -> EmgTarget | None:
@@ -136,7 +155,9 @@ def emg_target(pair: VirtualPair, channels: str) -> EmgTarget | None:
     return EmgTarget(tuple(muscles), np.array([pair.emg[name] for name in muscles]).T)
 
 
-def calibrated(pair: VirtualPair, trial: EmgTrial, muscles: Sequence[str], options: mm.TensionOptions) -> EmgTarget:
+def calibrated(
+    pair: VirtualPair, trial: EmgTrial, muscles: Sequence[str], options: mm.TensionOptions
+) -> EmgTarget:
     """Envelopes with gains, delay and weight as the library finds them by default."""
     channels = {name: (name,) for name in muscles}
     found = calibrate_emg(pair.model, [trial], channels, None, options)
@@ -154,15 +175,19 @@ def errors_of(pair: VirtualPair, found: Tension) -> Errors:
     feet = [value for group, value in squares.items() if group in FEET]
     grips = [value for group, value in squares.items() if group in GRIPS]
     return Errors(
-        float(np.sqrt(np.mean(feet))) if feet else float("nan"),
-        float(np.sqrt(np.mean(grips))),
-        float(np.sqrt(np.mean((found.activations - pair.truth.activations.values) ** 2))),
-        float(np.sqrt(np.mean((found.forces - pair.truth.tensions.values) ** 2))),
+        feet=float(np.sqrt(np.mean(feet))) if feet else float("nan"),
+        grips=float(np.sqrt(np.mean(grips))),
+        activations=float(
+            np.sqrt(np.mean((found.activations - pair.truth.activations.values) ** 2))
+        ),
+        tensions=float(np.sqrt(np.mean((found.forces - pair.truth.tensions.values) ** 2))),
     )
 
 
 def errors_over(
-    pairs: Iterable[VirtualPair], wanted: Sequence[Knowledge], compliance: float = ContactOptions().compliance
+    pairs: Iterable[VirtualPair],
+    wanted: Sequence[Knowledge],
+    compliance: float = ContactOptions().compliance,
 ) -> dict[tuple[str, str], list[Errors]]:
     """Errors of every knowledge and formulation over some bouts."""
     found: dict[tuple[str, str], list[Errors]] = {}
@@ -176,13 +201,17 @@ def errors_over(
 
 
 def measure() -> Iterable[Row]:
-    """One row for each knowledge: both formulations, and how much nearer the simultaneous one comes."""
+    """One row for each knowledge: both formulations, and how much nearer the simultaneous one
+    comes.
+    """
     errors = errors_over(bouts(), KNOWN)
     for known in KNOWN:
-        first, both = (errors[known.words, one] for one in ("sequential", "simultaneous"))
+        first = errors[known.words, "sequential"]
+        both = errors[known.words, "simultaneous"]
         row: Row = {"known": known.words}
         for what in ("feet", "grips"):
-            before, after = (np.array([getattr(one, what) for one in some]) for some in (first, both))
+            before = np.array([getattr(one, what) for one in first])
+            after = np.array([getattr(one, what) for one in both])
             row[f"{what} [N], contacts first"] = _spread(before)
             row[f"{what} [N], together"] = _spread(after)
             row[f"{what} nearer"] = _gain(before, after)
@@ -202,7 +231,8 @@ TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
 
 
 def measure_emg(count: int = 1) -> Iterable[Row]:
-    """One row for each knowledge with EMG: errors with gains that are given, and with those that are found.
+    """One row for each knowledge with EMG: errors with gains that are given, and with those that
+    are found.
 
     `count`: of bouts.
     """
@@ -211,18 +241,29 @@ def measure_emg(count: int = 1) -> Iterable[Row]:
         means = {}
         for gains in ("given", "default"):
             told = replace(known, gains=gains)
-            errors = [errors_of(one, estimate(one, recorded_motion(one), told, "simultaneous")) for one in pairs]
+            errors = [
+                errors_of(one, estimate(one, recorded_motion(one), told, "simultaneous"))
+                for one in pairs
+            ]
             means[gains] = {what: np.mean([getattr(one, what) for one in errors]) for what in WHAT}
         row: Row = {"known": known.words}
         for what, words in WHAT.items():
-            given, found = means["given"][what], means["default"][what]
+            given = means["given"][what]
+            found = means["default"][what]
             told = f"{given:.3g} / {found:.3g}"
             row[f"{words}, given / found"] = "" if np.isnan(given) else told
-            row[f"{what}, found to given"] = "" if np.isnan(given) else f"{found / given - 1.0:+.0%}"
+            row[f"{what}, found to given"] = (
+                "" if np.isnan(given) else f"{found / given - 1.0:+.0%}"
+            )
         yield row
 
 
-WHAT = {"feet": "feet [N]", "grips": "grips [N]", "activations": "activations", "tensions": "tensions [N]"}
+WHAT = {
+    "feet": "feet [N]",
+    "grips": "grips [N]",
+    "activations": "activations",
+    "tensions": "tensions [N]",
+}
 
 
 def measure_truths() -> Iterable[Row]:
@@ -254,10 +295,14 @@ def _beside(errors: dict[tuple[str, str], list[Errors]]) -> Row:
     """Means of both formulations, and how much nearer the simultaneous one comes."""
     row: Row = {}
     for words, known in TOLD.items():
-        first, both = (errors[known.words, one] for one in ("sequential", "simultaneous"))
+        first = errors[known.words, "sequential"]
+        both = errors[known.words, "simultaneous"]
         for what in ("feet", "grips"):
-            before, after = (np.array([getattr(one, what) for one in some]) for some in (first, both))
-            row[f"{words}: {what} [N], first / together"] = f"{before.mean():.0f} / {after.mean():.0f}"
+            before = np.array([getattr(one, what) for one in first])
+            after = np.array([getattr(one, what) for one in both])
+            row[f"{words}: {what} [N], first / together"] = (
+                f"{before.mean():.0f} / {after.mean():.0f}"
+            )
             row[f"{words}: {what} nearer"] = _gain(before, after)
     return row
 
@@ -269,7 +314,9 @@ def measure_bouts() -> Iterable[Row]:
         truth = pair.truth
         effort = truth.activations.values
         size = np.linalg.norm(truth.forces.values, axis=2)
-        both = action_reaction(pair.model, motion, PARTS, _together([pair.plates[part] for part in PARTS]))
+        both = action_reaction(
+            pair.model, motion, PARTS, _together([pair.plates[part] for part in PARTS])
+        )
         passed = 0.5 * (both.passed[:, 0, 3:] - both.passed[:, 1, 3:])
         total = sum(truth.forces[name] for name in GRIPS)
         yield {
@@ -281,14 +328,18 @@ def measure_bouts() -> Iterable[Row]:
             "a foot, least and most [N]": f"{size[:, :4].min():.0f}, {size[:, :4].max():.0f}",
             "activations, mean and most": f"{effort.mean():.3f}, {effort.max():.2f}",
             "action less reaction, plates under both [N]": round(both.force_error, 2),
-            "sum of both grips from the plates, RMS error [N]": round(rms_of_vectors(passed - total), 2),
+            "sum of both grips from the plates, RMS error [N]": round(
+                rms_of_vectors(passed - total), 2
+            ),
         }
 
 
 def measure_open() -> Iterable[Row]:
     """With plates under all feet: errors along the one direction that is open, and in what is not."""
     for formulation in ("sequential", "simultaneous"):
-        true, found, rest = [], [], []
+        true = []
+        found = []
+        rest = []
         for pair in bouts():
             motion = recorded_motion(pair)
             contacts = estimate(pair, motion, KNOWN[-1], formulation).contacts
@@ -298,8 +349,11 @@ def measure_open() -> Iterable[Row]:
             hands = pair.truth.wrenches.points[:, len(FEET) : len(FEET) + 2]
             along = hands[:, 0] - hands[:, 1]
             along = along / np.linalg.norm(along, axis=1, keepdims=True)
-            inner, known = (0.5 * np.sum((one[:, 0] - one[:, 1]) * along, axis=1) for one in (forces, truth))
-            miss = forces - truth - (inner - known)[:, None, None] * np.stack([along, -along], axis=1)
+            inner = 0.5 * np.sum((forces[:, 0] - forces[:, 1]) * along, axis=1)
+            known = 0.5 * np.sum((truth[:, 0] - truth[:, 1]) * along, axis=1)
+            miss = (
+                forces - truth - (inner - known)[:, None, None] * np.stack([along, -along], axis=1)
+            )
             true.append(known.mean())
             found.append(inner.mean())
             rest.append(np.sqrt(np.mean(np.sum(miss**2, axis=2))))
@@ -313,16 +367,21 @@ def measure_open() -> Iterable[Row]:
 
 def _together(measured: list[mm.Wrenches]) -> mm.Wrenches:
     """Wrenches whose bodies have the joined model's names already."""
-    force, point, torque = (
-        np.concatenate([getattr(one, what) for one in measured], axis=1) for what in ("forces", "points", "torques")
-    )
-    names, bodies = (tuple(name for one in measured for name in getattr(one, what)) for what in ("names", "bodies"))
+    force = np.concatenate([one.forces for one in measured], axis=1)
+    point = np.concatenate([one.points for one in measured], axis=1)
+    torque = np.concatenate([one.torques for one in measured], axis=1)
+    names = tuple(name for one in measured for name in one.names)
+    bodies = tuple(name for one in measured for name in one.bodies)
     return mm.Wrenches(measured[0].time, names, bodies, force, point, torque)
 
 
 def _gain(before: np.ndarray, after: np.ndarray) -> str:
     gain = 1.0 - after.mean() / before.mean()
-    return "" if np.isnan(gain) else f"{100.0 * gain:+.0f} % ({int((after < before).sum())} of {len(before)})"
+    return (
+        ""
+        if np.isnan(gain)
+        else f"{100.0 * gain:+.0f} % ({int((after < before).sum())} of {len(before)})"
+    )
 
 
 def _spread(values: np.ndarray) -> str:

@@ -1,4 +1,6 @@
-"""Strokes heard in made-up recordings whose strokes are known: when, on which drum, and with which impulse."""
+"""Strokes heard in made-up recordings whose strokes are known: when, on which drum, and with which
+impulse.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ SCENES = (
 )
 
 
-def matched(truth: tuple[Truth, ...], heard: HeardImpacts) -> tuple[list[tuple[Truth, HeardImpact]], int]:
+def matched(
+    truth: tuple[Truth, ...], heard: HeardImpacts
+) -> tuple[list[tuple[Truth, HeardImpact]], int]:
     """True strokes with what was heard of them, each used once, and how many others were heard."""
     left = list(heard.impacts)
     pairs = []
@@ -62,7 +66,9 @@ def impulse_errors(pairs: list[tuple[Truth, HeardImpact]]) -> np.ndarray:
     for drum in dict.fromkeys(one.drum for one, _ in pairs):
         mine = [(s.energy, one.impulse) for one, s in pairs if one.drum == drum]
         law = calibrate_impulse(*np.array(mine[::EVERY]).T)
-        errors += [float(law.impulse(energy)) / p - 1.0 for k, (energy, p) in enumerate(mine) if k % EVERY]
+        errors += [
+            float(law.impulse(energy)) / p - 1.0 for k, (energy, p) in enumerate(mine) if k % EVERY
+        ]
     return np.array(errors)
 
 
@@ -93,10 +99,16 @@ def measure() -> Iterator[dict[str, object]]:
 
 
 def measure_motion() -> Iterator[dict[str, object]]:
-    """Change of a tip's velocity as motion capture sees it, over the true one, at several frame rates and filters."""
+    """Change of a tip's velocity as motion capture sees it, over the true one, at several frame
+    rates and filters.
+    """
     stick, tip = _stick()
     mass = effective_mass(
-        stick, mm.Motion(np.zeros(1), ("turn",), np.zeros((1, 1))), "stick", tip.points[0], [1.0, 0.0, 0.0]
+        stick,
+        mm.Motion(np.zeros(1), ("turn",), np.zeros((1, 1))),
+        "stick",
+        tip.points[0],
+        [1.0, 0.0, 0.0],
     )
     for rate in (100.0, 200.0, 500.0, 1000.0):
         for cutoff in (None, 20.0, 6.0):
@@ -111,20 +123,26 @@ def measure_motion() -> Iterator[dict[str, object]]:
             }
 
 
-def _seen(stick: mm.Model, tip: Site, rate: float, cutoff: float | None, rng: np.random.Generator) -> float:
-    """One stroke: the tip comes at 5 m/s, leaves at 3.5 m/s, is turned round in 5 ms and heard up to 2 ms late.
+def _seen(
+    stick: mm.Model, tip: Site, rate: float, cutoff: float | None, rng: np.random.Generator
+) -> float:
+    """One stroke: the tip comes at 5 m/s, leaves at 3.5 m/s, is turned round in 5 ms and heard up
+    to 2 ms late.
 
     Angles are 0.1 degrees rough.
     """
     fine = np.arange(-0.5, 0.5, 1e-5)
-    begin, touch = 0.01 * rng.uniform(), 0.005
+    begin = 0.01 * rng.uniform()
+    touch = 0.005
     inside = np.clip((fine - begin) / touch, 0.0, 1.0)
     speed = (-5.0 + 8.5 * 0.5 * (1.0 - np.cos(np.pi * inside))) / LENGTH
     # Before and after, muscles swing the stick within 0.2 s either way.
     speed *= np.cos(np.clip((fine - begin) / 0.2, -1.0, 1.0) * 0.5 * np.pi)
     angle = np.cumsum(speed) * 1e-5
     time = np.arange(-0.4, 0.4, 1.0 / rate)
-    values = np.interp(time, fine, angle)[:, None] + np.radians(0.1) * rng.standard_normal((len(time), 1))
+    values = np.interp(time, fine, angle)[:, None] + np.radians(0.1) * rng.standard_normal(
+        (len(time), 1)
+    )
     if cutoff is not None and cutoff < 0.5 * rate:
         values = lowpass(values, rate, cutoff)
     heard = begin + 0.002 * rng.uniform()
@@ -135,9 +153,28 @@ def _seen(stick: mm.Model, tip: Site, rate: float, cutoff: float | None, rng: np
 def _stick() -> tuple[mm.Model, Site]:
     """A drum stick of 60 g and 0.4 m that turns about its end, and its tip."""
     across = 0.06 * LENGTH**2 / 12.0
-    body = Body("stick", 0.06, np.array([0.0, -0.5 * LENGTH, 0.0]), np.diag([across, 1e-9, across]))
-    axis = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("turn",))
+    body = Body(
+        name="stick",
+        mass=0.06,
+        mass_center=np.array([0.0, -0.5 * LENGTH, 0.0]),
+        inertia=np.diag([across, 1e-9, across]),
+    )
+    axis = Axis(
+        kind="rotation",
+        vector=np.array([0.0, 0.0, 1.0]),
+        function=linear(1.0),
+        coordinates=("turn",),
+    )
     at = Transform.identity()
-    joint = Joint("hand", "PinJoint", GROUND, "stick", at, at, (axis,), ("turn",))
+    joint = Joint(
+        name="hand",
+        kind="PinJoint",
+        parent=GROUND,
+        child="stick",
+        parent_frame=at,
+        child_frame=at,
+        axes=(axis,),
+        coordinates=("turn",),
+    )
     model = mm.Model("stick", (body,), (joint,), (Coordinate("turn"),), np.array([0.0, -9.81, 0.0]))
     return model, Site("tip", "stick", np.array([[0.0, -LENGTH, 0.0]]))

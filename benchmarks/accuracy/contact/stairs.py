@@ -1,4 +1,6 @@
-"""Forces of a mouse on a ladder of load cells, recovered from channels of 1, 3 and 6 axes: simulated, forces known."""
+"""Forces of a mouse on a ladder of load cells, recovered from channels of 1, 3 and 6 axes:
+simulated, forces known.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,13 @@ from myomorph.rigid.tree import compile_tree
 from truths.mouse_hindlimb import mouse_hindlimb_model
 
 Row = dict[str, object]
-RATE, PERIOD, DUTY, CYCLES = 500.0, 0.3, 0.6, 4
-PITCH, RISE, APART = 0.012, 0.004, 0.009
+RATE = 500.0
+PERIOD = 0.3
+DUTY = 0.6
+CYCLES = 4
+PITCH = 0.012
+RISE = 0.004
+APART = 0.009
 """From rung to rung, forward and up; half the distance between the tracks of the paws [m]."""
 RUNG = (0.003, 0.06)
 PAWS = {"r": "Toes_r", "l": "Toes_l"}
@@ -38,7 +45,8 @@ BENT = {"Hip_flexion": 0.3, "Knee_extension": -1.6, "Ankle_flexion": 0.3, "MTP_f
 class Climb:
     """A mouse that climbs, and what acts on it.
 
-    `forces`, `points`: by paw, (frames, 3) in ground; `rung`: by paw, (frames,) which one it stands on, -1 in swing.
+    `forces`, `points`: by paw, (frames, 3) in ground; `rung`: by paw, (frames,) which one it stands
+    on, -1 in swing.
     """
 
     model: mm.Model
@@ -52,42 +60,61 @@ class Climb:
 
 @lru_cache(maxsize=1)
 def climb(folder: Path) -> Climb:
-    """The anatomist's hindlimb and its mirrored other side climb a ladder: paths of paws and forces are made up."""
-    model = with_other_side(mouse_hindlimb_model(folder / "mouse-hindlimb-muscles/mouse_hindlimb.json"))
+    """The anatomist's hindlimb and its mirrored other side climb a ladder: paths of paws and forces
+    are made up.
+    """
+    model = with_other_side(
+        mouse_hindlimb_model(folder / "mouse-hindlimb-muscles/mouse_hindlimb.json")
+    )
     time = np.arange(0.0, CYCLES * PERIOD, 1.0 / RATE)
-    targets, rung = {}, {}
+    targets = {}
+    rung = {}
     for side, shift in (("r", 0.0), ("l", 0.5)):
         cycle = time / PERIOD - shift
-        turn, share = np.floor(cycle).astype(np.int64), cycle % 1.0
+        turn = np.floor(cycle).astype(np.int64)
+        share = cycle % 1.0
         u = np.clip((share - DUTY) / (1.0 - DUTY), 0.0, 1.0)
         smooth = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         at = 2.0 * (turn + smooth) + (1.0 if side == "l" else 0.0) + 2.0
-        place = np.stack([PITCH * at, RISE * at, np.full_like(at, APART if side == "r" else -APART)], axis=1)
+        place = np.stack(
+            [PITCH * at, RISE * at, np.full_like(at, APART if side == "r" else -APART)], axis=1
+        )
         place[:, 1] += 0.004 * np.sin(np.pi * u) ** 2
         targets[side] = place
         rung[side] = np.where(share < DUTY, 2 * turn + (side == "l") + 2, -1)
     body = np.stack(
-        [PITCH * (2.0 * time / PERIOD + 2.2), RISE * (2.0 * time / PERIOD + 2.0) + 0.03, 0.0 * time], axis=1
+        [
+            PITCH * (2.0 * time / PERIOD + 2.2),
+            RISE * (2.0 * time / PERIOD + 2.0) + 0.03,
+            0.0 * time,
+        ],
+        axis=1,
     )
     motion = _followed(model, time, body, targets)
     places = _paws(model, motion)
     steps = tuple(
         Step(
-            f"rung{k}",
-            Transform(rotation_from_euler_xyz((-np.pi / 2.0, 0.0, 0.0)), np.array([PITCH * k, RISE * k, 0.0])),
-            RUNG,
-            COMPONENTS,
-            tuple(f"{one}{k}" for one in COMPONENTS),
+            name=f"rung{k}",
+            pose=Transform(
+                rotation_from_euler_xyz((-np.pi / 2.0, 0.0, 0.0)),
+                np.array([PITCH * k, RISE * k, 0.0]),
+            ),
+            size=RUNG,
+            measures=COMPONENTS,
+            channels=tuple(f"{one}{k}" for one in COMPONENTS),
             origin=np.array([0.0, 0.0, -0.005]),
         )
         for k in range(2 * CYCLES + 4)
     )
-    forces, points = {}, {}
+    forces = {}
+    points = {}
     for side in PAWS:
         share = (time / PERIOD - (0.5 if side == "l" else 0.0)) % 1.0 / DUTY
         push = np.where(share < 1.0, np.sin(np.pi * np.clip(share, 0.0, 1.0)), 0.0) * model.weight
         out = 0.06 if side == "r" else -0.06
-        forces[side] = np.stack([0.15 * push * np.sin(np.pi * (2 * share - 1)), 0.9 * push, out * push], axis=1)
+        forces[side] = np.stack(
+            [0.15 * push * np.sin(np.pi * (2 * share - 1)), 0.9 * push, out * push], axis=1
+        )
         # The paw presses on the rung where it is, as far as the rung reaches.
         points[side] = np.array(
             [
@@ -96,16 +123,30 @@ def climb(folder: Path) -> Climb:
             ]
         )
     sites = tuple(Site(f"paw_{side}", body, np.zeros((1, 3))) for side, body in PAWS.items())
-    return Climb(model, motion, steps, sites, forces, points, rung)
+    return Climb(
+        model=model,
+        motion=motion,
+        steps=steps,
+        sites=sites,
+        forces=forces,
+        points=points,
+        rung=rung,
+    )
 
 
 def _followed(model: mm.Model, time: Array, body: Array, targets: dict[str, Array]) -> mm.Motion:
-    """Coordinates with which the pelvis and the paws go where they should, smooth to the second derivative."""
+    """Coordinates with which the pelvis and the paws go where they should, smooth to the second
+    derivative.
+    """
     corners = np.array([[0.0, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.005]])
     own = [Marker(f"P{k}", "Pelvis", corner) for k, corner in enumerate(corners)]
     own += [Marker(f"paw_{side}", name, np.zeros(3)) for side, name in PAWS.items()]
-    values = np.concatenate([body[:, None] + corners, np.stack([targets["r"], targets["l"]], axis=1)], axis=1)
-    bent = tuple(replace(one, default=BENT.get(one.name[:-2], one.default)) for one in model.coordinates)
+    values = np.concatenate(
+        [body[:, None] + corners, np.stack([targets["r"], targets["l"]], axis=1)], axis=1
+    )
+    bent = tuple(
+        replace(one, default=BENT.get(one.name[:-2], one.default)) for one in model.coordinates
+    )
     guided = replace(model, markers=tuple(own), coordinates=bent)
     fit = mm.inverse_kinematics(guided, mm.Markers(time, tuple(one.name for one in own), values))
     return mm.differentiate(fit.motion, CUTOFF)
@@ -124,7 +165,9 @@ def _on(step: Step, place: Array) -> Array:
 
 
 def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> mm.Series:
-    """What all cells read (frames, 6 x rungs), with white noise of `noise` body weights (moments: times 10 mm)."""
+    """What all cells read (frames, 6 x rungs), with white noise of `noise` body weights (moments:
+    times 10 mm).
+    """
     rng = np.random.default_rng(seed)
     columns = []
     sd = noise * made.model.weight * np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
@@ -138,10 +181,16 @@ def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> m
         if cross is not None:
             total = total @ cross.T
         columns.append(total + rng.standard_normal(total.shape) * sd + 0.1 * made.model.weight)
-    return mm.Series(made.motion.time, tuple(name for step in made.steps for name in step.channels), np.hstack(columns))
+    return mm.Series(
+        made.motion.time,
+        tuple(name for step in made.steps for name in step.channels),
+        np.hstack(columns),
+    )
 
 
-def recovered(made: Climb, axes: int, read: mm.Series, away: float = 0.0, given: Array | None = None) -> mm.Wrenches:
+def recovered(
+    made: Climb, axes: int, read: mm.Series, away: float = 0.0, given: Array | None = None
+) -> mm.Wrenches:
     """Wrenches on the paws from cells of some axes; `away` moves the paws from where they are [m]."""
     steps = []
     for step in made.steps:
@@ -165,7 +214,13 @@ def measure(folder: Path) -> Iterator[Row]:
     )
     for axes in (6, 3, 1):
         for noise, away in ((0.0, 0.0), (0.005, 0.0), (0.02, 0.0), (0.005, 1e-3), (0.005, 3e-3)):
-            yield _row(made, f"{axes}", noise, away, recovered(made, axes, channels(made, noise, None), away))
+            yield _row(
+                made,
+                f"{axes}",
+                noise,
+                away,
+                recovered(made, axes, channels(made, noise, None), away),
+            )
     read = channels(made, 0.005, mixed)
     yield _row(made, "6, cross-talk of 3 % left in", 0.005, 0.0, recovered(made, 6, read))
     yield _row(made, "6, cross-talk taken out", 0.005, 0.0, recovered(made, 6, read, given=mixed))
@@ -173,7 +228,11 @@ def measure(folder: Path) -> Iterator[Row]:
 
 def _row(made: Climb, axes: str, noise: float, away: float, found: mm.Wrenches) -> Row:
     weight = made.model.weight
-    vertical, level, place, right, total = [], [], [], 0.0, 0.0
+    vertical = []
+    level = []
+    place = []
+    right = 0.0
+    total = 0.0
     truth = []
     for side, body in PAWS.items():
         force = made.forces[side]
@@ -188,7 +247,9 @@ def _row(made: Climb, axes: str, noise: float, away: float, found: mm.Wrenches) 
         total += float(force[loaded, 1].sum())
         for j in mine:
             pressed = found.forces[:, j, 1] > 0.3 * weight
-            place.append(np.linalg.norm(found.points[pressed, j] - made.points[side][pressed], axis=1))
+            place.append(
+                np.linalg.norm(found.points[pressed, j] - made.points[side][pressed], axis=1)
+            )
     given = [np.stack(parts, axis=1) for parts in zip(*truth, strict=True)]
     exact = mm.Wrenches(made.motion.time, tuple(PAWS), tuple(PAWS.values()), *given)
     return {
@@ -206,8 +267,14 @@ def _torques(made: Climb, exact: mm.Wrenches, found: mm.Wrenches) -> Row:
     truth = mm.inverse_dynamics(made.model, made.motion, exact)
     told = mm.inverse_dynamics(made.model, made.motion, found)
     row: Row = {}
-    for joint, name in (("hip", "Hip_flexion"), ("knee", "Knee_extension"), ("ankle", "Ankle_flexion")):
+    for joint, name in (
+        ("hip", "Hip_flexion"),
+        ("knee", "Knee_extension"),
+        ("ankle", "Ankle_flexion"),
+    ):
         columns = [truth.names.index(f"{name}_{side}") for side in "rl"]
         values = truth.values[:, columns]
-        row[f"{joint} torque, RMS [% of peak]"] = 100.0 * rms(told.values[:, columns] - values) / np.abs(values).max()
+        row[f"{joint} torque, RMS [% of peak]"] = (
+            100.0 * rms(told.values[:, columns] - values) / np.abs(values).max()
+        )
     return row

@@ -41,13 +41,26 @@ def _row(walk: Walk) -> Row:
 
 
 def implant(folder: Path, stride: str) -> Walk:
-    """A stride of the man with an instrumented knee; one stride, so that it is calibrated and tested alike."""
+    """A stride of the man with an instrumented knee; one stride, so that it is calibrated and
+    tested alike.
+    """
     model, motion, wrenches = inputs_of(folder, stride)
     motion = mm.differentiate(motion, CUTOFF)
     emg = mm.envelopes(raw_emg(folder, stride))
     torques = mm.inverse_dynamics(model, motion, wrenches)
     span = (float(motion.time[0]), float(motion.time[-1]))
-    return Walk(f"{STUDY}, {stride}", model, motion, torques, wrenches, emg, CHANNELS, span, span, 2)
+    return Walk(
+        name=f"{STUDY}, {stride}",
+        model=model,
+        motion=motion,
+        torques=torques,
+        wrenches=wrenches,
+        emg=emg,
+        channels=CHANNELS,
+        calibrated=span,
+        tested=span,
+        every=2,
+    )
 
 
 def _swaps(walk: Walk) -> Row:
@@ -57,19 +70,28 @@ def _swaps(walk: Walk) -> Row:
     delay = calibrate_emg(walk.model, [trial], walk.channels, EmgOptions(weight=10.0)).delays[0]
     motion, torques = walk.part(walk.tested)
     alone = mm.solve_tension(walk.model, motion, torques)
-    activations = channel_means({name: walk.channels[name] for name in names}, alone.muscles, alone.activations)
+    activations = channel_means(
+        {name: walk.channels[name] for name in names}, alone.muscles, alone.activations
+    )
     columns = [walk.emg.names.index(name) for name in names]
     clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]
     alike = np.atleast_2d(np.corrcoef(clean[np.isfinite(clean).all(axis=1)].T))
-    found, pairs, others, different, of_these = 0, 0, 0, 0, 0
+    found = 0
+    pairs = 0
+    others = 0
+    different = 0
+    of_these = 0
     for i, j in itertools.combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[i, j]] = j, i
         swaps = swapped_channels(clean[:, order], activations)
         hit = any({one.first, one.second} == {i, j} for one in swaps)
         apart = bool(alike[i, j] < DIFFERENT)
-        pairs, found, others = pairs + 1, found + hit, others + (bool(swaps) and not hit)
-        different, of_these = different + apart, of_these + (apart and hit)
+        pairs = pairs + 1
+        found = found + hit
+        others = others + (bool(swaps) and not hit)
+        different = different + apart
+        of_these = of_these + (apart and hit)
     return {
         "pairs called exchanged in the clean recording": len(swapped_channels(clean, activations)),
         "exchanged pairs found": f"{found} of {pairs}",
@@ -80,11 +102,14 @@ def _swaps(walk: Walk) -> Row:
 
 def _noise(walk: Walk) -> Row:
     """Each channel replaced by noise of its mean."""
-    emg, clean, found = _some_emg(walk), _noisy(walk), 0
+    emg = _some_emg(walk)
+    clean = _noisy(walk)
+    found = 0
     for k, name in enumerate(walk.channels):
         if name in clean:
             continue
-        column, values = emg.names.index(name), emg.values.copy()
+        column = emg.names.index(name)
+        values = emg.values.copy()
         values[:, column] = _envelope_of_noise(emg.time, k) * values[:, column].mean()
         faults = noise_faults(mm.Emg(emg.time, emg.names, values), tuple(walk.channels))
         found += {one.channel for one in faults} == {name, *clean}

@@ -1,4 +1,5 @@
-"""Faults that recordings have, put into clean ones: found, mended or missed, and what is called on clean ones.
+"""Faults that recordings have, put into clean ones: found, mended or missed, and what is called on
+clean ones.
 
 Each fault is a function from a trial's inputs to faulty ones, in a table: `FORCE_FAULTS`.
 """
@@ -41,8 +42,8 @@ class Recorded:
 class Fault:
     """A fault and what finds it.
 
-    `kinds`: of findings that name it; `change`: from clean inputs to faulty ones; None where the recording cannot have
-    it.
+    `kinds`: of findings that name it; `change`: from clean inputs to faulty ones; None where the
+    recording cannot have it.
     """
 
     name: str
@@ -54,7 +55,8 @@ class Fault:
 class Walk:
     """Files of a recording with forces: model, motion and forces, below the data collection.
 
-    `time`: start and end [s], None for all; `mass`: what its plates carry, where the model weighs something else [kg].
+    `time`: start and end [s], None for all; `mass`: what its plates carry, where the model weighs
+    something else [kg].
     """
 
     name: str
@@ -65,11 +67,20 @@ class Walk:
     mass: float | None = None
 
 
-def _walk(name: str, recording: str, time: tuple[float, float] | None = None, heavy: bool = False) -> Walk:
+def _walk(
+    name: str, recording: str, time: tuple[float, float] | None = None, heavy: bool = False
+) -> Walk:
     files = RECORDINGS[recording]
     # The tables of forces, not the loads that name the feet.
     loads = files.loads.replace("external_forces.xml", "grf.mot")
-    return Walk(name, files.model, files.motion or files.markers, loads, time, files.mass if heavy else None)
+    return Walk(
+        name=name,
+        model=files.model,
+        motion=files.motion or files.markers,
+        loads=loads,
+        time=time,
+        mass=files.mass if heavy else None,
+    )
 
 
 CLEAN = (
@@ -105,7 +116,7 @@ def recorded(folder: Path, walk: Walk) -> Recorded:
     wrenches = on_feet(wrenches, model, motion, ForceOptions(force_checks="none"))
     inside = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
     motion = mm.Motion(motion.time[inside], motion.names, motion.values[inside])
-    return Recorded(walk.name, model, motion, wrenches)
+    return Recorded(name=walk.name, model=model, motion=motion, wrenches=wrenches)
 
 
 def of_its_mass(folder: Path, walk: Walk) -> Recorded:
@@ -136,13 +147,21 @@ def mirrored(one: Recorded) -> Recorded | None:
     """The axis to the side mirrored, in forces, points and moments."""
     sign = np.array([1.0, 1.0, -1.0])
     wrenches = one.wrenches
-    return _with(one, forces=wrenches.forces * sign, points=wrenches.points * sign, torques=-wrenches.torques * sign)
+    return _with(
+        one,
+        forces=wrenches.forces * sign,
+        points=wrenches.points * sign,
+        torques=-wrenches.torques * sign,
+    )
 
 
 def turned(one: Recorded) -> Recorded | None:
     """Forces in axes turned by 90 degrees about the vertical."""
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    return _with(one, **{part: getattr(one.wrenches, part) @ turn.T for part in ("forces", "points", "torques")})
+    return _with(
+        one,
+        **{part: getattr(one.wrenches, part) @ turn.T for part in ("forces", "points", "torques")},
+    )
 
 
 def millimetres(one: Recorded) -> Recorded | None:
@@ -165,7 +184,9 @@ def about_a_plate(one: Recorded) -> Recorded | None:
     for k in range(len(wrenches.names)):
         if loaded[:, k].any():
             middle = np.mean(wrenches.points[loaded[:, k], k], axis=0) + [0.3, 0.0, 0.2]
-            torques[:, k] += np.cross(np.nan_to_num(wrenches.points[:, k]) - middle, wrenches.forces[:, k])
+            torques[:, k] += np.cross(
+                np.nan_to_num(wrenches.points[:, k]) - middle, wrenches.forces[:, k]
+            )
     return _with(one, torques=torques)
 
 
@@ -188,7 +209,9 @@ def scaled_mass(factor: float) -> Callable[[Recorded], Recorded]:
     """A model of another mass."""
 
     def change(one: Recorded) -> Recorded:
-        return replace(one, model=with_inertial_parameters(one.model, factor * inertial_parameters(one.model)))
+        return replace(
+            one, model=with_inertial_parameters(one.model, factor * inertial_parameters(one.model))
+        )
 
     return change
 
@@ -211,7 +234,9 @@ def one_plate(one: Recorded) -> Recorded | None:
     """Both feet on one plate: a single force with the center of pressure of all."""
     wrenches = one.wrenches
     force = wrenches.forces.sum(axis=1, keepdims=True)
-    moment = (wrenches.torques + np.cross(np.nan_to_num(wrenches.points), wrenches.forces)).sum(axis=1, keepdims=True)
+    moment = (wrenches.torques + np.cross(np.nan_to_num(wrenches.points), wrenches.forces)).sum(
+        axis=1, keepdims=True
+    )
     lift = force[..., 1:2]
     with np.errstate(divide="ignore", invalid="ignore"):
         point = np.cross(np.array([0.0, 1.0, 0.0]), moment) / lift
@@ -226,12 +251,16 @@ def one_plate(one: Recorded) -> Recorded | None:
 
 
 def mirrored_plate(one: Recorded) -> Recorded | None:
-    """Each plate mirrored about its own middle along the axis in which the body walks; None where it does not walk."""
+    """Each plate mirrored about its own middle along the axis in which the body walks; None where
+    it does not walk.
+    """
     wrenches = one.wrenches
     points = np.array(wrenches.points)
     loaded = np.linalg.norm(wrenches.forces, axis=2) > 0.1 * one.model.weight
     on_belt = max(
-        float(np.nanpercentile(points[on, k, 0], 95) - np.nanpercentile(points[on, k, 0], 5)) if on.any() else 0.0
+        float(np.nanpercentile(points[on, k, 0], 95) - np.nanpercentile(points[on, k, 0], 5))
+        if on.any()
+        else 0.0
         for k, on in enumerate(loaded.T)
     )
     if np.ptp(one.motion["pelvis_tx"]) < 0.5 and on_belt < 0.3:
@@ -270,15 +299,25 @@ def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
     return "missed" if not named else "mended" if all(one.mended for one in named) else "found"
 
 
-def torque_error(clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray) -> float:
-    """Largest difference of a generalized force of a joint from that with the clean forces [N m or N]."""
-    found = mm.inverse_dynamics(clean.model, motion, mm.resample_wrenches(wrenches, motion.time, 6.0)).values
+def torque_error(
+    clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray
+) -> float:
+    """Largest difference of a generalized force of a joint from that with the clean forces [N m or
+    N].
+    """
+    found = mm.inverse_dynamics(
+        clean.model, motion, mm.resample_wrenches(wrenches, motion.time, 6.0)
+    ).values
     return float(np.nanmax(np.abs(found - torques)))
 
 
-def _error_of(clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray) -> float | str:
+def _error_of(
+    clean: Recorded, wrenches: mm.Wrenches, motion: mm.Motion, torques: np.ndarray
+) -> float | str:
     """The error of faulty forces, where each acts on a body."""
-    return torque_error(clean, wrenches, motion, torques) if all(wrenches.bodies) else "refused before"
+    return (
+        torque_error(clean, wrenches, motion, torques) if all(wrenches.bodies) else "refused before"
+    )
 
 
 def injected_force_faults(folder: Path) -> Iterator[Row]:
@@ -300,7 +339,10 @@ def counted_faults(faults: Sequence[Fault], recordings: Sequence[Recorded]) -> I
 
 def counted(fault: str, verdicts: Sequence[tuple[str, str]]) -> Row:
     """The row of a fault from what became of it (mended, found or missed) in each recording."""
-    counts = {word: [name for given, name in verdicts if given == word] for word in ("mended", "found", "missed")}
+    counts = {
+        word: [name for given, name in verdicts if given == word]
+        for word in ("mended", "found", "missed")
+    }
     return {
         "fault": fault,
         "recordings": len(verdicts),
@@ -315,9 +357,12 @@ def texts_of(findings: Sequence[Finding], nothing: str = "none") -> str:
 
 
 def clean_forces(folder: Path) -> Iterator[Row]:
-    """What is called on the same recordings as they are, and on their models as heavy as the plates say."""
+    """What is called on the same recordings as they are, and on their models as heavy as the plates
+    say.
+    """
     for walk in CLEAN:
-        plain, heavy = recorded(folder, walk), of_its_mass(folder, walk)
+        plain = recorded(folder, walk)
+        heavy = of_its_mass(folder, walk)
         found = on_feet(plain.wrenches, plain.model, plain.motion).findings
         left = on_feet(heavy.wrenches, heavy.model, heavy.motion).findings
         yield {

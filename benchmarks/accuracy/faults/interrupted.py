@@ -1,4 +1,6 @@
-"""Studies that are interrupted: killed, out of disk, out of workers, cut off; what is left, and whether it is equal."""
+"""Studies that are interrupted: killed, out of disk, out of workers, cut off; what is left, and
+whether it is equal.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,10 @@ from truths.interrupted_checks import (
 
 Row = dict[str, object]
 
-TRIALS, FEW = 200, 40
-KILLS, LOSSES = 20, 10
+TRIALS = 200
+FEW = 40
+KILLS = 20
+LOSSES = 10
 SETTINGS = {"SOURCE_DATE_EPOCH": "1700000000", "OPENBLAS_NUM_THREADS": "1"}
 """A fixed date makes results that can be compared byte for byte."""
 DOUBTS: list[str] = []
@@ -46,7 +50,8 @@ def measure() -> Iterable[Row]:
     """A row a kind of interruption."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        many, few = make_study(folder / "many", TRIALS), make_study(folder / "few", FEW)
+        many = make_study(folder / "many", TRIALS)
+        few = make_study(folder / "few", FEW)
         whole, took = _undisturbed(many, folder / "whole")
         part, _ = _undisturbed(few, folder / "part")
         yield from killed(many, whole, folder / "killed", took)
@@ -109,10 +114,17 @@ def row(what: str, times: object, reference: Path, out: Path, half: int, said: s
     }
 
 
-def killed(study: Path, reference: Path, out: Path, took: float, times: int = KILLS) -> Iterator[Row]:
-    """SIGKILL at random moments: of the program alone, whose workers must end themselves, or of all its processes."""
+def killed(
+    study: Path, reference: Path, out: Path, took: float, times: int = KILLS
+) -> Iterator[Row]:
+    """SIGKILL at random moments: of the program alone, whose workers must end themselves, or of all
+    its processes.
+    """
     random = np.random.default_rng(20)
-    kills, half, longest, attempt = 0, 0, 0.0, 0
+    kills = 0
+    half = 0
+    longest = 0.0
+    attempt = 0
     while True:
         home = out / str(attempt)
         begun = runs(home)
@@ -120,7 +132,11 @@ def killed(study: Path, reference: Path, out: Path, took: float, times: int = KI
         if kills % 4:  # else while the program starts, reads the study or looks at what is there
             _until(lambda home=home, begun=begun: runs(home) > begun, process)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(random.uniform(0.0, 2.0 * took / times if kills % 4 else 4.0) if kills < times else None)
+            process.wait(
+                random.uniform(0.0, 2.0 * took / times if kills % 4 else 4.0)
+                if kills < times
+                else None
+            )
         if process.poll() is None:
             others = others_of(process)
             process.kill()
@@ -140,12 +156,16 @@ def killed(study: Path, reference: Path, out: Path, took: float, times: int = KI
             end_of(process)
             continue
         code, said = end_of(process)
-        DOUBTS.extend([] if code == 0 else [f"killed: the last run ended with {code}: {said[-500:]}"])
+        DOUBTS.extend(
+            [] if code == 0 else [f"killed: the last run ended with {code}: {said[-500:]}"]
+        )
         told = f"workers of a killed program ended within {longest:.1f} s"
         yield row("program killed", kills, reference, home, half, told)
         if kills >= times:
             return
-        attempt, times, kills = attempt + 1, times - kills, 0
+        attempt = attempt + 1
+        times = times - kills
+        kills = 0
 
 
 def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES) -> Row:
@@ -188,7 +208,9 @@ def started_twice(study: Path, reference: Path, out: Path) -> Row:
     if [code for code, _ in ends] != [0, 2, 2]:
         DOUBTS.append(f"started twice: {ends}")
     refused = next(said for code, said in ends if code == 2)
-    return row("three runs at once", 1, reference, out, len(half_written(out)), _one_line(refused, out))
+    return row(
+        "three runs at once", 1, reference, out, len(half_written(out)), _one_line(refused, out)
+    )
 
 
 def disk_full(study: Path, reference: Path, out: Path) -> Row:
@@ -204,10 +226,15 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
         DOUBTS.extend(f"disk full: {one}" for one in half)
         if code != 2:
             DOUBTS.append(f"disk full: ended with {code}: {said[-500:]}")
-        told = next((line for line in said.splitlines() if "not run" in line and "FAILED" not in line), said[-200:])
+        told = next(
+            (line for line in said.splitlines() if "not run" in line and "FAILED" not in line),
+            said[-200:],
+        )
         subprocess.run(("mount", "-o", f"remount,size={4 * size}", str(out)), check=True)
         code, said = end_of(begin(study, out))
-        DOUBTS.extend([] if code == 0 else [f"disk full, then room: ended with {code}: {said[-500:]}"])
+        DOUBTS.extend(
+            [] if code == 0 else [f"disk full, then room: ended with {code}: {said[-500:]}"]
+        )
         return row("disk full, then room", 1, reference, out, len(half), told)
     finally:
         subprocess.run(("umount", str(out)), capture_output=True)
@@ -232,7 +259,9 @@ def mounted(folder: Path, options: str) -> str:
     """Mount an empty file system on a folder; returns why that cannot be done, "" where it was."""
     try:
         told = subprocess.run(
-            ("mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)), capture_output=True, text=True
+            ("mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)),
+            capture_output=True,
+            text=True,
         )
     except OSError as error:
         return f"mount: {error.strerror}"
@@ -240,7 +269,9 @@ def mounted(folder: Path, options: str) -> str:
 
 
 def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
-    """A scheduler and two workers, each on a machine of its own; one worker's cable is pulled in the middle."""
+    """A scheduler and two workers, each on a machine of its own; one worker's cable is pulled in
+    the middle.
+    """
     what = "one of two machines cut off"
     reason = namespaces_work()
     if reason:
@@ -288,7 +319,8 @@ if __name__ == "__main__":
 
 
 FRAMES = 24
-OFFSET, NOISE = 2e-3, 5e-4
+OFFSET = 2e-3
+NOISE = 5e-4
 """Standard deviation of what is added to each marker for a whole trial, and to each frame [m]."""
 
 
@@ -296,8 +328,8 @@ OFFSET, NOISE = 2e-3, 5e-4
 class Source:
     """A recording of the collection that trials are made of.
 
-    `start`, `end`: between which its forces are known [s]; `share`: of the trials of a study; `report`: whether its
-    trials get a page each, which takes as long as all other steps.
+    `start`, `end`: between which its forces are known [s]; `share`: of the trials of a study;
+    `report`: whether its trials get a page each, which takes as long as all other steps.
     """
 
     name: str
@@ -310,9 +342,31 @@ class Source:
 
 
 SOURCES = (
-    Source("gait", RECORDINGS["gait2354"], "subject01_walk1_grf.mot", 0.5, 1.9, 0.5),
-    Source("rajagopal", RECORDINGS["rajagopal"], "grf_walk.mot", 0.6, 1.8, 0.3),
-    Source("opencap", RECORDINGS["opencap-walk"], "walking1_grf.mot", 0.2, 1.1, 0.2, True),
+    Source(
+        name="gait",
+        files=RECORDINGS["gait2354"],
+        table="subject01_walk1_grf.mot",
+        start=0.5,
+        end=1.9,
+        share=0.5,
+    ),
+    Source(
+        name="rajagopal",
+        files=RECORDINGS["rajagopal"],
+        table="grf_walk.mot",
+        start=0.6,
+        end=1.8,
+        share=0.3,
+    ),
+    Source(
+        name="opencap",
+        files=RECORDINGS["opencap-walk"],
+        table="walking1_grf.mot",
+        start=0.2,
+        end=1.1,
+        share=0.2,
+        report=True,
+    ),
 )
 
 
@@ -331,7 +385,9 @@ def make_study(folder: Path, trials: int) -> Path:
         rows = []
         for trial in range(max(1, round(trials * source.share))):
             name = f"made_{source.name}_{trial + 1:03d}"
-            _write_trial(markers, source, np.random.default_rng((number, trial)), folder / f"{name}.trc")
+            _write_trial(
+                markers, source, np.random.default_rng((number, trial)), folder / f"{name}.trc"
+            )
             rows.append(f'    {{markers = "{name}.trc", loads = "{loads.name}"}},')
         steps = '"ik", "id", "muscles", "tension"' + (', "report"' if source.report else "")
         table = [
@@ -344,7 +400,9 @@ def make_study(folder: Path, trials: int) -> Path:
     return path
 
 
-def _write_trial(markers: mm.Markers, source: Source, random: np.random.Generator, path: Path) -> None:
+def _write_trial(
+    markers: mm.Markers, source: Source, random: np.random.Generator, path: Path
+) -> None:
     inside = np.flatnonzero((markers.time >= source.start) & (markers.time <= source.end))
     first = inside[0] + random.integers(len(inside) - FRAMES)
     rows = slice(first, first + FRAMES)

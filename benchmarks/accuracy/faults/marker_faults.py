@@ -1,6 +1,8 @@
-"""Faults of marker recordings put into clean ones: found, mended or missed, and what is called on clean ones.
+"""Faults of marker recordings put into clean ones: found, mended or missed, and what is called on
+clean ones.
 
-Each fault is a function from a model and its markers to faulty markers, in the table `MARKER_FAULTS`.
+Each fault is a function from a model and its markers to faulty markers, in the table
+`MARKER_FAULTS`.
 """
 
 from __future__ import annotations
@@ -33,8 +35,8 @@ ABOUT_THE_MODEL = ("undetermined", "at its bound")
 class MarkerFault:
     """A fault and what names it.
 
-    `kinds`: of findings that name it; () where nothing is to be named, for joint angles come out the same; `change`:
-    from clean markers to faulty ones; None where the recording cannot have it.
+    `kinds`: of findings that name it; () where nothing is to be named, for joint angles come out
+    the same; `change`: from clean markers to faulty ones; None where the recording cannot have it.
     """
 
     name: str
@@ -77,7 +79,9 @@ def opened(folder: Path, model: str, recording: str) -> tuple[mm.Model, mm.Marke
     body = mm.read_model(folder / model)
     markers = fitted_to(body, mm.read_recording(folder / recording)).markers
     assert markers is not None
-    return body, replace(markers, time=markers.time[:MAX_FRAMES], values=markers.values[:MAX_FRAMES])
+    return body, replace(
+        markers, time=markers.time[:MAX_FRAMES], values=markers.values[:MAX_FRAMES]
+    )
 
 
 def _used(model: mm.Model, markers: mm.Markers) -> tuple[str, ...]:
@@ -88,11 +92,14 @@ def _pairs(model: mm.Model, markers: mm.Markers) -> tuple[tuple[str, str], ...]:
     return side_pairs(_used(model, markers))
 
 
-def exchanged(markers: mm.Markers, pairs: Sequence[tuple[str, str]], span: slice = slice(None)) -> mm.Markers:
+def exchanged(
+    markers: mm.Markers, pairs: Sequence[tuple[str, str]], span: slice = slice(None)
+) -> mm.Markers:
     """Labels of pairs exchanged in some frames."""
     values = np.array(markers.values)
     for one, other in pairs:
-        i, j = markers.names.index(one), markers.names.index(other)
+        i = markers.names.index(one)
+        j = markers.names.index(other)
         values[span, i], values[span, j] = values[span, j].copy(), values[span, i].copy()
     return replace(markers, values=values)
 
@@ -119,7 +126,11 @@ def swapped_sides(part: bool) -> Change:
 
     def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
         pairs = _pairs(model, markers)
-        return exchanged(markers, pairs, _middle(markers) if part else slice(None)) if len(pairs) > 1 else None
+        return (
+            exchanged(markers, pairs, _middle(markers) if part else slice(None))
+            if len(pairs) > 1
+            else None
+        )
 
     return change
 
@@ -144,7 +155,9 @@ def displaced(which: float, distance: float = 0.05) -> Change:
         used = _used(model, markers)
         body = {name: model.marker(name).body for name in used}
         sided = [one for pair in _pairs(model, markers) for one in pair]
-        mates = {name: [one for one in used if one != name and body[one] == body[name]] for name in sided}
+        mates = {
+            name: [one for one in used if one != name and body[one] == body[name]] for name in sided
+        }
         usable = [name for name in sided if mates[name]]
         if not usable:
             return None
@@ -162,8 +175,13 @@ def jumping(frames: int) -> Change:
     """A marker that is 9 cm off for some frames."""
 
     def change(model: mm.Model, markers: mm.Markers) -> mm.Markers | None:
-        values, middle = np.array(markers.values), len(markers) // 2
-        values[middle : middle + frames, markers.names.index(_used(model, markers)[0])] += [0.06, 0.05, -0.04]
+        values = np.array(markers.values)
+        middle = len(markers) // 2
+        values[middle : middle + frames, markers.names.index(_used(model, markers)[0])] += [
+            0.06,
+            0.05,
+            -0.04,
+        ]
         return replace(markers, values=values)
 
     return change
@@ -178,7 +196,8 @@ def mirrored(axis: int, model: mm.Model, markers: mm.Markers) -> mm.Markers:
 
 def turned(degrees: float, model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """The recording turned about the vertical."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
     return replace(markers, values=markers.values @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T)
 
 
@@ -200,15 +219,25 @@ def scaled(factor: float, model: mm.Model, markers: mm.Markers) -> mm.Markers:
 def other_spelling(model: mm.Model, markers: mm.Markers) -> mm.Markers:
     """All labels but eight in capitals with an underscore."""
     known = set(_used(model, markers)[:8])
-    return replace(markers, names=tuple(one if one in known else f"_{one.upper()}" for one in markers.names))
+    return replace(
+        markers, names=tuple(one if one in known else f"_{one.upper()}" for one in markers.names)
+    )
 
 
 MARKER_FAULTS = (
     MarkerFault("a pair swapped throughout", ("swapped labels",), swapped_pair(0.0, False)),
     MarkerFault("another pair swapped throughout", ("swapped labels",), swapped_pair(0.5, False)),
-    MarkerFault("a pair swapped for a sixth of the frames", ("swapped labels",), swapped_pair(1.0, True)),
-    MarkerFault("left and right swapped throughout", ("swapped labels", "left and right"), swapped_sides(False)),
-    MarkerFault("left and right swapped for a sixth of the frames", ("swapped labels",), swapped_sides(True)),
+    MarkerFault(
+        "a pair swapped for a sixth of the frames", ("swapped labels",), swapped_pair(1.0, True)
+    ),
+    MarkerFault(
+        "left and right swapped throughout",
+        ("swapped labels", "left and right"),
+        swapped_sides(False),
+    ),
+    MarkerFault(
+        "left and right swapped for a sixth of the frames", ("swapped labels",), swapped_sides(True)
+    ),
     MarkerFault("two limbs swapped", ("swapped labels",), swapped_leg),
     MarkerFault("front and back of the pelvis swapped", ("swapped labels",), front_and_back),
     MarkerFault("a marker 5 cm off", ("displaced marker",), displaced(0.0)),
@@ -216,7 +245,9 @@ MARKER_FAULTS = (
     MarkerFault("a third marker 5 cm off", ("displaced marker",), displaced(1.0)),
     MarkerFault("a marker that jumps for one frame", ("jumping marker",), jumping(1)),
     MarkerFault("a marker that jumps for five frames", ("jumping marker",), jumping(5)),
-    MarkerFault("axis to the side mirrored", ("mirrored axis", "left and right"), partial(mirrored, 2)),
+    MarkerFault(
+        "axis to the side mirrored", ("mirrored axis", "left and right"), partial(mirrored, 2)
+    ),
     MarkerFault("axis forward mirrored", ("mirrored axis", "left and right"), partial(mirrored, 0)),
     MarkerFault("another axis up", ("vertical axis",), other_vertical),
     MarkerFault("walking direction turned by 90 degrees", (), partial(turned, 90.0)),
@@ -238,9 +269,15 @@ def findings_of(model: mm.Model, markers: mm.Markers) -> tuple[Finding, ...]:
 
 
 def verdict(kinds: Sequence[str], findings: Sequence[Finding], before: Sequence[Finding]) -> str:
-    """Mended, found or missed; what is called besides, and not on the clean recording, follows in brackets."""
+    """Mended, found or missed; what is called besides, and not on the clean recording, follows in
+    brackets.
+    """
     known = {(one.kind, one.place) for one in before}
-    new = [one for one in findings if (one.kind, one.place) not in known and one.kind not in ABOUT_THE_MODEL]
+    new = [
+        one
+        for one in findings
+        if (one.kind, one.place) not in known and one.kind not in ABOUT_THE_MODEL
+    ]
     named = [one for one in new if one.kind in kinds]
     besides = sorted({one.kind for one in new if one.kind not in kinds})
     word = "missed" if not named else "mended" if all(one.mended for one in named) else "found"
@@ -266,16 +303,26 @@ def injected_marker_faults(folder: Path) -> Iterator[Row]:
 
 def inner_angles(model: mm.Model, names: Sequence[str]) -> list[int]:
     """Which of some coordinates are angles of joints within the body."""
-    root = {name for joint in model.joints if joint.parent == "ground" for name in joint.coordinates}
-    return [k for k, name in enumerate(names) if name not in root and model.coordinate(name).motion == "rotational"]
+    root = {
+        name for joint in model.joints if joint.parent == "ground" for name in joint.coordinates
+    }
+    return [
+        k
+        for k, name in enumerate(names)
+        if name not in root and model.coordinate(name).motion == "rotational"
+    ]
 
 
-def same_angles_word(model: mm.Model, markers: mm.Markers, faulty: mm.Markers, before: Sequence[Finding]) -> str:
+def same_angles_word(
+    model: mm.Model, markers: mm.Markers, faulty: mm.Markers, before: Sequence[Finding]
+) -> str:
     """Mended where the angles of all joints are those of the clean recording, within 0.1 degrees."""
     found = checked_kinematics(model, faulty)
     clean = checked_kinematics(model, markers).fit.motion.values
     apart = np.degrees(
-        np.nanmax(np.abs(found.fit.motion.values - clean)[:, inner_angles(model, model.coordinate_names)])
+        np.nanmax(
+            np.abs(found.fit.motion.values - clean)[:, inner_angles(model, model.coordinate_names)]
+        )
     )
     word = "mended" if apart < 0.1 else f"missed: {apart:.1f} degrees"
     new = verdict((), found.findings, before)
@@ -295,7 +342,9 @@ def called(findings: Sequence[Finding]) -> Row:
     about = [finding for finding in findings if finding.kind in ABOUT_THE_MODEL]
     return {
         "called": texts_of([finding for finding in findings if finding not in about], "nothing"),
-        "about the model": "; ".join(f"{finding.kind}: {finding.place}" for finding in about) or "nothing",
+        "about the model": (
+            "; ".join(f"{finding.kind}: {finding.place}" for finding in about) or "nothing"
+        ),
     }
 
 
@@ -305,7 +354,11 @@ def mended_angles(folder: Path) -> Iterator[Row]:
         model, markers = opened(folder, *SCALED[name])
         clean = checked_kinematics(model, markers).fit.motion.values
         for fault in MARKER_FAULTS:
-            faulty = fault.change(model, markers) if "swapped" in fault.name or "jumps" in fault.name else None
+            faulty = (
+                fault.change(model, markers)
+                if "swapped" in fault.name or "jumps" in fault.name
+                else None
+            )
             if faulty is None:
                 continue
             found = checked_kinematics(model, faulty)
@@ -316,7 +369,10 @@ def mended_angles(folder: Path) -> Iterator[Row]:
                     "fault": fault.name,
                     **{
                         what: float(np.degrees(np.nanmax(np.abs(_turns(values - clean, model)))))
-                        for what, values in (("as it is [deg]", wrong), ("mended [deg]", found.fit.motion.values))
+                        for what, values in (
+                            ("as it is [deg]", wrong),
+                            ("mended [deg]", found.fit.motion.values),
+                        )
                     },
                 }
 

@@ -1,7 +1,9 @@
-"""Faults of forces in recordings that no threshold was set with: raw C3D files, each through the commands of a user.
+"""Faults of forces in recordings that no threshold was set with: raw C3D files, each through the
+commands of a user.
 
-`myomorph analyze --prepare` writes the study, whose steps are cut short after inverse dynamics, and `myomorph run` runs
-it. What it leaves is a model, a motion and forces on feet, into which the faults of `faults.FORCE_FAULTS` are put.
+`myomorph analyze --prepare` writes the study, whose steps are cut short after inverse dynamics, and
+`myomorph run` runs it. What it leaves is a model, a motion and forces on feet, into which the
+faults of `faults.FORCE_FAULTS` are put.
 """
 
 from __future__ import annotations
@@ -17,11 +19,20 @@ from functools import cache
 from pathlib import Path
 
 import myomorph as mm
-from benchmarks.accuracy.faults.faults import FORCE_FAULTS, Fault, Recorded, Row, counted_faults, late, scaled_mass
+from benchmarks.accuracy.faults.faults import (
+    FORCE_FAULTS,
+    Fault,
+    Recorded,
+    Row,
+    counted_faults,
+    late,
+    scaled_mass,
+)
 from myomorph.cli import main
 from myomorph.study.inputs.external_forces import on_feet
 
-SAMPLES, GAIT = "c3d-vendor-samples/C3DSamples", "c3d-gait-plugingait"
+SAMPLES = "c3d-vendor-samples/C3DSamples"
+GAIT = "c3d-gait-plugingait"
 CARRIED = re.compile(r"the plates carry ([\d.]+) kg")
 
 
@@ -58,11 +69,15 @@ FAULTS = (
     Fault("forces 25 ms late", ("clock",), late(0.025)),
     Fault("forces 25 ms early", ("clock",), late(-0.025)),
 )
-"""All faults, and those that have a size at about half of it: just above what the checks promise to name."""
+"""All faults, and those that have a size at about half of it: just above what the checks promise to
+name.
+"""
 
 
 def injected_unseen(folder: Path) -> Iterator[Row]:
-    """Faults of forces put into recordings that were not used before: how many were mended, found and missed."""
+    """Faults of forces put into recordings that were not used before: how many were mended, found
+    and missed.
+    """
     found = (of_the_plates(folder, raw)[0] for raw in RAW)
     return counted_faults(FAULTS, [one for one in found if one is not None])
 
@@ -76,43 +91,62 @@ def clean_unseen(folder: Path) -> Iterator[Row]:
             "recording": raw.name,
             "frames": 0 if one is None else len(one.motion),
             "mass [kg]": float("nan") if one is None else one.model.mass,
-            "called": "; ".join(each.text for each in found) or "nothing" if one is not None else f"left out: {said}",
+            "called": "; ".join(each.text for each in found) or "nothing"
+            if one is not None
+            else f"left out: {said}",
         }
 
 
 @cache
 def of_the_plates(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
-    """A recording whose model weighs what the plates carry, where they tell another mass than was given."""
+    """A recording whose model weighs what the plates carry, where they tell another mass than was
+    given.
+    """
     one, said = analyzed(folder, raw)
     if one is None:
         return one, said
-    told = [CARRIED.search(each.text) for each in on_feet(one.wrenches, one.model, one.motion).findings]
+    told = [
+        CARRIED.search(each.text) for each in on_feet(one.wrenches, one.model, one.motion).findings
+    ]
     masses = [float(each.group(1)) for each in told if each is not None]
     return (scaled_mass(masses[0] / one.model.mass)(one) if masses else one), said
 
 
 @cache
 def analyzed(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
-    """Model, motion and forces of a recording by the commands; None with the last line said where there are none."""
+    """Model, motion and forces of a recording by the commands; None with the last line said where
+    there are none.
+    """
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
         steps = ("calibrate", "ik", "id")
-        status, said = through_the_commands(out, steps, folder / raw.file, "--mass", f"{raw.mass:g}")
+        status, said = through_the_commands(
+            out, steps, folder / raw.file, "--mass", f"{raw.mass:g}"
+        )
         if status:
             return None, said.rpartition("\n")[2].replace(f"{folder / raw.file}: ", "")
         ((_, trial),) = mm.load(out).items()
         if trial.motion is None or trial.wrenches is None:
             return None, "no forces on feet"
-        return Recorded(raw.name, mm.read_model(out / "calibrated.osim"), trial.motion, trial.wrenches), said
+        return Recorded(
+            name=raw.name,
+            model=mm.read_model(out / "calibrated.osim"),
+            motion=trial.motion,
+            wrenches=trial.wrenches,
+        ), said
 
 
 def through_the_commands(out: Path, steps: Sequence[str], *words: object) -> tuple[int, str]:
-    """Exit status and all that is printed by `analyze --prepare` and by `run` of its study, cut short to some steps."""
+    """Exit status and all that is printed by `analyze --prepare` and by `run` of its study, cut
+    short to some steps.
+    """
     status, said = typed("analyze", *words, "--prepare", "--out", out)
     if status:
         return status, said
     study = out / "study.toml"
-    short = re.sub(r"(?m)^steps = \[.*\]$", f"steps = {json.dumps(steps)}", study.read_text(encoding="utf-8"))
+    short = re.sub(
+        r"(?m)^steps = \[.*\]$", f"steps = {json.dumps(steps)}", study.read_text(encoding="utf-8")
+    )
     study.write_text(short, encoding="utf-8")
     status, also = typed("run", study, "--out", out, "--workers", "1")
     return status, f"{said}\n{also}"

@@ -1,7 +1,9 @@
-"""Faults of markers in recordings that no threshold was set with, each through the commands of a user.
+"""Faults of markers in recordings that no threshold was set with, each through the commands of a
+user.
 
-The faulty recording is written to a file, `myomorph analyze --prepare` makes a study of it, whose steps are cut short
-after inverse kinematics, and `myomorph run` runs it: protocol, axes, calibration and checks see the fault, as in use.
+The faulty recording is written to a file, `myomorph analyze --prepare` makes a study of it, whose
+steps are cut short after inverse kinematics, and `myomorph run` runs it: protocol, axes,
+calibration and checks see the fault, as in use.
 """
 
 from __future__ import annotations
@@ -58,15 +60,21 @@ CHOSEN = (
 )
 """Of the faults of markers."""
 
-FROM_THE_BEGINNING = tuple(name for name in CHOSEN if "sixth" not in name and "jumps" not in name and "mm" not in name)
-"""Those that the commands meet before they know protocol, axes and lengths; each takes them some seconds."""
+FROM_THE_BEGINNING = tuple(
+    name for name in CHOSEN if "sixth" not in name and "jumps" not in name and "mm" not in name
+)
+"""Those that the commands meet before they know protocol, axes and lengths; each takes them some
+seconds.
+"""
 ALIKE = 0.5
 """Angles of joints that differ by less are those of the clean recording [degrees]."""
 
 
 @dataclass(frozen=True)
 class Raw:
-    """A recording as a laboratory has it, and one of the same person standing still where `analyze` would find it."""
+    """A recording as a laboratory has it, and one of the same person standing still where `analyze`
+    would find it.
+    """
 
     name: str
     file: str
@@ -75,7 +83,11 @@ class Raw:
 
 RAW = (
     Raw("OpenSim's walk 2", "c3d-opensim-walking/walking2.c3d"),
-    Raw("Plug-in Gait, first person", f"{GAIT}/HC030A/Straight/HC030A05.c3d", f"{GAIT}/HC030A/Static/HC030A01.c3d"),
+    Raw(
+        "Plug-in Gait, first person",
+        f"{GAIT}/HC030A/Straight/HC030A05.c3d",
+        f"{GAIT}/HC030A/Static/HC030A01.c3d",
+    ),
     Raw("vendor, functional walk", f"{SAMPLES}/others/FunctionalWalk.c3d"),
     Raw("vendor, flat-foot walk", f"{SAMPLES}/PiG/PiG_Motion-FlatFoot-Full.c3d"),
     Raw("box lift", "lifting-box-15kg/stoop1.c3d", "lifting-box-15kg/neutral.c3d"),
@@ -87,8 +99,8 @@ RAW = (
 class Result:
     """What the commands made of a recording.
 
-    `model`, `motion`: None where a command refused it; `findings`: of the checks, or one of the kind "refused" with the
-    last line; `said`: all that was printed.
+    `model`, `motion`: None where a command refused it; `findings`: of the checks, or one of the
+    kind "refused" with the last line; `said`: all that was printed.
     """
 
     model: mm.Model | None
@@ -98,7 +110,9 @@ class Result:
 
 
 def injected_after_calibration(folder: Path) -> Iterator[Row]:
-    """Faults of markers in recordings whose model the commands calibrated before, on the clean recording."""
+    """Faults of markers in recordings whose model the commands calibrated before, on the clean
+    recording.
+    """
     cases = [one for one in (calibrated(folder, raw) for raw in OF_FORCES) if one is not None]
     before = [checked_kinematics(model, markers).findings for _, model, markers in cases]
     for fault in (one for one in MARKER_FAULTS if one.name in CHOSEN):
@@ -126,21 +140,32 @@ def clean_after_calibration(folder: Path) -> Iterator[Row]:
         yield {
             "recording": name,
             "frames": len(markers),
-            "called": "; ".join(each.text for each in found if each.kind not in ABOUT_THE_MODEL) or "nothing",
+            "called": (
+                "; ".join(each.text for each in found if each.kind not in ABOUT_THE_MODEL)
+                or "nothing"
+            ),
         }
 
 
 @cache
 def calibrated(folder: Path, raw: RawForces) -> tuple[str, mm.Model, mm.Markers] | None:
-    """Name, model as the commands calibrate it, and markers in its ground; None where the commands refuse."""
+    """Name, model as the commands calibrate it, and markers in its ground; None where the commands
+    refuse.
+    """
     one, _ = unseen_faults.analyzed(folder, raw)
     return None if one is None else (raw.name, one.model, most_seen(folder / raw.file)[0])
 
 
 def injected_marker_faults(folder: Path) -> Iterator[Row]:
-    """Faults of markers put into recordings that were not used before: how many were mended, found and missed."""
+    """Faults of markers put into recordings that were not used before: how many were mended, found
+    and missed.
+    """
     for fault in (one for one in MARKER_FAULTS if one.name in FROM_THE_BEGINNING):
-        results = [(raw.name, result) for raw in RAW if (result := injected(folder, raw, fault)) is not None]
+        results = [
+            (raw.name, result)
+            for raw in RAW
+            if (result := injected(folder, raw, fault)) is not None
+        ]
         others = set().union(*(besides for _, (_, besides) in results))
         row = counted(fault.name, [(word, name) for name, (word, _) in results])
         yield row | {"also called": ", ".join(sorted(others)) or "nothing"}
@@ -150,23 +175,35 @@ def clean_markers(folder: Path) -> Iterator[Row]:
     """What is called on the same recordings with nothing put in; facts about the model apart."""
     for raw in RAW:
         markers, one = clean(folder, raw)
-        row: Row = {"recording": raw.name, "frames": len(markers), "static trial": "yes" if raw.static else "no"}
+        row: Row = {
+            "recording": raw.name,
+            "frames": len(markers),
+            "static trial": "yes" if raw.static else "no",
+        }
         yield row | called(one.findings)
 
 
 def injected(folder: Path, raw: Raw, fault: MarkerFault) -> tuple[str, set[str]] | None:
-    """What becomes of a fault, and kinds that are called besides; None where the recording cannot have it."""
+    """What becomes of a fault, and kinds that are called besides; None where the recording cannot
+    have it.
+    """
     markers, before = clean(folder, raw)
     assert before.model is not None
     known = set(before.model.marker_names)
     chosen = [k for k, name in enumerate(markers.names) if name in known]
-    used = replace(markers, names=tuple(markers.names[k] for k in chosen), values=markers.values[:, chosen])
+    used = replace(
+        markers, names=tuple(markers.names[k] for k in chosen), values=markers.values[:, chosen]
+    )
     faulty = fault.change(before.model, used)
     if faulty is None:
         return None
     found = analyzed(folder, faulty, raw.static)
     told = {(one.kind, one.place) for one in before.findings}
-    new = [one for one in found.findings if (one.kind, one.place) not in told and one.kind not in ABOUT_THE_MODEL]
+    new = [
+        one
+        for one in found.findings
+        if (one.kind, one.place) not in told and one.kind not in ABOUT_THE_MODEL
+    ]
     named = [one for one in new if one.kind in (*fault.kinds, "refused")]
     besides = {one.kind for one in new} - {*fault.kinds, "refused"}
     if same_angles(before, found):
@@ -180,7 +217,9 @@ def same_angles(one: Result, other: Result) -> bool:
         return False
     if one.motion.names != other.motion.names or len(one.motion) != len(other.motion):
         return False
-    apart: Array = np.abs(one.motion.values - other.motion.values)[:, inner_angles(one.model, one.motion.names)]
+    apart: Array = np.abs(one.motion.values - other.motion.values)[
+        :, inner_angles(one.model, one.motion.names)
+    ]
     return bool(np.degrees(np.nanmax(apart)) < ALIKE)
 
 
@@ -215,12 +254,26 @@ def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
         out = home / "out"
         mm.write_trc(markers, home / "motion.trc", "m")
         more = ("--static", folder / static) if static else ()
-        status, said = through_the_commands(out, ("calibrate", "ik"), home / "motion.trc", "--mass", "70", *more)
+        status, said = through_the_commands(
+            out, ("calibrate", "ik"), home / "motion.trc", "--mass", "70", *more
+        )
         if status:
             line = said.rpartition("\n")[2]
-            return Result(None, None, (Finding("refused", "recording", line),), said)
+            return Result(
+                model=None,
+                motion=None,
+                findings=(Finding("refused", "recording", line),),
+                said=said,
+            )
         ((_, trial),) = mm.load(out).items()
         before = out / "calibration" / BEFORE
-        findings = results.findings_of(before.read_text(encoding="utf-8")) if before.is_file() else ()
+        findings = (
+            results.findings_of(before.read_text(encoding="utf-8")) if before.is_file() else ()
+        )
         findings += get_findings(trial.stored, FINDINGS)
-        return Result(mm.read_model(out / "calibrated.osim"), trial.motion, findings, said)
+        return Result(
+            model=mm.read_model(out / "calibrated.osim"),
+            motion=trial.motion,
+            findings=findings,
+            said=said,
+        )

@@ -1,6 +1,8 @@
-"""[D] chapter 3 by one study file: calibrate, transfer with the motion, identify on many links, predict another motion.
+"""[D] chapter 3 by one study file: calibrate, transfer with the motion, identify on many links,
+predict another motion.
 
-`python -m benchmarks.accuracy.identification.chapter3 SET ...` runs some; the tables have all that were run.
+`python -m benchmarks.accuracy.identification.chapter3 SET ...` runs some; the tables have all that
+were run.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ DURATIONS = (180.0, 167.0)
 """Of the motion that masses are identified from and of the one that is predicted, as in [D] [s]."""
 RATE = 50.0  # Frames a second.
 SPINE_SPREAD = (0.2, 1.8)
-"""By which share of the lowest lumbar joint's bend the other joints of the simulated spine bend, at random."""
+"""By which share of the lowest lumbar joint's bend the other joints of the simulated spine bend, at
+random.
+"""
 RIBS_SPREAD = (0.0, 0.6)
 
 STUDY = """
@@ -76,17 +80,19 @@ loads = "{loads}"
 {more}
 """
 PAPER = (
-    'prior = "paper"\nkeep_mass = false\npoint_floor = 1e-9\nif_worse = "identified"\nmotion_sd = 0.0\n'
-    'compare = false\nweights = "{}"\nspacing = {}'
+    'prior = "paper"\nkeep_mass = false\npoint_floor = 1e-9\nif_worse = "identified"\nmotion_sd ='
+    ' 0.0\ncompare = false\nweights = "{}"\nspacing = {}'
 )
-DEFAULTS, COG, NEAREST = "defaults", "[D], w_d", "[D], w_n"
+DEFAULTS = "defaults"
+COG = "[D], w_d"
+NEAREST = "[D], w_n"
 WAYS: Mapping[str, str] = {
     DEFAULTS: "compare = false",
     COG: PAPER.format("cog", 0.038),
     NEAREST: PAPER.format("nearest", 0.038),
 }
-"""How masses are identified: what the study file says of the step. [D]'s printed masses are multiples of what a point
-of a grid of 38 mm weighs, its text says 5 mm.
+"""How masses are identified: what the study file says of the step. [D]'s printed masses are
+multiples of what a point of a grid of 38 mm weighs, its text says 5 mm.
 """
 
 PRINTED = {
@@ -94,7 +100,8 @@ PRINTED = {
     "shape only": (0.32, 2.75, 9.13, 5.86, 4.21, 2.39),
 }
 """[D] figure 3.3: average error of F_x, F_y, F_z [N] and N_x, N_y, N_z [N m]."""
-LARGE = 0.01  # Share of the body's mass from which on a link's ratio to the generic one says something
+# Share of the body's mass from which on a link's ratio to the generic one says something
+LARGE = 0.01
 COMPONENTS = {"Fx": "N", "Fy": "N", "Fz": "N", "Nx": "N m", "Ny": "N m", "Nz": "N m"}
 SPINE = {
     "Lumbar vertebrae": (0.46, 0.60, 0.60),
@@ -103,19 +110,25 @@ SPINE = {
 }
 """[D] table 3.3: w_d, w_n, shape [kg]."""
 SHARES = {
-    "Head": (7.79, 7.05, 6.98), "Body": (48.88, 50.81, 56.36), "Upper arm": (2.77, 3.03, 1.91),
-    "Lower arm": (2.69, 2.68, 1.91), "Hand": (0.51, 0.51, 0.17), "Thigh": (6.36, 5.52, 8.31),
-    "Shank": (4.26, 3.67, 2.16), "Foot": (2.36, 2.67, 1.00), "Upper body": (25.93, 26.36, 23.61),
+    "Head": (7.79, 7.05, 6.98),
+    "Body": (48.88, 50.81, 56.36),
+    "Upper arm": (2.77, 3.03, 1.91),
+    "Lower arm": (2.69, 2.68, 1.91),
+    "Hand": (0.51, 0.51, 0.17),
+    "Thigh": (6.36, 5.52, 8.31),
+    "Shank": (4.26, 3.67, 2.16),
+    "Foot": (2.36, 2.67, 1.00),
+    "Upper body": (25.93, 26.36, 23.61),
     "Lower body": (22.95, 24.45, 32.75),
-}  # fmt: skip
+}
 """[D] table 3.4: w_d, w_n, shape [%]."""
 TRUNK = {"Upper body": "Upper trunk", "Lower body": "Lower trunk"}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A set of recordings. `trials`: name to markers, loads, and further keys of the study file; `check`: which is only
-    predicted; `truth`: the simulated person.
+    """A set of recordings. `trials`: name to markers, loads, and further keys of the study file;
+    `check`: which is only predicted; `truth`: the simulated person.
     """
 
     name: str
@@ -147,37 +160,71 @@ class Case:
 
 
 def few_joints(model: mm.Model) -> mm.Model:
-    """The model with the joints inside its regions welded, as [D]'s model of few joints has the others' places."""
-    regions, gone = regions_of(model), set[str]()
+    """The model with the joints inside its regions welded, as [D]'s model of few joints has the
+    others' places.
+    """
+    regions = regions_of(model)
+    gone = set[str]()
     joints = []
     for joint in model.joints:
         inside = joint.parent != GROUND and regions[joint.parent] == regions[joint.child]
         gone |= set(joint.coordinates) if inside else set()
         joints.append(
-            Joint(joint.name, "WeldJoint", joint.parent, joint.child, joint.parent_frame, joint.child_frame)
+            Joint(
+                name=joint.name,
+                kind="WeldJoint",
+                parent=joint.parent,
+                child=joint.child,
+                parent_frame=joint.parent_frame,
+                child_frame=joint.child_frame,
+            )
             if inside
             else joint
         )
-    couplers = tuple(one for one in model.couplers if one.dependent not in gone and not gone & set(one.independents))
+    couplers = tuple(
+        one
+        for one in model.couplers
+        if one.dependent not in gone and not gone & set(one.independents)
+    )
     coordinates = tuple(one for one in model.coordinates if one.name not in gone)
-    return replace(model, joints=tuple(joints), coordinates=coordinates, couplers=couplers, muscles=(), wrap_objects=())
+    return replace(
+        model,
+        joints=tuple(joints),
+        coordinates=coordinates,
+        couplers=couplers,
+        muscles=(),
+        wrap_objects=(),
+    )
 
 
 def bending_person(model: mm.Model, seed: int = 4) -> mm.Model:
-    """The 171-coordinate model as a person: every joint of the spine bends with the lowest, each by a share of its
-    own, which no step knows.
+    """The 171-coordinate model as a person: every joint of the spine bends with the lowest, each by
+    a share of its own, which no step knows.
     """
-    random, whole = np.random.default_rng(seed), many_coordinates(model)
-    spine = [one.name for one in whole.coordinates if one.name[-3:] in ("_FE", "_LB", "_AR") and "_" in one.name[:-3]]
+    random = np.random.default_rng(seed)
+    whole = many_coordinates(model)
+    spine = [
+        one.name
+        for one in whole.coordinates
+        if one.name[-3:] in ("_FE", "_LB", "_AR") and "_" in one.name[:-3]
+    ]
     lowest = {axis: f"L5_S1{axis}" for axis in ("_FE", "_LB", "_AR")}
     others = [name for name in spine if name not in lowest.values() and "head" not in name]
     couplers = [one for one in whole.couplers if one.dependent not in others]
     for name in others:
         share = random.uniform(*(SPINE_SPREAD if name.startswith("L") else RIBS_SPREAD))
-        couplers.append(Coupler(f"{name}_follows", name, linear(share), (lowest[name[-3:]],)))
+        couplers.append(
+            Coupler(
+                name=f"{name}_follows",
+                dependent=name,
+                function=linear(share),
+                independents=(lowest[name[-3:]],),
+            )
+        )
     free = set(others)
     coordinates = tuple(
-        replace(one, locked=False, range=(-0.5, 0.5)) if one.name in free else one for one in whole.coordinates
+        replace(one, locked=False, range=(-0.5, 0.5)) if one.name in free else one
+        for one in whole.coordinates
     )
     return replace(whole, coordinates=coordinates, couplers=tuple(couplers))
 
@@ -194,33 +241,80 @@ def simulated(folder: Path, data: Path, durations: tuple[float, float] = DURATIO
     names, middles, reaches = middles_and_reaches(subject.person)
     curves = exciting_curves(middles, reaches), step_curves(middles, reaches, durations[1])
     trials = {}
-    for seed, (name, curve, duration) in enumerate(zip(("exciting", "other"), curves, durations, strict=True), 5):
-        recording = record(subject, engine, names, curve, duration, Instruments(rate=RATE, seed=seed))
+    for seed, (name, curve, duration) in enumerate(
+        zip(("exciting", "other"), curves, durations, strict=True), 5
+    ):
+        recording = record(
+            subject, engine, names, curve, duration, Instruments(rate=RATE, seed=seed)
+        )
         write_trc(recording.markers, folder / f"{name}.trc")
         write_external_loads(recording.wrenches, folder / f"{name}.mot", folder / f"{name}.xml")
         trials[name] = (folder / f"{name}.trc", folder / f"{name}.xml", "")
     return Case(
-        SIMULATED, folder / "few.osim", folder / "detailed.osim", subject.person.mass, trials, "other",
-        cutoff=4.0, calibrate="noise = 0.0", truth=subject.person,
-    )  # fmt: skip
+        name=SIMULATED,
+        model=folder / "few.osim",
+        detailed=folder / "detailed.osim",
+        mass=subject.person.mass,
+        trials=trials,
+        check="other",
+        cutoff=4.0,
+        calibrate="noise = 0.0",
+        truth=subject.person,
+    )
 
 
 def real(data: Path) -> Iterator[Case]:
-    """Sets of the collection whose model has the regions of a whole body; two parts where there is one recording."""
+    """Sets of the collection whose model has the regions of a whole body; two parts where there is
+    one recording.
+    """
     runs = {
-        name: (data / RUN / name / "markers.trc", data / RUN / name / "grf.mot", "") for name in ("run200", "run500")
+        name: (data / RUN / name / "markers.trc", data / RUN / name / "grf.mot", "")
+        for name in ("run200", "run500")
     }
-    yield Case("runner", data / RUN / "unscaled_generic.osim", data / MANY, 82.0, runs, "run500")
+    yield Case(
+        name="runner",
+        model=data / RUN / "unscaled_generic.osim",
+        detailed=data / MANY,
+        mass=82.0,
+        trials=runs,
+        check="run500",
+    )
     opencap = {
-        name: (data / OPENCAP / "markers" / f"{name}.trc", data / OPENCAP / "grf" / f"{name}_external_forces.xml", "")
+        name: (
+            data / OPENCAP / "markers" / f"{name}.trc",
+            data / OPENCAP / "grf" / f"{name}_external_forces.xml",
+            "",
+        )
         for name in ("walking1", "STS1", "DJ1")
     }
-    yield Case("OpenCap", data / OPENCAP / "models/unscaled_generic.osim", data / MANY, 62.6, opencap, "walking1")
-    walk = data / RAJAGOPAL / "markers_walk.trc", data / RAJAGOPAL / "grf_walk.xml"
-    yield Case("walk", data / RAJAGOPAL / "subject_walk_scaled.osim", data / MANY, 85.27, _parts(*walk, 0.6), "second")
-    walk = data / GAIT / "experiment/subject01_walk1.trc", data / GAIT / "experiment/subject01_walk1_grf.xml"
     yield Case(
-        "gait2354", data / GAIT / "ref_scale/std_subject01_simbody.osim", data / MANY, 72.6, _parts(*walk), "second"
+        name="OpenCap",
+        model=data / OPENCAP / "models/unscaled_generic.osim",
+        detailed=data / MANY,
+        mass=62.6,
+        trials=opencap,
+        check="walking1",
+    )
+    walk = data / RAJAGOPAL / "markers_walk.trc", data / RAJAGOPAL / "grf_walk.xml"
+    yield Case(
+        name="walk",
+        model=data / RAJAGOPAL / "subject_walk_scaled.osim",
+        detailed=data / MANY,
+        mass=85.27,
+        trials=_parts(*walk, 0.6),
+        check="second",
+    )
+    walk = (
+        data / GAIT / "experiment/subject01_walk1.trc",
+        data / GAIT / "experiment/subject01_walk1_grf.xml",
+    )
+    yield Case(
+        name="gait2354",
+        model=data / GAIT / "ref_scale/std_subject01_simbody.osim",
+        detailed=data / MANY,
+        mass=72.6,
+        trials=_parts(*walk),
+        check="second",
     )
 
 
@@ -228,7 +322,8 @@ def _parts(markers: Path, loads: Path, share: float = 0.5) -> dict[str, tuple[Pa
     found = mm.read_recording(markers).markers
     assert found is not None
     forces = read_external_loads(loads).time
-    start, end = max(found.time[0], forces[0]), min(found.time[-1], forces[-1])
+    start = max(found.time[0], forces[0])
+    end = min(found.time[-1], forces[-1])
     middle = start + share * (end - start)
     spans = {"first": (start, middle), "second": (middle, end)}
     return {name: (markers, loads, f"time = [{a:.3f}, {b:.3f}]") for name, (a, b) in spans.items()}
@@ -236,8 +331,8 @@ def _parts(markers: Path, loads: Path, share: float = 0.5) -> dict[str, tuple[Pa
 
 @dataclass(frozen=True)
 class Found:
-    """Tables of the step `identify` by way and name of the file, those of the step `transfer`, and what `identify`
-    noted; `truth`: masses of a simulated person's links [kg].
+    """Tables of the step `identify` by way and name of the file, those of the step `transfer`, and
+    what `identify` noted; `truth`: masses of a simulated person's links [kg].
     """
 
     tables: Mapping[str, Mapping[str, list[dict[str, str]]]]
@@ -248,7 +343,9 @@ class Found:
 
 def run(case: Case, folder: Path) -> Found:
     """Run the study once a way; steps before `identify` are reused."""
-    tables, notes, out = {}, {}, folder / "results"
+    tables = {}
+    notes = {}
+    out = folder / "results"
     for way in WAYS:
         path = folder / "study.toml"
         path.write_text(case.study(way))
@@ -257,15 +354,19 @@ def run(case: Case, folder: Path) -> Found:
         if wrong:
             raise RuntimeError(f"{case.name}, {way}: {wrong[0]}")
         home = out / "body"
-        tables[way] = {path.name: _rows(path) for path in sorted((home / "identification").glob("*.csv"))}
-        notes[way] = [text for outcome in outcomes for text in outcome.findings if text.startswith("identify")]
+        tables[way] = {
+            path.name: _rows(path) for path in sorted((home / "identification").glob("*.csv"))
+        }
+        notes[way] = [
+            text for outcome in outcomes for text in outcome.findings if text.startswith("identify")
+        ]
     person = case.truth
     truth = {} if person is None else {body.name: body.mass for body in person.bodies}
     return Found(
-        tables,
-        {path.name: _rows(path) for path in sorted((home / "transfer").glob("*.csv"))},
-        notes,
-        truth,
+        tables=tables,
+        transfer={path.name: _rows(path) for path in sorted((home / "transfer").glob("*.csv"))},
+        notes=notes,
+        truth=truth,
     )
 
 
@@ -281,11 +382,16 @@ SETS = (SIMULATED, "runner", "OpenCap", "walk", "gait2354")
 
 def found(name: str) -> Found:
     """A set, run where it was not yet."""
-    folder, data = HOME / name, data_folder()
+    folder = HOME / name
+    data = data_folder()
     kept = folder / "found.json"
     if not kept.is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        case = simulated(folder, data) if name == SIMULATED else next(one for one in real(data) if one.name == name)
+        case = (
+            simulated(folder, data)
+            if name == SIMULATED
+            else next(one for one in real(data) if one.name == name)
+        )
         kept.write_text(json.dumps(asdict(run(case, folder))), encoding="utf-8")
     return Found(**json.loads(kept.read_text(encoding="utf-8")))
 
@@ -298,7 +404,9 @@ def sets() -> Iterator[tuple[str, Found]]:
 
 
 def measure_wrenches() -> Iterator[Row]:
-    """[D] figure 3.3: mean absolute error of each component of the base wrench on the motion that was not used."""
+    """[D] figure 3.3: mean absolute error of each component of the base wrench on the motion that
+    was not used.
+    """
     for name, one in sets():
         for way, tables in one.tables.items():
             for method, errors in _methods(tables).items():
@@ -307,7 +415,9 @@ def measure_wrenches() -> Iterator[Row]:
                 yield (
                     {"set": name, "settings": way, "masses": method}
                     | {
-                        f"{component} [{unit}]": float(errors[component]["mean absolute error [N m, N]"])
+                        f"{component} [{unit}]": float(
+                            errors[component]["mean absolute error [N m, N]"]
+                        )
                         for component, unit in COMPONENTS.items()
                     }
                     | {
@@ -323,7 +433,9 @@ def measure_wrenches() -> Iterator[Row]:
 
 
 def measure_measured() -> Iterator[Row]:
-    """Measured persons: errors of the wrench on the motion that was not used, the lightest link, the first warning."""
+    """Measured persons: errors of the wrench on the motion that was not used, the lightest link,
+    the first warning.
+    """
     for case in real(data_folder()):
         if not (HOME / case.name / "found.json").is_file():
             continue
@@ -342,15 +454,21 @@ def measure_measured() -> Iterator[Row]:
                     elif label.startswith("identified"):
                         row[f"{word}, {way} [{unit}]"] = _together(errors, kind)
         for way, tables in one.tables.items():
-            generic = {part["link"]: float(part[f"{GENERIC} [kg]"]) for part in tables["masses.csv"]}
+            generic = {
+                part["link"]: float(part[f"{GENERIC} [kg]"]) for part in tables["masses.csv"]
+            }
             large = LARGE * sum(generic.values())
             found_masses = {part["link"]: _identified(part) for part in tables["masses.csv"]}
-            ratios = {link: found_masses[link] / mass for link, mass in generic.items() if mass > large}
+            ratios = {
+                link: found_masses[link] / mass for link, mass in generic.items() if mass > large
+            }
             for end, word in ((min, "smallest"), (max, "largest")):
                 link = end(ratios, key=lambda name: ratios[name])
                 row[f"{word} of generic, {way}"] = f"{ratios[link]:.2g} ({link})"
         for way, notes in one.notes.items():
-            row[f"says, {way}"] = next((note.removeprefix("identify: ").split(";")[0] for note in notes), "nothing")
+            row[f"says, {way}"] = next(
+                (note.removeprefix("identify: ").split(";")[0] for note in notes), "nothing"
+            )
         yield row
 
 
@@ -363,17 +481,25 @@ def _methods(tables: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[str, 
 
 
 def _together(errors: Mapping[str, Mapping[str, str]], kind: str) -> float:
-    squares = [float(row["RMS error [N m, N]"]) ** 2 for component, row in errors.items() if component[0] == kind]
+    squares = [
+        float(row["RMS error [N m, N]"]) ** 2
+        for component, row in errors.items()
+        if component[0] == kind
+    ]
     return float(np.sqrt(sum(squares)))
 
 
 def measure_masses() -> Iterator[Row]:
     """[D] tables 3.1 and 3.2: mass of every link of the simulated person, with the truth."""
     one = found(SIMULATED)
-    by_way = {way: {row["link"]: row for row in tables["masses.csv"]} for way, tables in one.tables.items()}
+    by_way = {
+        way: {row["link"]: row for row in tables["masses.csv"]}
+        for way, tables in one.tables.items()
+    }
     for link, mass in one.truth.items():
         default = by_way[DEFAULTS][link]
-        low, high = float(default["90 % interval from [kg]"]), float(default["90 % interval to [kg]"])
+        low = float(default["90 % interval from [kg]"])
+        high = float(default["90 % interval to [kg]"])
         yield {
             "link": link,
             "true [kg]": mass,
@@ -382,7 +508,9 @@ def measure_masses() -> Iterator[Row]:
             "generic, scaled [kg]": float(default["generic, scaled [kg]"]),
             "90 % interval of defaults holds": "yes" if low <= mass <= high else "no",
         }
-    totals = {way: sum(_identified(rows[link]) for link in one.truth) for way, rows in by_way.items()}
+    totals = {
+        way: sum(_identified(rows[link]) for link in one.truth) for way, rows in by_way.items()
+    }
     yield {"link": "Total", "true [kg]": sum(one.truth.values())} | {
         f"{way} [kg]": sum_ for way, sum_ in totals.items()
     }
@@ -397,7 +525,9 @@ def measure_spine() -> Iterator[Row]:
     for name, one in sets():
         for group in one.tables[DEFAULTS]["spine.csv"]:
             rows = {
-                way: next(row for row in tables["spine.csv"] if row["link group"] == group["link group"])
+                way: next(
+                    row for row in tables["spine.csv"] if row["link group"] == group["link group"]
+                )
                 for way, tables in one.tables.items()
             }
             bodies = list(one.truth)
@@ -405,7 +535,9 @@ def measure_spine() -> Iterator[Row]:
             yield {
                 "set": name,
                 "link group": group["link group"],
-                "true [kg]": float(np.std([one.truth[body] for body in members])) if members else None,
+                "true [kg]": (
+                    float(np.std([one.truth[body] for body in members])) if members else None
+                ),
                 **{f"{way} [kg]": _identified(row) for way, row in rows.items()},
                 "shape only, w_n [kg]": float(rows[NEAREST]["shape only [kg]"]),
             }
@@ -416,12 +548,16 @@ def measure_spine() -> Iterator[Row]:
 
 
 def measure_segments() -> Iterator[Row]:
-    """[D] tables 3.4 and 3.5: shares of the body's mass of segments of the right side, and the links of each."""
+    """[D] tables 3.4 and 3.5: shares of the body's mass of segments of the right side, and the
+    links of each.
+    """
     for name, one in sets():
         parts: dict[str, list[str]] = {}
         for row in one.tables[DEFAULTS]["links.csv"]:
             if row["side"] in ("", "right"):
-                parts.setdefault(row["segment"].replace("_", " ").capitalize(), []).append(row["link"])
+                parts.setdefault(row["segment"].replace("_", " ").capitalize(), []).append(
+                    row["link"]
+                )
         for index, segment in enumerate(one.tables[DEFAULTS]["segments.csv"]):
             rows = {way: tables["segments.csv"][index] for way, tables in one.tables.items()}
             links = parts.get(segment["segment"], parts.get(TRUNK.get(segment["segment"], ""), []))
@@ -429,9 +565,11 @@ def measure_segments() -> Iterator[Row]:
                 "set": name,
                 "segment": segment["segment"],
                 "athletes [%]": float(segment["athletes (Ae et al. 1992) [%]"]),
-                "true [%]": 100.0 * sum(one.truth[link] for link in links) / sum(one.truth.values())
-                if one.truth and links
-                else None,
+                "true [%]": (
+                    100.0 * sum(one.truth[link] for link in links) / sum(one.truth.values())
+                    if one.truth and links
+                    else None
+                ),
                 **{f"{way} [%]": _share(row) for way, row in rows.items()},
                 "shape only, w_n [%]": float(rows[NEAREST]["shape only, right [%]"] or "nan"),
                 "links": " ".join(links),
@@ -443,7 +581,9 @@ def measure_segments() -> Iterator[Row]:
 
 
 def _share(row: Mapping[str, str]) -> float:
-    return float(next(value for column, value in row.items() if column.startswith("identified")) or "nan")
+    return float(
+        next(value for column, value in row.items() if column.startswith("identified")) or "nan"
+    )
 
 
 if __name__ == "__main__":

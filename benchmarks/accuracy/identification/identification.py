@@ -1,4 +1,6 @@
-"""The base wrench on motion that identification did not see: generic, shape, least squares, and possible bodies."""
+"""The base wrench on motion that identification did not see: generic, shape, least squares, and
+possible bodies.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,10 @@ SPACING = 0.02
 MARKERS = "soft tissue never"
 LOOSE = 5.0
 """A prior that hardly holds masses."""
-OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
-GAIT, RAJAGOPAL = "opensim-gait-subject01", "rajagopal-walk-emg"
+OPENCAP = "opencap-subject4-multitask"
+RUN = "hamner-run-subject04"
+GAIT = "opensim-gait-subject01"
+RAJAGOPAL = "rajagopal-walk-emg"
 FEET = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
 
 
@@ -44,8 +48,9 @@ FEET = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
 class Subject:
     """A subject of the collection.
 
-    `model`: file, scaled or, where it is `calibrated` first, generic; `trials`: by name, marker file and force file;
-    `static`: recording of standing still, for the calibration; `tasks`: weights of markers.
+    `model`: file, scaled or, where it is `calibrated` first, generic; `trials`: by name, marker
+    file and force file; `static`: recording of standing still, for the calibration; `tasks`:
+    weights of markers.
     """
 
     name: str
@@ -70,21 +75,63 @@ _OPENCAP_TRIALS = {
     name: (f"{OPENCAP}/markers/{name}.trc", f"{OPENCAP}/grf/{name}_external_forces.xml")
     for name in ("walking1", "DJ1", "STS1")
 }
-_RUN_TRIALS = {name: (f"{RUN}/{name}/markers.trc", f"{RUN}/{name}/grf.mot") for name in ("run200", "run500")}
+_RUN_TRIALS = {
+    name: (f"{RUN}/{name}/markers.trc", f"{RUN}/{name}/grf.mot") for name in ("run200", "run500")
+}
 SUBJECTS = (
-    Subject("OpenCap, calibrated", f"{OPENCAP}/models/unscaled_generic.osim", 62.6, _OPENCAP_TRIALS, True,
-            f"{OPENCAP}/markers/static1.trc"),
-    Subject("OpenCap, scaled by an expert", f"{OPENCAP}/models/manually_scaled.osim", 62.6, _OPENCAP_TRIALS),
-    Subject("gait2354, ScaleTool", f"{GAIT}/ref_scale/std_subject01_simbody.osim", 72.6,
-            {"walk": (f"{GAIT}/experiment/subject01_walk1.trc", f"{GAIT}/experiment/subject01_walk1_grf.xml")},
-            tasks=f"{GAIT}/ref_ik/gait2354_IK_Tasks.xml"),
-    Subject("Rajagopal, scaled by an expert", f"{RAJAGOPAL}/subject_walk_scaled.osim", 85.27,
-            {"walk": (f"{RAJAGOPAL}/markers_walk.trc", f"{RAJAGOPAL}/grf_walk.xml")}),
-    Subject("Rajagopal, calibrated", f"{RAJAGOPAL}/subject_walk_scaled.osim", 85.27,
-            {"walk": (f"{RAJAGOPAL}/markers_walk.trc", f"{RAJAGOPAL}/grf_walk.xml")}, True),
-    Subject("Hamner, calibrated", f"{RUN}/unscaled_generic.osim", 82.0, _RUN_TRIALS, True),
-    Subject("Hamner, generic lengths", f"{RUN}/unscaled_generic.osim", 82.0, {"run200": _RUN_TRIALS["run200"]}),
-)  # fmt: skip
+    Subject(
+        name="OpenCap, calibrated",
+        model=f"{OPENCAP}/models/unscaled_generic.osim",
+        mass=62.6,
+        trials=_OPENCAP_TRIALS,
+        calibrated=True,
+        static=f"{OPENCAP}/markers/static1.trc",
+    ),
+    Subject(
+        name="OpenCap, scaled by an expert",
+        model=f"{OPENCAP}/models/manually_scaled.osim",
+        mass=62.6,
+        trials=_OPENCAP_TRIALS,
+    ),
+    Subject(
+        name="gait2354, ScaleTool",
+        model=f"{GAIT}/ref_scale/std_subject01_simbody.osim",
+        mass=72.6,
+        trials={
+            "walk": (
+                f"{GAIT}/experiment/subject01_walk1.trc",
+                f"{GAIT}/experiment/subject01_walk1_grf.xml",
+            )
+        },
+        tasks=f"{GAIT}/ref_ik/gait2354_IK_Tasks.xml",
+    ),
+    Subject(
+        name="Rajagopal, scaled by an expert",
+        model=f"{RAJAGOPAL}/subject_walk_scaled.osim",
+        mass=85.27,
+        trials={"walk": (f"{RAJAGOPAL}/markers_walk.trc", f"{RAJAGOPAL}/grf_walk.xml")},
+    ),
+    Subject(
+        name="Rajagopal, calibrated",
+        model=f"{RAJAGOPAL}/subject_walk_scaled.osim",
+        mass=85.27,
+        trials={"walk": (f"{RAJAGOPAL}/markers_walk.trc", f"{RAJAGOPAL}/grf_walk.xml")},
+        calibrated=True,
+    ),
+    Subject(
+        name="Hamner, calibrated",
+        model=f"{RUN}/unscaled_generic.osim",
+        mass=82.0,
+        trials=_RUN_TRIALS,
+        calibrated=True,
+    ),
+    Subject(
+        name="Hamner, generic lengths",
+        model=f"{RUN}/unscaled_generic.osim",
+        mass=82.0,
+        trials={"run200": _RUN_TRIALS["run200"]},
+    ),
+)
 
 
 def splits(subject: Subject) -> Iterator[Split]:
@@ -116,7 +163,12 @@ def opened(folder: Path, subject: Subject) -> tuple[mm.Model, dict[str, Usable]]
         tracking = mm.InverseKinematicsOptions(marker_weights=known, only_weighted=bool(known))
         motion = mm.inverse_kinematics(model, markers[name], tracking).motion
         found[name] = usable(
-            model, motion, _loads(folder / loads), mass=subject.mass, name=name, options=RecordingOptions(cutoff=CUTOFF)
+            model,
+            motion,
+            _loads(folder / loads),
+            mass=subject.mass,
+            name=name,
+            options=RecordingOptions(cutoff=CUTOFF),
         )
     share = subject.mass / model.mass
     return with_inertial_parameters(model, inertial_parameters(model) * share), found
@@ -140,7 +192,9 @@ def part(trials: dict[str, Usable], name: str) -> Usable:
 
 
 @cache
-def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[Identification, dict[str, np.ndarray]]:
+def identified(
+    folder: Path, subject: Subject, train: tuple[str, ...]
+) -> tuple[Identification, dict[str, np.ndarray]]:
     """The identification of a split, and parameters of every way of it."""
     model, trials = opened(folder, subject)
     body = BodyOptions(spacing=SPACING)
@@ -165,24 +219,36 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
     )
     options = MassPointOptions(mass_sd=LOOSE)
     loose = solve_mass_points(points[first], A, b, mass=subject.mass, options=options).parameters
-    return found, {MARKERS: markers.parameters[markers.chosen], "ridge": ridge.parameters, "loose": loose} | dict(
-        found.parameters
-    )
+    return found, {
+        MARKERS: markers.parameters[markers.chosen],
+        "ridge": ridge.parameters,
+        "loose": loose,
+    } | dict(found.parameters)
 
 
 def misfit(
-    model: mm.Model, parameters: dict[str, np.ndarray], recording: Recording, tissue: SoftTissue | None
+    model: mm.Model,
+    parameters: dict[str, np.ndarray],
+    recording: Recording,
+    tissue: SoftTissue | None,
 ) -> dict[str, np.ndarray]:
     """(moment, force) root mean square error of every set of parameters [N m], [N]."""
     base = base_parameters(model, held=held_in(model, [recording.motion]))
     markers = parts_of(model, [recording], base, least=1)
-    parts = markers if tissue is None else parts_of(model, [recording.moved(tissue.of)], base, least=1)
+    parts = (
+        markers if tissue is None else parts_of(model, [recording.moved(tissue.of)], base, least=1)
+    )
     # Least squares may give negative masses, which no model holds: parts take any parameters.
-    return {name: (markers if name in (MARKERS, GENERIC) else parts).rms(one) for name, one in parameters.items()}
+    return {
+        name: (markers if name in (MARKERS, GENERIC) else parts).rms(one)
+        for name, one in parameters.items()
+    }
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a split: force and moment error on the unseen motion, and their ratio to the generic model's."""
+    """A row a split: force and moment error on the unseen motion, and their ratio to the generic
+    model's.
+    """
     for subject in SUBJECTS:
         if not (folder / subject.model).exists():
             continue
@@ -202,12 +268,17 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         for side in "rl"
         if f"hand_{side}" in model.body_names
     ]
-    shares = [parameters[found.chosen][arm, 0].sum() / parameters[GENERIC][arm, 0].sum() for arm in forearms]
+    shares = [
+        parameters[found.chosen][arm, 0].sum() / parameters[GENERIC][arm, 0].sum()
+        for arm in forearms
+    ]
     moment, force = errors[GENERIC]
 
     def told(name: str) -> str:
         ratio = errors[name] / errors[GENERIC]
-        return f"{errors[name][1]:.1f} N ({ratio[1]:.2f}), {errors[name][0]:.1f} N m ({ratio[0]:.2f})"
+        return (
+            f"{errors[name][1]:.1f} N ({ratio[1]:.2f}), {errors[name][0]:.1f} N m ({ratio[0]:.2f})"
+        )
 
     return {
         "model": split.subject.name,
@@ -227,7 +298,9 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "soft tissue": "none" if found.soft_tissue is None else found.soft_tissue.words,
         "lightest forearm, of generic": min(shares) if shares else None,
         "mass SD of the prior": found.mass_sd,
-        "parameters shown": f"{int(found.known.data.sum())} of {found.known.data.size}, rank {found.known.rank}",
+        "parameters shown": (
+            f"{int(found.known.data.sum())} of {found.known.data.size}, rank {found.known.rank}"
+        ),
         "model gets": "generic masses" if found.chosen == GENERIC else "identified masses",
         "warned of worse": bool(found.unseen.worse or found.unseen.losses),
         "possible": found.consistency[found.chosen].ok,

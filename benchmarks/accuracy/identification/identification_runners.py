@@ -1,4 +1,6 @@
-"""Identified masses of simulated runners, whose markers move on soft tissue, and the coverage of intervals."""
+"""Identified masses of simulated runners, whose markers move on soft tissue, and the coverage of
+intervals.
+"""
 
 from __future__ import annotations
 
@@ -27,29 +29,42 @@ from myomorph.rigid.regressor import base_regressor, reference_points
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
-RUNNER, TRAIN, TEST = "Hamner, calibrated", "run200", "run500"
+RUNNER = "Hamner, calibrated"
+TRAIN = "run200"
+TEST = "run500"
 SEEDS = 6
 MARKER_NOISE = 1e-3
 """Of each marker along one axis, white [m]."""
-ALPHAS, ALPHA_SD = 4e-4, 1e-4
+ALPHAS = 4e-4
+ALPHA_SD = 1e-4
 """Of each coordinate by itself, where coordinates are too large [s^2]."""
-RESONANCES, DAMPING = (8.0, 12.0), (0.2, 0.4)
+RESONANCES = (8.0, 12.0)
+DAMPING = (0.2, 0.4)
 """Of the springs under the markers of a body [Hz], and shares of critical damping."""
 
 LIMBS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "trunk and legs": {
         "trunk": ("pelvis", "torso"),
         **{
-            f"leg {side}": tuple(f"{body}_{side}" for body in ("femur", "tibia", "talus", "calcn", "toes"))
+            f"leg {side}": tuple(
+                f"{body}_{side}" for body in ("femur", "tibia", "talus", "calcn", "toes")
+            )
             for side in "rl"
         },
     },
     "thighs, shanks, feet": {
         f"{name} {side}": tuple(f"{body}_{side}" for body in bodies)
-        for name, bodies in (("thigh", ("femur",)), ("shank", ("tibia",)), ("foot", ("talus", "calcn", "toes")))
+        for name, bodies in (
+            ("thigh", ("femur",)),
+            ("shank", ("tibia",)),
+            ("foot", ("talus", "calcn", "toes")),
+        )
         for side in "rl"
     },
-    "arms": {f"arm {side}": tuple(f"{body}_{side}" for body in ("humerus", "ulna", "radius", "hand")) for side in "rl"},
+    "arms": {
+        f"arm {side}": tuple(f"{body}_{side}" for body in ("humerus", "ulna", "radius", "hand"))
+        for side in "rl"
+    },
 }
 """Bodies whose masses are judged together."""
 
@@ -57,14 +72,22 @@ Tissue = Callable[[mm.Model, mm.Motion, np.random.Generator], mm.Markers]
 Row = dict[str, object]
 
 
-def too_large_coordinates(model: mm.Model, motion: mm.Motion, random: np.random.Generator) -> mm.Markers:
-    """Markers on a body whose every coordinate is q - alpha q'', which 1 / (1 + alpha w^2) takes back."""
+def too_large_coordinates(
+    model: mm.Model, motion: mm.Motion, random: np.random.Generator
+) -> mm.Markers:
+    """Markers on a body whose every coordinate is q - alpha q'', which 1 / (1 + alpha w^2) takes
+    back.
+    """
     alpha = np.maximum(ALPHAS + ALPHA_SD * random.normal(size=len(motion.names)), 0.0)
-    return mm.marker_positions(model, replace(motion, values=motion.values - alpha * motion.accelerations))
+    return mm.marker_positions(
+        model, replace(motion, values=motion.values - alpha * motion.accelerations)
+    )
 
 
 def sprung_markers(model: mm.Model, motion: mm.Motion, random: np.random.Generator) -> mm.Markers:
-    """Markers on damped springs, driven by the body below them: each body's resonate at a frequency of its own."""
+    """Markers on damped springs, driven by the body below them: each body's resonate at a frequency
+    of its own.
+    """
     markers = mm.marker_positions(model, motion)
     step = float(np.median(np.diff(markers.time)))
     frequencies = {body: random.uniform(*RESONANCES) for body in model.body_names}
@@ -72,7 +95,8 @@ def sprung_markers(model: mm.Model, motion: mm.Motion, random: np.random.Generat
     values = np.array(markers.values)
     for index, name in enumerate(markers.names):
         body = model.marker(name).body
-        # The trend is carried as it is, and the ends are mirrored about themselves, so that nothing rings there.
+        # The trend is carried as it is, and the ends are mirrored about themselves, so that nothing
+        # rings there.
         path = values[:, index]
         trend = path[0] + (path[-1] - path[0]) * np.linspace(0.0, 1.0, len(path))[:, None]
         swing = path - trend
@@ -113,22 +137,37 @@ def measure(folder: Path) -> Iterator[Row]:
     for tissue, moved in TISSUES.items():
         random = np.random.default_rng(7)
         heavy = generic[:, 0] > 0.0
-        runners = [_runner(model, trials, drawn_body(model, heavy, random), moved, random) for _ in range(SEEDS)]
-        yield _row(tissue, "true masses", [_ratio(model, runner, runner.truth, None) for runner in runners])
+        runners = [
+            _runner(model, trials, drawn_body(model, heavy, random), moved, random)
+            for _ in range(SEEDS)
+        ]
+        yield _row(
+            tissue, "true masses", [_ratio(model, runner, runner.truth, None) for runner in runners]
+        )
         for way, use in ((way, use) for way in ("identify", "refine") for use in uses):
-            ratios, errors, inside, taken = [], [], [], 0
+            ratios = []
+            errors = []
+            inside = []
+            taken = 0
             for runner in runners:
                 parameters, sd, found = (
-                    _identified(model, runner, points, use) if way == "identify" else _refined(model, runner, use)
+                    _identified(model, runner, points, use)
+                    if way == "identify"
+                    else _refined(model, runner, use)
                 )
                 ratios.append(_ratio(model, runner, parameters, found))
-                errors.append([_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()])
+                errors.append(
+                    [_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()]
+                )
                 off = np.abs(parameters[:, 0] - runner.truth[:, 0]) / np.maximum(sd, 1e-12)
                 inside.append(off[heavy] < NINETY)
                 taken += found is not None
             name = way if use == "auto" else f"{way}, soft tissue never"
             yield _row(tissue, name, ratios, errors, float(np.mean(inside)), taken)
-        errors = [[_errors(model, runner.truth, generic, limbs) for limbs in LIMBS.values()] for runner in runners]
+        errors = [
+            [_errors(model, runner.truth, generic, limbs) for limbs in LIMBS.values()]
+            for runner in runners
+        ]
         yield _row(tissue, "generic", [np.ones(2)], errors)
 
 
@@ -136,10 +175,17 @@ Found = tuple[Array, Array, SoftTissue | None]
 """(bodies, 10) parameters, (bodies,) standard deviations of masses [kg], and soft tissue."""
 
 
-def _identified(model: mm.Model, runner: _Runner, points: Mapping[str, mm.MassPoints], use: Use) -> Found:
+def _identified(
+    model: mm.Model, runner: _Runner, points: Mapping[str, mm.MassPoints], use: Use
+) -> Found:
     options = IdentificationOptions(compare=False, soft_tissue=use)
     found = mm.identify(
-        model, [runner.seen[TRAIN]], points, mass=model.mass, options=options, recording=RecordingOptions(CUTOFF)
+        model,
+        [runner.seen[TRAIN]],
+        points,
+        mass=model.mass,
+        options=options,
+        recording=RecordingOptions(CUTOFF),
     )
     return found.parameters[found.chosen], found.sd[:, 0], found.soft_tissue
 
@@ -167,7 +213,8 @@ def _row(
         "unseen force, of generic": float(force),
         "unseen moment, of generic": float(moment),
         **{
-            f"{name}, RMS error [%]": 100.0 * float(np.sqrt(np.mean(np.square([row[i] for row in errors]))))
+            f"{name}, RMS error [%]": 100.0
+            * float(np.sqrt(np.mean(np.square([row[i] for row in errors]))))
             if len(errors)
             else None
             for i, name in enumerate(LIMBS)
@@ -178,21 +225,34 @@ def _row(
 
 
 def _runner(
-    model: mm.Model, trials: Mapping[str, Usable], truth: Array, moved: Tissue, random: np.random.Generator
+    model: mm.Model,
+    trials: Mapping[str, Usable],
+    truth: Array,
+    moved: Tissue,
+    random: np.random.Generator,
 ) -> _Runner:
-    """Recordings as the laboratory would have them: exact forces of the true motion, and markers that move more."""
-    seen, recorded = {}, {}
+    """Recordings as the laboratory would have them: exact forces of the true motion, and markers
+    that move more.
+    """
+    seen = {}
+    recorded = {}
     for name in (TRAIN, TEST):
         recording = trials[name].recording
         # All frames: which of them count is found from what was measured.
         motion = recording.motion
         wrench = base_regressor(model, motion) @ truth.ravel()
         wrenches = mm.Wrenches(
-            motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:],
-            reference_points(model, motion)[:, None], wrench[:, None, :3],
-        )  # fmt: skip
+            motion.time,
+            ("plate",),
+            (model.body_names[0],),
+            wrench[:, None, 3:],
+            reference_points(model, motion)[:, None],
+            wrench[:, None, :3],
+        )
         markers = moved(model, motion, random)
-        markers = replace(markers, values=markers.values + MARKER_NOISE * random.normal(size=markers.values.shape))
+        markers = replace(
+            markers, values=markers.values + MARKER_NOISE * random.normal(size=markers.values.shape)
+        )
         recorded[name] = SubjectTrial(name, markers, wrenches)
         tracked = mm.inverse_kinematics(model, markers).motion
         seen[name] = usable(model, tracked, wrenches, name=name, options=RecordingOptions(CUTOFF))
@@ -211,7 +271,9 @@ def _ratio(model: mm.Model, runner: _Runner, parameters: Array, tissue: SoftTiss
     return misfit(recording if tissue is None else recording.moved(tissue.of), parameters) / generic
 
 
-def _errors(model: mm.Model, truth: Array, parameters: Array, segments: Mapping[str, tuple[str, ...]]) -> Array:
+def _errors(
+    model: mm.Model, truth: Array, parameters: Array, segments: Mapping[str, tuple[str, ...]]
+) -> Array:
     """(segments,) error of each segment's mass, of itself."""
     rows = [[model.body_names.index(body) for body in bodies] for bodies in segments.values()]
     true = np.array([truth[row, 0].sum() for row in rows])
@@ -228,7 +290,9 @@ HEAVY = 0.003
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a motion and noise: share of the parameters inside their interval, over bodies drawn at random."""
+    """A row a motion and noise: share of the parameters inside their interval, over bodies drawn at
+    random.
+    """
     for subject in SUBJECTS:
         if subject.name not in MOTIONS or not (folder / subject.model).exists():
             continue
@@ -237,7 +301,10 @@ def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
         points, _, _ = body_points(model, BodyShape(), model.mass, BodyOptions(spacing=SPACING))
         for sd in NOISES:
             random = np.random.default_rng(0)
-            errors, kept, ranks, shown = [], 0, [], []
+            errors = []
+            kept = 0
+            ranks = []
+            shown = []
             for _ in range(INTERVAL_SEEDS):
                 truth = drawn_body(model, heavy, random)
                 seen = [_recorded(model, truth, one, sd, random) for one in trials.values()]
@@ -263,7 +330,9 @@ def measure_intervals(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def drawn_body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
-    """Parameters of a possible body near the model: each link's distribution of mass stretched and sheared."""
+    """Parameters of a possible body near the model: each link's distribution of mass stretched and
+    sheared.
+    """
     generic = inertial_parameters(model)
     truth = generic.copy()
     for i in np.flatnonzero(heavy):
@@ -276,14 +345,25 @@ def drawn_body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) 
     return result
 
 
-def _recorded(model: mm.Model, truth: Array, one: Usable, sd: float, random: np.random.Generator) -> Usable:
+def _recorded(
+    model: mm.Model, truth: Array, one: Usable, sd: float, random: np.random.Generator
+) -> Usable:
     """The recording as it would be of that body: its exact forces, and its motion with noise."""
     motion = one.recording.motion
     wrench = base_regressor(model, motion) @ truth.ravel()
     points = reference_points(model, motion)[:, None]
     wrenches = mm.Wrenches(
-        motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3]
+        motion.time,
+        ("plate",),
+        (model.body_names[0],),
+        wrench[:, None, 3:],
+        points,
+        wrench[:, None, :3],
     )
     return replace(
-        one, recording=Recording(plus(motion, noise_of(motion, sd, 6.0, random)), wrenches, one.recording.use), notes=()
+        one,
+        recording=Recording(
+            plus(motion, noise_of(motion, sd, 6.0, random)), wrenches, one.recording.use
+        ),
+        notes=(),
     )

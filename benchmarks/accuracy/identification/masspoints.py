@@ -1,4 +1,5 @@
-"""The mass-point problem against general solvers, its optimality, and what the grid and the weight map change.
+"""The mass-point problem against general solvers, its optimality, and what the grid and the weight
+map change.
 
 `python -m benchmarks.accuracy.identification.masspoints` measures this part alone.
 """
@@ -21,7 +22,13 @@ from myomorph.identify.body.envelope import envelope_points
 from myomorph.identify.body.fit_pose import pose_model_to_skin
 from myomorph.identify.body.points import Links, MassPoints, fill, links_of
 from myomorph.identify.body.shape import body_shape
-from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
+from myomorph.identify.body.weights import (
+    WeightMap,
+    bone_weights,
+    cog_weights,
+    links_with_mass,
+    nearest_weights,
+)
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
@@ -34,7 +41,9 @@ WEIGHTS: dict[str, WeightMap] = {"w_d": cog_weights, "w_n": nearest_weights}
 
 @dataclass(frozen=True)
 class Case:
-    """A problem of 1,000 points: how far the measurement is from what positive masses can do [units of noise]."""
+    """A problem of 1,000 points: how far the measurement is from what positive masses can do [units
+    of noise].
+    """
 
     name: str
     noise: float
@@ -77,10 +86,14 @@ def measure_solvers() -> Iterator[Row]:
 
 def _by_piqp(body: MassPoints, program: Program) -> Array:
     solver = piqp.DenseSolver()
-    solver.settings.eps_abs, solver.settings.eps_rel, solver.settings.max_iter = 1e-12, 1e-13, 500
+    solver.settings.eps_abs = 1e-12
+    solver.settings.eps_rel = 1e-13
+    solver.settings.max_iter = 500
     free = np.full(len(program.sd), 1e30)
     linear = -program.B.T @ program.t
-    solver.setup(np.asfortranarray(program.matrix), linear, None, None, None, None, None, program.low, free)
+    solver.setup(
+        np.asfortranarray(program.matrix), linear, None, None, None, None, None, program.low, free
+    )
     solver.solve()
     masses: Array = body.reference + program.sd * solver.result.x
     return masses
@@ -91,30 +104,46 @@ PAPER = 1e3
 
 
 def measure_grid() -> Iterator[Row]:
-    """Masses of the links for one measurement, by the number of points; it is weak, so that the prior matters."""
+    """Masses of the links for one measurement, by the number of points; it is weak, so that the
+    prior matters.
+    """
     sizes = (2_000, 16_000, 128_000)
     finest = made_body(sizes[-1], bone_weights)
     A, b = (0.01 * part[:40] for part in measured(finest))
     wished = b - A @ finest.parameters(finest.reference).ravel()
     found: dict[tuple[int, str], Array] = {}
-    spacing, bound = {}, {}
+    spacing = {}
+    bound = {}
     for points in sizes:
         body = made_body(points, bone_weights)
         spacing[points] = body.spacing
         for prior in ("relative", "paper"):
             # The same change is asked of every grid.
-            options = MassPointOptions(prior=prior, W_rho=PAPER) if prior == "paper" else MassPointOptions()
+            options = (
+                MassPointOptions(prior=prior, W_rho=PAPER)
+                if prior == "paper"
+                else MassPointOptions()
+            )
             fit: MassPointFit = solve_mass_points(
-                body, A, A @ body.parameters(body.reference).ravel() + wished, mass=MASS, options=options
+                body,
+                A,
+                A @ body.parameters(body.reference).ravel() + wished,
+                mass=MASS,
+                options=options,
             )
             found[points, prior] = (fit.parameters - body.parameters(body.reference))[:, 0]
             bound[points, prior] = fit.on_bound / len(body.points)
     for points in sizes:
         row: Row = {"points": points, "grid [mm]": 1e3 * spacing[points], "links": LINKS}
         for prior in ("relative", "paper"):
-            change, last = found[points, prior], found[sizes[-1], prior]
-            row[f"RMS change of a link's mass, {prior} prior [kg]"] = float(np.sqrt(np.mean(change**2)))
-            row[f"its difference from the finest, {prior} prior [kg]"] = float(np.sqrt(np.mean((change - last) ** 2)))
+            change = found[points, prior]
+            last = found[sizes[-1], prior]
+            row[f"RMS change of a link's mass, {prior} prior [kg]"] = float(
+                np.sqrt(np.mean(change**2))
+            )
+            row[f"its difference from the finest, {prior} prior [kg]"] = float(
+                np.sqrt(np.mean((change - last) ** 2))
+            )
             row[f"points on the bound, {prior} prior"] = f"{100.0 * bound[points, prior]:.0f} %"
         yield row
 
@@ -126,7 +155,12 @@ PUBLISHED = {
 }
 """[D] tables 3.3 and 3.4: SD of lumbar and thoracic vertebrae [kg], shares of segments [%]."""
 
-OPEN = {"shoulder_elv_r": 1.0, "shoulder_elv_l": 1.0, "hip_adduction_r": -0.2, "hip_adduction_l": -0.2}
+OPEN = {
+    "shoulder_elv_r": 1.0,
+    "shoulder_elv_l": 1.0,
+    "hip_adduction_r": -0.2,
+    "hip_adduction_l": -0.2,
+}
 """Coordinates that open arms and legs, as [D] does before mass is shared out [rad]."""
 
 OWN = "the model's envelopes"
@@ -137,9 +171,12 @@ SEGMENTS = ("head", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot")
 
 
 def measure_maps(folder: Path) -> Iterator[Row]:
-    """Where a body's mass goes by each weight map: the 171-coordinate model in two bodies, and what is published."""
+    """Where a body's mass goes by each weight map: the 171-coordinate model in two bodies, and what
+    is published.
+    """
     model = mm.read_model(folder / "fullbody-many-muscles" / "cyclistFullBodyMuscle.osim")
-    taking, segments = links_with_mass(model), segments_of(model)
+    taking = links_with_mass(model)
+    segments = segments_of(model)
     maps: dict[str, WeightMap] = {
         "w_d": partial(cog_weights, taking=taking),
         "w_n": partial(nearest_weights, taking=taking),
@@ -153,7 +190,9 @@ def measure_maps(folder: Path) -> Iterator[Row]:
             "body": body,
             "masses": name,
             "SD of lumbar vertebrae [kg]": float(np.std([of[f"lumbar{i}"] for i in range(1, 6)])),
-            "SD of thoracic vertebrae [kg]": float(np.std([of[f"thoracic{i}"] for i in range(1, 13)])),
+            "SD of thoracic vertebrae [kg]": float(
+                np.std([of[f"thoracic{i}"] for i in range(1, 13)])
+            ),
             **{f"{segment} [%]": _share(of, segments, segment) for segment in SEGMENTS},
             "most that dropping small shares changes a link [g]": change,
         }
@@ -163,16 +202,32 @@ def measure_maps(folder: Path) -> Iterator[Row]:
             yield row(body, "the model itself", links, inertial_parameters(model)[:, 0])
         for name, weights in maps.items():
             masses = weights(points, links).T @ reference
-            whole = cog_weights(points, links, taking=taking, smallest=0.0).T @ reference if name == "w_d" else masses
-            yield row(body, name, links, masses, 1e3 * float(np.abs(masses - whole).max()) if name == "w_d" else "")
+            whole = (
+                cog_weights(points, links, taking=taking, smallest=0.0).T @ reference
+                if name == "w_d"
+                else masses
+            )
+            yield row(
+                body,
+                name,
+                links,
+                masses,
+                1e3 * float(np.abs(masses - whole).max()) if name == "w_d" else "",
+            )
     for name, numbers in PUBLISHED.items():
-        keys = ("SD of lumbar vertebrae [kg]", "SD of thoracic vertebrae [kg]", *(f"{one} [%]" for one in SEGMENTS))
+        keys = (
+            "SD of lumbar vertebrae [kg]",
+            "SD of thoracic vertebrae [kg]",
+            *(f"{one} [%]" for one in SEGMENTS),
+        )
         yield {"body": "published", "masses": name, **dict(zip(keys, numbers, strict=True))}
 
 
 def _bodies(model: mm.Model) -> Iterator[tuple[str, Array, Array, Links]]:
     """What the points fill, the points, their masses, and the links in the same pose."""
-    values = np.array([[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]])
+    values = np.array(
+        [[OPEN.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]]
+    )
     pose = mm.Motion(np.zeros(1), model.coordinate_names, values)
     envelope = envelope_points(model, pose)
     yield OWN, envelope.points, envelope.masses, links_of(model, pose)
@@ -180,12 +235,21 @@ def _bodies(model: mm.Model) -> Iterator[tuple[str, Array, Array, Links]]:
         height, chest, mass = SUBJECT
         fitted = pose_model_to_skin(model, body_shape(height, chest, mass, "male"))
         points = fill(fitted.skin)
-        yield "statistical body", points, np.full(len(points), mass / len(points)), links_of(model, fitted.motion)
+        yield (
+            "statistical body",
+            points,
+            np.full(len(points), mass / len(points)),
+            links_of(model, fitted.motion),
+        )
 
 
 def _share(masses: dict[str, float], segments: Mapping[str, Segment], name: str) -> float:
     """Percent of the whole in a segment, of the right side where there are two."""
-    own = [mass for body, mass in masses.items() if segments[body].name == name and segments[body].side != "left"]
+    own = [
+        mass
+        for body, mass in masses.items()
+        if segments[body].name == name and segments[body].side != "left"
+    ]
     return 100.0 * float(sum(own)) / float(sum(masses.values()))
 
 

@@ -14,7 +14,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import myomorph as mm
-from benchmarks.accuracy.identification.identification import SPACING, SUBJECTS, Subject, _loads, read_markers
+from benchmarks.accuracy.identification.identification import (
+    SPACING,
+    SUBJECTS,
+    Subject,
+    _loads,
+    read_markers,
+)
 from benchmarks.accuracy.kinematics.calibration import GAIT, HAMNER, OPENCAP, RAJAGOPAL, recorded
 from benchmarks.accuracy.kinematics.calibration_static import KNEE, LENHART
 from myomorph.identify.refine.fit import refine, refined_parts
@@ -74,8 +80,13 @@ def refined(folder: Path, subject: Subject, trials: tuple[str, ...]) -> Refineme
     markers = {name: read_markers(folder / subject.trials[name][0]) for name in trials}
     static = read_markers(folder / subject.static) if subject.static else None
     settings = mm.CalibrationOptions(mass=subject.mass, static=static)
-    model = mm.calibrate(mm.read_model(folder / subject.model), list(markers.values()), settings).model
-    given = [SubjectTrial(name, one, _loads(folder / subject.trials[name][1])) for name, one in markers.items()]
+    model = mm.calibrate(
+        mm.read_model(folder / subject.model), list(markers.values()), settings
+    ).model
+    given = [
+        SubjectTrial(name, one, _loads(folder / subject.trials[name][1]))
+        for name, one in markers.items()
+    ]
     return refine(model, given, subject.mass)
 
 
@@ -115,9 +126,9 @@ def measure_simulated(seeds: tuple[int, ...] = (1, 2, 3), seconds: float = 8.0) 
     for seed in seeds:
         person, given, found = simulated(seed, seconds)
         links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
-        truth, before, after = (
-            np.array([one.body(name).mass for name in links]) for one in (person, given, found.model)
-        )
+        truth = np.array([person.body(name).mass for name in links])
+        before = np.array([given.body(name).mass for name in links])
+        after = np.array([found.model.body(name).mass for name in links])
         sd = np.array([found.mass_sd[found.model.body_names.index(name)] for name in links])
         lengths = {one.name: one.extent for one in lengths_of(person)}
         named = [one for one in lengths_of(given) if one.along and one.segment in links]
@@ -131,9 +142,15 @@ def measure_simulated(seeds: tuple[int, ...] = (1, 2, 3), seconds: float = 8.0) 
             "markers [mm]": f"{1e3 * found.before.markers:.1f} -> {1e3 * found.after.markers:.1f}",
             "force [N]": f"{found.before.force:.1f} -> {found.after.force:.1f}",
             "moment [N m]": f"{found.before.moment:.1f} -> {found.after.moment:.1f}",
-            "lengths, largest error [mm]": f"{1e3 * np.abs(start - true).max():.1f} -> {1e3 * np.abs(off).max():.1f}",
-            "masses, largest error [%]": f"{_percent(before, truth):.1f} -> {_percent(after, truth):.1f}",
-            "lengths inside": f"{int((np.abs(off) <= NINETY * start * factors_sd).sum())} of {len(off)}",
+            "lengths, largest error [mm]": (
+                f"{1e3 * np.abs(start - true).max():.1f} -> {1e3 * np.abs(off).max():.1f}"
+            ),
+            "masses, largest error [%]": (
+                f"{_percent(before, truth):.1f} -> {_percent(after, truth):.1f}"
+            ),
+            "lengths inside": (
+                f"{int((np.abs(off) <= NINETY * start * factors_sd).sum())} of {len(off)}"
+            ),
             "masses inside": f"{int((np.abs(after - truth) <= NINETY * sd).sum())} of {len(sd)}",
             "refined": _parts(found),
         }
@@ -143,8 +160,12 @@ def _percent(masses: Array, truth: Array) -> float:
     return float(100.0 * np.abs(masses / truth - 1.0).max())
 
 
-def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -> tuple[mm.Model, mm.Model, Refinement]:
-    """A person with unequal legs and moving skin, the calibrated model at its mass, and the refinement."""
+def simulated(
+    seed: int, seconds: float, options: RefineOptions | None = None
+) -> tuple[mm.Model, mm.Model, Refinement]:
+    """A person with unequal legs and moving skin, the calibrated model at its mass, and the
+    refinement.
+    """
     compiled = mujoco.MjModel.from_xml_string(_person())
     model = model_from_mujoco(compiled, name="person")
     markers = tuple(
@@ -152,7 +173,9 @@ def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -
         for one in model.bodies
         for i, offset in enumerate(TETRAHEDRON)
     )
-    subject = random_subject(model.with_markers(markers), SubjectOptions(length=0.05, asymmetry=0.09, seed=seed))
+    subject = random_subject(
+        model.with_markers(markers), SubjectOptions(length=0.05, asymmetry=0.09, seed=seed)
+    )
     engine = TreeEngine(compiled, subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
     tools = Instruments(rate=50.0, seed=seed)
@@ -160,12 +183,16 @@ def simulated(seed: int, seconds: float, options: RefineOptions | None = None) -
     moving = with_skin(found.markers.values, found.markers.time, 0.005, seed)
     trial = SubjectTrial("exciting", replace(found.markers, values=moving), found.wrenches)
     mass = subject.person.mass
-    calibrated = mm.calibrate(subject.generic, [trial.markers], mm.CalibrationOptions(mass=mass)).model
+    calibrated = mm.calibrate(
+        subject.generic, [trial.markers], mm.CalibrationOptions(mass=mass)
+    ).model
     return subject.person, calibrated, refine(calibrated, [trial], mass, options)
 
 
 def with_skin(values: Array, time: Array, sd: float, seed: int) -> Array:
-    """Markers (frames, markers, 3) that move on the body by three waves each, with a root mean square of `sd` [m]."""
+    """Markers (frames, markers, 3) that move on the body by three waves each, with a root mean
+    square of `sd` [m].
+    """
     random = np.random.default_rng(100 + seed)
     pace = random.uniform(2.0, 9.0, (3, *values.shape[1:]))
     phase = random.uniform(0.0, 2.0 * np.pi, pace.shape)
@@ -175,8 +202,24 @@ def with_skin(values: Array, time: Array, sd: float, seed: int) -> Array:
 
 def _person() -> str:
     """Eleven boxes of a person's masses on a free pelvis, as MJCF."""
-    size = {"pelvis": 0.1, "torso": 0.25, "humerus": 0.14, "ulna": 0.12, "femur": 0.2, "tibia": 0.2, "calcn": 0.1}
-    kg = {"pelvis": 10.0, "torso": 32.0, "humerus": 2.0, "ulna": 1.5, "femur": 8.5, "tibia": 3.5, "calcn": 1.1}
+    size = {
+        "pelvis": 0.1,
+        "torso": 0.25,
+        "humerus": 0.14,
+        "ulna": 0.12,
+        "femur": 0.2,
+        "tibia": 0.2,
+        "calcn": 0.1,
+    }
+    kg = {
+        "pelvis": 10.0,
+        "torso": 32.0,
+        "humerus": 2.0,
+        "ulna": 1.5,
+        "femur": 8.5,
+        "tibia": 3.5,
+        "calcn": 1.1,
+    }
     hinge = '<joint name="{0}_flexion" axis="0 1 0" range="0.1 1.5"/>'
     ball = "".join(
         f'<joint name="{{0}}_{name}" axis="{axis}" range="-0.9 0.9"/>'
@@ -186,16 +229,24 @@ def _person() -> str:
     def body(name: str, place: str, joints: str, inside: str = "") -> str:
         part = name.split("_")[0]
         return (
-            f'<body name="{name}" pos="{place}">{joints.format(name)}<geom type="box" size="0.05 0.06 {size[part]}" '
-            f'pos="0.01 0.01 -{size[part]}" mass="{kg[part]}"/>{inside}</body>'
+            f'<body name="{name}" pos="{place}">{joints.format(name)}<geom type="box" size="0.05'
+            f' 0.06 {size[part]}" pos="0.01 0.01 -{size[part]}" mass="{kg[part]}"/>{inside}</body>'
         )
 
-    limbs, arms = "", ""
+    limbs = ""
+    arms = ""
     for side, y in (("r", -1.0), ("l", 1.0)):
         shank = body(f"tibia_{side}", "0 0 -0.4", hinge, body(f"calcn_{side}", "0 0 -0.4", hinge))
         limbs += body(f"femur_{side}", f"0 {0.09 * y} -0.1", ball, shank)
-        arms += body(f"humerus_{side}", f"0 {0.2 * y} 0.45", ball, body(f"ulna_{side}", "0 0 -0.28", hinge))
-    tree = body("pelvis", "0 0 1", "<freejoint name='root'/>", body("torso", "-0.05 0 0.1", ball, arms) + limbs)
+        arms += body(
+            f"humerus_{side}", f"0 {0.2 * y} 0.45", ball, body(f"ulna_{side}", "0 0 -0.28", hinge)
+        )
+    tree = body(
+        "pelvis",
+        "0 0 1",
+        "<freejoint name='root'/>",
+        body("torso", "-0.05 0 0.1", ball, arms) + limbs,
+    )
     return f"<mujoco><compiler angle='radian'/><worldbody>{tree}</worldbody></mujoco>"
 
 
@@ -203,14 +254,17 @@ PLUGIN = "c3d-gait-plugingait"
 LENHART_MASS = 73.3
 """What the plates of the walk weigh: the collection does not have it [kg]."""
 
-CHOSEN, SEEN, NEW = "priors chosen on it", "defaults seen on it", "not seen before"
+CHOSEN = "priors chosen on it"
+SEEN = "defaults seen on it"
+NEW = "not seen before"
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """A subject's generic model and recordings.
 
-    `use`: what it was used for: "priors chosen on it", "defaults were seen on it" or "not seen before".
+    `use`: what it was used for: "priors chosen on it", "defaults were seen on it" or "not seen
+    before".
     """
 
     name: str
@@ -244,7 +298,14 @@ def _gait(folder: Path) -> Recorded:
     model = mm.read_model(files / "gait2354_simbody.osim")
     model = model.with_markers(read_marker_set(files / "gait2354_Scale_MarkerSet.xml", model))
     walk = recorded(files, "subject01_walk1.trc"), _loads(files / "subject01_walk1_grf.xml")
-    return Recorded("gait2354", model, 72.6, recorded(files, "subject01_static.trc"), {"walk": walk}, CHOSEN)
+    return Recorded(
+        name="gait2354",
+        model=model,
+        mass=72.6,
+        static=recorded(files, "subject01_static.trc"),
+        trials={"walk": walk},
+        use=CHOSEN,
+    )
 
 
 def _lenhart(folder: Path) -> Recorded:
@@ -252,7 +313,14 @@ def _lenhart(folder: Path) -> Recorded:
     model = model.with_markers(read_marker_set(folder / "lenhart2015_markers.xml", model))
     motion = folder / "motion"
     walk = recorded(motion, "overground_17.trc"), _loads(motion / "overground_17_ext_loads.xml")
-    return Recorded("Lenhart", model, LENHART_MASS, recorded(motion, "static1.trc"), {"walk": walk}, NEW)
+    return Recorded(
+        name="Lenhart",
+        model=model,
+        mass=LENHART_MASS,
+        static=recorded(motion, "static1.trc"),
+        trials={"walk": walk},
+        use=NEW,
+    )
 
 
 def _child(folder: Path, numbers: tuple[str, str, str], mass: float, height: float) -> Recorded:
@@ -271,7 +339,9 @@ def _implant(folder: Path) -> Recorded:
 def _analyzed(
     name: str, files: tuple[Path, ...], static: Path, mass: float, height: float | None, use: str
 ) -> Recorded:
-    """What `myomorph analyze` makes of raw recordings: its generic model, and markers and forces in its axes."""
+    """What `myomorph analyze` makes of raw recordings: its generic model, and markers and forces in
+    its axes.
+    """
     with tempfile.TemporaryDirectory() as home:
         plan = mm.read_plan(mm.prepare_study(files, home, mass, height, static).study)
         ((subject, about),) = plan.subjects.items()
@@ -283,15 +353,25 @@ def _analyzed(
         for one in trials:
             checked = solve_kinematics(one)
             found[one.name] = (checked.markers, one.inputs[ExternalLoads].of(checked.fit.motion))
-        return Recorded(name, model, mass, still, found, use)
+        return Recorded(name=name, model=model, mass=mass, static=still, trials=found, use=use)
 
 
 def _known(folder: Path, name: str, trials: tuple[str, ...]) -> Recorded:
     one: Subject = next(one for one in SUBJECTS if one.name == name)
     static = recorded(folder, one.static) if one.static else None
     files = {trial: one.trials[trial] for trial in trials}
-    found = {trial: (recorded(folder, markers), _loads(folder / loads)) for trial, (markers, loads) in files.items()}
-    return Recorded(name.split(",")[0], mm.read_model(folder / one.model), one.mass, static, found, SEEN)
+    found = {
+        trial: (recorded(folder, markers), _loads(folder / loads))
+        for trial, (markers, loads) in files.items()
+    }
+    return Recorded(
+        name=name.split(",")[0],
+        model=mm.read_model(folder / one.model),
+        mass=one.mass,
+        static=static,
+        trials=found,
+        use=SEEN,
+    )
 
 
 Part = tuple[str, mm.Markers, mm.Wrenches]
@@ -302,7 +382,8 @@ def splits(person: Recorded) -> Iterator[tuple[list[Part], Part]]:
     parts: list[Part] = [(name, *one) for name, one in person.trials.items()]
     if len(parts) == 1:
         ((name, markers, forces),) = parts
-        first, last = max(markers.time[0], forces.time[0]), min(markers.time[-1], forces.time[-1])
+        first = max(markers.time[0], forces.time[0])
+        last = min(markers.time[-1], forces.time[-1])
         middle = 0.5 * (first + last)
         parts = [
             (f"{name} 1st half", cut(markers, first, middle), forces),
@@ -313,7 +394,9 @@ def splits(person: Recorded) -> Iterator[tuple[list[Part], Part]]:
 
 
 def measure_held_out(folder: Path) -> Iterator[Row]:
-    """A row a split: marker error, residual force and moment of the unseen recording, and ratios to the calibrated."""
+    """A row a split: marker error, residual force and moment of the unseen recording, and ratios to
+    the calibrated.
+    """
     with threadpool_limits(limits=1, user_api="blas"):
         for person in people(folder):
             for train, test in splits(person):
@@ -325,7 +408,8 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     settings = mm.CalibrationOptions(mass=person.mass, static=person.static)
     model = mm.calibrate(person.model, [markers for _, markers, _ in train], settings).model
     trials = [SubjectTrial(*one) for one in train]
-    unseen, options = SubjectTrial(*test), RefineOptions()
+    unseen = SubjectTrial(*test)
+    options = RefineOptions()
     on_given = opened(model, unseen, options)
     given = errors_on(model, on_given)
     identified = _identified(model, trials, person.mass)
@@ -354,13 +438,22 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     }
 
 
-def _identified(model: mm.Model, trials: list[SubjectTrial], mass: float) -> tuple[mm.Model, SoftTissue | None] | None:
-    """The same by `identify` with its defaults, each link's own envelope filled with points; None where it refuses."""
+def _identified(
+    model: mm.Model, trials: list[SubjectTrial], mass: float
+) -> tuple[mm.Model, SoftTissue | None] | None:
+    """The same by `identify` with its defaults, each link's own envelope filled with points; None
+    where it refuses.
+    """
     points, _, _ = body_points(model, BodyShape(), mass, BodyOptions(spacing=SPACING))
     seen = [opened(model, one, RefineOptions()).usable for one in trials]
     try:
-        found = mm.identify(model, seen, {MAPS[name]: one for name, one in points.items()}, mass=mass,
-                         options=IdentificationOptions())  # fmt: skip
+        found = mm.identify(
+            model,
+            seen,
+            {MAPS[name]: one for name, one in points.items()},
+            mass=mass,
+            options=IdentificationOptions(),
+        )
     except mm.BadData:
         return None
     return with_inertial_parameters(model, found.parameters[found.chosen]), found.soft_tissue

@@ -1,4 +1,6 @@
-"""The base-link regressor, base parameters, and the batch and sequential fits, against other programs."""
+"""The base-link regressor, base parameters, and the batch and sequential fits, against other
+programs.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,12 @@ from mujoco_models import load
 from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import base_parameters
 from myomorph.identify.least_squares import Recording
-from myomorph.identify.null_space import held_values, numerical_null_space, random_states, tree_null_space
+from myomorph.identify.null_space import (
+    held_values,
+    numerical_null_space,
+    random_states,
+    tree_null_space,
+)
 from myomorph.identify.sequential import SequentialFit
 from myomorph.io.loads import read_external_loads
 from myomorph.model.inertia import inertial_parameters
@@ -58,10 +65,20 @@ def measure_regressor(folder: Path) -> Iterator[Row]:
     yield _worst("base wrench against MuJoCo", floating, _against_mujoco)
     models = [_opened(folder, name) for name in MODELS]
     files = {
-        folder / name: model for name, model in zip(MODELS, models, strict=True) if name in OPENSIM_MODELS and model
+        folder / name: model
+        for name, model in zip(MODELS, models, strict=True)
+        if name in OPENSIM_MODELS and model
     }
-    yield _worst("forces on the pelvis against OpenSim", list(files), lambda path: _against_opensim(path, files[path]))
-    yield _worst("base wrench against inverse dynamics", [one for one in models if one is not None], _against_dynamics)
+    yield _worst(
+        "forces on the pelvis against OpenSim",
+        list(files),
+        lambda path: _against_opensim(path, files[path]),
+    )
+    yield _worst(
+        "base wrench against inverse dynamics",
+        [one for one in models if one is not None],
+        _against_dynamics,
+    )
 
 
 def _worst(what: str, models: list[T], compare: Callable[[T], tuple[float, float]]) -> Row:
@@ -114,18 +131,30 @@ def _against_mujoco(model: mm.Model) -> tuple[float, float]:
 def _against_opensim(path: Path, model: mm.Model) -> tuple[float, float]:
     motion = middling(model, 5, 0.01, 2)
     expected = opensim_torques(path, model, *motion_arrays(compile_tree(model), motion))
-    ours = root_forces(model, motion, base_regressor(model, motion) @ inertial_parameters(model).ravel())
+    ours = root_forces(
+        model, motion, base_regressor(model, motion) @ inertial_parameters(model).ravel()
+    )
     theirs = expected[:, [model.coordinate_names.index(name) for name in ours.names]]
     return float(np.abs(ours.values - theirs).max()), float(np.abs(theirs).max())
 
 
 def _against_dynamics(model: mm.Model) -> tuple[float, float]:
-    """What inverse dynamics leaves for the joints to the ground once the base has the regressor's wrench."""
+    """What inverse dynamics leaves for the joints to the ground once the base has the regressor's
+    wrench.
+    """
     motion = random_states(model, held_values(model, None), 5)
     wrench = base_regressor(model, motion) @ inertial_parameters(model).ravel()
     points = reference_points(model, motion)[:, None]
-    given = mm.Wrenches(motion.time, ("all",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3])
-    alone, held = mm.inverse_dynamics(model, motion), mm.inverse_dynamics(model, motion, given)
+    given = mm.Wrenches(
+        motion.time,
+        ("all",),
+        (model.body_names[0],),
+        wrench[:, None, 3:],
+        points,
+        wrench[:, None, :3],
+    )
+    alone = mm.inverse_dynamics(model, motion)
+    held = mm.inverse_dynamics(model, motion, given)
     roots = [name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates]
     return max(float(np.abs(held[name]).max()) for name in roots), float(np.abs(alone.values).max())
 
@@ -142,9 +171,13 @@ def measure_base_parameters(folder: Path) -> Iterator[Row]:
             continue
         held = held_values(model, None)
         size = 10 * len(model.bodies)
-        tree, numerical = tree_null_space(model), numerical_null_space(model)
+        tree = tree_null_space(model)
+        numerical = numerical_null_space(model)
         rows = base_regressor(model, random_states(model, held, 50, seed=9)).reshape(-1, size)
-        left = np.abs(rows @ (tree.vectors / np.abs(tree.vectors).max(axis=0))).max() / np.abs(rows).max()
+        left = (
+            np.abs(rows @ (tree.vectors / np.abs(tree.vectors).max(axis=0))).max()
+            / np.abs(rows).max()
+        )
         yield {
             "model": name,
             "bodies": len(model.bodies),
@@ -160,7 +193,8 @@ def measure_base_parameters(folder: Path) -> Iterator[Row]:
 def measure_figaroh() -> Iterator[Row]:
     """Number and span of FIGAROH's base parameters on random trees, free and bolted down."""
     for fixed in (False, True):
-        counts, apart = [], []
+        counts = []
+        apart = []
         for seed in range(5):
             model = floating_tree(seed)
             base = base_parameters(model, fixed=fixed)
@@ -193,7 +227,9 @@ def measure_sequential(folder: Path) -> Iterator[Row]:
             "base parameters": len(batch.base),
             "rank": batch.rank,
             "condition": batch.condition,
-            "largest difference of an estimate": float((np.abs(state.estimate - batch.estimate) / scale).max()),
+            "largest difference of an estimate": float(
+                (np.abs(state.estimate - batch.estimate) / scale).max()
+            ),
             "of a standard deviation": float(np.abs(state.sd / batch.sd - 1.0).max()),
             "batch against LAPACK's least squares": float(
                 (np.abs(_dense(model, batch, given) - batch.estimate) / scale).max()
@@ -232,7 +268,9 @@ def recording(folder: Path, case: ForceCase) -> tuple[mm.Model, Recording]:
 
 
 def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) -> Iterator[Row]:
-    """Errors in standard deviations on a simulated motion of a real model, with white and with filtered noise."""
+    """Errors in standard deviations on a simulated motion of a real model, with white and with
+    filtered noise.
+    """
     model = mm.read_model(folder / "opencap-subject4-multitask/models/manually_scaled.osim")
     base = base_parameters(model)
     given = simulated(model, frames)
@@ -242,13 +280,22 @@ def measure_deviations(folder: Path, frames: int = 6000, recordings: int = 5) ->
         clean[block.frames] = block.rows @ other_masses(model).ravel()
     for filtered in (False, True):
         for correlated in (True, False):
-            scores, samples = [], []
+            scores = []
+            samples = []
             for seed in range(recordings):
                 noise = 5.0 * np.random.default_rng(seed).normal(size=clean.shape)
                 wrench = clean + (lowpass(noise, RATE, 6.0) if filtered else noise)
-                forces, torques = wrench[:, None, 3:], wrench[:, None, :3]
-                plate = mm.Wrenches(given.motion.time, ("plate",), (model.body_names[0],), forces, zero, torques)
-                fit = fit_base(model, [Recording(given.motion, plate)], base, BaseOptions(correlated=correlated))
+                forces = wrench[:, None, 3:]
+                torques = wrench[:, None, :3]
+                plate = mm.Wrenches(
+                    given.motion.time, ("plate",), (model.body_names[0],), forces, zero, torques
+                )
+                fit = fit_base(
+                    model,
+                    [Recording(given.motion, plate)],
+                    base,
+                    BaseOptions(correlated=correlated),
+                )
                 scores.append((fit.estimate - base.of(other_masses(model))) / fit.sd)
                 samples.append(fit.frames / fit.samples.mean())
             yield {

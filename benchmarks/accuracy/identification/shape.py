@@ -31,10 +31,18 @@ MODELS = {
     "Lenhart": "lenhart-knee-contact-walk/lenhart2015.osim",
 }
 PUBLISHED = {
-    "head": 6.9, "upper_trunk": 30.2, "lower_trunk": 18.7, "upper_arm": 2.7, "lower_arm": 1.6, "hand": 0.6,
-    "thigh": 11.0, "shank": 5.1, "foot": 1.1,
-}  # fmt: skip
-"""Percent of body mass of Japanese male athletes, one side, Ae et al. as printed in [D] table 3.4."""
+    "head": 6.9,
+    "upper_trunk": 30.2,
+    "lower_trunk": 18.7,
+    "upper_arm": 2.7,
+    "lower_arm": 1.6,
+    "hand": 0.6,
+    "thigh": 11.0,
+    "shank": 5.1,
+    "foot": 1.1,
+}
+"""Percent of body mass of Japanese male athletes, one side, Ae et al. as printed in [D] table 3.4.
+"""
 
 
 def measure_people() -> Iterator[dict[str, object]]:
@@ -43,8 +51,12 @@ def measure_people() -> Iterator[dict[str, object]]:
         shape = body_shape(height, chest, mass, sex)
         yield {
             "person": name,
-            "height asked, off [mm]": f"{1e3 * height:.0f}, {1e3 * (shape.reached['height'] - height):+.2f}",
-            "chest asked, off [mm]": f"{1e3 * chest:.0f}, {1e3 * (shape.reached['chest'] - chest):+.2f}",
+            "height asked, off [mm]": (
+                f"{1e3 * height:.0f}, {1e3 * (shape.reached['height'] - height):+.2f}"
+            ),
+            "chest asked, off [mm]": (
+                f"{1e3 * chest:.0f}, {1e3 * (shape.reached['chest'] - chest):+.2f}"
+            ),
             "mass asked [kg]": "" if mass is None else mass,
             f"volume x {DENSITY:g} [kg]": shape.reached["mass"],
             "points at 5 mm": len(fill(shape.skin, SPACING)),
@@ -68,7 +80,11 @@ def measure_poses(folder: Path) -> Iterator[dict[str, object]]:
     for name, path in MODELS.items():
         model = mm.read_model(folder / path)
         fit = pose_model_to_skin(model, body_shape(1.80, 0.95, model.mass))
-        sided = [e for n, e in zip(fit.names, fit.errors, strict=True) if n.startswith(("right ", "left "))]
+        sided = [
+            e
+            for n, e in zip(fit.names, fit.errors, strict=True)
+            if n.startswith(("right ", "left "))
+        ]
         links = links_of(model, fit.motion)
         heavy = links_with_mass(model)
         within = inside(fit.skin, links.centers[heavy])
@@ -76,6 +92,8 @@ def measure_poses(folder: Path) -> Iterator[dict[str, object]]:
             "model": name,
             "virtual markers": len(fit.names),
             "joint centers of limbs, RMS [mm]": float(1e3 * np.sqrt(np.mean(np.square(sided)))),
-            "worst of all [mm]": f"{1e3 * fit.errors.max():.0f} ({fit.names[int(fit.errors.argmax())]})",
+            "worst of all [mm]": (
+                f"{1e3 * fit.errors.max():.0f} ({fit.names[int(fit.errors.argmax())]})"
+            ),
             "mass centers inside the skin": f"{int(within.sum())} of {len(within)}",
         }

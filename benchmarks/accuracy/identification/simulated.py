@@ -94,7 +94,9 @@ def trials(case: Case, folder: Path, free: bool, size: Size) -> Trials:
     names, middles, reaches = middles_and_reaches(subject.person)
     first = record(subject, engine, names, exciting_curves(middles, reaches), size.exciting)
     curves = step_curves(middles, reaches, size.held_out)
-    return Trials(subject, first, record(subject, engine, names, curves, size.held_out, Instruments(seed=6)))
+    return Trials(
+        subject, first, record(subject, engine, names, curves, size.held_out, Instruments(seed=6))
+    )
 
 
 def measure(folder: Path, size: Size | None = None, only: str = "") -> Iterator[Row]:
@@ -108,20 +110,30 @@ def measure(folder: Path, size: Size | None = None, only: str = "") -> Iterator[
             for name, value, target in way(case, folder, size):
                 yield {"model": case.name, "quantity": name, "value": value, "target": target}
             print(
-                f"simulated subject, {case.name}: {way.__name__} took {time.perf_counter() - began:.0f} s", flush=True
+                f"simulated subject, {case.name}: {way.__name__} took"
+                f" {time.perf_counter() - began:.0f} s",
+                flush=True,
             )
 
 
 def with_known_kinematics(case: Case, folder: Path, size: Size) -> Facts:
-    """Plate noise alone: the true coordinates of the true lengths are given, and every coordinate moves."""
+    """Plate noise alone: the true coordinates of the true lengths are given, and every coordinate
+    moves.
+    """
     got = trials(case, folder, free=True, size=size)
-    person, one, other = got.subject.person, got.exciting, got.held_out
-    gap = np.nanmax(np.abs(own_wrench(person, other.motion, other.center) - other.exact_wrench), axis=0)
+    person = got.subject.person
+    one = got.exciting
+    other = got.held_out
+    gap = np.nanmax(
+        np.abs(own_wrench(person, other.motion, other.center) - other.exact_wrench), axis=0
+    )
     yield "motion known: coordinates that move", len(one.motion.names), ""
     yield "our base wrench less the engine's, largest [N m]", float(gap[:3].max()), ""
     yield "our base wrench less the engine's, largest [N]", float(gap[3:].max()), ""
     options = base.BaseOptions(reference=tuple(map(float, one.center)))
-    fit = base.fit_base(person, [least_squares.Recording(one.motion, one.wrenches)], options=options)
+    fit = base.fit_base(
+        person, [least_squares.Recording(one.motion, one.wrenches)], options=options
+    )
     yield from _base_facts("motion known", fit, inertial_parameters(person))
     error = predicted(person, other.motion, other.center, standard_of(fit)) - other.exact_wrench
     ratio = np.sqrt(np.mean(error**2, axis=0)) / other.sigma
@@ -142,9 +154,15 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     got = trials(case, folder, free=False, size=size)
     person = got.subject.person
     yield "motion from markers: coordinates that move", len(got.exciting.motion.names), ""
-    found = mm.calibrate(got.subject.generic, [got.exciting.markers], mm.CalibrationOptions(noise=0.0))
+    found = mm.calibrate(
+        got.subject.generic, [got.exciting.markers], mm.CalibrationOptions(noise=0.0)
+    )
     yield "lengths and markers from so many frames", sum(len(one) for one in found.frames), ""
-    yield "noise of a marker, found and true [mm]", f"{1e3 * found.noise:.3f}, {1e3 * Instruments().marker:g}", ""
+    yield (
+        "noise of a marker, found and true [mm]",
+        f"{1e3 * found.noise:.3f}, {1e3 * Instruments().marker:g}",
+        "",
+    )
     yield from _length_facts(found.model, got.subject)
     fit, seen = fitted(found.model, got)
     shift = frames_between(person, got.held_out.motion, found.model, seen[1].recording.motion)
@@ -152,9 +170,13 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     truth = moved(inertial_parameters(person), *shift)
     yield from _base_facts("motion from markers", fit, truth)
     mass = person.mass
-    points, inside, _ = body_points(found.model, BodyShape(), mass, BodyOptions(SPACING), compare=False)
+    points, inside, _ = body_points(
+        found.model, BodyShape(), mass, BodyOptions(SPACING), compare=False
+    )
     options = IdentificationOptions(compare=False)
-    identified = mm.identify(found.model, seen[:1], points, mass=mass, inside=inside, options=options)
+    identified = mm.identify(
+        found.model, seen[:1], points, mass=mass, inside=inside, options=options
+    )
     tables = {
         "the true masses": truth,
         "base parameters": standard_of(fit),
@@ -172,7 +194,9 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
 
 
 def _length_facts(model: mm.Model, subject: Subject) -> Facts:
-    found, true, generic = (joint_distances(one) for one in (model, subject.person, subject.generic))
+    found = joint_distances(model)
+    true = joint_distances(subject.person)
+    generic = joint_distances(subject.generic)
     error = np.array([abs(found[pair] - true[pair]) for pair in true])
     before = np.array([abs(generic[pair] - true[pair]) for pair in true])
     worst = list(true)[int(np.argmax(error))]
@@ -189,11 +213,14 @@ def _length_facts(model: mm.Model, subject: Subject) -> Facts:
 def _marker_facts(model: mm.Model, person: mm.Model, shift: tuple[Array, Array]) -> Facts:
     rotations, origins = shift
     true = {one.name: one for one in person.markers}
-    raw, aligned = [], []
+    raw = []
+    aligned = []
     for one in model.markers:
         b = model.body_names.index(one.body)
         raw.append(np.linalg.norm(one.location - true[one.name].location))
-        aligned.append(np.linalg.norm(one.location - rotations[b] @ true[one.name].location - origins[b]))
+        aligned.append(
+            np.linalg.norm(one.location - rotations[b] @ true[one.name].location - origins[b])
+        )
     for name, error in (("in the body's own frame", raw), ("on the body", aligned)):
         yield (
             f"marker positions {name}: error, RMS and largest [mm]",
@@ -213,7 +240,9 @@ def fitted(model: mm.Model, got: Trials) -> tuple[base.BaseFit, list[Usable]]:
     for one in (got.exciting, got.held_out):
         motion = mm.inverse_kinematics(model, one.markers).motion
         mass = got.subject.person.mass
-        seen.append(usable(model, motion, one.wrenches, mass=mass, options=RecordingOptions(CUTOFF)))
+        seen.append(
+            usable(model, motion, one.wrenches, mass=mass, options=RecordingOptions(CUTOFF))
+        )
     options = base.BaseOptions(reference=tuple(map(float, got.exciting.center)))
     return base.fit_base(model, [seen[0].recording], options=options), seen
 
@@ -232,18 +261,33 @@ def _base_facts(name: str, fit: base.BaseFit, truth: Array) -> Facts:
         f"{len(fit.base)}, {int(fit.identifiable.sum())}",
         "",
     )
-    yield f"{name}: base parameters within 3 standard deviations [%]", 100.0 * float(np.mean(error < 3.0)), ">= 95"
+    yield (
+        f"{name}: base parameters within 3 standard deviations [%]",
+        100.0 * float(np.mean(error < 3.0)),
+        ">= 95",
+    )
     known = np.abs(error[fit.identifiable])
-    yield f"{name}: the same of the identifiable ones [%]", 100.0 * float(np.mean(known < 3.0)), ">= 95"
+    yield (
+        f"{name}: the same of the identifiable ones [%]",
+        100.0 * float(np.mean(known < 3.0)),
+        ">= 95",
+    )
     yield f"{name}: error / standard deviation, RMS", rms(error), ""
 
 
-def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], other: least_squares.Recording) -> Facts:
+def _held_out_facts(
+    got: Trials, model: mm.Model, tables: Mapping[str, Array], other: least_squares.Recording
+) -> Facts:
     """The first table is the truth, whose error is that of the kinematics and the plate."""
-    center, sigma = got.held_out.center, got.held_out.sigma
+    center = got.held_out.center
+    sigma = got.held_out.sigma
     measured = base_wrench(model, other.motion, other.wrenches, center)[other.use]
     found = {
-        name: np.sqrt(np.mean((predicted(model, other.motion, center, table)[other.use] - measured) ** 2, axis=0))
+        name: np.sqrt(
+            np.mean(
+                (predicted(model, other.motion, center, table)[other.use] - measured) ** 2, axis=0
+            )
+        )
         for name, table in tables.items()
     }
     floor = next(iter(found.values()))
@@ -252,8 +296,16 @@ def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], o
         yield f"held-out wrench by {name}: RMS error, moments [N m]", _listed(errors[:3]), ""
         yield f"held-out wrench by {name}: RMS error, forces [N]", _listed(errors[3:]), ""
         if judged:
-            yield f"held-out wrench by {name}: forces / plate noise", float((errors / sigma)[3:].max()), "<= 2"
-            yield f"held-out wrench by {name}: moments / plate noise", float((errors / sigma)[:3].max()), ""
+            yield (
+                f"held-out wrench by {name}: forces / plate noise",
+                float((errors / sigma)[3:].max()),
+                "<= 2",
+            )
+            yield (
+                f"held-out wrench by {name}: moments / plate noise",
+                float((errors / sigma)[:3].max()),
+                "",
+            )
             yield (
                 f"held-out wrench by {name}: largest ratio to the true masses' error",
                 float((errors / floor).max()),

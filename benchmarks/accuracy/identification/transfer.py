@@ -1,4 +1,6 @@
-"""A lower model's lengths, markers and masses in models with more joints: what they reproduce of it."""
+"""A lower model's lengths, markers and masses in models with more joints: what they reproduce of
+it.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ STEP = 10
 
 
 def higher_models(data: Path) -> dict[str, Path]:
-    """The models that take the lower one's body: 171 coordinates, and MyoFullBody where it is installed."""
+    """The models that take the lower one's body: 171 coordinates, and MyoFullBody where it is
+    installed.
+    """
     found = {"cyclistFullBodyMuscle": data / CYCLIST}
     spec = find_spec("musclemimic_models")
     if spec is not None and spec.origin is not None:
@@ -40,7 +44,9 @@ def higher_models(data: Path) -> dict[str, Path]:
 def with_centers(model: mm.Model, keys: tuple[str, ...]) -> mm.Model:
     """The model with its joint centers as markers."""
     centers = centers_of(model, regions_of(model))
-    virtual = tuple(Marker(f"center {key}", centers[key].joint.child, centers[key].location) for key in keys)
+    virtual = tuple(
+        Marker(f"center {key}", centers[key].joint.child, centers[key].location) for key in keys
+    )
     return replace(model, markers=(*model.markers, *virtual))
 
 
@@ -53,14 +59,22 @@ def marker_motion(model: mm.Model, motion: mm.Motion) -> mm.Markers:
     return mm.Markers(motion.time, model.marker_names, places)
 
 
-def same_movement(lower: mm.Model, motion: mm.Motion, found: Transfer) -> tuple[mm.Motion, np.ndarray]:
-    """The higher model's motion that follows the lower one's markers and joint centers, and marker errors [m]."""
+def same_movement(
+    lower: mm.Model, motion: mm.Motion, found: Transfer
+) -> tuple[mm.Motion, np.ndarray]:
+    """The higher model's motion that follows the lower one's markers and joint centers, and marker
+    errors [m].
+    """
     keys = tuple(found.joint_errors)
     seen = marker_motion(with_centers(lower, keys), motion)
     names = set(found.model.marker_names) | {f"center {key}" for key in keys}
     kept = [i for i, name in enumerate(seen.names) if name in names]
-    seen = mm.Markers(seen.time, tuple(seen.names[i] for i in kept), seen.values[:, kept] @ found.rotation.T)
-    fit = mm.inverse_kinematics(with_centers(found.model, keys), seen, mm.InverseKinematicsOptions())
+    seen = mm.Markers(
+        seen.time, tuple(seen.names[i] for i in kept), seen.values[:, kept] @ found.rotation.T
+    )
+    fit = mm.inverse_kinematics(
+        with_centers(found.model, keys), seen, mm.InverseKinematicsOptions()
+    )
     return fit.motion, fit.rms
 
 
@@ -74,7 +88,8 @@ def wrench(model: mm.Model, motion: mm.Motion, points: np.ndarray) -> np.ndarray
 
 def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     """What one higher model reproduces of the lower one."""
-    lower, higher = mm.read_model(data / LOWER), mm.read_model(path)
+    lower = mm.read_model(data / LOWER)
+    higher = mm.read_model(path)
     found = mm.transfer(lower, higher)
     whole = mm.read_motion(data / MOTION, lower)
     motion = mm.Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
@@ -83,7 +98,8 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     tree = compile_tree(lower)
     pelvis = forward_kinematics(tree, tree.coordinates_of(motion)).origins[:, 1]
     needed = wrench(lower, mm.differentiate(motion, CUTOFF), pelvis)
-    turn, turned = np.kron(np.eye(2), found.rotation), pelvis @ found.rotation.T
+    turn = np.kron(np.eye(2), found.rotation)
+    turned = pelvis @ found.rotation.T
     given = {
         "transferred": wrench(found.model, mm.differentiate(followed, CUTOFF), turned),
         "generic": wrench(_masses_of(higher, found), mm.differentiate(followed, CUTOFF), turned),
@@ -103,20 +119,26 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     }
     for kind, values in given.items():
         apart = values[inside] - needed[inside] @ turn.T
-        row[f"walk: force RMS, {kind} [% of weight]"] = 100.0 * rms_of_vectors(apart[:, 3:]) / weight
+        row[f"walk: force RMS, {kind} [% of weight]"] = (
+            100.0 * rms_of_vectors(apart[:, 3:]) / weight
+        )
         row[f"walk: moment RMS, {kind} [N m]"] = rms_of_vectors(apart[:, :3])
     return row
 
 
 def _masses_of(higher: mm.Model, found: Transfer) -> mm.Model:
-    """The transferred model with the generic masses, grown to the same total: what lengths alone would give."""
+    """The transferred model with the generic masses, grown to the same total: what lengths alone
+    would give.
+    """
     growth = found.model.mass / higher.mass
     bodies = tuple(
         replace(
             body,
             mass=higher.body(body.name).mass * growth,
             mass_center=higher.body(body.name).mass_center * found.factors[body.name],
-            inertia=higher.body(body.name).inertia * growth * float(np.prod(found.factors[body.name])) ** (2.0 / 3.0),
+            inertia=higher.body(body.name).inertia
+            * growth
+            * float(np.prod(found.factors[body.name])) ** (2.0 / 3.0),
         )
         for body in found.model.bodies
     )
@@ -124,8 +146,13 @@ def _masses_of(higher: mm.Model, found: Transfer) -> mm.Model:
 
 
 def _least_ratio(before: mm.Model, after: mm.Model) -> float:
-    """Least eigenvalue of any body's pseudo-inertia relative to before, of bodies that were possible before."""
-    least = [np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0] for model in (before, after)]
+    """Least eigenvalue of any body's pseudo-inertia relative to before, of bodies that were
+    possible before.
+    """
+    least = [
+        np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0]
+        for model in (before, after)
+    ]
     possible = least[0] > 1e-12
     return float((least[1][possible] / least[0][possible]).min())
 

@@ -1,7 +1,9 @@
-"""Whether limits hold what they say: simulated recordings with known truth, and an instrumented knee.
+"""Whether limits hold what they say: simulated recordings with known truth, and an instrumented
+knee.
 
-A simulated recording is made with a body, markers and plates that differ from what the user has, by errors of known
-sizes; then a study is run as a user would run it, and its limits are held against the truth.
+A simulated recording is made with a body, markers and plates that differ from what the user has, by
+errors of known sizes; then a study is run as a user would run it, and its limits are held against
+the truth.
 """
 
 from __future__ import annotations
@@ -55,15 +57,29 @@ MOTIONS = {"walking1": (0.2, 1.2), "STS1": (0.6, 1.8), "DJ1": (0.8, 1.8)}
 """Recordings and the part of each that is used [s]."""
 FOUND_ON = ("walking1", "DJ1")
 """Motions on which factors of limits are found; the third is held against them."""
-TITLES = {"coordinates": "angles", "torques": "torques", "forces": "tensions", "joint_reactions": "joint loads"}
-PEOPLE, DRAWS = 4, 60
+TITLES = {
+    "coordinates": "angles",
+    "torques": "torques",
+    "forces": "tensions",
+    "joint_reactions": "joint loads",
+}
+PEOPLE = 4
+DRAWS = 60
 SEED = 7
 """Of the truths; the limits are drawn with another one."""
 CUTOFF = 6.0
 NEGLIGIBLE = 0.01
-"""Of the maximum isometric force: where truth and upper limit are below it, a tension is not counted."""
+"""Of the maximum isometric force: where truth and upper limit are below it, a tension is not
+counted.
+"""
 OTHER = replace(
-    Sources(), skin_thigh=0.016, skin_shank=0.01, skin_foot=0.006, skin_trunk=0.01, skin_arm=0.01, plate_position=0.01
+    Sources(),
+    skin_thigh=0.016,
+    skin_shank=0.01,
+    skin_foot=0.006,
+    skin_trunk=0.01,
+    skin_arm=0.01,
+    plate_position=0.01,
 )
 """Errors that the limits do not assume: twice the skin movement, plates 10 mm elsewhere."""
 
@@ -80,18 +96,25 @@ def measure_other(folder: Path) -> Iterator[Row]:
 
 def measure_factors(folder: Path) -> Iterator[Row]:
     """By how much limits have to be widened, found on some motions."""
-    kinds = {"errors as assumed": _simulated(folder, Sources()), "other errors": _simulated(folder, OTHER)}
+    kinds = {
+        "errors as assumed": _simulated(folder, Sources()),
+        "other errors": _simulated(folder, OTHER),
+    }
     for table, title in TITLES.items():
         row: Row = {"limits of": title}
         for name, apart in kinds.items():
             row[f"factor, {name}"] = _factor([apart[motion][table] for motion in FOUND_ON])
-        row["factor, both"] = _factor([apart[motion][table] for apart in kinds.values() for motion in FOUND_ON])
+        row["factor, both"] = _factor(
+            [apart[motion][table] for apart in kinds.values() for motion in FOUND_ON]
+        )
         yield row | {"factor of the package": FACTORS[table]}
 
 
 @lru_cache(maxsize=2)
 def _simulated(folder: Path, errors: Sources) -> dict[str, dict[str, tuple[Array, ...]]]:
-    """By motion and table, how far from the middle of its limits the truth lies, in half widths; of each person."""
+    """By motion and table, how far from the middle of its limits the truth lies, in half widths; of
+    each person.
+    """
     found: dict[str, dict[str, tuple[Array, ...]]] = {}
     for motion, span in MOTIONS.items():
         people = [_apart(folder, motion, span, errors, person) for person in range(PEOPLE)]
@@ -100,11 +123,16 @@ def _simulated(folder: Path, errors: Sources) -> dict[str, dict[str, tuple[Array
 
 
 def _shares(apart: dict[str, dict[str, tuple[Array, ...]]]) -> Iterator[Row]:
-    everything = {table: tuple(one for motion in apart.values() for one in motion[table]) for table in TITLES}
+    everything = {
+        table: tuple(one for motion in apart.values() for one in motion[table]) for table in TITLES
+    }
     for name, tables in {**apart, "all": everything}.items():
         row: Row = {"inside the limits of 90 % [%]": name}
         for table, title in TITLES.items():
-            row |= {title: _inside(tables[table], 1.0), f"{title}, widened": _inside(tables[table], FACTORS[table])}
+            row |= {
+                title: _inside(tables[table], 1.0),
+                f"{title}, widened": _inside(tables[table], FACTORS[table]),
+            }
         yield row
 
 
@@ -115,11 +143,16 @@ def _inside(people: tuple[Array, ...], factor: float) -> float:
 
 def _factor(groups: list[tuple[Array, ...]]) -> float:
     """The least factor by which limits hold 90 % of the values."""
-    return max(1.0, float(np.quantile(np.concatenate([one for people in groups for one in people]), LEVEL)))
+    return max(
+        1.0, float(np.quantile(np.concatenate([one for people in groups for one in people]), LEVEL))
+    )
 
 
-def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int) -> dict[str, Array]:
-    """By table, how far the truth of a simulated recording lies from the middle of the limits of the study made of it.
+def _apart(
+    folder: Path, motion: str, span: tuple[float, float], errors: Sources, person: int
+) -> dict[str, Array]:
+    """By table, how far the truth of a simulated recording lies from the middle of the limits of
+    the study made of it.
 
     In half widths, so that limits hold what is at most 1.
     """
@@ -130,10 +163,20 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
     truth = _truth(model, body, mm.differentiate(moved, None), wrenches, draw)
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
-        mm.write_trc(drawn_markers(body, marker_positions(body, moved), draw, {}), here / "markers.trc")
-        write_external_loads(drawn_wrenches(wrenches, model.up, draw), here / "loads.sto", here / "loads.xml")
-        study = {"options": 'tension]\nreactions = "child"', "steps": '"id", "tension"', "model": str(path)}
-        text = STUDY_FILE.format(draws=DRAWS, trial='markers = "markers.trc", loads = "loads.xml"', **study)
+        mm.write_trc(
+            drawn_markers(body, marker_positions(body, moved), draw, {}), here / "markers.trc"
+        )
+        write_external_loads(
+            drawn_wrenches(wrenches, model.up, draw), here / "loads.sto", here / "loads.xml"
+        )
+        study = {
+            "options": 'tension]\nreactions = "child"',
+            "steps": '"id", "tension"',
+            "model": str(path),
+        }
+        text = STUDY_FILE.format(
+            draws=DRAWS, trial='markers = "markers.trc", loads = "loads.xml"', **study
+        )
         (here / "study.toml").write_text(text, encoding="utf-8")
         command("run", here / "study.toml", "--out", here / "out")
         found = read_result(next((here / "out").rglob("motion.nc")))
@@ -141,30 +184,46 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
     apart = {}
     for table, (names, values) in truth.items():
         columns = found.names[DIMENSIONS.get(table, f"{table}_column")]
-        low, high = (found.values[f"{table}_{end}"] for end in ("low", "high"))
+        low = found.values[f"{table}_low"]
+        high = found.values[f"{table}_high"]
         at = [columns.index(name) for name in names]
         frames = np.searchsorted(found.time, moved.time - 1e-6)
-        low, high = low[frames][:, at], high[frames][:, at]
+        low = low[frames][:, at]
+        high = high[frames][:, at]
         counted = (high - low) > 1e-9
         if table == "forces":
-            counted = np.maximum(values, high) > NEGLIGIBLE * np.array([strengths[name] for name in names])
-        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-12)
+            counted = np.maximum(values, high) > NEGLIGIBLE * np.array(
+                [strengths[name] for name in names]
+            )
+        middle = 0.5 * (low + high)
+        half = np.maximum(0.5 * (high - low), 1e-12)
         apart[table] = (np.abs(values - middle) / half)[counted]
     return apart
 
 
-def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
-    """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it acts on."""
+def _recorded(
+    folder: Path, motion: str, span: tuple[float, float]
+) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
+    """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it
+    acts on.
+    """
     home = folder / HOME
     coordinates = MotionFile(home / "ik_manual_scaling" / f"{motion}_ik.mot")
     forces = LoadsFile(home / "grf" / f"{motion}_external_forces.xml")
-    trial = open_trial(TrialFiles(home / "models" / "manually_scaled.osim", inputs=ByType(coordinates, forces)), {})
-    poses, loads = recorded_poses(trial), trial.inputs[ExternalLoads]
-    model, given = trial.model, poses.recorded
+    trial = open_trial(
+        TrialFiles(home / "models" / "manually_scaled.osim", inputs=ByType(coordinates, forces)), {}
+    )
+    poses = recorded_poses(trial)
+    loads = trial.inputs[ExternalLoads]
+    model = trial.model
+    given = poses.recorded
     wrenches = loads.of(given)
-    start, end = max(given.time[0], wrenches.time[0]), min(given.time[-1], wrenches.time[-1])
+    start = max(given.time[0], wrenches.time[0])
+    end = min(given.time[-1], wrenches.time[-1])
     smooth = mm.differentiate(given, CUTOFF)
-    used = cut(mm.Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1]))
+    used = cut(
+        mm.Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1])
+    )
     return model, used, mm.resample_wrenches(wrenches, used.time, CUTOFF)
 
 
@@ -190,9 +249,11 @@ def _truth(
 
 
 def measure_knee(folder: Path) -> Iterator[Row]:
-    """Share of the samples of both strides at which the measured force of the knee lies inside its limits.
+    """Share of the samples of both strides at which the measured force of the knee lies inside its
+    limits.
 
-    The implant's clock is its own: the last column has the total moved by the delay that fits the other stride best.
+    The implant's clock is its own: the last column has the total moved by the delay that fits the
+    other stride best.
     """
     factor = FACTORS["joint_contact_forces"]
     every = {stride: _knee_limits(folder, stride) for stride in STRIDES}
@@ -202,10 +263,12 @@ def measure_knee(folder: Path) -> Iterator[Row]:
         row: Row = {"stride": stride}
         for k, part in enumerate(PARTS):
             low, found, high = (at_times(one, clock)[:, k] for one in tables)
-            row |= Held(truth[:, k], low, found, high).row(part, "BW", factor, 1.0 / BODY_WEIGHT)
+            row |= Held(truth=truth[:, k], low=low, found=found, high=high).row(
+                part, "BW", factor, 1.0 / BODY_WEIGHT
+            )
         (other,) = set(STRIDES) - {stride}
         low, found, high = (at_times(one, clock - late[other])[:, 0] for one in tables)
-        inside = Held(truth[:, 0], low, found, high).apart <= factor
+        inside = Held(truth=truth[:, 0], low=low, found=found, high=high).apart <= factor
         yield row | {"total, on the other stride's clock, inside [%]": 100.0 * float(inside.mean())}
 
 
@@ -213,7 +276,8 @@ def _knee_limits(folder: Path, stride: str) -> tuple[mm.Series, mm.Series, mm.Se
     """Lower limits, values and upper limits of the left knee's forces [N], by a user's command."""
     here = folder / STUDY
     with tempfile.TemporaryDirectory() as work:
-        out, sizes = Path(work) / "out", Path(work) / "sizes.toml"
+        out = Path(work) / "out"
+        sizes = Path(work) / "sizes.toml"
         sizes.write_text("contributions = 0\nwidened = false\n", encoding="utf-8")
         files = ("--model", here / MODEL, "--motion", here / f"{stride}_ik.mot")
         points = ("--contact-points", "auto", "--draws", 200, "--uncertainty", sizes)
@@ -228,16 +292,22 @@ DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "forces": "m
 
 def measure_live(folder: Path) -> Iterator[Row]:
     """Standard deviations of both, of a recorded walk."""
-    files = {name: str(folder / getattr(RECORDINGS["rajagopal"], name)) for name in ("model", "markers", "loads")}
+    files = {
+        name: str(folder / getattr(RECORDINGS["rajagopal"], name))
+        for name in ("model", "markers", "loads")
+    }
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
         words = [word for name, path in files.items() for word in (f"--{name}", path)]
         command("live", *words, "--speed", 0, "--draws", LIVE_DRAWS, "--out", here / "live")
         study = {"options": "id]\ncutoff = 6", "steps": '"id", "tension"', "model": files["model"]}
         trial = f"markers = {files['markers']!r}, loads = {files['loads']!r}"
-        (here / "study.toml").write_text(STUDY_FILE.format(draws=LIVE_DRAWS, trial=trial, **study), encoding="utf-8")
+        (here / "study.toml").write_text(
+            STUDY_FILE.format(draws=LIVE_DRAWS, trial=trial, **study), encoding="utf-8"
+        )
         command("run", here / "study.toml", "--out", here / "out")
-        live, whole = read_result(here / "live" / "live.nc"), read_result(next((here / "out").rglob("motion.nc")))
+        live = read_result(here / "live" / "live.nc")
+        whole = read_result(next((here / "out").rglob("motion.nc")))
     for table, dimension in DIMENSIONS.items():
         yield {"limits of": TITLES[table], **_compared(table, dimension, live, whole)}
 

@@ -1,7 +1,8 @@
-"""Whether limits hold measured truth: ground forces of hidden plates, angles by bone pins, the force that lifts a box.
+"""Whether limits hold measured truth: ground forces of hidden plates, angles by bone pins, the
+force that lifts a box.
 
-Studies and commands are those of a user, with all settings and sizes of errors as they are; measured values are seen
-by nothing but the comparison.
+Studies and commands are those of a user, with all settings and sizes of errors as they are;
+measured values are seen by nothing but the comparison.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ LASTS = 1.5
 """Of each walk so much is used [s]."""
 AXES = {"vertical": 1, "fore-aft": 0, "lateral": 2}
 LOADED = 0.05
-"""Of the weight: frames in which neither the measured force of a foot nor its upper limit is as large do not count."""
+"""Of the weight: frames in which neither the measured force of a foot nor its upper limit is as
+large do not count.
+"""
 WALKS = tuple(one for one in CASES if one.name.startswith("walk"))
 STUDY_FILE = """
 [study]
@@ -58,7 +61,8 @@ trials = [{{ name = "motion", {trial} }}]
 ESTIMATED = 'tension]\ncutoff = {:g}\nintervals = 0\nmeasured = "hidden"'
 
 PINS = "shoulder-bonepin"
-PIN_MODEL, PIN_MARKERS = "subject1_abdbonepin.osim", "abdbonepin.trc"
+PIN_MODEL = "subject1_abdbonepin.osim"
+PIN_MARKERS = "abdbonepin.trc"
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot", "scapula_winging")
 HUMERUS = ("plane_of_elev", "shoulder_elv", "axial_rot")
 PIN_EVERY = 20
@@ -78,7 +82,9 @@ SIZES = {
     "no movement of skin": NO_SKIN,
     "no movement of skin, no misplaced marker": f"{NO_SKIN}placement = 0\n",
 }
-"""Sizes of errors that a user states who knows of the pins, and that their landmarks define the bones."""
+"""Sizes of errors that a user states who knows of the pins, and that their landmarks define the
+bones.
+"""
 
 LIFT_FILE = """
 feet = false
@@ -112,13 +118,18 @@ class Held:
     def apart(self) -> Array:
         """How far the truth lies from the middle of the limits, in half widths."""
         return np.asarray(
-            np.abs(self.truth - 0.5 * (self.low + self.high)) / np.maximum(0.5 * (self.high - self.low), 1e-9)
+            np.abs(self.truth - 0.5 * (self.low + self.high))
+            / np.maximum(0.5 * (self.high - self.low), 1e-9)
         )
 
     def row(self, name: str, unit: str, factor: float = 1.0, scale: float = 1.0) -> Row:
         """Share inside, width, and the range that holds 90 % of the error of the result itself."""
         error = np.quantile(self.found - self.truth, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
-        drawn = {} if factor == 1.0 else {f"{name}, inside as drawn [%]": 100.0 * float((self.apart <= 1.0).mean())}
+        drawn = (
+            {}
+            if factor == 1.0
+            else {f"{name}, inside as drawn [%]": 100.0 * float((self.apart <= 1.0).mean())}
+        )
         return drawn | {
             f"{name}, inside [%]": 100.0 * float((self.apart <= factor).mean()),
             f"{name}, width [{unit}]": scale * factor * float((self.high - self.low).mean()),
@@ -140,34 +151,50 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     """By axis, forces of both feet in frames in which they carry."""
     hidden = opened(folder, case)
     options = ESTIMATED.format(hidden.cutoff)
-    tables, frames = drawn(folder, hidden, '"tension"', "contact_groups", options, 'contacts = "auto"')
+    tables, frames = drawn(
+        folder, hidden, '"tension"', "contact_groups", options, 'contacts = "auto"'
+    )
     time = hidden.motion.time
     parts: dict[str, list[list[Array]]] = {axis: [] for axis in AXES}
     for side, force, _ in feet_of(hidden):
         columns = [f"foot_{side[0]}_f{'xyz'[axis]}" for axis in AXES.values()]
         low, found, high = (
-            np.column_stack([np.interp(time[frames], one.time, one[name]) for name in columns]) for one in tables
+            np.column_stack([np.interp(time[frames], one.time, one[name]) for name in columns])
+            for one in tables
         )
         carrying = np.maximum(force[frames, 1], high[:, 0]) > LOADED * hidden.weight
         for k, (axis, at) in enumerate(AXES.items()):
-            parts[axis].append([one[carrying] for one in (force[frames, at], low[:, k], found[:, k], high[:, k])])
-    return {axis: Held(*(np.concatenate(one) for one in zip(*own, strict=True))) for axis, own in parts.items()}
+            parts[axis].append(
+                [one[carrying] for one in (force[frames, at], low[:, k], found[:, k], high[:, k])]
+            )
+    return {
+        axis: Held(*(np.concatenate(one) for one in zip(*own, strict=True)))
+        for axis, own in parts.items()
+    }
 
 
 def drawn(
     folder: Path, hidden: Hidden, steps: str, table: str, options: str, forces: str
 ) -> tuple[tuple[mm.Table, mm.Table, mm.Table], Array]:
     """`limits` of a table of a study of a recording, and the frames that it is compared in."""
-    case, time = hidden.case, hidden.motion.time
+    case = hidden.case
+    time = hidden.motion.time
     used = time[hidden.use]
-    start, stop = float(used[0]), float(min(used[-1], used[0] + LASTS))
+    start = float(used[0])
+    stop = float(min(used[-1], used[0] + LASTS))
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
         mm.write_osim(hidden.model, here / "model.osim")
         write_external_loads(hidden.raw, here / "loads.sto", here / "loads.xml")
-        trial = f"{'motion' if case.tracked else 'markers'} = {str(folder / case.markers)!r}, {forces}"
-        trial += f", time = [{start}, {stop}]" + (f", tasks = {str(folder / case.tasks)!r}" if case.tasks else "")
-        text = STUDY_FILE.format(draws=DRAWS, options=options, model="model.osim", steps=steps, trial=trial)
+        trial = (
+            f"{'motion' if case.tracked else 'markers'} = {str(folder / case.markers)!r}, {forces}"
+        )
+        trial += f", time = [{start}, {stop}]" + (
+            f", tasks = {str(folder / case.tasks)!r}" if case.tasks else ""
+        )
+        text = STUDY_FILE.format(
+            draws=DRAWS, options=options, model="model.osim", steps=steps, trial=trial
+        )
         (here / "study.toml").write_text(text, encoding="utf-8")
         command("run", here / "study.toml", "--out", here / "out")
         tables = limits(next((here / "out").rglob(f"{table}.sto")))
@@ -184,8 +211,11 @@ def limits(path: Path) -> tuple[mm.Table, mm.Table, mm.Table]:
 
 
 def measure_pins(folder: Path) -> Iterator[Row]:
-    """Angles of a shoulder by bone pins, found from fewer markers: share inside the limits, and their widths."""
-    home, factor = folder / PINS, FACTORS["coordinates"]
+    """Angles of a shoulder by bone pins, found from fewer markers: share inside the limits, and
+    their widths.
+    """
+    home = folder / PINS
+    factor = FACTORS["coordinates"]
     markers = read_markers(home / PIN_MARKERS)
     time, truth = _of_bones(folder, markers)
     for words, left_out in SUBSETS.items():
@@ -194,15 +224,35 @@ def measure_pins(folder: Path) -> Iterator[Row]:
             with tempfile.TemporaryDirectory() as work:
                 here = Path(work)
                 mm.write_trc(kept, here / "markers.trc")
-                (here / "sizes.toml").write_text(f"{sizes}contributions = 0\nwidened = false\n", encoding="utf-8")
-                files = ("--model", home / PIN_MODEL, "--markers", here / "markers.trc", "--out", here / "angles.mot")
-                command("ik", *files, "--time", *PIN_SPAN, "--draws", DRAWS, "--uncertainty", here / "sizes.toml")
+                (here / "sizes.toml").write_text(
+                    f"{sizes}contributions = 0\nwidened = false\n", encoding="utf-8"
+                )
+                files = (
+                    "--model",
+                    home / PIN_MODEL,
+                    "--markers",
+                    here / "markers.trc",
+                    "--out",
+                    here / "angles.mot",
+                )
+                command(
+                    "ik",
+                    *files,
+                    "--time",
+                    *PIN_SPAN,
+                    "--draws",
+                    DRAWS,
+                    "--uncertainty",
+                    here / "sizes.toml",
+                )
                 tables = limits(here / "angles.mot")
             held = {
                 name: Held(values, *(np.interp(time, one.time, one[name]) for one in tables))
                 for name, values in truth.items()
             }
-            parts = zip(*((one.truth, one.low, one.found, one.high) for one in held.values()), strict=True)
+            parts = zip(
+                *((one.truth, one.low, one.found, one.high) for one in held.values()), strict=True
+            )
             row: Row = {"markers": words, "sizes": stated}
             row |= Held(*(np.concatenate(one) for one in parts)).row("all", "deg", factor)
             for name, one in held.items():
@@ -217,16 +267,19 @@ def measure_pins(folder: Path) -> Iterator[Row]:
 def _of_bones(folder: Path, markers: mm.Markers) -> tuple[Array, dict[str, Array]]:
     """Times, and angles [deg] that the pins of each bone show by themselves.
 
-    Those of the scapula from its own markers and the thorax's alone, without clavicle and humerus; those of the
-    humerus from the rotations of scapula and humerus, each of its own markers.
+    Those of the scapula from its own markers and the thorax's alone, without clavicle and humerus;
+    those of the humerus from the rotations of scapula and humerus, each of its own markers.
     """
     model = mm.read_model(folder / PINS / PIN_MODEL)
     some = np.flatnonzero(markers.time <= PIN_SPAN[1])[::PIN_EVERY]
     shown = replace(markers, time=markers.time[some], values=markers.values[some])
     apart = tuple(one for one in model.markers if one.body in ("thorax", "scapula"))
-    alone = mm.inverse_kinematics(replace(model, loops=(), markers=apart), _without(shown, NOT_USED)).motion
+    alone = mm.inverse_kinematics(
+        replace(model, loops=(), markers=apart), _without(shown, NOT_USED)
+    ).motion
     found = {name: np.degrees(alone[name]) for name in SCAPULA}
-    scapula, humerus = (_rotations(model, body, shown) for body in ("scapula", "humerus"))
+    scapula = _rotations(model, "scapula", shown)
+    humerus = _rotations(model, "humerus", shown)
     turned = np.einsum("fji,fjk->fik", scapula, humerus)
     tree = compile_tree(model)
     at = [model.coordinate_names.index(name) for name in HUMERUS]
@@ -239,7 +292,8 @@ def _of_bones(folder: Path, markers: mm.Markers) -> tuple[Array, dict[str, Array
         rotations = forward_kinematics(tree, c[None]).rotations[0, bodies]
         return np.asarray((rotations[0].T @ rotations[1] - turned[frame]).ravel())
 
-    start, angles = values[0, at], np.empty((len(some), len(at)))
+    start = values[0, at]
+    angles = np.empty((len(some), len(at)))
     for frame in range(len(some)):
         angles[frame] = start = least_squares(apart_from, start, args=(frame,)).x
     return shown.time, found | dict(zip(HUMERUS, np.degrees(angles.T), strict=True))
@@ -250,17 +304,22 @@ def _rotations(model: mm.Model, body: str, markers: mm.Markers) -> Array:
     own = [one for one in model.markers if one.body == body and one.name not in NOT_USED]
     places = np.array([one.location for one in own])
     seen = markers.values[:, [markers.names.index(one.name) for one in own]]
-    places, seen = places - places.mean(axis=0), seen - seen.mean(axis=1, keepdims=True)
+    places = places - places.mean(axis=0)
+    seen = seen - seen.mean(axis=1, keepdims=True)
     return np.array([Rotation.align_vectors(frame, places)[0].as_matrix() for frame in seen])
 
 
 def _without(markers: mm.Markers, names: tuple[str, ...]) -> mm.Markers:
     kept = [k for k, name in enumerate(markers.names) if name not in names]
-    return replace(markers, names=tuple(markers.names[k] for k in kept), values=markers.values[:, kept])
+    return replace(
+        markers, names=tuple(markers.names[k] for k in kept), values=markers.values[:, kept]
+    )
 
 
 def measure_box(folder: Path) -> Iterator[Row]:
-    """Force of the hands on a box whose mass is known, from body and plate: share inside the limits, their width."""
+    """Force of the hands on a box whose mass is known, from body and plate: share inside the
+    limits, their width.
+    """
     for lift in LIFTS:
         truth = hands_measured(folder, lift)
         model, motion = man(folder, lift)
@@ -268,7 +327,9 @@ def measure_box(folder: Path) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as work:
             here = Path(work)
             mm.write_osim(model, here / "model.osim")
-            mm.write_sto(table_from_motion(tracked(folder, lift).motion, model), here / "motion.mot")
+            mm.write_sto(
+                table_from_motion(tracked(folder, lift).motion, model), here / "motion.mot"
+            )
             loads = plate_on_feet(recorded(folder, lift), motion.time)
             write_external_loads(loads, here / "plate.sto", here / "plate.xml")
             hands = body_sites(model, HANDS)
@@ -279,8 +340,17 @@ def measure_box(folder: Path) -> Iterator[Row]:
                 + "".join(_site(one, "hands", str(spans)) for one in hands),
                 encoding="utf-8",
             )
-            (here / "sizes.toml").write_text("contributions = 0\nwidened = false\n", encoding="utf-8")
-            files = ("--model", here / "model.osim", "--motion", here / "motion.mot", "--loads", here / "plate.xml")
+            (here / "sizes.toml").write_text(
+                "contributions = 0\nwidened = false\n", encoding="utf-8"
+            )
+            files = (
+                "--model",
+                here / "model.osim",
+                "--motion",
+                here / "motion.mot",
+                "--loads",
+                here / "plate.xml",
+            )
             files += ("--contacts", here / "contacts.toml", "--cutoff", 6, "--intervals", 0)
             drawn = ("--draws", DRAWS, "--uncertainty", here / "sizes.toml")
             command("tension", *files, *drawn, "--out", here / "out")
@@ -289,8 +359,11 @@ def measure_box(folder: Path) -> Iterator[Row]:
         row: Row = {"lift": lift, "frames": len(frames)}
         for axis, at in (("up", 1), ("forward", 0)):
             # The sites are on the hands; the box is pushed the other way.
-            low, found, high = (-np.interp(motion.time[frames], one.time, one[f"hands_f{'xyz'[at]}"]) for one in tables)
-            row |= Held(truth[frames, at], high, found, low).row(axis, "N")
+            low, found, high = (
+                -np.interp(motion.time[frames], one.time, one[f"hands_f{'xyz'[at]}"])
+                for one in tables
+            )
+            row |= Held(truth=truth[frames, at], low=high, found=found, high=low).row(axis, "N")
         yield row
 
 

@@ -1,5 +1,5 @@
-"""Whether limits of torques hold at the root: nothing holds a pelvis, so force and moment on it are 0 wherever plates
-measure all that touches the ground.
+"""Whether limits of torques hold at the root: nothing holds a pelvis, so force and moment on it are
+0 wherever plates measure all that touches the ground.
 """
 
 from __future__ import annotations
@@ -19,23 +19,35 @@ Row = dict[str, object]
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Share of frames in which 0 lies inside the limits of each generalized force on the pelvis, and their widths."""
+    """Share of frames in which 0 lies inside the limits of each generalized force on the pelvis,
+    and their widths.
+    """
     for case in (one for one in CASES if not one.seated):
         hidden = opened(folder, case)
         tables, frames = drawn(folder, hidden, '"id"', "torques", "id]", 'loads = "loads.xml"')
         clock = hidden.motion.time[frames]
-        row: Row = {"recording": case.name, "plates over stated mass [%]": 100.0 * (hidden.weighs / case.mass - 1.0)}
+        row: Row = {
+            "recording": case.name,
+            "plates over stated mass [%]": 100.0 * (hidden.weighs / case.mass - 1.0),
+        }
         for name in floating_coordinates(hidden.model):
             moved = hidden.model.coordinate(name).motion == "translational"
             column = f"{name}_force" if moved else f"{name}_moment"
-            held = Held(np.zeros(len(clock)), *(np.interp(clock, one.time, one[column]) for one in tables))
-            row |= held.row(name.removeprefix("pelvis_"), "N" if moved else "N m", FACTORS["torques"])
+            held = Held(
+                np.zeros(len(clock)), *(np.interp(clock, one.time, one[column]) for one in tables)
+            )
+            row |= held.row(
+                name.removeprefix("pelvis_"), "N" if moved else "N m", FACTORS["torques"]
+            )
         yield row
 
 
 TRUTHS = {
     "uncertainty_knee": ("force in a knee", ("total", "medial", "lateral")),
-    "uncertainty_roots": ("nothing holds the pelvis", ("tx", "ty", "tz", "tilt", "list", "rotation")),
+    "uncertainty_roots": (
+        "nothing holds the pelvis",
+        ("tx", "ty", "tz", "tilt", "list", "rotation"),
+    ),
     "uncertainty_plates": ("forces of hidden plates", ("vertical", "fore-aft", "lateral")),
     "uncertainty_pins": ("angles of a shoulder, by pins", ("all",)),
     "uncertainty_box": ("force that lifts a box", ("up", "forward")),
@@ -44,7 +56,9 @@ TRUTHS = {
 
 
 def measure_truths(folder: Path) -> Iterator[Row]:
-    """What the other tables of this page say of each truth that was measured, means over recordings."""
+    """What the other tables of this page say of each truth that was measured, means over
+    recordings.
+    """
     for name, (truth, parts) in TRUTHS.items():
         rows = [row for row in load(f"validation/{name}") if row.get("sizes", "usual") == "usual"]
         for part in parts:

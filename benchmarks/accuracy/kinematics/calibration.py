@@ -1,4 +1,6 @@
-"""Calibrated models against those of experts and of ScaleTool, on motions that calibration did not see."""
+"""Calibrated models against those of experts and of ScaleTool, on motions that calibration did not
+see.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +22,19 @@ from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import lengths_of
 from myomorph.motion.sync import cut
 
-OPENCAP, GAIT = "opencap-subject4-multitask", "opensim-gait-subject01"
-RAJAGOPAL, HAMNER = "rajagopal-walk-emg", "hamner-run-subject04"
+OPENCAP = "opencap-subject4-multitask"
+GAIT = "opensim-gait-subject01"
+RAJAGOPAL = "rajagopal-walk-emg"
+HAMNER = "hamner-run-subject04"
 HAMNER_PAIRS = (
     ("pelvis", ("RASI LASI", "RPSI LPSI"), ("pelvis",)),
     ("thigh", ("RASI RLFC", "LASI LLFC"), ("femur_r", "femur_l")),
     ("shank", ("RLFC RLMAL", "LLFC LLMAL"), ("tibia_r", "tibia_l")),
-    ("foot", ("RCAL RTOE", "LCAL LTOE"), ("talus_r", "calcn_r", "toes_r", "talus_l", "calcn_l", "toes_l")),
+    (
+        "foot",
+        ("RCAL RTOE", "LCAL LTOE"),
+        ("talus_r", "calcn_r", "toes_r", "talus_l", "calcn_l", "toes_l"),
+    ),
     ("trunk", ("C7 RPSI", "C7 LPSI", "RACR LACR"), ("torso",)),
     ("upper arm", ("RACR RLEL", "LACR LLEL"), ("humerus_r", "humerus_l")),
     (
@@ -55,16 +63,23 @@ class Split:
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """For every split the marker errors of the peer's model and of the calibrated one on held-out motions."""
+    """For every split the marker errors of the peer's model and of the calibrated one on held-out
+    motions.
+    """
     for split in splits(folder):
         found = mm.calibrate(split.generic, split.shown, mm.CalibrationOptions(static=split.static))
         for name, markers in split.held_out.items():
             common = tuple(
                 one
                 for one in markers.names
-                if all(one in model.marker_names for model in (split.generic, split.peer, found.model))
+                if all(
+                    one in model.marker_names for model in (split.generic, split.peer, found.model)
+                )
             )
-            errors = [root_mean_square(tracked(model, markers, common)) for model in (split.peer, found.model)]
+            errors = [
+                root_mean_square(tracked(model, markers, common))
+                for model in (split.peer, found.model)
+            ]
             yield {
                 "calibrated from": split.name,
                 "held out": name,
@@ -113,7 +128,9 @@ def _hip_distance(model: mm.Model) -> float:
 
 def tracked(model: mm.Model, markers: mm.Markers, names: tuple[str, ...]) -> KinematicsFit:
     """Inverse kinematics with the same markers and equal weights for every model."""
-    options = mm.InverseKinematicsOptions(marker_weights=dict.fromkeys(names, 1.0), only_weighted=True)
+    options = mm.InverseKinematicsOptions(
+        marker_weights=dict.fromkeys(names, 1.0), only_weighted=True
+    )
     return mm.inverse_kinematics(model, markers, options)
 
 
@@ -125,79 +142,155 @@ def root_mean_square(fit: KinematicsFit) -> float:
 def splits(folder: Path) -> Iterator[Split]:
     """All of them; data sets that are absent are left out."""
     makers: dict[str, Callable[[Path], Iterator[Split]]] = {
-        OPENCAP: opencap, GAIT: gait, RAJAGOPAL: rajagopal, HAMNER: hamner,
-    }  # fmt: skip
+        OPENCAP: opencap,
+        GAIT: gait,
+        RAJAGOPAL: rajagopal,
+        HAMNER: hamner,
+    }
     for name, make in makers.items():
         if (folder / name).is_dir():
             yield from make(folder / name)
 
 
 def opencap(folder: Path) -> Iterator[Split]:
-    """The standing trial and one of three motions, tested on the other two, against an expert's model."""
+    """The standing trial and one of three motions, tested on the other two, against an expert's
+    model.
+    """
     trial = partial(recorded, folder / "markers")
     generic = mm.read_model(folder / "models/unscaled_generic.osim")
     expert = mm.read_model(folder / "models/manually_scaled.osim")
     motions = {name: trial(f"{name}.trc") for name in ("walking1", "STS1", "DJ1")}
     for name, markers in motions.items():
-        held_out = {f"OpenCap {other}": motion for other, motion in motions.items() if other != name}
+        held_out = {
+            f"OpenCap {other}": motion for other, motion in motions.items() if other != name
+        }
         static = trial("static1.trc")
-        yield Split(f"OpenCap static1, {name}", generic, expert, "expert", (markers,), held_out, static)
+        yield Split(
+            name=f"OpenCap static1, {name}",
+            generic=generic,
+            peer=expert,
+            peer_name="expert",
+            shown=(markers,),
+            held_out=held_out,
+            static=static,
+        )
 
 
 def gait(folder: Path) -> Iterator[Split]:
     """The standing trial alone, and with half of the walk, against ScaleTool's model."""
     generic = mm.read_model(folder / "experiment/gait2354_simbody.osim")
-    generic = generic.with_markers(read_marker_set(folder / "experiment/gait2354_Scale_MarkerSet.xml", generic))
+    generic = generic.with_markers(
+        read_marker_set(folder / "experiment/gait2354_Scale_MarkerSet.xml", generic)
+    )
     peer = mm.read_model(folder / "ref_scale/std_subject01_simbody.osim")
-    static, walk = (recorded(folder / "experiment", f"subject01_{name}.trc") for name in ("static", "walk1"))
-    yield Split("gait2354 static", generic, peer, "ScaleTool", (), {"gait2354 walk": walk}, static)
+    static = recorded(folder / "experiment", "subject01_static.trc")
+    walk = recorded(folder / "experiment", "subject01_walk1.trc")
+    yield Split(
+        name="gait2354 static",
+        generic=generic,
+        peer=peer,
+        peer_name="ScaleTool",
+        shown=(),
+        held_out={"gait2354 walk": walk},
+        static=static,
+    )
     yield from _halves("gait2354", generic, peer, "ScaleTool", walk, static)
 
 
 def rajagopal(folder: Path) -> Iterator[Split]:
-    """The standing trials alone, and with half of the walk, against the authors' model made with ScaleTool."""
+    """The standing trials alone, and with half of the walk, against the authors' model made with
+    ScaleTool.
+    """
     generic = mm.read_model(folder / "raw/Rajagopal2016.osim")
-    generic = generic.with_markers(read_marker_set(folder / "raw/markerset_walk_preScale.xml", generic))
+    generic = generic.with_markers(
+        read_marker_set(folder / "raw/markerset_walk_preScale.xml", generic)
+    )
     peer = mm.read_model(folder / "subject_walk_scaled.osim")
     static = [recorded(folder / "raw", f"static_walk_{i}.trc") for i in (1, 2)]
     walk = recorded(folder, "markers_walk.trc")
     shown = (static[0],)
-    yield Split("Rajagopal two static", generic, peer, "authors", shown, {"Rajagopal walk": walk}, static[1])
+    yield Split(
+        name="Rajagopal two static",
+        generic=generic,
+        peer=peer,
+        peer_name="authors",
+        shown=shown,
+        held_out={"Rajagopal walk": walk},
+        static=static[1],
+    )
     yield from _halves("Rajagopal", generic, peer, "authors", walk, static[1])
 
 
 def hamner(folder: Path) -> Iterator[Split]:
-    """One speed of running, tested on the other; no expert's model exists, so marker pairs scale the peer."""
+    """One speed of running, tested on the other; no expert's model exists, so marker pairs scale
+    the peer.
+    """
     generic = mm.read_model(folder / "unscaled_generic.osim")
     runs = {name: recorded(folder / name, "markers.trc") for name in ("run200", "run500")}
     for name, other in (("run200", "run500"), ("run500", "run200")):
         peer = scaled_by_pairs(generic, runs[name])
         held_out = {f"Hamner {other}": runs[other]}
-        yield Split(f"Hamner {name}", generic, peer, "marker pairs", (runs[name],), held_out)
+        yield Split(
+            name=f"Hamner {name}",
+            generic=generic,
+            peer=peer,
+            peer_name="marker pairs",
+            shown=(runs[name],),
+            held_out=held_out,
+        )
 
 
 def scaled_by_pairs(generic: mm.Model, markers: mm.Markers) -> mm.Model:
-    """ScaleTool's way without a static trial: mean marker distances scale, markers go to their mean places."""
+    """ScaleTool's way without a static trial: mean marker distances scale, markers go to their mean
+    places.
+    """
     pairs = [
-        Measurement(name, tuple((a, b) for a, b in (one.split() for one in of)), dict.fromkeys(bodies, "xyz"))
+        Measurement(
+            name,
+            tuple((a, b) for a, b in (one.split() for one in of)),
+            dict.fromkeys(bodies, "xyz"),
+        )
         for name, of, bodies in HAMNER_PAIRS
     ]
-    model = scale(generic, measurements.with_measured([measurements.measure(generic, markers, pair) for pair in pairs]))
+    model = scale(
+        generic,
+        measurements.with_measured(
+            [measurements.measure(generic, markers, pair) for pair in pairs]
+        ),
+    )
     names = tuple(name for name in model.marker_names if name in markers.names)
     fit = tracked(model, markers, names)
     bodies = {name: model.marker(name).body for name in names}
-    placed = {one.name: one for one in measurements.place_markers(model, fit.motion, markers, bodies)}
+    placed = {
+        one.name: one for one in measurements.place_markers(model, fit.motion, markers, bodies)
+    }
     return model.with_markers(tuple(placed.get(one.name, one) for one in model.markers))
 
 
 def _halves(
-    name: str, generic: mm.Model, peer: mm.Model, peer_name: str, walk: mm.Markers, static: mm.Markers
+    name: str,
+    generic: mm.Model,
+    peer: mm.Model,
+    peer_name: str,
+    walk: mm.Markers,
+    static: mm.Markers,
 ) -> Iterator[Split]:
     middle = 0.5 * float(walk.time[0] + walk.time[-1])
-    halves = (cut(walk, float(walk.time[0]), middle), cut(walk, middle + 1e-6, float(walk.time[-1])))
+    halves = (
+        cut(walk, float(walk.time[0]), middle),
+        cut(walk, middle + 1e-6, float(walk.time[-1])),
+    )
     for shown, other, which, rest in ((0, 1, "first", "second"), (1, 0, "second", "first")):
         held_out = {f"{name} walk, {rest} half": halves[other]}
-        yield Split(f"{name} static, {which} half", generic, peer, peer_name, (halves[shown],), held_out, static)
+        yield Split(
+            name=f"{name} static, {which} half",
+            generic=generic,
+            peer=peer,
+            peer_name=peer_name,
+            shown=(halves[shown],),
+            held_out=held_out,
+            static=static,
+        )
 
 
 def recorded(folder: Path, name: str) -> mm.Markers:

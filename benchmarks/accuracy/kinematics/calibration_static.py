@@ -1,4 +1,6 @@
-"""`calibrate` from a standing trial alone against OpenSim's ScaleTool from the same trial, on other motion."""
+"""`calibrate` from a standing trial alone against OpenSim's ScaleTool from the same trial, on other
+motion.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,21 @@ import numpy as np
 import opensim
 
 import myomorph as mm
-from benchmarks.accuracy.kinematics.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, root_mean_square, tracked
+from benchmarks.accuracy.kinematics.calibration import (
+    GAIT,
+    OPENCAP,
+    RAJAGOPAL,
+    recorded,
+    root_mean_square,
+    tracked,
+)
 from benchmarks.accuracy.kinematics.scale import BODY, MEASUREMENT, PAIR, TASK
 from myomorph.io.osim.setup_parts import read_ik_tasks, read_marker_set, write_marker_set
 
 opensim.Logger.setLevelString("Off")
 
-KNEE, LENHART = "knee-implant-walk", "lenhart-knee-contact-walk"
+KNEE = "knee-implant-walk"
+LENHART = "lenhart-knee-contact-walk"
 SETUP = """<OpenSimDocument Version="40000"><ScaleTool name="subject"><mass>-1</mass><GenericModelMaker>
 <model_file>{model}</model_file><marker_set_file>set.xml</marker_set_file></GenericModelMaker>
 <ModelScaler><apply>true</apply><scaling_order>measurements</scaling_order>
@@ -33,54 +43,102 @@ FEET = ("talus", "calcn", "toes")
 MEASURED = (
     ("pelvis width", ("asis_r asis_l",), ("pelvis",), "Z"),
     ("pelvis depth", ("asis_r psis_r", "asis_l psis_l"), ("pelvis",), "X Y"),
-    ("thigh", ("asis_r knee_r", "asis_l knee_l"), ("femur_r", "femur_l", "patella_r", "patella_l"), "X Y Z"),
+    (
+        "thigh",
+        ("asis_r knee_r", "asis_l knee_l"),
+        ("femur_r", "femur_l", "patella_r", "patella_l"),
+        "X Y Z",
+    ),
     ("shank", ("knee_r ankle_r", "knee_l ankle_l"), ("tibia_r", "tibia_l"), "X Y Z"),
-    ("foot", ("heel_r toe_r", "heel_l toe_l"), tuple(f"{one}_{s}" for one in FEET for s in "rl"), "X Y Z"),
+    (
+        "foot",
+        ("heel_r toe_r", "heel_l toe_l"),
+        tuple(f"{one}_{s}" for one in FEET for s in "rl"),
+        "X Y Z",
+    ),
     ("trunk", ("shoulder_r psis_r", "shoulder_l psis_l"), ("torso",), "X Y Z"),
-    ("upper arm", ("shoulder_r elbow_r", "shoulder_l elbow_l"), ("humerus_r", "humerus_l"), "X Y Z"),
-    ("forearm", ("elbow_r wrist_r", "elbow_l wrist_l"), tuple(
-        f"{one}_{s}" for one in ("ulna", "radius", "hand") for s in "rl"), "X Y Z"),
-)  # fmt: skip
-"""Usual pairs of markers, both sides averaged, and the bodies that take the mean ratio of their distances."""
+    (
+        "upper arm",
+        ("shoulder_r elbow_r", "shoulder_l elbow_l"),
+        ("humerus_r", "humerus_l"),
+        "X Y Z",
+    ),
+    (
+        "forearm",
+        ("elbow_r wrist_r", "elbow_l wrist_l"),
+        tuple(f"{one}_{s}" for one in ("ulna", "radius", "hand") for s in "rl"),
+        "X Y Z",
+    ),
+)
+"""Usual pairs of markers, both sides averaged, and the bodies that take the mean ratio of their
+distances.
+"""
 
 STANFORD = {
     f"{role}_{side.lower()}": f"{side}.{name}"
     for side in "RL"
     for role, name in (
-        ("asis", "ASIS"), ("psis", "PSIS"), ("knee", "Knee"), ("ankle", "Ankle"), ("heel", "Heel"), ("toe", "MT5"),
-        ("shoulder", "Shoulder"), ("elbow", "Elbow"), ("wrist", "Wrist"),
+        ("asis", "ASIS"),
+        ("psis", "PSIS"),
+        ("knee", "Knee"),
+        ("ankle", "Ankle"),
+        ("heel", "Heel"),
+        ("toe", "MT5"),
+        ("shoulder", "Shoulder"),
+        ("elbow", "Elbow"),
+        ("wrist", "Wrist"),
     )
-}  # fmt: skip
+}
 OPENCAP_ROLES = {
     f"{role}_{side}": f"{letter}{name}"
     for side, letters in (("r", ("r.", "r_", "R_")), ("l", ("L.", "L_", "L_")))
     for letter, role, name in (
-        (letters[0], "asis", "ASIS"), (letters[0], "psis", "PSIS"), (letters[1], "knee", "knee"),
-        (letters[1], "ankle", "ankle"), (letters[1], "heel", "calc"), (letters[1], "toe", "toe"),
-        (letters[2], "shoulder", "Shoulder"), (letters[2], "elbow", "elbow_lat"), (letters[2], "wrist", "wrist_radius"),
+        (letters[0], "asis", "ASIS"),
+        (letters[0], "psis", "PSIS"),
+        (letters[1], "knee", "knee"),
+        (letters[1], "ankle", "ankle"),
+        (letters[1], "heel", "calc"),
+        (letters[1], "toe", "toe"),
+        (letters[2], "shoulder", "Shoulder"),
+        (letters[2], "elbow", "elbow_lat"),
+        (letters[2], "wrist", "wrist_radius"),
     )
-}  # fmt: skip
+}
 GAIT_ROLES = {
     f"{role}_{side.lower()}": f"{side}.{name}"
     for side in "RL"
     for role, name in (
-        ("asis", "ASIS"), ("knee", "Knee.Lat"), ("ankle", "Ankle.Lat"), ("heel", "Heel"), ("toe", "Toe.Tip"),
+        ("asis", "ASIS"),
+        ("knee", "Knee.Lat"),
+        ("ankle", "Ankle.Lat"),
+        ("heel", "Heel"),
+        ("toe", "Toe.Tip"),
         ("shoulder", "Acromium"),
     )
-} | {"psis_r": "V.Sacral", "psis_l": "V.Sacral"}  # fmt: skip
+} | {"psis_r": "V.Sacral", "psis_l": "V.Sacral"}
 IMPLANT_NAMES = {
     f"{side}{name}": f"{letter}{other}"
     for side, lower in (("R", "r"), ("L", "L"))
     for name, letter, other in (
-        ("Asis", lower, ".ASIS"), ("Psis", lower, ".PSIS"), ("Shoulder", side, "_Shoulder"),
-        ("KneeLateral", lower, "_knee"), ("KneeMedial", lower, "_mknee"), ("AnkleLateral", lower, "_ankle"),
-        ("AnkleMedial", lower, "_mankle"), ("ankleMedial", lower, "_mankle"), ("Heel", lower, "_calc"),
-        ("Toe", lower, "_toe"), ("MidfootLateral", lower, "_5meta"), ("ThighSuperior", lower, "_thigh1"),
-        ("ThighInferior", lower, "_thigh2"), ("ThighLateral", lower, "_thigh3"),
+        ("Asis", lower, ".ASIS"),
+        ("Psis", lower, ".PSIS"),
+        ("Shoulder", side, "_Shoulder"),
+        ("KneeLateral", lower, "_knee"),
+        ("KneeMedial", lower, "_mknee"),
+        ("AnkleLateral", lower, "_ankle"),
+        ("AnkleMedial", lower, "_mankle"),
+        ("ankleMedial", lower, "_mankle"),
+        ("Heel", lower, "_calc"),
+        ("Toe", lower, "_toe"),
+        ("MidfootLateral", lower, "_5meta"),
+        ("ThighSuperior", lower, "_thigh1"),
+        ("ThighInferior", lower, "_thigh2"),
+        ("ThighLateral", lower, "_thigh3"),
         ("ShankSuperior", lower, "_shank_antsup"),
-        ("ShankInferior", lower, "_sh2"), ("ShankLateral", lower, "_sh3"),
+        ("ShankInferior", lower, "_sh2"),
+        ("ShankLateral", lower, "_sh3"),
     )
-}  # fmt: skip
+}
 """The implant wearer's markers by the names of a generic model that has them."""
 
 
@@ -88,9 +146,10 @@ IMPLANT_NAMES = {
 class Standing:
     """A subject with a standing trial and a motion.
 
-    `file`: of the generic model; `generic`: with the markers that both methods get; `roles`: marker of each role of
-    `MEASURED`; `chosen`: whether settings were chosen with this subject in view; `weights`: of markers in ScaleTool's
-    pose, where no marker is called fixed; `expert`: model of the same person that an expert scaled.
+    `file`: of the generic model; `generic`: with the markers that both methods get; `roles`: marker
+    of each role of `MEASURED`; `chosen`: whether settings were chosen with this subject in view;
+    `weights`: of markers in ScaleTool's pose, where no marker is called fixed; `expert`: model of
+    the same person that an expert scaled.
     """
 
     name: str
@@ -117,8 +176,12 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
         errors = [1e3 * root_mean_square(fit) for fit in fits]
         lower = [1e3 * float(np.sqrt(np.nanmean(fit.errors[:, legs] ** 2))) for fit in fits]
         expert = None if one.expert is None else implant_names(mm.read_model(one.expert))
-        of_expert = () if expert is None else tuple(name for name in names if name in expert.marker_names)
-        theirs_mm = "" if expert is None else 1e3 * root_mean_square(tracked(expert, one.motion, of_expert))
+        of_expert = (
+            () if expert is None else tuple(name for name in names if name in expert.marker_names)
+        )
+        theirs_mm = (
+            "" if expert is None else 1e3 * root_mean_square(tracked(expert, one.motion, of_expert))
+        )
         yield {
             "subject": one.name,
             "settings chosen on it": one.chosen,
@@ -133,14 +196,17 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def scaled_by_opensim(one: Standing, scratch: Path) -> mm.Model:
-    """The generic model that OpenSim's ScaleTool scales by marker pairs and whose markers it places.
+    """The generic model that OpenSim's ScaleTool scales by marker pairs and whose markers it
+    places.
 
-    As experts do, the pose is that of the landmarks (markers that the generic model calls fixed), all of weight 1;
-    without such, that of the weights of the subject's own task file.
+    As experts do, the pose is that of the landmarks (markers that the generic model calls fixed),
+    all of weight 1; without such, that of the weights of the subject's own task file.
     """
     names = [name for name in one.generic.marker_names if name in one.static.names]
     kept = mm.Markers(
-        one.static.time, tuple(names), one.static.values[:, [one.static.names.index(name) for name in names]]
+        one.static.time,
+        tuple(names),
+        one.static.values[:, [one.static.names.index(name) for name in names]],
     )
     mm.write_trc(kept, scratch / "static.trc")
     write_marker_set(one.generic, scratch / "set.xml")
@@ -166,67 +232,82 @@ def scaled_by_opensim(one: Standing, scratch: Path) -> mm.Model:
 
 def subjects(folder: Path) -> Iterator[Standing]:
     """All of them; data sets that are absent are left out."""
-    gait, opencap, rajagopal = (folder / one for one in (GAIT, OPENCAP, RAJAGOPAL))
+    gait = folder / GAIT
+    opencap = folder / OPENCAP
+    rajagopal = folder / RAJAGOPAL
     if gait.is_dir():
         file = gait / "experiment/gait2354_simbody.osim"
         model = _with_set(file, gait / "experiment/gait2354_Scale_MarkerSet.xml")
         weights = read_ik_tasks(gait / "ref_scale/gait2354_Scale_Tasks.xml").marker_weights
-        static, walk = (recorded(gait / "experiment", f"subject01_{name}.trc") for name in ("static", "walk1"))
+        static = recorded(gait / "experiment", "subject01_static.trc")
+        walk = recorded(gait / "experiment", "subject01_walk1.trc")
         yield Standing(
-            "gait2354",
-            file,
-            model,
-            _part(static, 20),
-            _part(walk),
-            GAIT_ROLES,
-            True,
-            weights,
-            gait / "ref_scale/std_subject01_simbody.osim",
+            name="gait2354",
+            file=file,
+            generic=model,
+            static=_part(static, 20),
+            motion=_part(walk),
+            roles=GAIT_ROLES,
+            chosen=True,
+            weights=weights,
+            expert=gait / "ref_scale/std_subject01_simbody.osim",
         )
     file = opencap / "models/unscaled_generic.osim"
     if opencap.is_dir():
-        model, markers = mm.read_model(file), opencap / "markers"
+        model = mm.read_model(file)
+        markers = opencap / "markers"
         static = recorded(markers, "static1.trc")
         walk = recorded(markers, "walking1.trc")
         yield Standing(
-            "OpenCap subject 4",
-            file,
-            model,
-            _part(static, 20),
-            _part(walk),
-            OPENCAP_ROLES,
-            True,
+            name="OpenCap subject 4",
+            file=file,
+            generic=model,
+            static=_part(static, 20),
+            motion=_part(walk),
+            roles=OPENCAP_ROLES,
+            chosen=True,
             expert=opencap / "models/manually_scaled.osim",
         )
         if (folder / KNEE).is_dir():
-            static, walk = (implant_markers(recorded(folder / KNEE, f"{name}.trc")) for name in ("static", "walk1"))
+            static = implant_markers(recorded(folder / KNEE, "static.trc"))
+            walk = implant_markers(recorded(folder / KNEE, "walk1.trc"))
             yield Standing(
-                "knee implant",
-                file,
-                model,
-                _part(static, 20),
-                _part(walk),
-                OPENCAP_ROLES,
-                False,
+                name="knee implant",
+                file=file,
+                generic=model,
+                static=_part(static, 20),
+                motion=_part(walk),
+                roles=OPENCAP_ROLES,
+                chosen=False,
                 expert=folder / KNEE / "scaled.osim",
             )
     if rajagopal.is_dir():
         file = rajagopal / "raw/Rajagopal2016.osim"
         model = _with_set(file, rajagopal / "raw/markerset_walk_preScale.xml")
-        static, walk = recorded(rajagopal / "raw", "static_walk_1.trc"), recorded(rajagopal, "markers_walk.trc")
+        static = recorded(rajagopal / "raw", "static_walk_1.trc")
+        walk = recorded(rajagopal, "markers_walk.trc")
         yield Standing(
-            "Rajagopal",
-            file,
-            model,
-            _part(static, 20),
-            _part(walk),
-            STANFORD,
-            True,
+            name="Rajagopal",
+            file=file,
+            generic=model,
+            static=_part(static, 20),
+            motion=_part(walk),
+            roles=STANFORD,
+            chosen=True,
             expert=rajagopal / "subject_walk_scaled.osim",
         )
         if (folder / LENHART).is_dir():
-            static, walk = (recorded(folder / LENHART / "motion", f"{one}.trc") for one in ("static1", "overground_17"))
-            yield Standing("Lenhart", file, model, _part(static, 20), _part(walk), STANFORD, False)
+            static = recorded(folder / LENHART / "motion", "static1.trc")
+            walk = recorded(folder / LENHART / "motion", "overground_17.trc")
+            yield Standing(
+                name="Lenhart",
+                file=file,
+                generic=model,
+                static=_part(static, 20),
+                motion=_part(walk),
+                roles=STANFORD,
+                chosen=False,
+            )
 
 
 def _part(markers: mm.Markers, count: int = 200) -> mm.Markers:
@@ -241,7 +322,9 @@ def implant_markers(given: mm.Markers) -> mm.Markers:
 
 def implant_names(given: mm.Model) -> mm.Model:
     """The implant wearer's model with the markers' names of the generic model."""
-    return given.with_markers(tuple(replace(one, name=IMPLANT_NAMES.get(one.name, one.name)) for one in given.markers))
+    return given.with_markers(
+        tuple(replace(one, name=IMPLANT_NAMES.get(one.name, one.name)) for one in given.markers)
+    )
 
 
 def _with_set(file: Path, markers: Path) -> mm.Model:

@@ -1,4 +1,6 @@
-"""Zero angles of calibrated models against experts', and lengths of simulated people of unequal legs."""
+"""Zero angles of calibrated models against experts', and lengths of simulated people of unequal
+legs.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ SLIDE_TURN = 0.05
 """Root mean square turn of a segment's skin as one piece about each axis [rad]."""
 
 PEOPLE = 8
-FEW, SHORT = 4, 60
+FEW = 4
+SHORT = 60
 """Simulated people in each row of the zero angles, and their frames."""
 
 SIMULATED = ("gait2354 walk", "Rajagopal walk")
@@ -66,13 +69,24 @@ def measure_zeros(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def compared_zeros(found: Calibration, expert: mm.Model, motion: mm.Markers) -> dict[str, object]:
-    """Angles of pelvis, trunk and legs: means less the expert's, and how many lie within 5 degrees or the interval."""
+    """Angles of pelvis, trunk and legs: means less the expert's, and how many lie within 5 degrees
+    or the interval.
+    """
     rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
     part = mm.Markers(motion.time[rows], motion.names, motion.values[rows])
-    names = tuple(name for name in part.names if name in found.model.marker_names and name in expert.marker_names)
-    ours, theirs = (tracked(model, part, names).motion for model in (found.model, expert))
+    names = tuple(
+        name
+        for name in part.names
+        if name in found.model.marker_names and name in expert.marker_names
+    )
+    ours = tracked(found.model, part, names).motion
+    theirs = tracked(expert, part, names).motion
     zeros = {one.coordinate: one for one in found.zero_angles}
-    shared = [name for name in ours.names if name in zeros and name in theirs.names and name.startswith(LEG)]
+    shared = [
+        name
+        for name in ours.names
+        if name in zeros and name in theirs.names and name.startswith(LEG)
+    ]
     apart = np.degrees([_mean_difference(ours, theirs, name) for name in shared])
     sd = np.degrees([zeros[name].sd for name in shared])
     inside = np.abs(apart) <= NORMAL_90 * sd
@@ -95,30 +109,66 @@ def _mean_difference(ours: mm.Motion, theirs: mm.Motion, name: str) -> float:
 
 def scaled(folder: Path) -> Iterator[Scaled]:
     """All recordings with an expert's model; data sets that are absent are left out."""
-    opencap, gait, rajagopal = (folder / one for one in (OPENCAP, GAIT, RAJAGOPAL))
+    opencap = folder / OPENCAP
+    gait = folder / GAIT
+    rajagopal = folder / RAJAGOPAL
     if opencap.is_dir():
         generic = mm.read_model(opencap / "models/unscaled_generic.osim")
-        expert, static = (
-            mm.read_model(opencap / "models/manually_scaled.osim"),
-            recorded(opencap / "markers", "static1.trc"),
-        )
+        expert = mm.read_model(opencap / "models/manually_scaled.osim")
+        static = recorded(opencap / "markers", "static1.trc")
         for name in ("walking1", "STS1", "DJ1"):
             motion = recorded(opencap / "markers", f"{name}.trc")
-            yield Scaled(f"OpenCap {name}", generic, expert, motion, static, True)
+            yield Scaled(
+                name=f"OpenCap {name}",
+                generic=generic,
+                expert=expert,
+                motion=motion,
+                static=static,
+                chosen=True,
+            )
         if (folder / KNEE).is_dir():
             expert = implant_names(mm.read_model(folder / KNEE / "scaled.osim"))
-            static, motion = (implant_markers(recorded(folder / KNEE, f"{one}.trc")) for one in ("static", "walk1"))
-            yield Scaled("knee implant walk1", generic, expert, motion, static, False)
+            static = implant_markers(recorded(folder / KNEE, "static.trc"))
+            motion = implant_markers(recorded(folder / KNEE, "walk1.trc"))
+            yield Scaled(
+                name="knee implant walk1",
+                generic=generic,
+                expert=expert,
+                motion=motion,
+                static=static,
+                chosen=False,
+            )
     if gait.is_dir():
-        generic = _with_set(gait / "experiment/gait2354_simbody.osim", gait / "experiment/gait2354_Scale_MarkerSet.xml")
+        generic = _with_set(
+            gait / "experiment/gait2354_simbody.osim",
+            gait / "experiment/gait2354_Scale_MarkerSet.xml",
+        )
         expert = mm.read_model(gait / "ref_scale/std_subject01_simbody.osim")
-        static, motion = (recorded(gait / "experiment", f"subject01_{one}.trc") for one in ("static", "walk1"))
-        yield Scaled("gait2354 walk", generic, expert, motion, static, True)
+        static = recorded(gait / "experiment", "subject01_static.trc")
+        motion = recorded(gait / "experiment", "subject01_walk1.trc")
+        yield Scaled(
+            name="gait2354 walk",
+            generic=generic,
+            expert=expert,
+            motion=motion,
+            static=static,
+            chosen=True,
+        )
     if rajagopal.is_dir():
-        generic = _with_set(rajagopal / "raw/Rajagopal2016.osim", rajagopal / "raw/markerset_walk_preScale.xml")
+        generic = _with_set(
+            rajagopal / "raw/Rajagopal2016.osim", rajagopal / "raw/markerset_walk_preScale.xml"
+        )
         expert = mm.read_model(rajagopal / "subject_walk_scaled.osim")
-        motion, static = recorded(rajagopal, "markers_walk.trc"), recorded(rajagopal / "raw", "static_walk_2.trc")
-        yield Scaled("Rajagopal walk", generic, expert, motion, static, True)
+        motion = recorded(rajagopal, "markers_walk.trc")
+        static = recorded(rajagopal / "raw", "static_walk_2.trc")
+        yield Scaled(
+            name="Rajagopal walk",
+            generic=generic,
+            expert=expert,
+            motion=motion,
+            static=static,
+            chosen=True,
+        )
 
 
 def _with_set(file: Path, markers: Path) -> mm.Model:
@@ -127,7 +177,9 @@ def _with_set(file: Path, markers: Path) -> mm.Model:
 
 
 def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
-    """Thighs and shanks of simulated people that walk like a recorded one, with equal and with unequal legs."""
+    """Thighs and shanks of simulated people that walk like a recorded one, with equal and with
+    unequal legs.
+    """
     for one in scaled(folder):
         if one.name not in ("OpenCap walking1", "gait2354 walk"):
             continue
@@ -136,19 +188,25 @@ def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
         names = tuple(name for name in part.names if name in one.expert.marker_names)
         motion = tracked(one.expert, part, names).motion
         for longer in (0.0, LONGER):
-            errors, deviations, warned = [], [], 0
+            errors = []
+            deviations = []
+            warned = 0
             for seed in range(PEOPLE):
                 values, markers = walker(one.generic, motion, longer, seed)
                 found = mm.calibrate(one.generic, [markers])
                 chosen = [
-                    i for i, est in enumerate(found.lengths)
+                    i
+                    for i, est in enumerate(found.lengths)
                     if est.length.along and est.length.segment.startswith(("femur", "tibia"))
-                ]  # fmt: skip
+                ]
                 extents = np.array([found.lengths[i].length.extent for i in chosen])
-                errors.append(1e3 * extents * ([found.lengths[i].factor for i in chosen] - values[chosen]))
+                errors.append(
+                    1e3 * extents * ([found.lengths[i].factor for i in chosen] - values[chosen])
+                )
                 deviations.append(1e3 * extents * [found.lengths[i].sd for i in chosen])
                 warned += any(side.differs for side in found.sides)
-            error, sd = np.array(errors), np.array(deviations)
+            error = np.array(errors)
+            sd = np.array(deviations)
             yield {
                 "walk": one.name,
                 "right leg longer [%]": 100.0 * longer,
@@ -161,11 +219,15 @@ def measure_unequal(folder: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def walker(generic: mm.Model, motion: mm.Motion, longer: float, seed: int) -> tuple[Array, mm.Markers]:
-    """Factors of the lengths of a random person, and markers on moving skin while it moves as recorded.
+def walker(
+    generic: mm.Model, motion: mm.Motion, longer: float, seed: int
+) -> tuple[Array, mm.Markers]:
+    """Factors of the lengths of a random person, and markers on moving skin while it moves as
+    recorded.
 
-    Lengths vary by 4 % about the size, sides by 0.6 %, markers lie 12 mm (landmarks 6 mm) off their places along
-    each axis, and the skin moves by `SKIN` along each with the three lowest harmonics of the recording.
+    Lengths vary by 4 % about the size, sides by 0.6 %, markers lie 12 mm (landmarks 6 mm) off their
+    places along each axis, and the skin moves by `SKIN` along each with the three lowest harmonics
+    of the recording.
     """
     rng = np.random.default_rng(seed)
     values, person = _person(generic, longer, rng)
@@ -178,36 +240,56 @@ def _person(generic: mm.Model, longer: float, rng: np.random.Generator) -> tuple
     person = scale(generic, factors_of(lengths, values))
     return values, person.with_markers(
         tuple(
-            replace(one, location=one.location + (0.006 if one.fixed else 0.012) * rng.normal(size=3))
+            replace(
+                one, location=one.location + (0.006 if one.fixed else 0.012) * rng.normal(size=3)
+            )
             for one in person.markers
         )
     )
 
 
-def _on_skin(person: mm.Model, motion: mm.Motion, rng: np.random.Generator, slides: bool = False) -> mm.Markers:
-    """Markers while the person moves so; with `slides`, all skin of a segment also shifts and turns as one piece."""
+def _on_skin(
+    person: mm.Model, motion: mm.Motion, rng: np.random.Generator, slides: bool = False
+) -> mm.Markers:
+    """Markers while the person moves so; with `slides`, all skin of a segment also shifts and turns
+    as one piece.
+    """
     tree = compile_tree(person)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_index[one.body] for one in person.markers])
     local = np.array([one.location for one in person.markers])
     places = poses.points(bodies, local)
-    phase = np.linspace(0.0, 2.0 * np.pi, len(places)) if len(places) > 1 else rng.uniform(0.0, 2.0 * np.pi, 1)
-    waves = np.column_stack([wave(n * phase) for n in (1, 2, 3) for wave in (np.sin, np.cos)]) * np.sqrt(2.0 / 6.0)
+    phase = (
+        np.linspace(0.0, 2.0 * np.pi, len(places))
+        if len(places) > 1
+        else rng.uniform(0.0, 2.0 * np.pi, 1)
+    )
+    waves = np.column_stack(
+        [wave(n * phase) for n in (1, 2, 3) for wave in (np.sin, np.cos)]
+    ) * np.sqrt(2.0 / 6.0)
     skin = np.einsum("fk,kmi->fmi", waves, SKIN * rng.normal(size=(6, len(bodies), 3)))
     for body in np.unique(bodies) if slides else ():
         of = bodies == body
-        shift, turn = (waves @ (sd * rng.normal(size=(6, 3))) for sd in (SKIN, SLIDE_TURN))
-        skin[:, of] += shift[:, None] + np.cross(turn[:, None], (local[of] - local[of].mean(axis=0))[None])
+        shift = waves @ (SKIN * rng.normal(size=(6, 3)))
+        turn = waves @ (SLIDE_TURN * rng.normal(size=(6, 3)))
+        skin[:, of] += shift[:, None] + np.cross(
+            turn[:, None], (local[of] - local[of].mean(axis=0))[None]
+        )
     places = places + np.einsum("fmij,fmj->fmi", poses.rotations[:, bodies], skin)
-    return mm.Markers(motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape))
+    return mm.Markers(
+        motion.time, person.marker_names, places + 2e-4 * rng.normal(size=places.shape)
+    )
 
 
 def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
-    """Zero angles of simulated people whose skin slides as one piece, with and without a static trial."""
+    """Zero angles of simulated people whose skin slides as one piece, with and without a static
+    trial.
+    """
     for one in scaled(folder):
         if one.name not in SIMULATED:
             continue
-        walk, stand = (_tracked(one, markers, count) for markers, count in ((one.motion, SHORT), (one.static, 1)))
+        walk = _tracked(one, one.motion, SHORT)
+        stand = _tracked(one, one.static, 1)
         for slides in (False, True):
             drawn = [_drawn(one.generic, (walk, stand), seed, slides) for seed in range(FEW)]
             for static in (False, True):
@@ -222,7 +304,8 @@ def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
                     "apart, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
                     "largest [deg]": float(np.abs(apart).max()),
                     "stated SD [deg]": float(np.sqrt(np.mean(sd**2))),
-                    "in the 90 % interval [%]": 100.0 * float(np.mean(np.abs(apart) <= NORMAL_90 * sd)),
+                    "in the 90 % interval [%]": 100.0
+                    * float(np.mean(np.abs(apart) <= NORMAL_90 * sd)),
                     "thighs and shanks in theirs [%]": 100.0 * float(np.mean(lengths)),
                 }
 
@@ -247,13 +330,16 @@ def _simulated(
 ) -> tuple[Array, Array, Array]:
     """Errors of the mean angles, their SD [deg], and whether lengths lie in their intervals.
 
-    The person's bones are the generic ones, stretched: `zero_sd`, by which real ones are turned, is left out.
+    The person's bones are the generic ones, stretched: `zero_sd`, by which real ones are turned, is
+    left out.
     """
     options = mm.CalibrationOptions(static=still if static else None, zero_sd=1e-9)
     found = mm.calibrate(generic, [markers], options)
     ours = tracked(found.model, markers, found.marker_names).motion
     zeros = {one.coordinate: one.sd for one in found.zero_angles}
-    names = [name for name in ours.names if name in zeros and name in walk.names and name.startswith(LEG)]
+    names = [
+        name for name in ours.names if name in zeros and name in walk.names and name.startswith(LEG)
+    ]
     apart = np.degrees([_mean_difference(ours, walk, name) for name in names])
     inside = [
         abs(one.factor - value) <= NORMAL_90 * one.sd
@@ -267,13 +353,17 @@ def _tracked(one: Scaled, markers: mm.Markers, count: int) -> mm.Motion:
     """Of the expert's model, at evenly chosen frames."""
     rows = np.unique(np.linspace(0, len(markers) - 1, count + 2)[1:-1].astype(int))
     part = mm.Markers(markers.time[rows], markers.names, markers.values[rows])
-    return tracked(one.expert, part, tuple(name for name in part.names if name in one.expert.marker_names)).motion
+    return tracked(
+        one.expert, part, tuple(name for name in part.names if name in one.expert.marker_names)
+    ).motion
 
 
 def _factors(lengths: tuple[Length, ...], rng: np.random.Generator, longer: float) -> Array:
     size = 1.0 + 0.05 * rng.normal()
     along = {one.segment: size * (1.0 + 0.04 * rng.normal()) for one in lengths if one.along}
-    values = np.array([along[one.segment] * (1.0 if one.along else 1.0 + 0.04 * rng.normal()) for one in lengths])
+    values = np.array(
+        [along[one.segment] * (1.0 if one.along else 1.0 + 0.04 * rng.normal()) for one in lengths]
+    )
     for right, left in mirrored_lengths(lengths):
         values[left] = values[right] * (1.0 + 0.006 * rng.normal())
     for i, one in enumerate(lengths):

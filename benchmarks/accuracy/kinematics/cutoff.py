@@ -1,4 +1,6 @@
-"""The low-pass filter that a motion gets by default: against simulated truth, and by measured ground forces."""
+"""The low-pass filter that a motion gets by default: against simulated truth, and by measured
+ground forces.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,25 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from truths.mouse_motion import mouse
 
-FIXED = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0, 40.0)
+FIXED = (
+    2.0,
+    3.0,
+    4.0,
+    5.0,
+    6.0,
+    7.0,
+    8.0,
+    9.0,
+    10.0,
+    12.0,
+    14.0,
+    16.0,
+    18.0,
+    20.0,
+    25.0,
+    30.0,
+    40.0,
+)
 """Cutoffs among which the best is looked for [Hz]."""
 
 EDGE = 0.1
@@ -44,9 +64,10 @@ Row = dict[str, object]
 class Movement:
     """A recorded motion that is made smooth and then taken as truth.
 
-    `name`, `recording`: of it; a recording of `RECORDINGS`, or of a mouse; `cutoff`: of the filter that makes it smooth
-    [Hz]; `span`: what is used of it [s]; `faster`: times it is played faster: a run becomes a sprint; `size`: of the
-    errors, over those of a human's markers; `chosen`: whether the rule's two numbers were chosen with it.
+    `name`, `recording`: of it; a recording of `RECORDINGS`, or of a mouse; `cutoff`: of the filter
+    that makes it smooth [Hz]; `span`: what is used of it [s]; `faster`: times it is played faster:
+    a run becomes a sprint; `size`: of the errors, over those of a human's markers; `chosen`:
+    whether the rule's two numbers were chosen with it.
     """
 
     name: str
@@ -59,36 +80,48 @@ class Movement:
 
 
 MOVEMENTS = (
-    Movement("walk, Rajagopal", "rajagopal", 12.0, (0.4, 2.4)),
+    Movement(name="walk, Rajagopal", recording="rajagopal", cutoff=12.0, span=(0.4, 2.4)),
     Movement("walk, implant 1", "implant-1", 12.0),
     Movement("walk, gait2354", "gait2354-dynamics", 12.0),
     Movement("walk, OpenCap", "opencap-walk", 12.0),
-    Movement("sit to stand", "opencap-rise", 8.0, (0.0, 4.0)),
+    Movement(name="sit to stand", recording="opencap-rise", cutoff=8.0, span=(0.0, 4.0)),
     Movement("drop jump", "opencap-jump", 20.0),
     Movement("run, 2 m/s", "run-2", 18.0),
     Movement("run, 5 m/s", "run-5", 20.0),
     Movement("sprint: the run 1.5 times as fast", "run-5", 20.0, faster=1.5),
-    Movement("abduction of a shoulder", "shoulder", 8.0, (0.0, 3.0)),
+    Movement(name="abduction of a shoulder", recording="shoulder", cutoff=8.0, span=(0.0, 3.0)),
     Movement("walk, implant 3", "implant-3", 12.0, chosen=False),
-    Movement("walk, treadmill", "treadmill", 12.0, (2.0, 6.0), chosen=False),
-    Movement("walk, gait2392", "gait2392", 12.0, (5.0, 9.0), chosen=False),
+    Movement(
+        name="walk, treadmill", recording="treadmill", cutoff=12.0, span=(2.0, 6.0), chosen=False
+    ),
+    Movement(
+        name="walk, gait2392", recording="gait2392", cutoff=12.0, span=(5.0, 9.0), chosen=False
+    ),
     Movement("walk, Lenhart", "lenhart", 12.0, chosen=False),
     Movement("mouse on a treadmill", "mouse", 30.0, size=0.1, chosen=False),
 )
 
 
 def former_cutoff(motion: mm.Motion) -> float | None:
-    """The rule of the first version: 99.8 % of the variance, where accelerations above it outweigh those below."""
-    time, values = motion.time, motion.values
+    """The rule of the first version: 99.8 % of the variance, where accelerations above it outweigh
+    those below.
+    """
+    time = motion.time
+    values = motion.values
     across = np.linspace(0.0, 1.0, len(time))[:, None]
     bent = values - (values[0] + across * (values[-1] - values[0]))
     size = bent.std(axis=0)
     power = np.abs(np.fft.rfft(bent[:, size > 0.05 * size.max()], axis=0)[1:]) ** 2
     power = np.maximum(power - power[len(power) // 2 :].mean(axis=0), 0.0)
     frequency = np.fft.rfftfreq(len(time), (time[-1] - time[0]) / (len(time) - 1))
-    passed = np.cumsum(np.concatenate([np.zeros((1, power.shape[1])), power / power.sum(axis=0)]), axis=0)
-    cutoff = max(float(np.median([np.interp(0.998, column, frequency) for column in passed.T])), frequency[1])
-    raw, kept = mm.differentiate(motion).accelerations, mm.differentiate(motion, cutoff).accelerations
+    passed = np.cumsum(
+        np.concatenate([np.zeros((1, power.shape[1])), power / power.sum(axis=0)]), axis=0
+    )
+    cutoff = max(
+        float(np.median([np.interp(0.998, column, frequency) for column in passed.T])), frequency[1]
+    )
+    raw = mm.differentiate(motion).accelerations
+    kept = mm.differentiate(motion, cutoff).accelerations
     below = np.sqrt(np.mean(kept[5:-5] ** 2, axis=0))
     above = np.sqrt(np.mean((raw - kept)[5:-5] ** 2, axis=0))
     moving = below > 1e-6 * below.max()
@@ -105,19 +138,25 @@ RULES: dict[str, Rule] = {
 
 
 def measure_truth(folder: Path) -> Iterator[Row]:
-    """Errors of joint torques over those at the best fixed cutoff, by movement and noise; then of all together."""
+    """Errors of joint torques over those at the best fixed cutoff, by movement and noise; then of
+    all together.
+    """
     together: dict[bool, list[dict[str, float]]] = {True: [], False: []}
     for movement in MOVEMENTS:
         model, truth = _smooth(folder, movement)
         for white, skin in NOISES:
-            ratios, best, chosen = [], [], []
+            ratios = []
+            best = []
+            chosen = []
             for rate in RATES:
                 true, recorded = _recorded(model, truth, movement, rate, white, skin)
                 error = partial(_torque_error, model, true, recorded)
                 at = {cutoff: error(cutoff) for cutoff in (*FIXED, None)}
                 best.append(min(at, key=at.__getitem__))
                 chosen.append(automatic_cutoff(recorded))
-                ratios.append({name: error(rule(recorded)) / min(at.values()) for name, rule in RULES.items()})
+                ratios.append(
+                    {name: error(rule(recorded)) / min(at.values()) for name, rule in RULES.items()}
+                )
             together[movement.chosen] += ratios
             yield {
                 "movement": movement.name,
@@ -130,7 +169,14 @@ def measure_truth(folder: Path) -> Iterator[Row]:
             }
     for chosen_with, ratios in together.items():
         head = {"movement": "all", "rule chosen with it": "yes" if chosen_with else "no"}
-        yield {**head, "noise [mm]": "", "skin [mm]": "", "best [Hz]": "", "automatic [Hz]": "", **_means(ratios)}
+        yield {
+            **head,
+            "noise [mm]": "",
+            "skin [mm]": "",
+            "best [Hz]": "",
+            "automatic [Hz]": "",
+            **_means(ratios),
+        }
 
 
 def _range(cutoffs: list[float | None]) -> str:
@@ -141,14 +187,17 @@ def _range(cutoffs: list[float | None]) -> str:
 
 
 def _means(ratios: list[dict[str, float]]) -> Row:
-    row: Row = {name: float(np.exp(np.mean([np.log(ratio[name]) for ratio in ratios]))) for name in RULES}
+    row: Row = {
+        name: float(np.exp(np.mean([np.log(ratio[name]) for ratio in ratios]))) for name in RULES
+    }
     return row | {"automatic, worst": max(ratio["automatic"] for ratio in ratios)}
 
 
 def _smooth(folder: Path, movement: Movement) -> tuple[mm.Model, mm.Motion]:
     if movement.recording == "mouse":
         fitted = mouse(folder, "treadmill")
-        model, motion = fitted.calibration.model, fitted.fit.motion
+        model = fitted.calibration.model
+        motion = fitted.fit.motion
     else:
         model, motion = _poses(folder, movement.recording)
     seen = np.isfinite(motion.values).all(axis=1)
@@ -172,13 +221,17 @@ def _recorded(
     model: mm.Model, truth: mm.Motion, movement: Movement, rate: float, white: float, skin: float
 ) -> tuple[mm.Motion, mm.Motion]:
     """The truth at a rate with its exact derivatives, and the motion that markers with errors give."""
-    spline, faster = natural_spline(truth.time, truth.values), movement.faster
+    spline = natural_spline(truth.time, truth.values)
+    faster = movement.faster
     at = np.arange(truth.time[0], truth.time[-1], faster / rate)
     rates = (faster * spline.derivative(1)(at), faster**2 * spline.derivative(2)(at))
     true = mm.Motion((at - at[0]) / faster, truth.names, spline(at), *rates)
-    tree, random = compile_tree(model), np.random.default_rng(int(rate + 10 * white + skin))
+    tree = compile_tree(model)
+    random = np.random.default_rng(int(rate + 10 * white + skin))
     bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
-    places = forward_kinematics(tree, true.values).points(bodies, np.array([one.location for one in model.markers]))
+    places = forward_kinematics(tree, true.values).points(
+        bodies, np.array([one.location for one in model.markers])
+    )
     errors = white * random.standard_normal(places.shape)
     if skin:
         drift = lowpass(random.standard_normal(places.shape), rate, SKIN)
@@ -187,7 +240,9 @@ def _recorded(
     return true, mm.inverse_kinematics(model, markers).motion
 
 
-def _torque_error(model: mm.Model, true: mm.Motion, recorded: mm.Motion, cutoff: float | None) -> float:
+def _torque_error(
+    model: mm.Model, true: mm.Motion, recorded: mm.Motion, cutoff: float | None
+) -> float:
     """Root mean square over the torques of all rotations, without external forces [N m]."""
     turning = [coordinate.motion == "rotational" for coordinate in model.coordinates]
     inner = (true.time >= EDGE) & (true.time <= true.time[-1] - EDGE)
@@ -197,13 +252,24 @@ def _torque_error(model: mm.Model, true: mm.Motion, recorded: mm.Motion, cutoff:
 
 
 RECORDED = (
-    *("rajagopal", "gait2354", "opencap-walk", "implant-1", "implant-3", "treadmill", "gait2392", "lenhart"),
+    *(
+        "rajagopal",
+        "gait2354",
+        "opencap-walk",
+        "implant-1",
+        "implant-3",
+        "treadmill",
+        "gait2392",
+        "lenhart",
+    ),
     *("run-2", "run-5", "opencap-jump", "opencap-rise"),
 )
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Force and moment that have to hold the pelvis, over the least of any fixed cutoff; forces are not filtered."""
+    """Force and moment that have to hold the pelvis, over the least of any fixed cutoff; forces are
+    not filtered.
+    """
     for name in RECORDED:
         files = RECORDINGS[name]
         model = mm.read_model(folder / files.model)
@@ -220,14 +286,23 @@ def measure(folder: Path) -> Iterator[Row]:
         row: Row = {"recording": name, "frames": len(recorded)}
         row["automatic cutoff [Hz]"] = "none" if chosen is None else f"{chosen:.2g}"
         for part, kind in enumerate(("force", "moment")):
-            row[f"best for the {kind} [Hz]"] = min(at, key=lambda cutoff: at[cutoff][part]) or "none"
+            row[f"best for the {kind} [Hz]"] = (
+                min(at, key=lambda cutoff: at[cutoff][part]) or "none"
+            )
             row[f"least {kind} [{'N' if part == 0 else 'N m'}]"] = least[part]
-            row |= {f"{kind}, {rule}": held(of(recorded))[part] / least[part] for rule, of in RULES.items()}
+            row |= {
+                f"{kind}, {rule}": held(of(recorded))[part] / least[part]
+                for rule, of in RULES.items()
+            }
         yield row
 
 
-def _held(model: mm.Model, recorded: mm.Motion, measured: mm.Wrenches, cutoff: float | None) -> Array:
-    """Root mean square of force and moment on the floating joint over frames on the plates [N, N m]."""
+def _held(
+    model: mm.Model, recorded: mm.Motion, measured: mm.Wrenches, cutoff: float | None
+) -> Array:
+    """Root mean square of force and moment on the floating joint over frames on the plates [N, N
+    m].
+    """
     motion = mm.differentiate(recorded, cutoff)
     loads = mm.resample_wrenches(measured, motion.time)
     torques = mm.inverse_dynamics(model, motion, loads)
@@ -235,6 +310,10 @@ def _held(model: mm.Model, recorded: mm.Motion, measured: mm.Wrenches, cutoff: f
     used &= np.abs(loads.forces[:, :, 1]).sum(axis=1) > LOADED
     held = []
     for kind in ("translational", "rotational"):
-        names = [name for name in floating_coordinates(model) if model.coordinate(name).motion == kind]
-        held.append(float(np.sqrt(np.nanmean(np.sum([torques[name][used] ** 2 for name in names], axis=0)))))
+        names = [
+            name for name in floating_coordinates(model) if model.coordinate(name).motion == kind
+        ]
+        held.append(
+            float(np.sqrt(np.nanmean(np.sum([torques[name][used] ** 2 for name in names], axis=0))))
+        )
     return np.array(held)

@@ -1,8 +1,10 @@
-"""Inertial sensors: orientation filter against optics, joint angles against OpenSim's tool and against known truth.
+"""Inertial sensors: orientation filter against optics, joint angles against OpenSim's tool and
+against known truth.
 
-Recordings from outside lie in a folder that the environment variable MYOMORPH_INERTIAL names: `broad/` has the files of
-data_mat of dlaidig/broad, `opensense/` those of OpenSim's tutorial (model, placement and walking orientations),
-`vicon/` the walk with sensors of AnyBody/vicon-mocap-examples. Without them the tables of simulated sensors remain.
+Recordings from outside lie in a folder that the environment variable MYOMORPH_INERTIAL names:
+`broad/` has the files of data_mat of dlaidig/broad, `opensense/` those of OpenSim's tutorial
+(model, placement and walking orientations), `vicon/` the walk with sensors of
+AnyBody/vicon-mocap-examples. Without them the tables of simulated sensors remain.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ from sensor_files import write_orientations
 Row = dict[str, object]
 FOLDER = "MYOMORPH_INERTIAL"
 WALK = "treadmill"
-"""Of `recordings.toml`: a minute of walking, whose coordinates are the truth of simulated sensors."""
+"""Of `recordings.toml`: a minute of walking, whose coordinates are the truth of simulated sensors.
+"""
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
 JOINTS = {"hip": "hip_", "knee": "knee_angle_", "ankle": "ankle_angle_"}
 SEEDS = range(5)
@@ -64,16 +67,27 @@ def outside(name: str) -> Path | None:
 
 
 def measure_filter() -> Iterator[Row]:
-    """BROAD by trial: errors while the sensor moves, with magnetometer and without, beside published ones."""
+    """BROAD by trial: errors while the sensor moves, with magnetometer and without, beside
+    published ones.
+    """
     folder = outside("broad")
     if folder is None:
         return
-    published = {name: json.loads((folder / f"results_{name}_average_rmse.json").read_text()) for name in PUBLISHED}
+    published = {
+        name: json.loads((folder / f"results_{name}_average_rmse.json").read_text())
+        for name in PUBLISHED
+    }
     for path in sorted(folder.glob("*.mat")):
         data = loadmat(path, squeeze_me=True)
         clock = np.arange(len(data["imu_gyr"])) / data["sampling_rate"]
-        signals = {"angular_velocities": "imu_gyr", "accelerations": "imu_acc", "magnetic_fields": "imu_mag"}
-        raw = InertialSensors(clock, ("sensor",), **{name: data[key][:, None] for name, key in signals.items()})
+        signals = {
+            "angular_velocities": "imu_gyr",
+            "accelerations": "imu_acc",
+            "magnetic_fields": "imu_mag",
+        }
+        raw = InertialSensors(
+            clock, ("sensor",), **{name: data[key][:, None] for name, key in signals.items()}
+        )
         optics = data["opt_quat"] / np.linalg.norm(data["opt_quat"], axis=1, keepdims=True)
         moving = data["movement"].astype(bool) & np.isfinite(optics).all(axis=1)
         row: Row = {"trial": path.stem}
@@ -89,12 +103,16 @@ def measure_filter() -> Iterator[Row]:
                 row["within 90 % limits of sensor_noise"] = _within(found, optics[moving])
         for name, results in published.items():
             trial = results["trials"].get(path.stem)
-            row[f"{name} (published) [deg]"] = trial["tagp_parameters"]["total_rmse_deg"] if trial else ""
+            row[f"{name} (published) [deg]"] = (
+                trial["tagp_parameters"]["total_rmse_deg"] if trial else ""
+            )
         yield row
 
 
 PUBLISHED = ("madgwick", "mahony")
-"""Filters whose errors are among BROAD's own results, with the parameters that suit all its trials best."""
+"""Filters whose errors are among BROAD's own results, with the parameters that suit all its trials
+best.
+"""
 
 
 def _errors(found: np.ndarray, optics: np.ndarray, headed: bool) -> tuple[float, float, float]:
@@ -110,37 +128,54 @@ def _errors(found: np.ndarray, optics: np.ndarray, headed: bool) -> tuple[float,
     angle = np.angle(np.exp(1j * angle))
     inclination = 2.0 * np.arccos(np.clip(np.hypot(q[:, 0], q[:, 3]), 0.0, 1.0))
     total = 2.0 * np.arccos(np.clip(np.cos(0.5 * angle) * np.cos(0.5 * inclination), 0.0, 1.0))
-    return tuple(float(np.degrees(np.sqrt(np.mean(part**2)))) for part in (total, angle, inclination))
+    return tuple(
+        float(np.degrees(np.sqrt(np.mean(part**2)))) for part in (total, angle, inclination)
+    )
 
 
 def _within(found: np.ndarray, optics: np.ndarray) -> float:
-    """Share of errors about the three axes that are within 90 % limits of the source `sensor_noise`."""
-    error = vector_from_rotation(rotation_from_quaternion(found) @ np.swapaxes(rotation_from_quaternion(optics), 1, 2))
+    """Share of errors about the three axes that are within 90 % limits of the source
+    `sensor_noise`.
+    """
+    error = vector_from_rotation(
+        rotation_from_quaternion(found) @ np.swapaxes(rotation_from_quaternion(optics), 1, 2)
+    )
     return float(np.mean(np.abs(error) < Z_90 * Sources().sensor_noise))
 
 
 def measure_opensense() -> Iterator[Row]:
-    """OpenSim's walk with eight sensors: the same placement and orientations, by its tool and by ours."""
+    """OpenSim's walk with eight sensors: the same placement and orientations, by its tool and by
+    ours.
+    """
     folder = outside("opensense")
     if folder is None:
         return
     from benchmarks import opensim_tools
 
     with tempfile.TemporaryDirectory() as name:
-        placed, pose = Path(name) / "placed.osim", folder / "placement_orientations.sto"
-        opensim_tools.imu_placement(folder / "Rajagopal2015_opensense.osim", pose, ("torso_imu", "z"), placed)
+        placed = Path(name) / "placed.osim"
+        pose = folder / "placement_orientations.sto"
+        opensim_tools.imu_placement(
+            folder / "Rajagopal2015_opensense.osim", pose, ("torso_imu", "z"), placed
+        )
         walking = folder / "walking_orientations.sto"
         theirs = opensim_tools.imu_inverse_kinematics(placed, walking, (10.5, 17.0), Path(name))
         model = mm.read_model(placed)
-    recording = SensorRecording(read_inertial(folder / "walking_orientations.sto").between(10.5, 17.0))
+    recording = SensorRecording(
+        read_inertial(folder / "walking_orientations.sto").between(10.5, 17.0)
+    )
     options = SensorOptions(imu_mounting="model")
     sensor_kinematics(model, recording, sizes=options)
     began = time.process_time()
     fit = sensor_kinematics(model, recording, sizes=options).fit
     seconds = time.process_time() - began
     for joint, start in JOINTS.items():
-        names = [one for one in model.coordinate_names if one.startswith(start) and "beta" not in one]
-        ours = np.column_stack([np.degrees(np.interp(theirs.time, fit.motion.time, fit.motion[one])) for one in names])
+        names = [
+            one for one in model.coordinate_names if one.startswith(start) and "beta" not in one
+        ]
+        ours = np.column_stack(
+            [np.degrees(np.interp(theirs.time, fit.motion.time, fit.motion[one])) for one in names]
+        )
         other = theirs.values[:, [theirs.names.index(one) for one in names]]
         yield {
             "joint": joint,
@@ -156,7 +191,9 @@ def _walk(folder: Path) -> tuple[mm.Model, mm.Motion]:
     files = RECORDINGS[WALK]
     model = mm.read_model(folder / files.model)
     motion = mm.read_motion(folder / files.motion, model)
-    return model, mm.Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
+    return model, mm.Motion(
+        motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion)
+    )
 
 
 def _longer(motion: mm.Motion, seconds: float) -> mm.Motion:
@@ -178,9 +215,12 @@ def joint_errors(fit: KinematicsFit, motion: mm.Motion, frames: slice = slice(No
     return row
 
 
-def _changed(made: SimulatedSensors, body: str, turned: np.ndarray | None, from_frame: int = 0) -> SimulatedSensors:
+def _changed(
+    made: SimulatedSensors, body: str, turned: np.ndarray | None, from_frame: int = 0
+) -> SimulatedSensors:
     """One sensor turned on its body by a rotation (3, 3), or silent (None), from a frame on."""
-    index, quaternions = BODIES.index(body), np.array(made.sensors.orientations)
+    index = BODIES.index(body)
+    quaternions = np.array(made.sensors.orientations)
     if turned is None:
         quaternions[from_frame:, index] = np.nan
     else:
@@ -193,34 +233,49 @@ def _changed(made: SimulatedSensors, body: str, turned: np.ndarray | None, from_
 def measure_angles(folder: Path) -> Iterator[Row]:
     """Simulated sensors on a walk: joint angles against the truth, by how the mounting is found."""
     model, motion = _walk(folder)
-    short, long = cut(motion, motion.time[0], motion.time[0] + SECONDS), _longer(motion, 600.0)
+    short = cut(motion, motion.time[0], motion.time[0] + SECONDS)
+    long = _longer(motion, 600.0)
     slip = axis_rotation((0.0, 1.0, 0.0), SLIP)
     cases = {
         "as they come": (short, SensorErrors(), lambda made: made),
         "shank sensor turned by 20 degrees after the pose": (
-            short, SensorErrors(), lambda made: _changed(made, "tibia_r", slip),
+            short,
+            SensorErrors(),
+            lambda made: _changed(made, "tibia_r", slip),
         ),
         "thigh sensor turned by 20 degrees after the pose": (
-            short, SensorErrors(), lambda made: _changed(made, "femur_r", slip),
+            short,
+            SensorErrors(),
+            lambda made: _changed(made, "femur_r", slip),
         ),
         "right shank sensor lost half way": (
-            short, SensorErrors(), lambda made: _changed(made, "tibia_r", None, len(short) // 2),
+            short,
+            SensorErrors(),
+            lambda made: _changed(made, "tibia_r", None, len(short) // 2),
         ),
         "10 minutes, headings drift by 2 degrees a minute": (
-            long, SensorErrors(drift=np.radians(2.0)), lambda made: made,
+            long,
+            SensorErrors(drift=np.radians(2.0)),
+            lambda made: made,
         ),
-    }  # fmt: skip
+    }
     for case, (truth, errors, change) in cases.items():
         for mounting in ("pose", "recording"):
-            rows, seconds = [], 0.0
+            rows = []
+            seconds = 0.0
             for seed in SEEDS:
                 made = change(simulated_sensors(model, truth, BODIES, errors, seed))
                 began = time.process_time()
                 recording = SensorRecording(made.sensors, pose=made.pose)
-                fit = sensor_kinematics(model, recording, sizes=SensorOptions(imu_mounting=mounting)).fit
+                fit = sensor_kinematics(
+                    model, recording, sizes=SensorOptions(imu_mounting=mounting)
+                ).fit
                 seconds += (time.process_time() - began) / len(SEEDS) / len(truth)
                 rows.append(joint_errors(fit, truth))
-            means = {key: float(np.sqrt(np.mean([float(row[key]) ** 2 for row in rows]))) for key in rows[0]}
+            means = {
+                key: float(np.sqrt(np.mean([float(row[key]) ** 2 for row in rows])))
+                for key in rows[0]
+            }
             yield {"sensors": case, "mounting by": mounting, **means, "ms/frame": 1e3 * seconds}
 
 
@@ -230,7 +285,9 @@ def measure_fusion(folder: Path) -> Iterator[Row]:
     truth = cut(motion, motion.time[0], motion.time[0] + SECONDS)
     plain = marker_positions(model, truth)
     bodies = {marker.name: marker.body for marker in model.markers}
-    lower = np.array([bodies[name].startswith(("tibia", "talus", "calcn", "toes")) for name in plain.names])
+    lower = np.array(
+        [bodies[name].startswith(("tibia", "talus", "calcn", "toes")) for name in plain.names]
+    )
     start = int(np.searchsorted(truth.time, truth.time[0] + 14.0))
     gap = slice(start, int(np.searchsorted(truth.time, truth.time[start] + 2.0)))
     rows: dict[str, list[Row]] = {}
@@ -243,9 +300,14 @@ def measure_fusion(folder: Path) -> Iterator[Row]:
         hidden[gap, lower] = np.nan
         shown = replace(plain, values=hidden)
         marked = inverse_kinematics(model, shown)
-        fused = sensor_kinematics(model, SensorRecording(made.sensors, same_clock=True), shown, marked).fit
-        for name, fit in (("no marker hidden", inverse_kinematics(model, whole)), ("markers alone", marked),
-                          ("markers and sensors", fused)):  # fmt: skip
+        fused = sensor_kinematics(
+            model, SensorRecording(made.sensors, same_clock=True), shown, marked
+        ).fit
+        for name, fit in (
+            ("no marker hidden", inverse_kinematics(model, whole)),
+            ("markers alone", marked),
+            ("markers and sensors", fused),
+        ):
             rows.setdefault(name, []).append(joint_errors(fit, truth, gap))
     for name, each in rows.items():
         yield {"recorded": name} | {
@@ -254,7 +316,9 @@ def measure_fusion(folder: Path) -> Iterator[Row]:
 
 
 def measure_intervals(folder: Path) -> Iterator[Row]:
-    """Share of true joint angles within the limits that `ik --imu --draws` writes, and how wide these are."""
+    """Share of true joint angles within the limits that `ik --imu --draws` writes, and how wide
+    these are.
+    """
     model_file = folder / RECORDINGS[WALK].model
     model, motion = _walk(folder)
     truth = cut(motion, motion.time[0], motion.time[0] + 12.0)
@@ -266,7 +330,12 @@ def measure_intervals(folder: Path) -> Iterator[Row]:
                 counts.setdefault((name, joint), []).append(parts)
     for (name, joint), parts in counts.items():
         within, width = np.mean(parts, axis=0)
-        yield {"mounting by": name, "joint": joint, "within [%]": 100.0 * float(within), "width [deg]": float(width)}
+        yield {
+            "mounting by": name,
+            "joint": joint,
+            "within [%]": 100.0 * float(within),
+            "width [deg]": float(width),
+        }
 
 
 def _limits(
@@ -283,7 +352,12 @@ def _limits(
         home = Path(name)
         write_orientations(home / "walk.sto", made.sensors)
         write_orientations(home / "pose.sto", made.pose)
-        options = ["--imu-pose", home / "pose.sto", "--imu-mounting", "pose" if kind == "pose" else "recording"]
+        options = [
+            "--imu-pose",
+            home / "pose.sto",
+            "--imu-mounting",
+            "pose" if kind == "pose" else "recording",
+        ]
         if more:
             plain = marker_positions(made.person, truth)
             noise = 0.003 * np.random.default_rng(seed).normal(size=plain.values.shape)
@@ -291,7 +365,8 @@ def _limits(
             options = ["--markers", home / "walk.trc"]
         sensors = ("--imu", home / "walk.sto", *options)
         command("ik", "--model", model_file, *sensors, "--draws", 40, "--out", home / "q.mot")
-        low, high = (mm.read_motion(home / f"q_{end}.mot", model) for end in ("low", "high"))
+        low = mm.read_motion(home / "q_low.mot", model)
+        high = mm.read_motion(home / "q_high.mot", model)
         result = {}
         for joint, start in JOINTS.items():
             names = [one for one in truth.names if one.startswith(start) and "beta" not in one]
@@ -302,14 +377,16 @@ def _limits(
 
 
 def measure_hidden() -> Iterator[Row]:
-    """A recorded walk with markers and a sensor on each shank: knees while markers below them are hidden for a second.
+    """A recorded walk with markers and a sensor on each shank: knees while markers below them are
+    hidden for a second.
 
     The truth is inverse kinematics of all markers.
     """
     folder = outside("vicon")
     if folder is None:
         return
-    files, bodies = [folder / "Cal 01.c3d", folder / "Walking 01.c3d"], {"imu": "tibia_r", "imu_2": "tibia_l"}
+    files = [folder / "Cal 01.c3d", folder / "Walking 01.c3d"]
+    bodies = {"imu": "tibia_r", "imu_2": "tibia_l"}
     with tempfile.TemporaryDirectory() as name:
         command("analyze", *files, "--mass", 75, "--workers", 1, "--out", Path(name) / "out")
         model = mm.read_model(Path(name) / "out" / "calibrated.osim")
@@ -318,9 +395,12 @@ def measure_hidden() -> Iterator[Row]:
     truth = inverse_kinematics(model, markers)
     knees = [one for one in model.coordinate_names if one in ("knee_angle_r", "knee_angle_l")]
     below = np.array(
-        [name in model.marker_names and model.marker(name).body.startswith(("tibia", "talus", "calcn", "toes"))
-         for name in markers.names]
-    )  # fmt: skip
+        [
+            name in model.marker_names
+            and model.marker(name).body.startswith(("tibia", "talus", "calcn", "toes"))
+            for name in markers.names
+        ]
+    )
     for start in np.arange(markers.time[0] + 0.5, markers.time[-1] - 1.5, 0.5):
         gap = (markers.time >= start) & (markers.time < start + 1.0)
         values = np.array(markers.values)
@@ -333,5 +413,7 @@ def measure_hidden() -> Iterator[Row]:
         for title, fit in (("markers alone", alone), ("markers and sensors", fused.fit)):
             away = np.array([(fit.motion[knee] - truth.motion[knee])[gap] for knee in knees])
             row[f"knee, {title} [deg]"] = float(np.degrees(np.sqrt(np.mean(away**2))))
-        row["sensors to bodies [deg]"] = float(np.degrees(np.sqrt(np.nanmean(fused.fit.sensor_errors[~gap] ** 2))))
+        row["sensors to bodies [deg]"] = float(
+            np.degrees(np.sqrt(np.nanmean(fused.fit.sensor_errors[~gap] ** 2)))
+        )
         yield row

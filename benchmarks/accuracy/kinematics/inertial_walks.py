@@ -1,8 +1,9 @@
 """Inertial sensors beside markers: steps of two persons, and ten minutes of one.
 
-Recordings lie in the folder that `MYOMORPH_INERTIAL` names: `steps/example_data.h5` of TheOne-1/KAM_and_KFM_Estimation
-(eight sensors, markers and a plate, ten steps of each of two persons on a treadmill) and `tasks/` of
-vaishak236/IMU_Kinematics_2023 (files of eight sensors over eleven minutes, and the left knee's angle by markers).
+Recordings lie in the folder that `MYOMORPH_INERTIAL` names: `steps/example_data.h5` of
+TheOne-1/KAM_and_KFM_Estimation (eight sensors, markers and a plate, ten steps of each of two
+persons on a treadmill) and `tasks/` of vaishak236/IMU_Kinematics_2023 (files of eight sensors over
+eleven minutes, and the left knee's angle by markers).
 """
 
 from __future__ import annotations
@@ -23,21 +24,49 @@ from benchmarks.recordings import RECORDINGS
 from myomorph.io.sto import read_sto
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Frame
-from myomorph.model.spatial import Transform, axis_rotation, quaternion_from_rotation, rotation_from_quaternion
+from myomorph.model.spatial import (
+    Transform,
+    axis_rotation,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from sensor_files import write_orientations
 
 RATE = 100.0
 BODIES = {
-    "pelvis": "WAIST", "torso": "CHEST", "femur_r": "R_THIGH", "tibia_r": "R_SHANK", "calcn_r": "R_FOOT",
-    "femur_l": "L_THIGH", "tibia_l": "L_SHANK", "calcn_l": "L_FOOT",
-}  # fmt: skip
-"""Of Rajagopal's model, as OpenSim's tool wants sensors named, and what the recording calls its sensors."""
+    "pelvis": "WAIST",
+    "torso": "CHEST",
+    "femur_r": "R_THIGH",
+    "tibia_r": "R_SHANK",
+    "calcn_r": "R_FOOT",
+    "femur_l": "L_THIGH",
+    "tibia_l": "L_SHANK",
+    "calcn_l": "L_FOOT",
+}
+"""Of Rajagopal's model, as OpenSim's tool wants sensors named, and what the recording calls its
+sensors.
+"""
 MARKERS = tuple(
     f"{side}{landmark}"
     for side in "LR"
-    for landmark in ("FCC", "FM5", "FM2", "TAM", "FAL", "SK", "TT", "FME", "FLE", "TH", "FT", "IPS", "IAS", "AC")
+    for landmark in (
+        "FCC",
+        "FM5",
+        "FM2",
+        "TAM",
+        "FAL",
+        "SK",
+        "TT",
+        "FME",
+        "FLE",
+        "TH",
+        "FT",
+        "IPS",
+        "IAS",
+        "AC",
+    )
 ) + ("MAI", "SXS", "SJN", "CV7")
 APART = 2.0
 """From the start of a step to that of the next, where all are one recording [s]."""
@@ -46,7 +75,9 @@ SLIP = np.radians(20.0)
 
 
 def measure_steps() -> Iterator[Row]:
-    """Joint angles of two persons' steps by sensors alone, against the same by markers, ours beside OpenSim's tool."""
+    """Joint angles of two persons' steps by sensors alone, against the same by markers, ours beside
+    OpenSim's tool.
+    """
     for name, known, unseen, columns in _people():
         with tempfile.TemporaryDirectory() as home:
             for row in _compared(known, unseen, columns, Path(home)):
@@ -54,41 +85,63 @@ def measure_steps() -> Iterator[Row]:
 
 
 def measure_forces() -> Iterator[Row]:
-    """Vertical force under the right foot in the same steps, by sensors alone and by markers alone, against the
-    treadmill's right plate: a study with default options.
+    """Vertical force under the right foot in the same steps, by sensors alone and by markers alone,
+    against the treadmill's right plate: a study with default options.
     """
     for name, known, unseen, columns in _people():
         with tempfile.TemporaryDirectory() as place:
             home = Path(place)
             _, walking = _placed(known, unseen, columns, home)
             study = [
-                '[study]\nname = "steps"\n[options.ik]\nimu_mounting = "model"\n[[subject]]\nname = "person"',
-                f'model = "placed.osim"\nmass = {known[0][0, columns.index("body weight")]}\ncontacts = "auto"',
+                (
+                    '[study]\nname = "steps"\n[options.ik]\nimu_mounting ='
+                    ' "model"\n[[subject]]\nname = "person"'
+                ),
+                (
+                    'model = "placed.osim"\nmass ='
+                    f' {known[0][0, columns.index("body weight")]}\ncontacts = "auto"'
+                ),
                 'steps = ["ik", "id", "tension"]',
             ]
             for index, step in enumerate(unseen):
                 start = APART * index
-                write_orientations(home / f"sensors{index}.sto", walking.between(start, start + 0.75 * APART))
+                write_orientations(
+                    home / f"sensors{index}.sto", walking.between(start, start + 0.75 * APART)
+                )
                 mm.write_trc(_markers([step], columns), home / f"markers{index}.trc")
-                study.append(f'[[subject.trials]]\nname = "sensors{index}"\nimu = ["sensors{index}.sto"]')
-                study.append(f'[[subject.trials]]\nname = "markers{index}"\nmarkers = "markers{index}.trc"')
+                study.append(
+                    f'[[subject.trials]]\nname = "sensors{index}"\nimu = ["sensors{index}.sto"]'
+                )
+                study.append(
+                    f'[[subject.trials]]\nname = "markers{index}"\nmarkers = "markers{index}.trc"'
+                )
             (home / "study.toml").write_text("\n".join(study) + "\n", encoding="utf-8")
             command("run", home / "study.toml", "--workers", 1, "--out", home / "out")
             for kind in ("sensors", "markers"):
-                pairs = [_right_foot(home / "out" / "person" / f"{kind}{index}") for index in range(len(unseen))]
+                pairs = [
+                    _right_foot(home / "out" / "person" / f"{kind}{index}")
+                    for index in range(len(unseen))
+                ]
                 plates = [
                     -step[: len(force), columns.index("plate_2_force_z")]
                     for step, force in zip(unseen, pairs, strict=True)
                 ]
-                ours, theirs = np.concatenate(pairs), np.concatenate(plates)
+                ours = np.concatenate(pairs)
+                theirs = np.concatenate(plates)
                 weight = GRAVITY * known[0][0, columns.index("body weight")]
                 yield {
                     "person": name,
                     "by": f"{kind} alone",
-                    "RMS error [% of weight]": 100.0 * float(np.sqrt(np.mean((ours - theirs) ** 2))) / weight,
+                    "RMS error [% of weight]": (
+                        100.0 * float(np.sqrt(np.mean((ours - theirs) ** 2))) / weight
+                    ),
                     "correlation": float(np.corrcoef(ours, theirs)[0, 1]),
-                    "peak, mean [% of weight]": 100.0 * float(np.mean([force.max() for force in pairs])) / weight,
-                    "of the plate [% of weight]": 100.0 * float(np.mean([force.max() for force in plates])) / weight,
+                    "peak, mean [% of weight]": (
+                        100.0 * float(np.mean([force.max() for force in pairs])) / weight
+                    ),
+                    "of the plate [% of weight]": (
+                        100.0 * float(np.mean([force.max() for force in plates])) / weight
+                    ),
                 }
 
 
@@ -113,26 +166,48 @@ def _people() -> Iterator[tuple[str, list[np.ndarray], list[np.ndarray], list[st
 def _placed(
     known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path
 ) -> tuple[mm.Model, InertialSensors]:
-    """The model that `analyze` makes of markers of known steps, `placed.osim` also with frames of the sensors, whose
-    mountings and headings these markers show; the sensors of the unseen steps with these headings.
+    """The model that `analyze` makes of markers of known steps, `placed.osim` also with frames of
+    the sensors, whose mountings and headings these markers show; the sensors of the unseen steps
+    with these headings.
     """
     files = [home / f"step{index}.trc" for index in range(len(known))]
     for step, file in zip(known, files, strict=True):
         mm.write_trc(_markers([step], columns), file)
-    mass, height = (float(known[0][0, columns.index(f"body {part}")]) for part in ("weight", "height"))
-    command("analyze", *files, "--mass", mass, "--height", height, "--workers", 1, "--out", home / "first")
+    mass = float(known[0][0, columns.index("body weight")])
+    height = float(known[0][0, columns.index("body height")])
+    command(
+        "analyze",
+        *files,
+        "--mass",
+        mass,
+        "--height",
+        height,
+        "--workers",
+        1,
+        "--out",
+        home / "first",
+    )
     model = mm.read_model(home / "first" / "calibrated.osim")
-    markers, recording = _markers(known, columns), SensorRecording(_sensors(known, columns), same_clock=True)
-    mounting = sensor_kinematics(model, recording, markers, inverse_kinematics(model, markers)).mounting
+    markers = _markers(known, columns)
+    recording = SensorRecording(_sensors(known, columns), same_clock=True)
+    mounting = sensor_kinematics(
+        model, recording, markers, inverse_kinematics(model, markers)
+    ).mounting
     frames = [
         Frame(sensor, body, Transform(rotation, np.zeros(3)))
-        for sensor, body, rotation in zip(mounting.sensors, mounting.bodies, mounting.rotations, strict=True)
+        for sensor, body, rotation in zip(
+            mounting.sensors, mounting.bodies, mounting.rotations, strict=True
+        )
     ]
     mm.write_osim(replace(model, frames=(*model.frames, *frames)), home / "placed.osim")
-    return model, _turned(_sensors(unseen, columns), mounting.sensors, mounting.headings.mean(axis=0), ahead=True)
+    return model, _turned(
+        _sensors(unseen, columns), mounting.sensors, mounting.headings.mean(axis=0), ahead=True
+    )
 
 
-def _compared(known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path) -> Iterator[Row]:
+def _compared(
+    known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path
+) -> Iterator[Row]:
     from benchmarks import opensim_tools
 
     model, walking = _placed(known, unseen, columns, home)
@@ -147,16 +222,22 @@ def _compared(known: list[np.ndarray], unseen: list[np.ndarray], columns: list[s
         write_orientations(home / "walk.sto", changed)
         choice = ("--imu", home / "walk.sto", "--imu-mounting", "model")
         command("ik", "--model", home / "placed.osim", *choice, "--out", home / "q.mot")
-        yield {"sensors": case, "by": "ours"} | _errors(mm.read_motion(home / "q.mot", model), truth)
+        yield {"sensors": case, "by": "ours"} | _errors(
+            mm.read_motion(home / "q.mot", model), truth
+        )
         if "lost" not in case:
             span = (float(walking.time[0]), float(walking.time[-1]))
-            theirs = opensim_tools.imu_inverse_kinematics(home / "hinges.osim", home / "walk.sto", span, home)
+            theirs = opensim_tools.imu_inverse_kinematics(
+                home / "hinges.osim", home / "walk.sto", span, home
+            )
             table = mm.Motion(theirs.time, theirs.names, np.radians(theirs.values))
             yield {"sensors": case, "by": "OpenSim"} | _errors(table, truth)
 
 
 def _times(steps: list[np.ndarray]) -> np.ndarray:
-    return np.concatenate([APART * index + np.arange(len(step)) / RATE for index, step in enumerate(steps)])
+    return np.concatenate(
+        [APART * index + np.arange(len(step)) / RATE for index, step in enumerate(steps)]
+    )
 
 
 def _markers(steps: list[np.ndarray], columns: list[str]) -> mm.Markers:
@@ -168,7 +249,10 @@ def _markers(steps: list[np.ndarray], columns: list[str]) -> mm.Markers:
 
 def _sensors(steps: list[np.ndarray], columns: list[str]) -> InertialSensors:
     rows = np.concatenate(steps)
-    values = [[rows[:, columns.index(f"Quat{part}_{where}")] for part in (1, 2, 3, 4)] for where in BODIES.values()]
+    values = [
+        [rows[:, columns.index(f"Quat{part}_{where}")] for part in (1, 2, 3, 4)]
+        for where in BODIES.values()
+    ]
     names = tuple(f"{body}_imu" for body in BODIES)
     return InertialSensors(_times(steps), names, np.moveaxis(np.array(values), 2, 0))
 
@@ -176,13 +260,17 @@ def _sensors(steps: list[np.ndarray], columns: list[str]) -> InertialSensors:
 def _turned(
     sensors: InertialSensors, names: Sequence[str], angles: Sequence[float], ahead: bool = False
 ) -> InertialSensors:
-    """Sensors turned about their own y axis, along the segment, or their earths about the vertical (`ahead`)."""
+    """Sensors turned about their own y axis, along the segment, or their earths about the vertical
+    (`ahead`).
+    """
     quaternions = np.array(sensors.orientations)
     for name, angle in zip(names, angles, strict=True):
         index = sensors.names.index(name)
         rotations = rotation_from_quaternion(quaternions[:, index])
         turned = axis_rotation(np.eye(3)[2 if ahead else 1], angle)
-        quaternions[:, index] = quaternion_from_rotation(turned @ rotations if ahead else rotations @ turned)
+        quaternions[:, index] = quaternion_from_rotation(
+            turned @ rotations if ahead else rotations @ turned
+        )
     return replace(sensors, orientations=quaternions)
 
 
@@ -193,8 +281,10 @@ def _lost(sensors: InertialSensors, name: str) -> InertialSensors:
 
 
 ANGLES = {
-    "hip": ("hip_flexion", "hip_adduction", "hip_rotation"), "knee": ("knee_angle",), "ankle": ("ankle_angle",),
-}  # fmt: skip
+    "hip": ("hip_flexion", "hip_adduction", "hip_rotation"),
+    "knee": ("knee_angle",),
+    "ankle": ("ankle_angle",),
+}
 
 
 def _errors(ours: mm.Series, truth: mm.Series) -> Row:
@@ -202,27 +292,37 @@ def _errors(ours: mm.Series, truth: mm.Series) -> Row:
     row: Row = {}
     for joint, starts in ANGLES.items():
         names = [f"{start}_{side}" for start in starts for side in "rl"]
-        away = np.array([np.interp(truth.time, ours.time, ours[name]) - truth[name] for name in names])
+        away = np.array(
+            [np.interp(truth.time, ours.time, ours[name]) - truth[name] for name in names]
+        )
         row[f"{joint} [deg]"] = float(np.degrees(np.sqrt(np.mean(away**2))))
     return row
 
 
 DRIFT = {
-    "torso": "00B4D7D4", "pelvis": "00B4D7D3", "femur_r": "00B4D6D1", "tibia_r": "00B4D7FB", "calcn_r": "00B4D7FE",
-    "femur_l": "00B4D7FD", "tibia_l": "00B4D7CE", "calcn_l": "00B4D7FF",
-}  # fmt: skip
+    "torso": "00B4D7D4",
+    "pelvis": "00B4D7D3",
+    "femur_r": "00B4D6D1",
+    "tibia_r": "00B4D7FB",
+    "calcn_r": "00B4D7FE",
+    "femur_l": "00B4D7FD",
+    "tibia_l": "00B4D7CE",
+    "calcn_l": "00B4D7FF",
+}
 """Sensors of the eleven minutes, by body."""
 STANDS = (21.6, 23.8)
 """Of the sensors' clock [s]."""
-BEHIND, KNEE_RATE = 2.9, 40.0
+BEHIND = 2.9
+KNEE_RATE = 40.0
 """The sensors' clock against that of the markers [s], and the rate of both [Hz]."""
 PARTS = {"first": (50.0, 88.0), "after 5 min": (290.0, 329.0), "after 10 min": (600.0, 636.0)}
 """In which the person sits down and stands up, on the markers' clock [s]."""
 
 
 def measure_minutes(folder: Path) -> Iterator[Row]:
-    """The left knee of a person who stands up and sits down, jumps, walks and sits for eleven minutes, by sensors that
-    stood still once at the start, against markers: `drift` is the mean error against that of the first part.
+    """The left knee of a person who stands up and sits down, jumps, walks and sits for eleven
+    minutes, by sensors that stood still once at the start, against markers: `drift` is the mean
+    error against that of the first part.
     """
     home = outside("tasks")
     if home is None:
@@ -234,21 +334,38 @@ def measure_minutes(folder: Path) -> Iterator[Row]:
         raw = [_without_orientation(file, Path(made)) for file in files]
         for kind, paths in (("Xsens' orientations", files), ("raw signals", raw)):
             for mounting in ("recording", "pose"):
-                choice = ("--imu-bodies", *names, "--imu-pose-time", *STANDS, "--imu-mounting", mounting)
-                out, model_file = Path(made) / "q.mot", folder / RECORDINGS["rajagopal"].model
+                choice = (
+                    "--imu-bodies",
+                    *names,
+                    "--imu-pose-time",
+                    *STANDS,
+                    "--imu-mounting",
+                    mounting,
+                )
+                out = Path(made) / "q.mot"
+                model_file = folder / RECORDINGS["rajagopal"].model
                 command("ik", "--model", model_file, "--imu", *paths, *choice, "--out", out)
                 motion = mm.read_motion(out, mm.read_model(model_file))
                 knee = np.degrees(
-                    np.interp(np.arange(len(marked)) / KNEE_RATE + BEHIND, motion.time, motion["knee_angle_l"])
+                    np.interp(
+                        np.arange(len(marked)) / KNEE_RATE + BEHIND,
+                        motion.time,
+                        motion["knee_angle_l"],
+                    )
                 )
-                clock, first = np.arange(len(marked)) / KNEE_RATE, None
+                clock = np.arange(len(marked)) / KNEE_RATE
+                first = None
                 for part, (start, end) in PARTS.items():
                     error = (knee - marked)[(clock > start) & (clock < end)]
                     first = float(error.mean()) if first is None else first
                     yield {
-                        "sensors": kind, "mounting by": mounting, "part": part, "mean error [deg]": float(error.mean()),
-                        "drift [deg]": float(error.mean()) - first, "standard deviation [deg]": float(error.std()),
-                    }  # fmt: skip
+                        "sensors": kind,
+                        "mounting by": mounting,
+                        "part": part,
+                        "mean error [deg]": float(error.mean()),
+                        "drift [deg]": float(error.mean()) - first,
+                        "standard deviation [deg]": float(error.std()),
+                    }
 
 
 def _without_orientation(file: Path, folder: Path) -> Path:

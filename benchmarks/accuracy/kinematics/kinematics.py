@@ -30,9 +30,15 @@ from myomorph.rigid.tree import compile_tree
 
 
 def marker_rmse(
-    model: mm.Model, names: tuple[str, ...], weights: np.ndarray, markers: mm.Markers, values: np.ndarray
+    model: mm.Model,
+    names: tuple[str, ...],
+    weights: np.ndarray,
+    markers: mm.Markers,
+    values: np.ndarray,
 ) -> float:
-    """Weighted root mean square distance of the model's markers from those seen, over all frames [m]."""
+    """Weighted root mean square distance of the model's markers from those seen, over all frames
+    [m].
+    """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, values)
     bodies = np.array([tree.body_index[model.marker(name).body] for name in names])
@@ -53,8 +59,16 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
     model = mm.read_model(folder / case.model)
     markers = read_markers(folder / case.markers)
     markers = cut(markers, markers.time[0], markers.time[min(case.most_frames, len(markers)) - 1])
-    given = read_ik_tasks(folder / case.tasks).marker_weights if case.tasks else dict.fromkeys(model.marker_names, 1.0)
-    shared = {name: weight for name, weight in given.items() if name in markers.names and name in model.marker_names}
+    given = (
+        read_ik_tasks(folder / case.tasks).marker_weights
+        if case.tasks
+        else dict.fromkeys(model.marker_names, 1.0)
+    )
+    shared = {
+        name: weight
+        for name, weight in given.items()
+        if name in markers.names and name in model.marker_names
+    }
     options = mm.InverseKinematicsOptions(marker_weights=shared, only_weighted=True)
     mm.inverse_kinematics(model, markers, options)
     began = time.perf_counter()
@@ -74,7 +88,8 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
         "frames": len(table),
         "coordinates": len(model.coordinates),
         "RMSE ours [mm]": 1e3 * marker_rmse(model, fit.marker_names, fit.weights, common, ours_at),
-        "RMSE OpenSim [mm]": 1e3 * marker_rmse(model, fit.marker_names, fit.weights, common, values),
+        "RMSE OpenSim [mm]": 1e3
+        * marker_rmse(model, fit.marker_names, fit.weights, common, values),
         "median angle difference [deg]": float(np.median(difference)),
         "converged": float(fit.converged.mean()),
         "ours [ms/frame]": 1e3 * ours / len(markers),
@@ -106,8 +121,12 @@ def markers_at(markers: mm.Markers, at: np.ndarray) -> mm.Markers:
 
 
 def written_whole(model: mm.Model, motion: mm.Motion, folder: Path) -> tuple[mm.Motion, Path]:
-    """The motion with every coordinate, and a file of it: OpenSim's tools overlook columns named as states."""
-    whole = mm.Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
+    """The motion with every coordinate, and a file of it: OpenSim's tools overlook columns named as
+    states.
+    """
+    whole = mm.Motion(
+        motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion)
+    )
     path = folder / "motion.mot"
     mm.write_sto(table_from_motion(whole, model), path)
     return whole, path
@@ -141,14 +160,16 @@ def _inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
             folder / case.model, motion_path, loads, float(ours.time[0]), float(ours.time[-1])
         )
     index = np.abs(ours.time[:, None] - theirs.time[None]).argmin(axis=0)
-    worst, worst_name = 0.0, ""
+    worst = 0.0
+    worst_name = ""
     for j, label in enumerate(theirs.names):
         name = label.rsplit("_", 1)[0]
         difference = ours[name][index] - theirs.values[:, j]
         spread = np.ptp(theirs.values[:, j])
         relative = float(np.sqrt(np.mean(difference**2)) / spread) if spread > 1e-6 else 0.0
         if relative > worst:
-            worst, worst_name = relative, name
+            worst = relative
+            worst_name = name
     return {
         "case": case.name,
         "frames": len(theirs.time),
@@ -164,24 +185,34 @@ MJCF = (
     *("mouse-arm-muscles/akira_muscle.xml", "mouse-skeleton-keypoints/mouse_with_meshes.xml"),
     "rat-keypoints/rodent.xml",
 )
-FRAMES, RATE = 260, 100.0
+FRAMES = 260
+RATE = 100.0
 """Of a recording: more than four chunks of inverse kinematics."""
 
 SWING = 0.35
-"""Largest swing of an angle to either side of its default [rad]; the heading of a floating body turns once."""
+"""Largest swing of an angle to either side of its default [rad]; the heading of a floating body
+turns once.
+"""
 
-ARM, NOISE = 1.0 / 20.0, 1.0 / 1000.0
-"""Distance of markers from the body's origin and their error, over the model's size: 9 cm and 1.8 mm for a human."""
+ARM = 1.0 / 20.0
+NOISE = 1.0 / 1000.0
+"""Distance of markers from the body's origin and their error, over the model's size: 9 cm and 1.8
+mm for a human.
+"""
 
 CUTOFF = 6.0
 """Low-pass filter before torques [Hz]."""
 
 JUMP = 1.5 * np.pi
-"""Change of an angle from frame to frame that is a whole turn [rad]; no simulated angle changes by a tenth of it."""
+"""Change of an angle from frame to frame that is a whole turn [rad]; no simulated angle changes by
+a tenth of it.
+"""
 
 
 def measure_turns(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a model: turns in what chunks give and in the result, and torques beside those of one chunk."""
+    """A row a model: turns in what chunks give and in the result, and torques beside those of one
+    chunk.
+    """
     for path in [*sorted(folder.rglob("*.osim")), *(folder / name for name in MJCF)]:
         try:
             model = _free(mm.read_model(path))
@@ -197,16 +228,24 @@ def measure_turns(folder: Path) -> Iterator[dict[str, object]]:
         except mm.MyomorphError as error:
             yield row | {"not simulated": str(error)[:80]}
             continue
-        chunks, whole = (_solved(model, markers, chunk) for chunk in (64, FRAMES))
-        torques, apart = (_torques(model, motion)[:, turning] for motion in (result, whole))
+        chunks = _solved(model, markers, 64)
+        whole = _solved(model, markers, FRAMES)
+        torques = _torques(model, result)[:, turning]
+        apart = _torques(model, whole)[:, turning]
         yield row | {
             "turns, chunks alone": _turns(chunks, turning),
             "turns": _turns(result, turning),
-            "largest step [deg]": np.degrees(np.abs(np.diff(result.values[:, turning], axis=0)).max()),
-            "largest step, one chunk [deg]": np.degrees(np.abs(np.diff(whole.values[:, turning], axis=0)).max()),
+            "largest step [deg]": np.degrees(
+                np.abs(np.diff(result.values[:, turning], axis=0)).max()
+            ),
+            "largest step, one chunk [deg]": np.degrees(
+                np.abs(np.diff(whole.values[:, turning], axis=0)).max()
+            ),
             "largest torque [N m]": np.abs(apart).max(),
             "difference to one chunk [N m]": np.abs(torques - apart).max(),
-            "difference, chunks alone [N m]": np.abs(_torques(model, chunks)[:, turning] - apart).max(),
+            "difference, chunks alone [N m]": np.abs(
+                _torques(model, chunks)[:, turning] - apart
+            ).max(),
         }
 
 
@@ -217,7 +256,11 @@ def _free(model: Model) -> Model:
         for coordinate in model.coordinates
     ]
     places = _size(model) * ARM * np.vstack([np.zeros(3), np.eye(3)])
-    markers = [Marker(f"{body.name}{i}", body.name, place) for body in model.bodies for i, place in enumerate(places)]
+    markers = [
+        Marker(f"{body.name}{i}", body.name, place)
+        for body in model.bodies
+        for i, place in enumerate(places)
+    ]
     return replace(model, coordinates=tuple(coordinates), markers=tuple(markers))
 
 
@@ -229,9 +272,14 @@ def _size(model: Model) -> float:
 
 def _simulated(model: Model, random: np.random.Generator) -> Markers:
     """Markers with errors of a smooth motion of all free angles."""
-    tree, time = compile_tree(model), np.arange(FRAMES) / RATE
+    tree = compile_tree(model)
+    time = np.arange(FRAMES) / RATE
     values = np.tile(tree.defaults, (FRAMES, 1))
-    heading = [name for name in floating_coordinates(model) if model.coordinate(name).motion == "rotational"][-1:]
+    heading = [
+        name
+        for name in floating_coordinates(model)
+        if model.coordinate(name).motion == "rotational"
+    ][-1:]
     for index in free_coordinates(tree):
         coordinate = model.coordinates[index]
         if coordinate.motion != "rotational":
@@ -239,7 +287,9 @@ def _simulated(model: Model, random: np.random.Generator) -> Markers:
         if coordinate.name in heading:
             values[:, index] += 2.0 * np.pi * time / time[-1]
             continue
-        low, high = coordinate.range if coordinate.range[0] < coordinate.range[1] else (-np.pi, np.pi)
+        low, high = (
+            coordinate.range if coordinate.range[0] < coordinate.range[1] else (-np.pi, np.pi)
+        )
         swing = min(SWING, 0.25 * (high - low))
         middle = np.clip(coordinate.default, low + swing, high - swing)
         phase = 2.0 * np.pi * random.uniform(0.3, 1.0) * time + random.uniform(0.0, 2.0 * np.pi)
@@ -253,7 +303,8 @@ def _simulated(model: Model, random: np.random.Generator) -> Markers:
 
 def _solved(model: Model, markers: Markers, chunk: int) -> mm.Motion:
     """Poses of stretches of frames that were solved apart, as they come."""
-    tree, options = compile_tree(model), mm.InverseKinematicsOptions()
+    tree = compile_tree(model)
+    options = mm.InverseKinematicsOptions()
     problem = pose_problem(tree, *tracked_markers(model, markers, options), options, markers)
     starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
     values = solve_poses(tree, problem, starts, options.settings, chunk=chunk).values

@@ -19,11 +19,14 @@ from myomorph.study.inputs.external_forces import force_table
 
 Row = dict[str, object]
 
-RAJAGOPAL, HAMNER = "rajagopal-walk-emg", "hamner-run-subject04"
+RAJAGOPAL = "rajagopal-walk-emg"
+HAMNER = "hamner-run-subject04"
 CUTOFFS = (6.0, 10.0, 15.0)
 AHEAD = 6.0
 """Cutoff of non-causal processing, in a walk [Hz]; twice that in a run."""
-LOSSES, HIDDEN, SEED = 60, 15, 7
+LOSSES = 60
+HIDDEN = 15
+SEED = 7
 """How often markers are hidden, and for how many frames."""
 
 
@@ -54,7 +57,8 @@ def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wre
         markers, _ = open_recording(model, folder / HAMNER / name / "markers.trc", None)
         assert isinstance(markers, mm.Markers)
         wrenches = force_table(folder / HAMNER / name / "grf.mot", bodies)
-        start, end = max(markers.time[0], wrenches.time[0]), min(markers.time[-1], wrenches.time[-1])
+        start = max(markers.time[0], wrenches.time[0])
+        end = min(markers.time[-1], wrenches.time[-1])
         yield speed, model, cut(markers, start, end), wrenches
 
 
@@ -64,22 +68,35 @@ def measure(folder: Path) -> Iterator[Row]:
         poses = mm.inverse_kinematics(model, markers).motion
         ahead = AHEAD if name == "walk" else 2.0 * AHEAD
         motion = mm.differentiate(poses, ahead)
-        torques = mm.inverse_dynamics(model, motion, mm.resample_wrenches(wrenches, motion.time, ahead))
+        torques = mm.inverse_dynamics(
+            model, motion, mm.resample_wrenches(wrenches, motion.time, ahead)
+        )
         tension = mm.solve_tension(model, motion, torques)
-        turning = [j for j, one in enumerate(model.coordinates) if one.motion == "rotational" and not one.locked]
+        turning = [
+            j
+            for j, one in enumerate(model.coordinates)
+            if one.motion == "rotational" and not one.locked
+        ]
         pelvis = {j for j, one in enumerate(model.coordinates) if one.name.startswith("pelvis")}
         joints = [j for j in turning if j not in pelvis]
         for cutoff in CUTOFFS:
-            source, kept = Replay(markers, wrenches, 0.0), _Kept()
+            source = Replay(markers, wrenches, 0.0)
+            kept = _Kept()
             chain = LiveChain(model, source, ChainOptions(cutoff=cutoff))
             follow(chain, source, [kept])
             solved = [one for one in kept.frames if one.state == SOLVED]
             then = np.array([one.time for one in solved]) - chain.filter.delay
             angle = (
-                np.array([one.coordinates for one in solved])[:, turning] - _at(motion, motion.values, then)[:, turning]
+                np.array([one.coordinates for one in solved])[:, turning]
+                - _at(motion, motion.values, then)[:, turning]
             )
-            torque = np.array([one.torques for one in solved])[:, joints] - _at(motion, torques.values, then)[:, joints]
-            activation = np.array([one.tension.activations for one in solved]) - _at(motion, tension.activations, then)
+            torque = (
+                np.array([one.torques for one in solved])[:, joints]
+                - _at(motion, torques.values, then)[:, joints]
+            )
+            activation = np.array([one.tension.activations for one in solved]) - _at(
+                motion, tension.activations, then
+            )
             yield {
                 "recording": name,
                 "live cutoff [Hz]": cutoff,
@@ -99,7 +116,9 @@ def _at(motion: mm.Motion, values: Array, time: Array) -> Array:
 
 
 def measure_losses(folder: Path) -> Iterator[Row]:
-    """One to three markers hidden at random for a while: how far coordinates jump when they go and come back."""
+    """One to three markers hidden at random for a while: how far coordinates jump when they go and
+    come back.
+    """
     for name, model, markers, _ in recordings(folder):
         random = np.random.default_rng(SEED)
         known = np.flatnonzero([one in model.marker_names for one in markers.names])
@@ -116,7 +135,9 @@ def measure_losses(folder: Path) -> Iterator[Row]:
             steady = _followed(SteadyKinematics(model, markers.names), markers, values)
             for way, series in (("plain", plain), ("steady", steady)):
                 for event in (start, start + HIDDEN):
-                    jumps[way].append(_bend(series[:, turning], event) - _bend(free[:, turning], event))
+                    jumps[way].append(
+                        _bend(series[:, turning], event) - _bend(free[:, turning], event)
+                    )
             ends = start + HIDDEN + 20
             if ends < len(markers):
                 back.append(float(np.abs(steady - free)[ends][turning].max()))
@@ -129,7 +150,9 @@ def measure_losses(folder: Path) -> Iterator[Row]:
                 "jump: median [deg]": float(np.median(degrees)),
                 "95 % [deg]": float(np.percentile(degrees, 95)),
                 "largest [deg]": float(degrees.max()),
-                "left after 0.2 s [deg]": float(np.rad2deg(np.median(back))) if way == "steady" else "-",
+                "left after 0.2 s [deg]": (
+                    float(np.rad2deg(np.median(back))) if way == "steady" else "-"
+                ),
             }
 
 
@@ -139,7 +162,12 @@ def _followed(kinematics: SteadyKinematics, markers: mm.Markers, values: Array) 
 
 
 def _plain(kinematics: OnlineKinematics, markers: mm.Markers, values: Array) -> Array:
-    return np.array([kinematics.solve(time, row)[0] for time, row in zip(markers.time.tolist(), values, strict=True)])
+    return np.array(
+        [
+            kinematics.solve(time, row)[0]
+            for time, row in zip(markers.time.tolist(), values, strict=True)
+        ]
+    )
 
 
 def _bend(values: Array, frame: int) -> float:

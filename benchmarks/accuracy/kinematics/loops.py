@@ -18,7 +18,13 @@ from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates, project_rates
+from myomorph.rigid.loops import (
+    close_loops,
+    closure,
+    closure_jacobian,
+    free_coordinates,
+    project_rates,
+)
 from myomorph.rigid.tree import compile_tree
 from truths.opensim_loops import point_constraint
 
@@ -54,8 +60,11 @@ def measure_constraints(folder: Path) -> Iterator[Row]:
         c = np.tile(tree.defaults, (POSES, 1))
         c[:, free] += np.random.default_rng(0).normal(scale=0.05, size=(POSES, len(free)))
         gaps, derivatives, assembled = point_constraint(folder / name, model, c)
-        ours, found = closure_jacobian(tree, c), close_loops(tree, c)
-        product = np.einsum("fri,frj->fij", ours, ours) - np.einsum("fri,frj->fij", derivatives, derivatives)
+        ours = closure_jacobian(tree, c)
+        found = close_loops(tree, c)
+        product = np.einsum("fri,frj->fij", ours, ours) - np.einsum(
+            "fri,frj->fij", derivatives, derivatives
+        )
         nearer = ((found - c) ** 2).sum(axis=1) / ((assembled - c) ** 2).sum(axis=1)
         lengths = np.linalg.norm(closure(tree, c), axis=1), np.linalg.norm(gaps, axis=1)
         yield {
@@ -70,17 +79,25 @@ def measure_constraints(folder: Path) -> Iterator[Row]:
 
 
 def measure_trees() -> Iterator[Row]:
-    """Random trees with a point and a weld: derivatives beside MuJoCo's, projected rates in Pinocchio."""
+    """Random trees with a point and a weld: derivatives beside MuJoCo's, projected rates in
+    Pinocchio.
+    """
     for seed in range(3):
         model, closed = looped_tree(seed, kinds=("connect", "weld"))
-        ours = np.linalg.svd(closure_jacobian(compile_tree(model), closed[None])[0], full_matrices=False)[2]
+        ours = np.linalg.svd(
+            closure_jacobian(compile_tree(model), closed[None])[0], full_matrices=False
+        )[2]
         theirs = np.linalg.svd(mujoco_constraints(model, closed)[1], full_matrices=False)[2]
         outside = np.linalg.norm(theirs - theirs @ ours.T @ ours, 2)
         twin, _ = looped_tree(seed)
         v, a = project_rates(
-            compile_tree(twin), closed[None], *np.random.default_rng(0).normal(size=(2, 1, len(closed)))
+            compile_tree(twin),
+            closed[None],
+            *np.random.default_rng(0).normal(size=(2, 1, len(closed))),
         )
-        apart = [float(np.abs(one - two).max()) for one, two in pinocchio_rates(twin, closed, v[0], a[0])]
+        apart = [
+            float(np.abs(one - two).max()) for one, two in pinocchio_rates(twin, closed, v[0], a[0])
+        ]
         yield {
             "tree": f"random, seed {seed}",
             "coordinates": len(closed),
@@ -92,20 +109,26 @@ def measure_trees() -> Iterator[Row]:
 
 
 def measure_inverse_kinematics(folder: Path) -> Iterator[Row]:
-    """Marker errors, gaps and times of both programs: measured bone pins, and made markers of the other models."""
+    """Marker errors, gaps and times of both programs: measured bone pins, and made markers of the
+    other models.
+    """
     if (folder / BONE_PINS).exists():
         yield _stored(folder)
         for accuracy, end in ((1e-6, 2.0), (1e-9, 1.0)):
             markers, weights = _bone_pins(folder, end)
             path = folder / "shoulder-bonepin/abdbonepin.trc"
-            yield _beside(f"bone pins, {end:g} s", folder / BONE_PINS, path, markers, weights, accuracy)
+            yield _beside(
+                f"bone pins, {end:g} s", folder / BONE_PINS, path, markers, weights, accuracy
+            )
     for name, trial in SHOULDERS.items():
         if (folder / name).exists():
             with tempfile.TemporaryDirectory() as work:
                 markers, weights = _made(folder, name, trial)
                 path = Path(work) / "made.trc"
                 mm.write_trc(markers, path)
-                label = f"{name.rpartition('/')[2].removesuffix('.osim')}, {trial} (simulated markers)"
+                label = (
+                    f"{name.rpartition('/')[2].removesuffix('.osim')}, {trial} (simulated markers)"
+                )
                 yield _beside(label, folder / name, path, markers, weights, 1e-5)
 
 
@@ -133,10 +156,14 @@ def _made(folder: Path, name: str, trial: str) -> tuple[mm.Markers, dict[str, fl
 def _places(model: mm.Model, names: tuple[str, ...], values: np.ndarray) -> np.ndarray:
     tree = compile_tree(model)
     bodies = np.array([tree.body_index[model.marker(name).body] for name in names])
-    return forward_kinematics(tree, values).points(bodies, np.array([model.marker(name).location for name in names]))
+    return forward_kinematics(tree, values).points(
+        bodies, np.array([model.marker(name).location for name in names])
+    )
 
 
-def _ours(model: mm.Model, markers: mm.Markers, weights: dict[str, float]) -> tuple[KinematicsFit, float]:
+def _ours(
+    model: mm.Model, markers: mm.Markers, weights: dict[str, float]
+) -> tuple[KinematicsFit, float]:
     """The fit, and its seconds after a first run that compiles."""
     options = mm.InverseKinematicsOptions(marker_weights=weights, only_weighted=True)
     mm.inverse_kinematics(model, markers, options)
@@ -150,11 +177,24 @@ def _stored(folder: Path) -> Row:
     markers, weights = _bone_pins(folder, 19.0)
     fit, seconds = _ours(model, markers, weights)
     stored = mm.read_motion(folder / "shoulder-bonepin/std_subject1_abdbonepin_IK.mot", model)
-    return _row("bone pins, 19 s, OpenSim's stored result", model, markers, fit, stored, seconds, float("nan"))
+    return _row(
+        "bone pins, 19 s, OpenSim's stored result",
+        model,
+        markers,
+        fit,
+        stored,
+        seconds,
+        float("nan"),
+    )
 
 
 def _beside(
-    label: str, model_path: Path, markers_path: Path, markers: mm.Markers, weights: dict[str, float], accuracy: float
+    label: str,
+    model_path: Path,
+    markers_path: Path,
+    markers: mm.Markers,
+    weights: dict[str, float],
+    accuracy: float,
 ) -> Row:
     model = mm.read_model(model_path)
     fit, seconds = _ours(model, markers, weights)
@@ -162,7 +202,9 @@ def _beside(
         model_path, markers_path, weights, float(markers.time[0]), float(markers.time[-1]), accuracy
     )
     theirs = motion_from_opensim(model, result)
-    return _row(f"{label}, OpenSim to {accuracy:g}", model, markers, fit, theirs, seconds, result.seconds)
+    return _row(
+        f"{label}, OpenSim to {accuracy:g}", model, markers, fit, theirs, seconds, result.seconds
+    )
 
 
 def _row(
@@ -177,10 +219,14 @@ def _row(
     """Both results on the frames they share, by the same forward kinematics."""
     tree = compile_tree(model)
     rows = np.abs(markers.time[:, None] - theirs.time[None]).argmin(axis=0)
-    seen = markers_at(markers, theirs.time).values[:, [markers.names.index(name) for name in fit.marker_names]]
+    seen = markers_at(markers, theirs.time).values[
+        :, [markers.names.index(name) for name in fit.marker_names]
+    ]
     share = fit.weights / fit.weights.sum()
     values = fit.motion.values[rows], tree.coordinates_of(theirs)
-    squares = [((_places(model, fit.marker_names, one) - seen) ** 2).sum(axis=2) @ share for one in values]
+    squares = [
+        ((_places(model, fit.marker_names, one) - seen) ** 2).sum(axis=2) @ share for one in values
+    ]
     turning = [j for j in free_coordinates(tree) if model.coordinates[j].motion == "rotational"]
     apart = np.degrees(np.abs((values[0] - values[1] + np.pi) % (2 * np.pi) - np.pi))[:, turning]
     worst = int(np.argmax(apart.max(axis=0)))
@@ -190,7 +236,8 @@ def _row(
         "frames": len(theirs),
         "RMSE ours [mm]": 1e3 * float(np.sqrt(squares[0].mean())),
         "RMSE OpenSim [mm]": 1e3 * float(np.sqrt(squares[1].mean())),
-        "ours costs no more in frames [%]": 100.0 * float((squares[0] <= squares[1] * (1.0 + SAME)).mean()),
+        "ours costs no more in frames [%]": 100.0
+        * float((squares[0] <= squares[1] * (1.0 + SAME)).mean()),
         "median angle difference [deg]": float(np.median(apart)),
         "largest [deg]": float(apart.max()),
         "of": model.coordinate_names[turning[worst]],

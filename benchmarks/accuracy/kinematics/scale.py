@@ -1,4 +1,6 @@
-"""`run-tool` against OpenSim's own tools, each from the same setup file in a copy of the same folder."""
+"""`run-tool` against OpenSim's own tools, each from the same setup file in a copy of the same
+folder.
+"""
 
 from __future__ import annotations
 
@@ -42,10 +44,25 @@ TASK = '<IKMarkerTask name="{}"><apply>true</apply><weight>{}</weight></IKMarker
 LENGTHS = (
     ("pelvis width", ("R.ASIS L.ASIS",), ("pelvis",), "Z"),
     ("pelvis depth", ("R.ASIS R.PSIS", "L.ASIS L.PSIS"), ("pelvis",), "X Y"),
-    ("thigh", ("R.ASIS R.Knee", "L.ASIS L.Knee"), ("femur_r", "femur_l", "patella_r", "patella_l"), "X Y Z"),
+    (
+        "thigh",
+        ("R.ASIS R.Knee", "L.ASIS L.Knee"),
+        ("femur_r", "femur_l", "patella_r", "patella_l"),
+        "X Y Z",
+    ),
     ("shank", ("R.Knee R.Ankle", "L.Knee L.Ankle"), ("tibia_r", "tibia_l"), "Y"),
-    ("foot", ("R.Heel R.Toe", "L.Heel L.Toe"), ("talus_r", "calcn_r", "toes_r", "talus_l", "calcn_l", "toes_l"), "X"),
-    ("upper arm", ("R.Shoulder R.Elbow", "L.Shoulder L.Elbow"), ("humerus_r", "humerus_l"), "X Y Z"),
+    (
+        "foot",
+        ("R.Heel R.Toe", "L.Heel L.Toe"),
+        ("talus_r", "calcn_r", "toes_r", "talus_l", "calcn_l", "toes_l"),
+        "X",
+    ),
+    (
+        "upper arm",
+        ("R.Shoulder R.Elbow", "L.Shoulder L.Elbow"),
+        ("humerus_r", "humerus_l"),
+        "X Y Z",
+    ),
     ("not recorded", ("Head R.Shoulder",), ("torso",), "Y"),
 )
 
@@ -54,9 +71,9 @@ LENGTHS = (
 class ScaleCase:
     """Files of the data collection, copied into one folder, and the setup that is run there.
 
-    `outputs`: names of the scaled model, the model with placed markers, and the pose; `tasks`: where the benchmark
-    writes the setup itself, the file whose weights it takes; `edits`: changes of the setup, so that both steps and the
-    pose are written.
+    `outputs`: names of the scaled model, the model with placed markers, and the pose; `tasks`:
+    where the benchmark writes the setup itself, the file whose weights it takes; `edits`: changes
+    of the setup, so that both steps and the pose are written.
     """
 
     name: str
@@ -76,7 +93,9 @@ RAJAGOPAL = tuple(
 
 
 def rajagopal_setup(weights: Mapping[str, float]) -> str:
-    """A setup with what the others lack: axes apart, both orders, a measurement that cannot be used, mass by volume."""
+    """A setup with what the others lack: axes apart, both orders, a measurement that cannot be
+    used, mass by volume.
+    """
     measurements = (
         MEASUREMENT.format(
             name=name,
@@ -91,20 +110,20 @@ def rajagopal_setup(weights: Mapping[str, float]) -> str:
 
 CASES = (
     ScaleCase(
-        "gait2354, OpenSim's own example",
-        "subject01_Setup_Scale.xml",
-        (
+        name="gait2354, OpenSim's own example",
+        setup="subject01_Setup_Scale.xml",
+        files=(
             f"{GAIT}ref_scale/subject01_Setup_Scale.xml",
             f"{GAIT}ref_scale/gait2354_simbody.osim",
             f"{GAIT}ref_scale/gait2354_Scale_MarkerSet.xml",
             f"{GAIT}experiment/subject01_static.trc",
         ),
-        SUBJECT01,
+        outputs=SUBJECT01,
     ),
     ScaleCase(
-        "gait2354, tutorial's setup",
-        "gait2354_Setup_Scale.xml",
-        tuple(
+        name="gait2354, tutorial's setup",
+        setup="gait2354_Setup_Scale.xml",
+        files=tuple(
             f"{GAIT}experiment/{name}"
             for name in (
                 "gait2354_Setup_Scale.xml",
@@ -113,28 +132,28 @@ CASES = (
                 "subject01_static.trc",
             )
         ),
-        SUBJECT01,
+        outputs=SUBJECT01,
     ),
     ScaleCase(
-        "full body, 25 bodies, a laboratory's own setup",
-        "wholebody.xml",
-        (
+        name="full body, 25 bodies, a laboratory's own setup",
+        setup="wholebody.xml",
+        files=(
             "c3d-functional-joints/models/wholebody.xml",
             "c3d-functional-joints/models/wholebody.osim",
             "c3d-functional-joints/static.trc",
         ),
-        ("scaled_only.osim", "scaled.osim", "pose.mot"),
+        outputs=("scaled_only.osim", "scaled.osim", "pose.mot"),
         edits=(
             ("<output_model_file>scaled.osim", "<output_model_file>scaled_only.osim"),
             ("<output_motion_file>Unassigned", "<output_motion_file>pose.mot"),
         ),
     ),
     ScaleCase(
-        "Rajagopal2016, setup of this benchmark",
-        "walker_Setup_Scale.xml",
-        RAJAGOPAL,
-        ("walker_scaled.osim", "walker_placed.osim", "walker_pose.mot"),
-        "rajagopal-walk-emg/raw/scale_setup_walk.xml",
+        name="Rajagopal2016, setup of this benchmark",
+        setup="walker_Setup_Scale.xml",
+        files=RAJAGOPAL,
+        outputs=("walker_scaled.osim", "walker_placed.osim", "walker_pose.mot"),
+        tasks="rajagopal-walk-emg/raw/scale_setup_walk.xml",
     ),
 )
 
@@ -167,12 +186,18 @@ def prepare(data: Path, case: ScaleCase, folder: Path) -> Path:
 
 def largest(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     """Largest difference of the members of any pair."""
-    return max((float(np.max(np.abs(np.asarray(a) - np.asarray(b)), initial=0.0)) for a, b in pairs), default=0.0)
+    return max(
+        (float(np.max(np.abs(np.asarray(a) - np.asarray(b)), initial=0.0)) for a, b in pairs),
+        default=0.0,
+    )
 
 
 def compare_models(ours: mm.Model, theirs: mm.Model) -> dict[str, float]:
-    """Largest differences of joints [m], masses relative to the whole, inertias relative to the body's, and fibers."""
-    mine, other = ({joint.child: joint for joint in model.joints} for model in (ours, theirs))
+    """Largest differences of joints [m], masses relative to the whole, inertias relative to the
+    body's, and fibers.
+    """
+    mine = {joint.child: joint for joint in ours.joints}
+    other = {joint.child: joint for joint in theirs.joints}
     places = [
         (getattr(mine[name], frame).translation, getattr(other[name], frame).translation)
         for name in mine
@@ -180,15 +205,24 @@ def compare_models(ours: mm.Model, theirs: mm.Model) -> dict[str, float]:
     ]
     bodies = [(body, theirs.body(body.name)) for body in ours.bodies if body.mass > 0.0]
     fibers = [
-        (np.array([one.optimal_fiber_length, one.tendon_slack_length]),
-         np.array([theirs.muscle(one.name).optimal_fiber_length, theirs.muscle(one.name).tendon_slack_length]))
+        (
+            np.array([one.optimal_fiber_length, one.tendon_slack_length]),
+            np.array(
+                [
+                    theirs.muscle(one.name).optimal_fiber_length,
+                    theirs.muscle(one.name).tendon_slack_length,
+                ]
+            ),
+        )
         for one in ours.muscles
-    ]  # fmt: skip
+    ]
     return {
         "joints [m]": largest(places),
         "masses / body mass": max(abs(a.mass - b.mass) for a, b in bodies) / theirs.mass,
         "mass centers [m]": largest([(a.mass_center, b.mass_center) for a, b in bodies]),
-        "inertias, relative": max(largest([(a.inertia, b.inertia)]) / np.abs(b.inertia).max() for a, b in bodies),
+        "inertias, relative": max(
+            largest([(a.inertia, b.inertia)]) / np.abs(b.inertia).max() for a, b in bodies
+        ),
         "fibers and tendons [m]": largest(fibers),
     }
 
@@ -203,28 +237,40 @@ def marker_distances(ours: mm.Model, theirs: mm.Model) -> np.ndarray:
     return np.array([np.linalg.norm(a.location - b.location) for a, b in pairs])
 
 
-def minimum_of_opensim(setup: Path, scaled: Path, start_pose: dict[str, float]) -> dict[str, np.ndarray]:
-    """Markers (3,) in their bodies at the pose that minimises the placer's cost, over OpenSim's own kinematics.
+def minimum_of_opensim(
+    setup: Path, scaled: Path, start_pose: dict[str, float]
+) -> dict[str, np.ndarray]:
+    """Markers (3,) in their bodies at the pose that minimises the placer's cost, over OpenSim's own
+    kinematics.
 
-    sum_m w_m |x_m(q) - y_m|^2 / sum_m w_m + sum_j v_j (q_j - default_j)^2, by SciPy from OpenSim's result.
+    sum_m w_m |x_m(q) - y_m|^2 / sum_m w_m + sum_j v_j (q_j - default_j)^2, by SciPy from OpenSim's
+    result.
     """
     with inside(setup.parent):
         tool = opensim.ScaleTool(setup.name)
         placer = tool.getMarkerPlacer()
         model = opensim.Model(scaled.name)
-        start, end = placer.getTimeRange().get(0), placer.getTimeRange().get(1)
+        start = placer.getTimeRange().get(0)
+        end = placer.getTimeRange().get(1)
         table = opensim.TimeSeriesTableVec3(placer.getMarkerFileName())
         times = table.getIndependentColumn()
-        labels, row = table.getColumnLabels(), table.averageRow(max(start, times[0]), min(end, times[-1]))
+        labels = table.getColumnLabels()
+        row = table.averageRow(max(start, times[0]), min(end, times[-1]))
         size = {"mm": 0.001, "m": 1.0}[table.getTableMetaDataString("Units")]
         seen = {name: row[i].to_numpy() * size for i, name in enumerate(labels)}
         tasks = [placer.getIKTaskSet().get(i) for i in range(placer.getIKTaskSet().getSize())]
     state = model.initSystem()
     markers = {one.getName(): one for one in model.getMarkerSet() if one.getName() in seen}
-    used = {one.getName(): one.getWeight() for one in tasks if one.getApply() and one.getWeight() > 0.0}
+    used = {
+        one.getName(): one.getWeight() for one in tasks if one.getApply() and one.getWeight() > 0.0
+    }
     total = sum(weight for name, weight in used.items() if name in markers)
     shares = {name: np.sqrt(weight / total) for name, weight in used.items() if name in markers}
-    coordinates = [one for one in model.getCoordinateSet() if not one.getLocked(state) and not one.isDependent(state)]
+    coordinates = [
+        one
+        for one in model.getCoordinateSet()
+        if not one.getLocked(state) and not one.isDependent(state)
+    ]
     aims = [
         (i, np.sqrt(used[one.getName()]), one.getDefaultValue())
         for i, one in enumerate(coordinates)
@@ -240,16 +286,30 @@ def minimum_of_opensim(setup: Path, scaled: Path, start_pose: dict[str, float]) 
         return np.concatenate([*parts, [weight * (q[i] - rest) for i, weight, rest in aims]])
 
     clamped = [one.getClamped(state) for one in coordinates]
-    low = [one.getRangeMin() if held else -np.inf for one, held in zip(coordinates, clamped, strict=True)]
-    high = [one.getRangeMax() if held else np.inf for one, held in zip(coordinates, clamped, strict=True)]
-    first = np.clip([start_pose[one.getName()] for one in coordinates], np.array(low) + 1e-9, np.array(high) - 1e-9)
-    found = least_squares(residuals, first, "3-point", (low, high), ftol=1e-15, xtol=1e-13, gtol=1e-13, max_nfev=400)
+    low = [
+        one.getRangeMin() if held else -np.inf
+        for one, held in zip(coordinates, clamped, strict=True)
+    ]
+    high = [
+        one.getRangeMax() if held else np.inf
+        for one, held in zip(coordinates, clamped, strict=True)
+    ]
+    first = np.clip(
+        [start_pose[one.getName()] for one in coordinates],
+        np.array(low) + 1e-9,
+        np.array(high) - 1e-9,
+    )
+    found = least_squares(
+        residuals, first, "3-point", (low, high), ftol=1e-15, xtol=1e-13, gtol=1e-13, max_nfev=400
+    )
     residuals(found.x)
     ground = model.getGround()
     return {
-        name: ground.findStationLocationInAnotherFrame(
-            state, opensim.Vec3(*seen[name]), marker.getParentFrame().findBaseFrame()
-        ).to_numpy()
+        name: (
+            ground.findStationLocationInAnotherFrame(
+                state, opensim.Vec3(*seen[name]), marker.getParentFrame().findBaseFrame()
+            ).to_numpy()
+        )
         for name, marker in markers.items()
     }
 
@@ -257,19 +317,29 @@ def minimum_of_opensim(setup: Path, scaled: Path, start_pose: dict[str, float]) 
 def pose_of(path: Path) -> dict[str, float]:
     """Coordinates of a file of states."""
     _, names, values = read_table(path)
-    return {name.split("/")[-2]: float(value) for name, value in zip(names, values[0], strict=True) if "/value" in name}
+    return {
+        name.split("/")[-2]: float(value)
+        for name, value in zip(names, values[0], strict=True)
+        if "/value" in name
+    }
 
 
 def measure_case(data: Path, case: ScaleCase) -> dict[str, object]:
-    """Differences of both programs' models, and of both from the minimum of the cost that they share."""
+    """Differences of both programs' models, and of both from the minimum of the cost that they
+    share.
+    """
     with tempfile.TemporaryDirectory() as work:
-        mine, other = prepare(data, case, Path(work) / "ours"), prepare(data, case, Path(work) / "theirs")
+        mine = prepare(data, case, Path(work) / "ours")
+        other = prepare(data, case, Path(work) / "theirs")
         with inside(other.parent):
             opensim.ScaleTool(other.name).run()
         run_tool(mine)
         scaled, placed, pose = case.outputs
-        differences = compare_models(mm.read_model(mine.parent / scaled), mm.read_model(other.parent / scaled))
-        ours, theirs = (mm.read_model(setup.parent / placed) for setup in (mine, other))
+        differences = compare_models(
+            mm.read_model(mine.parent / scaled), mm.read_model(other.parent / scaled)
+        )
+        ours = mm.read_model(mine.parent / placed)
+        theirs = mm.read_model(other.parent / placed)
         best = minimum_of_opensim(other, other.parent / scaled, pose_of(other.parent / pose))
         free = [one.name for one in ours.markers if not one.fixed]
         row: dict[str, object] = {
@@ -282,7 +352,9 @@ def measure_case(data: Path, case: ScaleCase) -> dict[str, object]:
         }
         for name, model in (("ours", ours), ("OpenSim's", theirs)):
             apart = [
-                np.linalg.norm(model.marker(one).location - best[one]) for one in free if np.isfinite(best[one]).all()
+                np.linalg.norm(model.marker(one).location - best[one])
+                for one in free
+                if np.isfinite(best[one]).all()
             ]
             row[f"{name} from the minimum [mm]"] = 1000.0 * float(np.max(apart))
     return row
@@ -295,10 +367,12 @@ def largest_distance(ours: mm.Model, theirs: mm.Model) -> float:
 
 @dataclass(frozen=True)
 class ToolCase:
-    """A setup file run in a copy of its folder, and the table that another version of OpenSim wrote of it.
+    """A setup file run in a copy of its folder, and the table that another version of OpenSim wrote
+    of it.
 
-    `files`: beside those of its folder; `outputs`: ours, relative to the setup's folder, and the expected tables of the
-    collection; `tag`: what the setup calls its tool, where that has to be corrected.
+    `files`: beside those of its folder; `outputs`: ours, relative to the setup's folder, and the
+    expected tables of the collection; `tag`: what the setup calls its tool, where that has to be
+    corrected.
     """
 
     name: str
@@ -317,19 +391,21 @@ TOOL_CASES = (
         tag=("InverseKinemtaticsTool", "InverseKinematicsTool"),
     ),
     ToolCase(
-        "AnalyzeTool, StaticOptimization, 18 muscles [1, N, N m]",
-        f"{GAIT}ref_so_10dof18musc/staticoptimization_spring_Setup.xml",
-        tuple(
+        name="AnalyzeTool, StaticOptimization, 18 muscles [1, N, N m]",
+        setup=f"{GAIT}ref_so_10dof18musc/staticoptimization_spring_Setup.xml",
+        outputs=tuple(
             (f"ResultsSO_spring/{stem}", f"{GAIT}ref_so_10dof18musc/std_{stem}")
             for stem in (
                 "walk_subject01_ankle_spring_StaticOptimization_activation.sto",
                 "walk_subject01_ankle_spring_StaticOptimization_force.sto",
             )
         ),
-        (f"{GAIT}ref_rra/subject01_walk1_grf.mot",),
+        files=(f"{GAIT}ref_rra/subject01_walk1_grf.mot",),
     ),
 )
-"""Inverse dynamics is compared with a run of OpenSim: the table in the collection is of another time range."""
+"""Inverse dynamics is compared with a run of OpenSim: the table in the collection is of another
+time range.
+"""
 
 
 def measure_tools(data: Path) -> Iterator[dict[str, object]]:
@@ -337,18 +413,26 @@ def measure_tools(data: Path) -> Iterator[dict[str, object]]:
     for case in TOOL_CASES:
         with tempfile.TemporaryDirectory() as work:
             setup = copy_folder(data, case.setup, case.files, Path(work) / "ours")
-            setup.write_text(setup.read_text().replace(*case.tag) if case.tag[0] else setup.read_text())
+            setup.write_text(
+                setup.read_text().replace(*case.tag) if case.tag[0] else setup.read_text()
+            )
             run_tool(setup)
             for ours, expected in case.outputs:
                 yield {"case": case.name, **compare_tables(setup.parent / ours, data / expected)}
     with tempfile.TemporaryDirectory() as work:
         name = f"{GAIT}ref_id/subject01_Setup_InverseDynamics.xml"
-        mine, other = (copy_folder(data, name, (), Path(work) / one) for one in ("ours", "theirs"))
+        mine = copy_folder(data, name, (), Path(work) / "ours")
+        other = copy_folder(data, name, (), Path(work) / "theirs")
         run_tool(mine)
         with inside(other.parent):
             opensim.InverseDynamicsTool(other.name).run()
-        tables = (setup.parent / "Results" / "subject01_InverseDynamics.sto" for setup in (mine, other))
-        yield {"case": "InverseDynamicsTool, gait2354, filtered at 6 Hz [N m, N]", **compare_tables(*tables)}
+        tables = (
+            setup.parent / "Results" / "subject01_InverseDynamics.sto" for setup in (mine, other)
+        )
+        yield {
+            "case": "InverseDynamicsTool, gait2354, filtered at 6 Hz [N m, N]",
+            **compare_tables(*tables),
+        }
 
 
 def copy_folder(data: Path, setup: str, files: tuple[str, ...], folder: Path) -> Path:
@@ -367,7 +451,8 @@ def compare_tables(ours: Path, theirs: Path) -> dict[str, object]:
         raise ValueError(f"{ours} and {theirs} are of other frames")
     shared = [name for name in names if name in their_names]
     apart = (
-        values[:, [names.index(one) for one in shared]] - their_values[:, [their_names.index(one) for one in shared]]
+        values[:, [names.index(one) for one in shared]]
+        - their_values[:, [their_names.index(one) for one in shared]]
     )
     frame, column = np.unravel_index(int(np.abs(apart).argmax()), apart.shape)
     return {

@@ -1,4 +1,6 @@
-"""Every setup file of the data collection through `run-tool` and through OpenSim 4.6, column by column."""
+"""Every setup file of the data collection through `run-tool` and through OpenSim 4.6, column by
+column.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,10 @@ FLOOR = 0.01
 """A column's range counts for no less than this share of the largest of its table."""
 
 OURS = {"InverseKinemtaticsTool": "InverseKinematicsTool"}
-GAIT, SMALL = "opensim-gait-subject01/", "opensim-reference-small/"
-RAJAGOPAL, LENHART = "rajagopal-walk-emg/", "lenhart-knee-contact-walk/"
+GAIT = "opensim-gait-subject01/"
+SMALL = "opensim-reference-small/"
+RAJAGOPAL = "rajagopal-walk-emg/"
+LENHART = "lenhart-knee-contact-walk/"
 EXPERIMENT = f"{GAIT}experiment/"
 
 
@@ -34,10 +38,10 @@ EXPERIMENT = f"{GAIT}experiment/"
 class Needs:
     """What a setup names and its folder lacks.
 
-    `files`: from the collection to where the setup looks, relative to it; `made`: results of other setups of the
-    collection, as OpenSim makes them, in the same folder; `folders`: for results, which OpenSim's inverse kinematics
-    does not make; `edits`: in the setup; `expected`: tables of the collection that hold the result, by the name of
-    ours, where OpenSim 4.6 gives none.
+    `files`: from the collection to where the setup looks, relative to it; `made`: results of other
+    setups of the collection, as OpenSim makes them, in the same folder; `folders`: for results,
+    which OpenSim's inverse kinematics does not make; `edits`: in the setup; `expected`: tables of
+    the collection that hold the result, by the name of ours, where OpenSim 4.6 gives none.
     """
 
     files: tuple[tuple[str, str], ...] = ()
@@ -48,7 +52,9 @@ class Needs:
 
 
 NEEDS = {
-    "c3d-functional-joints/models/wholebody.xml": Needs((("c3d-functional-joints/static.trc", "static.trc"),)),
+    "c3d-functional-joints/models/wholebody.xml": Needs(
+        (("c3d-functional-joints/static.trc", "static.trc"),)
+    ),
     f"{GAIT}ref_scale/subject01_Setup_Scale.xml": Needs(
         ((f"{EXPERIMENT}subject01_static.trc", "subject01_static.trc"),)
     ),
@@ -62,7 +68,10 @@ NEEDS = {
     f"{RAJAGOPAL}raw/id_setup_walk.xml": Needs(
         (
             (f"{RAJAGOPAL}subject_walk_scaled.osim", "../CMC/walk/subject_walk_adjusted.osim"),
-            (f"{RAJAGOPAL}coordinates.sto", "../RRA/walk/results_rra_2/rra_walk_2_Kinematics_q.sto"),
+            (
+                f"{RAJAGOPAL}coordinates.sto",
+                "../RRA/walk/results_rra_2/rra_walk_2_Kinematics_q.sto",
+            ),
             (f"{RAJAGOPAL}raw/grf_walk.mot", "../ExpData/grf_walk.mot"),
         )
     ),
@@ -78,7 +87,9 @@ NEEDS = {
             (f"{RAJAGOPAL}subject_walk_scaled.osim", "subject_scaled_walk.osim"),
             (f"{RAJAGOPAL}raw/static_walk_2.trc", "../ExpData/static_walk_2.trc"),
         ),
-        edits=(("<output_model_file>subject_scaled_walk.osim", "<output_model_file>placed_walk.osim"),),
+        edits=(
+            ("<output_model_file>subject_scaled_walk.osim", "<output_model_file>placed_walk.osim"),
+        ),
     ),
     f"{LENHART}reference_comak/inverse_dynamics_settings.xml": Needs(
         (
@@ -89,18 +100,26 @@ NEEDS = {
             ),
             (f"{LENHART}reference_comak/walking_values.sto", "../results/comak/walking_values.sto"),
         ),
-        expected=(("walking_inverse_dynamics.sto", f"{LENHART}reference_comak/walking_inverse_dynamics.sto"),),
+        expected=(
+            (
+                "walking_inverse_dynamics.sto",
+                f"{LENHART}reference_comak/walking_inverse_dynamics.sto",
+            ),
+        ),
     ),
     f"{SMALL}arm26_Setup_InverseDynamics.xml": Needs(
         expected=(("arm26_InverseDynamics.sto", f"{SMALL}std_arm26_InverseDynamics.sto"),)
     ),
     f"{SMALL}arm26_Setup_StaticOptimization.xml": Needs(
         expected=tuple(
-            (f"arm26_StaticOptimization_{kind}.sto", f"{SMALL}std_Thelen2003Muscle_arm26_StaticOptimization_{kind}.sto")
+            (
+                f"arm26_StaticOptimization_{kind}.sto",
+                f"{SMALL}std_Thelen2003Muscle_arm26_StaticOptimization_{kind}.sto",
+            )
             for kind in ("activation", "force")
         )
     ),
-}  # fmt: skip
+}
 
 
 def setups(data: Path) -> list[tuple[str, str]]:
@@ -122,7 +141,8 @@ def copied(data: Path, name: str, needs: Needs, room: Path) -> Path:
         place = folder / target
         place.parent.mkdir(parents=True, exist_ok=True)
         if source.endswith("coordinates.sto"):
-            # OpenSim's inverse dynamics takes plain names of coordinates only: with those of states the model stands.
+            # OpenSim's inverse dynamics takes plain names of coordinates only: with those of states
+            # the model stands.
             text = (data / source).read_text()
             place.write_text(re.sub(r"/jointset/\w+/(\w+)/value", r"\1", text))
         else:
@@ -142,8 +162,15 @@ def new_files(room: Path, run: Callable[[], str]) -> tuple[list[str], str]:
     """Files that a run makes or changes in a folder, relative to it, and what the run said."""
     before = {path: path.stat().st_mtime_ns for path in room.rglob("*")}
     said = run()
-    after = [path for path in room.rglob("*") if path.is_file() and before.get(path) != path.stat().st_mtime_ns]
-    return sorted(path.relative_to(room).as_posix() for path in after if path.name != "opensim.log"), said
+    after = [
+        path
+        for path in room.rglob("*")
+        if path.is_file() and before.get(path) != path.stat().st_mtime_ns
+    ]
+    return (
+        sorted(path.relative_to(room).as_posix() for path in after if path.name != "opensim.log"),
+        said,
+    )
 
 
 def ours(setup: Path) -> str:
@@ -158,7 +185,8 @@ def ours(setup: Path) -> str:
 def measure_setups(data: Path) -> Iterator[dict[str, object]]:
     """One row a setup file: what both programs write, and how far apart it is."""
     for name, root in setups(data):
-        needs, tool = NEEDS.get(name, Needs()), OURS.get(root, root)
+        needs = NEEDS.get(name, Needs())
+        tool = OURS.get(root, root)
         with tempfile.TemporaryDirectory() as work:
             rooms = [Path(work) / who for who in ("ours", "theirs")]
             mine, other = (copied(data, name, needs, room) for room in rooms)
@@ -169,23 +197,35 @@ def measure_setups(data: Path) -> Iterator[dict[str, object]]:
             files, refused = new_files(rooms[0], partial(ours, mine))
             theirs, failed = new_files(rooms[1], partial(run_in_opensim, other, tool))
             row: dict[str, object] = {"setup": name, "tool": root}
-            pairs = [(rooms[0] / one, rooms[1] / one, one) for one in files if one in theirs and is_table(one)]
+            pairs = [
+                (rooms[0] / one, rooms[1] / one, one)
+                for one in files
+                if one in theirs and is_table(one)
+            ]
             against = "OpenSim 4.6"
             if not pairs and needs.expected and not refused:
                 given = {target: data / path for target, path in needs.expected}
                 named = [(one, Path(one).name) for one in files]
-                pairs = [(rooms[0] / one, given[target], one) for one, target in named if target in given]
+                pairs = [
+                    (rooms[0] / one, given[target], one) for one, target in named if target in given
+                ]
                 against = "table of the collection"
             row |= {"files": len(files), "against": against if pairs or theirs else ""}
             row |= dict.fromkeys(COLUMNS, "") | (compared(pairs) if pairs else {})
-            missing = [one for one in theirs if one not in files and not one.endswith("_controls.xml")]
+            missing = [
+                one for one in theirs if one not in files and not one.endswith("_controls.xml")
+            ]
             row["notes"] = "; ".join(
                 one
                 for one in (
                     f"refused: {refused}" if refused else "",
                     "models: see ScaleTool" if any(one.endswith(".osim") for one in files) else "",
                     f"OpenSim: {failed[:110]}" if failed else "",
-                    f"only OpenSim writes {', '.join(Path(one).name for one in missing)}" if missing and files else "",
+                    (
+                        f"only OpenSim writes {', '.join(Path(one).name for one in missing)}"
+                        if missing and files
+                        else ""
+                    ),
                 )
                 if one
             )
@@ -199,9 +239,13 @@ def is_table(name: str) -> bool:
 
 def compared(pairs: list[tuple[Path, Path, str]]) -> dict[str, object]:
     """How far apart the tables of pairs of files are, each column by its range."""
-    columns, shares, same, worst = 0, [], 0, (0.0, "")
+    columns = 0
+    shares = []
+    same = 0
+    worst = (0.0, "")
     for mine, other, name in pairs:
-        ours, theirs = read_table(mine), read_table(other)
+        ours = read_table(mine)
+        theirs = read_table(other)
         near = same_rows(ours[0], theirs[0])
         same += ours[1] == theirs[1] and len(ours[0]) == len(theirs[0])
         common = [one for one in theirs[1] if one in ours[1]]
@@ -225,7 +269,9 @@ def compared(pairs: list[tuple[Path, Path, str]]) -> dict[str, object]:
 
 
 def same_rows(ours: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of two tables that stand at one time, to a microsecond; all of them where they are as many."""
+    """Rows of two tables that stand at one time, to a microsecond; all of them where they are as
+    many.
+    """
     if len(ours) == len(theirs):
         return np.arange(len(ours)), np.arange(len(ours))
     near = np.array([int(np.argmin(np.abs(theirs - at))) for at in ours])
@@ -234,11 +280,21 @@ def same_rows(ours: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def apart(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Largest difference of every column over the range of the second table's, see `FLOOR`; inf where one is NaN."""
+    """Largest difference of every column over the range of the second table's, see `FLOOR`; inf
+    where one is NaN.
+    """
     # A pose has no range: its columns count by the largest of them.
-    span = np.nanmax(y, axis=0) - np.nanmin(y, axis=0) if len(y) > 1 else np.full(y.shape[1], np.abs(y).max())
-    size = max(float(np.nanmax(span, initial=0.0)), FLOOR * float(np.nanmax(np.abs(y), initial=0.0)), 1e-12)
+    span = (
+        np.nanmax(y, axis=0) - np.nanmin(y, axis=0)
+        if len(y) > 1
+        else np.full(y.shape[1], np.abs(y).max())
+    )
+    size = max(
+        float(np.nanmax(span, initial=0.0)), FLOOR * float(np.nanmax(np.abs(y), initial=0.0)), 1e-12
+    )
     span = np.maximum(span, FLOOR * size)
     both = np.isnan(x) == np.isnan(y)
-    found: np.ndarray = np.where(both.all(axis=0), np.nanmax(np.abs(x - y), axis=0, initial=0.0) / span, np.inf)
+    found: np.ndarray = np.where(
+        both.all(axis=0), np.nanmax(np.abs(x - y), axis=0, initial=0.0) / span, np.inf
+    )
     return found

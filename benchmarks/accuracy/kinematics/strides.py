@@ -1,4 +1,6 @@
-"""Strikes and lifts of feet from markers alone against force plates; strides of a mouse on a belt of known speed."""
+"""Strikes and lifts of feet from markers alone against force plates; strides of a mouse on a belt
+of known speed.
+"""
 
 from __future__ import annotations
 
@@ -55,8 +57,20 @@ WALKS = (
     Walk("HC002D", "c3d-gait-plugingait/HC002D/Straight/HC002D06.c3d", *GAIT),
     Walk("HC030A, a child", "c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d", *GAIT),
     _read("Rajagopal", "rajagopal", ("R.Heel", "L.Heel"), ("R.Toe", "L.Toe"), ("R.ASIS", "L.ASIS")),
-    _read("gait2354", "gait2354", ("R.Heel", "L.Heel"), ("R.Toe.Tip", "L.Toe.Tip"), ("R.ASIS", "L.ASIS")),
-    _read("OpenCap subject 4", "opencap-walk", ("r_calc", "L_calc"), ("r_toe", "L_toe"), ("r.ASIS", "L.ASIS")),
+    _read(
+        "gait2354",
+        "gait2354",
+        ("R.Heel", "L.Heel"),
+        ("R.Toe.Tip", "L.Toe.Tip"),
+        ("R.ASIS", "L.ASIS"),
+    ),
+    _read(
+        "OpenCap subject 4",
+        "opencap-walk",
+        ("r_calc", "L_calc"),
+        ("r_toe", "L_toe"),
+        ("r.ASIS", "L.ASIS"),
+    ),
 )
 
 
@@ -66,7 +80,9 @@ GOING = {
     "run at 2 m/s, Hamner": RECORDINGS["run-2"],
     "run at 5 m/s, Hamner": RECORDINGS["run-5"],
 }
-"""Model, markers and forces of recordings with whole strides on plates; the runner's model is calibrated."""
+"""Model, markers and forces of recordings with whole strides on plates; the runner's model is
+calibrated.
+"""
 SECONDS = 4.0
 """Of a recording at most."""
 BESIDE = 0.08
@@ -100,18 +116,24 @@ def _told(strikes: list[float], lifts: list[float]) -> Row:
         values = 1000.0 * np.array(found)
         row[name] = len(values)
         row[f"{name}, median [ms]"] = float(np.median(values)) if len(values) else float("nan")
-        row[f"{name}, largest [ms]"] = float(values[np.argmax(np.abs(values))]) if len(values) else float("nan")
+        row[f"{name}, largest [ms]"] = (
+            float(values[np.argmax(np.abs(values))]) if len(values) else float("nan")
+        )
     return row
 
 
 def errors(folder: Path, walk: Walk) -> tuple[list[float], list[float], float]:
     """Times from markers less those of the plates [s], strikes and lifts, and the speed [m/s]."""
     markers, plates, up = recorded(folder, walk)
-    limbs = [mm.Limb(side, (heel,), (toe,)) for side, heel, toe in zip("rl", walk.heels, walk.toes, strict=True)]
+    limbs = [
+        mm.Limb(side, (heel,), (toe,))
+        for side, heel, toe in zip("rl", walk.heels, walk.toes, strict=True)
+    ]
     found = mm.find_strides(markers, limbs, walk.pelvis, up)
     vertical = np.nan_to_num(plates.forces @ up)
     weight = float(np.percentile(vertical.sum(axis=1), 90.0))
-    strikes, lifts = [], []
+    strikes = []
+    lifts = []
     for k in range(len(plates.names)):
         for start, stop in contacts(plates.time, vertical[:, k], 0.03 * weight, 0.1):
             limb = _foot(markers, limbs, plates, k, (start + stop) // 2)
@@ -148,14 +170,18 @@ def measure_mouse(folder: Path) -> Iterator[Row]:
                 row["belt speed [m/s]"] = -found.ground_speed
                 row["strides"] = len(own)
                 for name, attribute, factor in (
-                    ("duration [ms]", "duration", 1e3), ("length [mm]", "length", 1e3), ("duty factor", "duty", 1.0),
-                ):  # fmt: skip
+                    ("duration [ms]", "duration", 1e3),
+                    ("length [mm]", "length", 1e3),
+                    ("duty factor", "duty", 1.0),
+                ):
                     values = factor * np.array([getattr(one, attribute) for one in own])
                     row[name] = float(np.nanmedian(values)) if len(values) else float("nan")
                 yield row
 
 
-def _foot(markers: mm.Markers, limbs: list[mm.Limb], plates: mm.Wrenches, k: int, middle: int) -> str:
+def _foot(
+    markers: mm.Markers, limbs: list[mm.Limb], plates: mm.Wrenches, k: int, middle: int
+) -> str:
     """The foot whose heel and toes are nearest to a plate's center of pressure."""
     frame = int(np.argmin(np.abs(markers.time - plates.time[middle])))
     point = plates.points[middle, k]
@@ -168,7 +194,9 @@ def _foot(markers: mm.Markers, limbs: list[mm.Limb], plates: mm.Wrenches, k: int
 
 
 def measure_duty(folder: Path) -> Iterator[Row]:
-    """Duty factors and peaks over strides, by plates, without them and of a single stride, beside the plates' own."""
+    """Duty factors and peaks over strides, by plates, without them and of a single stride, beside
+    the plates' own.
+    """
     for name, files in GOING.items():
         model = mm.read_model(folder / files.model)
         markers = read_markers(folder / files.markers)
@@ -177,17 +205,29 @@ def measure_duty(folder: Path) -> Iterator[Row]:
             model = mm.calibrate(model, [markers], mm.CalibrationOptions(frames=60)).model
         fit = mm.inverse_kinematics(model, markers)
         wrenches = mm.read_loads(folder / files.loads, model, fit.motion)
-        weight = float(np.nanmean(_vertical(wrenches).sum(axis=1))) if "run" in name else model.weight
-        steps = [(body, *step) for body in dict.fromkeys(wrenches.bodies) for step in _steps(wrenches, body, weight)]
+        weight = (
+            float(np.nanmean(_vertical(wrenches).sum(axis=1))) if "run" in name else model.weight
+        )
+        steps = [
+            (body, *step)
+            for body in dict.fromkeys(wrenches.bodies)
+            for step in _steps(wrenches, body, weight)
+        ]
         shown = [one for one in steps if markers.time[0] <= one[1] and one[3] <= markers.time[-1]]
         own = np.array([(lift - start) / (stop - start) for _, start, lift, stop, _ in shown])
-        row: Row = {"recording": name, "strides on plates": len(shown), "duty factor by plates": float(np.mean(own))}
+        row: Row = {
+            "recording": name,
+            "strides on plates": len(shown),
+            "duty factor by plates": float(np.mean(own)),
+        }
         row["peak by plates [BW]"] = float(np.mean([one[4] for one in shown])) / weight
         by_plates = walking_strides(model, fit.motion, fit, wrenches=wrenches)
         alone = walking_strides(model, fit.motion, fit)
         for label, found in (("strides", by_plates), ("strides without plates", alone)):
             strides = () if found is None else found.strides
-            row[f"{label}: duty factor"] = float(np.nanmean([one.duty for one in strides])) if strides else float("nan")
+            row[f"{label}: duty factor"] = (
+                float(np.nanmean([one.duty for one in strides])) if strides else float("nan")
+            )
             row[f"{label}: peak over curves [BW]"] = _peak(strides, wrenches) / weight
         yield row | _of_one(model, fit.motion, wrenches, shown[0], weight)
 
@@ -203,7 +243,9 @@ def _of_one(
     body, start, lift, stop, peak = step
     short = cut(motion, start - BESIDE, stop + BESIDE)
     row: Row = {
-        "one stride by plates: duty factor, peak [BW]": f"{(lift - start) / (stop - start):.3f}, {peak / weight:.2f}"
+        "one stride by plates: duty factor, peak [BW]": (
+            f"{(lift - start) / (stop - start):.3f}, {peak / weight:.2f}"
+        )
     }
     for label, plates in (("one stride", wrenches), ("one stride without plates", None)):
         found = walking_strides(model, short, wrenches=plates)
@@ -217,8 +259,12 @@ def _vertical(wrenches: mm.Wrenches) -> Array:
     return np.nan_to_num(wrenches.forces[:, :, 1])
 
 
-def _steps(wrenches: mm.Wrenches, body: str, weight: float) -> list[tuple[float, float, float, float]]:
-    """Strike, lift, next strike [s] and greatest force [N] of each stride of a foot that the plates show whole."""
+def _steps(
+    wrenches: mm.Wrenches, body: str, weight: float
+) -> list[tuple[float, float, float, float]]:
+    """Strike, lift, next strike [s] and greatest force [N] of each stride of a foot that the plates
+    show whole.
+    """
     own = [k for k, one in enumerate(wrenches.bodies) if one == body]
     force = _vertical(wrenches)[:, own].sum(axis=1)
     found = contacts(wrenches.time, force, 0.03 * weight, 0.1)
@@ -231,12 +277,16 @@ def _steps(wrenches: mm.Wrenches, body: str, weight: float) -> list[tuple[float,
 
 
 def _peak(strides: Sequence[Stride], wrenches: mm.Wrenches) -> float:
-    """Greatest vertical force of the mean curve over strides, each foot's force over its own, mean of both feet [N]."""
+    """Greatest vertical force of the mean curve over strides, each foot's force over its own, mean
+    of both feet [N].
+    """
     peaks = []
     for limb in dict.fromkeys(one.limb for one in strides):
         own = [k for k, one in enumerate(wrenches.bodies) if one == limb]
         if own:
-            force = mm.Series(wrenches.time, (limb,), _vertical(wrenches)[:, own].sum(axis=1)[:, None])
+            force = mm.Series(
+                wrenches.time, (limb,), _vertical(wrenches)[:, own].sum(axis=1)[:, None]
+            )
             spans = [(one.start, one.stop) for one in strides if one.limb == limb]
             peaks.append(float(np.nanmean(over_cycles(force, spans).values, axis=0).max()))
     return float(np.mean(peaks)) if peaks else float("nan")

@@ -1,4 +1,6 @@
-"""Analyses of AnalyzeTool here and in OpenSim 4.6, table by table, on models with every class of muscle built."""
+"""Analyses of AnalyzeTool here and in OpenSim 4.6, table by table, on models with every class of
+muscle built.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +47,8 @@ LOADS = """<?xml version="1.0"?><OpenSimDocument Version="40000"><ExternalLoads 
 class Case:
     """A model, a motion or states, and a time [s].
 
-    `kind`: "coordinates" or "states"; `balanced`: whether muscles are put into equilibrium; `muscles`: how the model's
-    muscles are changed: "", "degroote", or "undamped and rigid".
+    `kind`: "coordinates" or "states"; `balanced`: whether muscles are put into equilibrium;
+    `muscles`: how the model's muscles are changed: "", "degroote", or "undamped and rigid".
     """
 
     name: str
@@ -64,23 +66,103 @@ class Case:
 
 STATES = f"{WALK}results_SO/results_states.sto"
 CASES = (
-    Case("Thelen, arm, default states", f"{SMALL}arm26_bounds.osim", f"{SMALL}arm26_InverseKinematics.mot",
-         "coordinates", 0.25, 0.75, "r_ulna_radius_hand"),
-    Case("Thelen, arm, equilibrium", f"{SMALL}arm26_bounds.osim", f"{SMALL}arm26_InverseKinematics.mot",
-         "coordinates", 0.25, 0.75, "r_ulna_radius_hand", balanced=True),
-    Case("Millard, walk, states, plates", WALKER, STATES, "states", 11.1, 11.3, "tibia_r", loaded=True),
-    Case("Millard, walk, equilibrium, plates", WALKER, STATES, "states", 11.1, 11.3, "tibia_r", True, loaded=True),
-    Case("De Groote, walk, default states, plates", WALKER, STATES, "states", 11.1, 11.3, "tibia_r", False, "degroote",
-         True),
-    Case("De Groote, walk, equilibrium, plates", WALKER, STATES, "states", 11.1, 11.3, "tibia_r", True, "degroote",
-         True),
-    Case("Millard undamped (right), rigid (left), walk, equilibrium", WALKER, STATES, "states", 11.1, 11.3, "tibia_r",
-         True, "undamped and rigid"),
-    Case("Millard, 10 coordinates, limit force, actuators of bodies", f"{SPRING}subject01_adjusted_spring.osim",
-         f"{SPRING}walk_subject01_Kinematics_q.sto", "coordinates", 0.6, 0.9, "tibia_r", True, cutoff=-1.0),
-    Case("Millard, shoulder with closed loops, equilibrium", f"{SHOULDER}model_rmr/TSM_subject_noWeight.osim",
-         f"{SHOULDER}ik/ABD01.mot", "coordinates", 1.0, 1.2, "ulna", True),
-)  # fmt: skip
+    Case(
+        name="Thelen, arm, default states",
+        model=f"{SMALL}arm26_bounds.osim",
+        motion=f"{SMALL}arm26_InverseKinematics.mot",
+        kind="coordinates",
+        start=0.25,
+        end=0.75,
+        body="r_ulna_radius_hand",
+    ),
+    Case(
+        name="Thelen, arm, equilibrium",
+        model=f"{SMALL}arm26_bounds.osim",
+        motion=f"{SMALL}arm26_InverseKinematics.mot",
+        kind="coordinates",
+        start=0.25,
+        end=0.75,
+        body="r_ulna_radius_hand",
+        balanced=True,
+    ),
+    Case(
+        name="Millard, walk, states, plates",
+        model=WALKER,
+        motion=STATES,
+        kind="states",
+        start=11.1,
+        end=11.3,
+        body="tibia_r",
+        loaded=True,
+    ),
+    Case(
+        name="Millard, walk, equilibrium, plates",
+        model=WALKER,
+        motion=STATES,
+        kind="states",
+        start=11.1,
+        end=11.3,
+        body="tibia_r",
+        balanced=True,
+        loaded=True,
+    ),
+    Case(
+        name="De Groote, walk, default states, plates",
+        model=WALKER,
+        motion=STATES,
+        kind="states",
+        start=11.1,
+        end=11.3,
+        body="tibia_r",
+        balanced=False,
+        muscles="degroote",
+        loaded=True,
+    ),
+    Case(
+        name="De Groote, walk, equilibrium, plates",
+        model=WALKER,
+        motion=STATES,
+        kind="states",
+        start=11.1,
+        end=11.3,
+        body="tibia_r",
+        balanced=True,
+        muscles="degroote",
+        loaded=True,
+    ),
+    Case(
+        name="Millard undamped (right), rigid (left), walk, equilibrium",
+        model=WALKER,
+        motion=STATES,
+        kind="states",
+        start=11.1,
+        end=11.3,
+        body="tibia_r",
+        balanced=True,
+        muscles="undamped and rigid",
+    ),
+    Case(
+        name="Millard, 10 coordinates, limit force, actuators of bodies",
+        model=f"{SPRING}subject01_adjusted_spring.osim",
+        motion=f"{SPRING}walk_subject01_Kinematics_q.sto",
+        kind="coordinates",
+        start=0.6,
+        end=0.9,
+        body="tibia_r",
+        balanced=True,
+        cutoff=-1.0,
+    ),
+    Case(
+        name="Millard, shoulder with closed loops, equilibrium",
+        model=f"{SHOULDER}model_rmr/TSM_subject_noWeight.osim",
+        motion=f"{SHOULDER}ik/ABD01.mot",
+        kind="coordinates",
+        start=1.0,
+        end=1.2,
+        body="ulna",
+        balanced=True,
+    ),
+)
 
 
 def changed_model(data: Path, case: Case, folder: Path) -> Path:
@@ -110,16 +192,24 @@ def setup_of(data: Path, case: Case, folder: Path, results: str) -> Path:
     model = changed_model(data, case, folder)
     loads = ""
     if case.loaded:
-        objects = "".join(LOAD.format(body=b, side=s) for b, s in (("calcn_r", ""), ("calcn_l", "1_")))
+        objects = "".join(
+            LOAD.format(body=b, side=s) for b, s in (("calcn_r", ""), ("calcn_l", "1_"))
+        )
         text = LOADS.format(objects=objects, data=data / WALK / "walking_baseline1_forces.mot")
         (folder / "loads.xml").write_text(text.replace("\n<", "<"))
         loads = "<external_loads_file>loads.xml</external_loads_file>"
     motion = data / case.motion
     if case.muscles:
-        # Fiber lengths of other muscles mean nothing to these: only coordinates and their speeds are left.
+        # Fiber lengths of other muscles mean nothing to these: only coordinates and their speeds
+        # are left.
         table = mm.read_sto(motion)
         keep = [k for k, name in enumerate(table.names) if name.startswith("/jointset")]
-        kept = mm.Table(table.time, tuple(table.names[k] for k in keep), table.values[:, keep], facts=table.facts)
+        kept = mm.Table(
+            table.time,
+            tuple(table.names[k] for k in keep),
+            table.values[:, keep],
+            facts=table.facts,
+        )
         motion = folder / "states.sto"
         mm.write_sto(kept, motion)
     analyses = ANALYSES.format(point=POINT.format(body=case.body))
@@ -127,10 +217,18 @@ def setup_of(data: Path, case: Case, folder: Path, results: str) -> Path:
     balanced = "true" if case.balanced else "false"
     path.write_text(
         SETUP.format(
-            model=model, results=results, start=case.start, end=case.end, balanced=balanced,
-            analyses=analyses, loads=loads, kind=case.kind, motion=motion, cutoff=case.cutoff,
+            model=model,
+            results=results,
+            start=case.start,
+            end=case.end,
+            balanced=balanced,
+            analyses=analyses,
+            loads=loads,
+            kind=case.kind,
+            motion=motion,
+            cutoff=case.cutoff,
         )
-    )  # fmt: skip
+    )
     return path
 
 
@@ -148,24 +246,35 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
 
 def rows_of(case: Case, folder: Path) -> Iterator[dict[str, object]]:
     """Rows of one case, an analysis each."""
-    names = {kind: {path.name for path in (folder / kind).glob("*.sto")} for kind in ("ours", "theirs")}
+    names = {
+        kind: {path.name for path in (folder / kind).glob("*.sto")} for kind in ("ours", "theirs")
+    }
     groups: dict[str, list[str]] = {}
     for name in sorted(names["theirs"] & names["ours"]):
         groups.setdefault(name.split("_")[1].removesuffix(".sto"), []).append(name)
     if lacking := names["theirs"] ^ names["ours"]:
         raise RuntimeError(f"{case.name}: only one program writes {', '.join(sorted(lacking))}")
     for analysis, files in groups.items():
-        shares, alike, frames, worst = [], 0, 0, (-1.0, "")
+        shares = []
+        alike = 0
+        frames = 0
+        worst = (-1.0, "")
         for name in files:
-            ours, theirs = (read_table(folder / kind / name) for kind in ("ours", "theirs"))
+            ours = read_table(folder / "ours" / name)
+            theirs = read_table(folder / "theirs" / name)
             alike += ours[1] == theirs[1] and len(ours[0]) == len(theirs[0])
             frames = len(theirs[0])
             common = [one for one in theirs[1] if one in ours[1]]
-            share = apart(*(one[2][:, [one[1].index(column) for column in common]] for one in (ours, theirs)))
+            share = apart(
+                *(one[2][:, [one[1].index(column) for column in common]] for one in (ours, theirs))
+            )
             shares += list(share)
             k = int(np.argmax(share))
             if share[k] > worst[0]:
-                worst = (float(share[k]), f"{name.removeprefix(f'a_{analysis}_').removesuffix('.sto')}: {common[k]}")
+                worst = (
+                    float(share[k]),
+                    f"{name.removeprefix(f'a_{analysis}_').removesuffix('.sto')}: {common[k]}",
+                )
         yield {
             "case": case.name,
             "analysis": analysis,

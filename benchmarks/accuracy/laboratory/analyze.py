@@ -1,7 +1,9 @@
-"""`myomorph analyze` on recordings of many laboratories: what it took, and joint moments beside each set's own.
+"""`myomorph analyze` on recordings of many laboratories: what it took, and joint moments beside
+each set's own.
 
-Nothing is written by hand: each row is one command on raw files, with the body's mass. The generic model (myo-sim's
-legs and trunk) is another one than those of the references, so the moments are those of other bodies with other axes.
+Nothing is written by hand: each row is one command on raw files, with the body's mass. The generic
+model (myo-sim's legs and trunk) is another one than those of the references, so the moments are
+those of other bodies with other axes.
 """
 
 from __future__ import annotations
@@ -36,10 +38,11 @@ Reference = Callable[[Path, float], mm.Series]
 class Case:
     """A recording of the collection.
 
-    `files`: as typed, below the collection; `options`: as typed besides `--mass`; a text that ends in .c3d, .trc or
-    .osim is a file of the collection; `trial`: whose results are compared, as its folder is called; `reference`: the
-    set's own moments, positive as those of OpenSim's Rajagopal model; None for none; `source`: of that reference, in
-    words; `begins`: frame of the recording at which the reference's times begin at 0; None where both have one clock.
+    `files`: as typed, below the collection; `options`: as typed besides `--mass`; a text that ends
+    in .c3d, .trc or .osim is a file of the collection; `trial`: whose results are compared, as its
+    folder is called; `reference`: the set's own moments, positive as those of OpenSim's Rajagopal
+    model; None for none; `source`: of that reference, in words; `begins`: frame of the recording at
+    which the reference's times begin at 0; None where both have one clock.
     """
 
     name: str
@@ -58,7 +61,8 @@ def plug_in_gait(path: str) -> Reference:
     def found(folder: Path, mass: float) -> mm.Series:
         trial = mm.read_recording(folder / path)
         points = trial.other_points
-        # Plug-in Gait: extension of hip and knee and plantar flexion are positive, as external moments' reactions.
+        # Plug-in Gait: extension of hip and knee and plantar flexion are positive, as external
+        # moments' reactions.
         signs = {
             "hip_flexion": ("HipMoment", -1.0),
             "knee_angle": ("KneeMoment", -1.0),
@@ -91,9 +95,14 @@ def opensim_table(path: str, signs: dict[str, float] | None = None) -> Reference
 
 
 def own_dynamics(
-    model: str, motion: str, loads: str, sides: str = "rl", joints: Mapping[str, str] = FrozenMap({})
+    model: str,
+    motion: str,
+    loads: str,
+    sides: str = "rl",
+    joints: Mapping[str, str] = FrozenMap({}),
 ) -> Reference:
-    """Moments of a set's own model and angles, by our inverse dynamics, which agrees with OpenSim's.
+    """Moments of a set's own model and angles, by our inverse dynamics, which agrees with
+    OpenSim's.
 
     `sides`: of the legs whose forces the loads hold; `joints`: what the set's model calls a joint.
     """
@@ -102,70 +111,143 @@ def own_dynamics(
         body = mm.read_model(folder / model)
         angles = mm.differentiate(mm.read_motion(folder / motion, body), cutoff=CUTOFF)
         forces = mm.read_loads(folder / loads, body, angles)
-        torques = mm.inverse_dynamics(body, angles, mm.resample_wrenches(forces, angles.time, cutoff=CUTOFF))
-        names = {f"{joint}_{side}": f"{joints.get(joint, joint)}_{side}" for joint in JOINTS for side in sides}
-        return mm.Series(torques.time, tuple(names), np.column_stack([torques[name] for name in names.values()]))
+        torques = mm.inverse_dynamics(
+            body, angles, mm.resample_wrenches(forces, angles.time, cutoff=CUTOFF)
+        )
+        names = {
+            f"{joint}_{side}": f"{joints.get(joint, joint)}_{side}"
+            for joint in JOINTS
+            for side in sides
+        }
+        return mm.Series(
+            torques.time, tuple(names), np.column_stack([torques[name] for name in names.values()])
+        )
 
     return found
 
 
-GAIT, KNEE, LENHART = "c3d-gait-plugingait", "knee-implant-walk", "lenhart-knee-contact-walk"
+GAIT = "c3d-gait-plugingait"
+KNEE = "knee-implant-walk"
+LENHART = "lenhart-knee-contact-walk"
 CASES = (
     Case(
-        "Plug-in Gait, first person", (f"{GAIT}/HC030A/Straight/HC030A05.c3d",), 45.8, "HC030A05",
-        reference=plug_in_gait(f"{GAIT}/HC030A/Straight/HC030A05.c3d"), source="Plug-in Gait's, in the file",
+        name="Plug-in Gait, first person",
+        files=(f"{GAIT}/HC030A/Straight/HC030A05.c3d",),
+        mass=45.8,
+        trial="HC030A05",
+        reference=plug_in_gait(f"{GAIT}/HC030A/Straight/HC030A05.c3d"),
+        source="Plug-in Gait's, in the file",
     ),
     Case(
-        "Plug-in Gait, second person", (f"{GAIT}/HC002D/Straight/HC002D06.c3d",), 0.0, "HC002D06",
-        reference=plug_in_gait(f"{GAIT}/HC002D/Straight/HC002D06.c3d"), source="Plug-in Gait's, in the file",
+        name="Plug-in Gait, second person",
+        files=(f"{GAIT}/HC002D/Straight/HC002D06.c3d",),
+        mass=0.0,
+        trial="HC002D06",
+        reference=plug_in_gait(f"{GAIT}/HC002D/Straight/HC002D06.c3d"),
+        source="Plug-in Gait's, in the file",
     ),
     Case(
-        "Rajagopal walk", ("rajagopal-walk-emg/markers_walk.trc",), 85.27, "walk",
-        ("--static", "rajagopal-walk-emg/raw/static_walk_1.trc"),
-        opensim_table("rajagopal-walk-emg/id_walk.sto"), "OpenSim, Rajagopal's model",
+        name="Rajagopal walk",
+        files=("rajagopal-walk-emg/markers_walk.trc",),
+        mass=85.27,
+        trial="walk",
+        options=("--static", "rajagopal-walk-emg/raw/static_walk_1.trc"),
+        reference=opensim_table("rajagopal-walk-emg/id_walk.sto"),
+        source="OpenSim, Rajagopal's model",
     ),
     Case(
-        "gait2354 walk", ("opensim-gait-subject01/experiment/subject01_walk1.trc",), 72.6, "subject01_walk1", (),
-        opensim_table("opensim-gait-subject01/ref_id/std_subject01_InverseDynamics.sto", {"knee_angle": -1.0}),
-        "OpenSim, gait2354",
+        name="gait2354 walk",
+        files=("opensim-gait-subject01/experiment/subject01_walk1.trc",),
+        mass=72.6,
+        trial="subject01_walk1",
+        options=(),
+        reference=opensim_table(
+            "opensim-gait-subject01/ref_id/std_subject01_InverseDynamics.sto", {"knee_angle": -1.0}
+        ),
+        source="OpenSim, gait2354",
     ),
     Case(
-        "OpenCap laboratory: walk, sit to stand, drop jump", ("opencap-subject4-multitask",), 62.6, "walking1", (),
-        own_dynamics(
+        name="OpenCap laboratory: walk, sit to stand, drop jump",
+        files=("opencap-subject4-multitask",),
+        mass=62.6,
+        trial="walking1",
+        options=(),
+        reference=own_dynamics(
             "opencap-subject4-multitask/models/manually_scaled.osim",
             "opencap-subject4-multitask/ik_manual_scaling/walking1_ik.mot",
             "opencap-subject4-multitask/grf/walking1_external_forces.xml",
         ),
-        "an expert's model and angles",
+        source="an expert's model and angles",
     ),
     Case(
-        "Lenhart walk", ("lenhart-knee-contact-walk/motion/overground_17.trc",), 62.0, "overground_17", (),
-        # COMAK's own knee moment leaves out what ligaments and contact of its model bear: it is no net moment.
-        own_dynamics(
-            f"{LENHART}/lenhart2015.osim", f"{LENHART}/reference_comak/overground_17_ik.mot",
-            f"{LENHART}/motion/overground_17_ext_loads.xml", "r",
+        name="Lenhart walk",
+        files=("lenhart-knee-contact-walk/motion/overground_17.trc",),
+        mass=62.0,
+        trial="overground_17",
+        options=(),
+        # COMAK's own knee moment leaves out what ligaments and contact of its model bear: it is no
+        # net moment.
+        reference=own_dynamics(
+            f"{LENHART}/lenhart2015.osim",
+            f"{LENHART}/reference_comak/overground_17_ik.mot",
+            f"{LENHART}/motion/overground_17_ext_loads.xml",
+            "r",
             {"hip_flexion": "hip_flex", "knee_angle": "knee_flex", "ankle_angle": "ankle_flex"},
         ),
-        "published model and angles (right leg)",
+        source="published model and angles (right leg)",
     ),
     Case(
-        "instrumented knee, C3D", (f"{KNEE}/walk1.c3d",), 75.0, "walk1", ("--emg-side", "left"),
-        own_dynamics(f"{KNEE}/scaled.osim", f"{KNEE}/walk1_ik.mot", f"{KNEE}/walk1_grf.xml", "l"),
-        # Its first frame is where the distance between the heels is the same in the TRC and the C3D file, to 0.001 mm.
-        "published model and angles (left leg)", 7,
+        name="instrumented knee, C3D",
+        files=(f"{KNEE}/walk1.c3d",),
+        mass=75.0,
+        trial="walk1",
+        options=("--emg-side", "left"),
+        reference=own_dynamics(
+            f"{KNEE}/scaled.osim", f"{KNEE}/walk1_ik.mot", f"{KNEE}/walk1_grf.xml", "l"
+        ),
+        # Its first frame is where the distance between the heels is the same in the TRC and the C3D
+        # file, to 0.001 mm.
+        source="published model and angles (left leg)",
+        begins=7,
     ),
-    Case("Hamner run, 5 m/s", ("hamner-run-subject04/run500/markers.trc",), 82.0, "run500"),
-    Case("Hamner run, 2 m/s", ("hamner-run-subject04/run200/markers.trc",), 82.0, "run200"),
-    Case("OpenSim's C3D walk", ("c3d-opensim-walking/walking2.c3d",), 70.0, "walking2"),
     Case(
-        "functional trial, knee", ("c3d-functional-joints/functional_trials/right_knee.c3d",), 70.0, "right_knee",
-        ("--static", "c3d-functional-joints/static_lower_body.c3d"),
+        name="Hamner run, 5 m/s",
+        files=("hamner-run-subject04/run500/markers.trc",),
+        mass=82.0,
+        trial="run500",
     ),
     Case(
-        "box lift, forces without a heading", ("lifting-box-15kg/stoop1.c3d",), 81.68, "stoop1",
-        ("--height", "1.73", "--force-columns", "time,-,-,-,-,-,-,Fx2,Fy2,Fz2,COPx2,COPy2,COPz2"),
+        name="Hamner run, 2 m/s",
+        files=("hamner-run-subject04/run200/markers.trc",),
+        mass=82.0,
+        trial="run200",
     ),
-)  # fmt: skip
+    Case(
+        name="OpenSim's C3D walk",
+        files=("c3d-opensim-walking/walking2.c3d",),
+        mass=70.0,
+        trial="walking2",
+    ),
+    Case(
+        name="functional trial, knee",
+        files=("c3d-functional-joints/functional_trials/right_knee.c3d",),
+        mass=70.0,
+        trial="right_knee",
+        options=("--static", "c3d-functional-joints/static_lower_body.c3d"),
+    ),
+    Case(
+        name="box lift, forces without a heading",
+        files=("lifting-box-15kg/stoop1.c3d",),
+        mass=81.68,
+        trial="stoop1",
+        options=(
+            "--height",
+            "1.73",
+            "--force-columns",
+            "time,-,-,-,-,-,-,Fx2,Fy2,Fz2,COPx2,COPy2,COPz2",
+        ),
+    ),
+)
 
 
 def measure(folder: Path) -> Iterator[Row]:
@@ -181,8 +263,14 @@ def measure(folder: Path) -> Iterator[Row]:
                 status = main([*_paths(typed, folder), "--out", str(out), "--workers", "1"])
             seconds = time.monotonic() - started
             results = mm.load(out) if status == 0 else {}
-            found = next((one for key, one in results.items() if Path(key).name == case.trial), None)
-            agreement = {} if found is None or case.reference is None else _agreement(found, case, folder, mass)
+            found = next(
+                (one for key, one in results.items() if Path(key).name == case.trial), None
+            )
+            agreement = (
+                {}
+                if found is None or case.reference is None
+                else _agreement(found, case, folder, mass)
+            )
             yield {
                 "recording": case.name,
                 "typed": " ".join(Path(one).name if "/" in one else one for one in typed),
@@ -192,7 +280,10 @@ def measure(folder: Path) -> Iterator[Row]:
                 if found is None or found.fit is None
                 else 1e3 * rms_known(found.fit.errors),
                 **{f"{NAMES[joint]}, r": agreement.get(joint, ("", ""))[0] for joint in JOINTS},
-                **{f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1] for joint in JOINTS},
+                **{
+                    f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1]
+                    for joint in JOINTS
+                },
                 "reference": case.source,
                 "assumptions": said.getvalue().count("\n  "),
                 "time [s]": seconds,
@@ -209,9 +300,15 @@ def measure_weighing(folder: Path) -> Iterator[Row]:
         stated = case.mass or c3d_mass(folder / case.files[0])
         typed = ["analyze", *case.files, *case.options, "--prepare"]
         said = io.StringIO()
-        with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with (
+            tempfile.TemporaryDirectory() as name,
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):
             main([*_paths(typed, folder), "--out", str(Path(name) / "out")])
-        line = next((line for line in said.getvalue().splitlines() if line.startswith("  Mass ")), "")
+        line = next(
+            (line for line in said.getvalue().splitlines() if line.startswith("  Mass ")), ""
+        )
         weighed = float(line.split()[1]) if line else float("nan")
         known = case.name not in UNKNOWN
         yield {
@@ -234,7 +331,9 @@ def c3d_mass(path: Path) -> float:
 
 
 def _paths(typed: list[str], folder: Path) -> list[str]:
-    return [str(folder / one) if (folder / one).exists() and one != "analyze" else one for one in typed]
+    return [
+        str(folder / one) if (folder / one).exists() and one != "analyze" else one for one in typed
+    ]
 
 
 def _protocol(text: str) -> str:
@@ -243,10 +342,15 @@ def _protocol(text: str) -> str:
     return after.partition(";")[0] if after else "common names"
 
 
-def _agreement(found: mm.TrialResult, case: Case, folder: Path, mass: float) -> dict[str, tuple[float, float]]:
-    """By joint: correlation and root mean square difference [N m/kg] over frames in which the foot is on a plate."""
+def _agreement(
+    found: mm.TrialResult, case: Case, folder: Path, mass: float
+) -> dict[str, tuple[float, float]]:
+    """By joint: correlation and root mean square difference [N m/kg] over frames in which the foot
+    is on a plate.
+    """
     assert case.reference is not None
-    torques, wrenches = found.torques, found.wrenches
+    torques = found.torques
+    wrenches = found.wrenches
     if torques is None or wrenches is None:
         return {}
     reference = case.reference(folder, mass)
@@ -254,7 +358,9 @@ def _agreement(found: mm.TrialResult, case: Case, folder: Path, mass: float) -> 
     pairs: dict[str, list[tuple[Array, Array]]] = {joint: [] for joint in JOINTS}
     for side in "rl":
         columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side}")]
-        vertical = wrenches.forces[:, columns, 1].sum(axis=1) if columns else np.zeros(len(wrenches))
+        vertical = (
+            wrenches.forces[:, columns, 1].sum(axis=1) if columns else np.zeros(len(wrenches))
+        )
         load_at = np.interp(clock, wrenches.time, vertical, left=0.0, right=0.0)
         stance = load_at > STANCE * 9.81 * mass
         for joint in JOINTS:

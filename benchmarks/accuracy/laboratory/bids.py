@@ -1,4 +1,6 @@
-"""A study of two recorded walks as a dataset of BIDS: what its validator says, and how exactly it is read back."""
+"""A study of two recorded walks as a dataset of BIDS: what its validator says, and how exactly it
+is read back.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from myomorph.study.inputs.emg_files import channels_of
 
 Row = dict[str, object]
 
-IMPLANT, ADULT = "knee-implant-walk", "rajagopal-walk-emg"
+IMPLANT = "knee-implant-walk"
+ADULT = "rajagopal-walk-emg"
 DRAWS = 4
 STUDY = f"""[study]
 name = "two walks"
@@ -63,14 +66,18 @@ def _rows() -> tuple[list[Row], list[Row]]:
         folder = Path(place)
         (folder / "study.toml").write_text(STUDY.format(data=data_folder()), encoding="utf-8")
         outcomes = mm.run_study(mm.read_plan(folder / "study.toml"), folder / "results")
-        assert not any(outcome.error for outcome in outcomes), [outcome.error for outcome in outcomes]
+        assert not any(outcome.error for outcome in outcomes), [
+            outcome.error for outcome in outcomes
+        ]
         notes = export_bids(folder / "results", folder / "dataset")
         assert not notes, notes
         return list(_read_back(folder)), list(_validated(folder / "dataset"))
 
 
 def measure() -> list[Row]:
-    """Largest difference between what was computed or recorded and what is read back, of each kind of table."""
+    """Largest difference between what was computed or recorded and what is read back, of each kind
+    of table.
+    """
     return _rows()[0]
 
 
@@ -80,16 +87,24 @@ def measure_validator() -> list[Row]:
 
 
 def _read_back(folder: Path) -> Iterator[Row]:
-    results, trials = mm.load(folder / "results"), read_bids(folder / "dataset")
+    results = mm.load(folder / "results")
+    trials = read_bids(folder / "dataset")
     for name, result in results.items():
-        trial, stored = trials[name], result.stored
+        trial = trials[name]
+        stored = result.stored
         for table, (variable, unit) in TABLES.items():
             yield _row(name, table, stored.values[variable], trial.derived[table].values, unit)
         for table, (drawn, unit) in LIMITS.items():
             if table in trial.derived:
-                limits = np.hstack([stored.values[f"{drawn}_{part}"] for part in ("low", "high", "sd")])
+                limits = np.hstack(
+                    [stored.values[f"{drawn}_{part}"] for part in ("low", "high", "sd")]
+                )
                 yield _row(name, f"limits of {drawn}", limits, trial.derived[table].values, unit)
-        sources = {source.role: source.name for source in stored.provenance["tension"].sources if "." in source.name}
+        sources = {
+            source.role: source.name
+            for source in stored.provenance["tension"].sources
+            if "." in source.name
+        }
         recorded = mm.read_recording(sources["markers"]).markers
         markers = trial.recording.markers
         # Those of a C3D file are turned, y upwards: distances between markers stay.
@@ -98,11 +113,19 @@ def _read_back(folder: Path) -> Iterator[Row]:
         columns = [emg.names.index(channel) for channel in trial.emg.names]
         values = emg.values[:, columns]
         share = np.abs(values).max(axis=0)
-        yield _row(name, "EMG, over the largest of its channel", values / share, trial.emg.values / share, "1")
+        yield _row(
+            name,
+            "EMG, over the largest of its channel",
+            values / share,
+            trial.emg.values / share,
+            "1",
+        )
 
 
 def _distances(markers: mm.Markers) -> np.ndarray:
-    return np.linalg.norm(markers.values - np.nanmean(markers.values, axis=1, keepdims=True), axis=2)
+    return np.linalg.norm(
+        markers.values - np.nanmean(markers.values, axis=1, keepdims=True), axis=2
+    )
 
 
 def _row(trial: str, table: str, values: np.ndarray, back: np.ndarray, unit: str) -> Row:
@@ -118,7 +141,16 @@ def _row(trial: str, table: str, values: np.ndarray, back: np.ndarray, unit: str
 
 
 def _validated(dataset: Path) -> Iterator[Row]:
-    program = [sys.executable, *VALIDATOR, str(dataset), "--format", "json", "--recursive", "--max-rows", "-1"]
+    program = [
+        sys.executable,
+        *VALIDATOR,
+        str(dataset),
+        "--format",
+        "json",
+        "--recursive",
+        "--max-rows",
+        "-1",
+    ]
     said = json.loads(subprocess.run(program, capture_output=True, text=True, check=False).stdout)
     for part, found in {
         "recordings": said,

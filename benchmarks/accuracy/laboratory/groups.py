@@ -1,4 +1,6 @@
-"""Groups, conditions and outliers: how often differences are found that are none, and that are there."""
+"""Groups, conditions and outliers: how often differences are found that are none, and that are
+there.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ ALPHA = 0.05
 PERCENT = np.linspace(0.0, 100.0, 101)
 PARAMETERS = 12
 CURVES = 4
-CENTER, WIDTH = 60.0, 8.0
+CENTER = 60.0
+WIDTH = 8.0
 """Where groups differ in the curves that do, and how widely [%]."""
 
 
@@ -31,7 +34,9 @@ CENTER, WIDTH = 60.0, 8.0
 def _root() -> Array:
     """(101, 101) root of the covariance of a smooth curve of unit spread at every sample."""
     lags = PERCENT[:, None] - PERCENT
-    root: Array = np.linalg.cholesky(np.exp(-0.5 * (lags / 10.0) ** 2) + 1e-6 * np.eye(len(PERCENT)))
+    root: Array = np.linalg.cholesky(
+        np.exp(-0.5 * (lags / 10.0) ** 2) + 1e-6 * np.eye(len(PERCENT))
+    )
     return root
 
 
@@ -55,14 +60,17 @@ def measure_false() -> Iterator[Row]:
         rng = np.random.default_rng(n * 100 + m)
         called = {"curves": 0, "alone": 0, "t": 0, "scalars": 0, "raw": 0}
         for k in range(repeats):
-            one, other = animals(rng, n, CURVES), animals(rng, m, CURVES)
+            one = animals(rng, n, CURVES)
+            other = animals(rng, m, CURVES)
             test = permutation_test(one, other, most=most, seed=k)
             called["curves"] += bool(np.nanmin(test.p) < ALPHA)
             called["alone"] += bool(np.nanmin(test.alone) < ALPHA)
             called["t"] += bool(stats.ttest_ind(one, other).pvalue.min() < ALPHA)
             p = np.array(
                 [
-                    permutation_test(rng.standard_normal(n), rng.standard_normal(m), most=most, seed=k).p
+                    permutation_test(
+                        rng.standard_normal(n), rng.standard_normal(m), most=most, seed=k
+                    ).p
                     for _ in range(PARAMETERS)
                 ]
             )
@@ -87,28 +95,40 @@ def share(count: int, of: int) -> str:
 
 
 def measure_power() -> Iterator[Row]:
-    """Share of made studies in which a difference is found that is there, in one of the curves and in one parameter."""
+    """Share of made studies in which a difference is found that is there, in one of the curves and
+    in one parameter.
+    """
     for n, repeats, most in ((4, 300, 10000), (6, 200, 10000), (10, 100, 1000)):
         for effect in (1.0, 2.0, 3.0):
             rng = np.random.default_rng(n)
             bump = effect * np.exp(-0.5 * ((PERCENT - CENTER) / WIDTH) ** 2)
-            found, elsewhere, parameter, centers = 0, 0, 0, []
+            found = 0
+            elsewhere = 0
+            parameter = 0
+            centers = []
             for k in range(repeats):
-                one, other = animals(rng, n, CURVES), animals(rng, n, CURVES)
+                one = animals(rng, n, CURVES)
+                other = animals(rng, n, CURVES)
                 one[:, 0] += bump
                 p = permutation_test(one, other, most=most, seed=k).p
                 differs = p[0] < ALPHA
                 found += bool(differs[np.abs(PERCENT - CENTER) < 2 * WIDTH].any())
-                elsewhere += bool((p[1:] < ALPHA).any() or differs[np.abs(PERCENT - CENTER) > 3 * WIDTH].any())
+                elsewhere += bool(
+                    (p[1:] < ALPHA).any() or differs[np.abs(PERCENT - CENTER) > 3 * WIDTH].any()
+                )
                 centers += [float(PERCENT[differs].mean())] if differs.any() else []
-                values = permutation_test(rng.standard_normal(n) + effect, rng.standard_normal(n), most=most, seed=k).p
+                values = permutation_test(
+                    rng.standard_normal(n) + effect, rng.standard_normal(n), most=most, seed=k
+                ).p
                 parameter += bool(values < ALPHA)
             yield {
                 "animals in each group": n,
                 "effect [SD]": effect,
                 "studies": repeats,
                 "curve, found [%]": share(found, repeats),
-                "its middle, mean [% of cycle]": float(np.mean(centers)) if centers else float("nan"),
+                "its middle, mean [% of cycle]": float(np.mean(centers))
+                if centers
+                else float("nan"),
                 "elsewhere, falsely [%]": share(elsewhere, repeats),
                 "parameter, found [%]": share(parameter, repeats),
                 "t test would find [%]": 100.0 * _t_power(effect, n),
@@ -117,7 +137,8 @@ def measure_power() -> Iterator[Row]:
 
 def _t_power(effect: float, n: int) -> float:
     """Power of Student's t test of one parameter."""
-    freedom, shift = 2 * n - 2, effect * np.sqrt(n / 2.0)
+    freedom = 2 * n - 2
+    shift = effect * np.sqrt(n / 2.0)
     limit = stats.t.ppf(1.0 - ALPHA / 2.0, freedom)
     return float(stats.nct.sf(limit, freedom, shift) + stats.nct.cdf(-limit, freedom, shift))
 
@@ -128,8 +149,16 @@ BETWEEN = 3.0
 
 
 def measure_within() -> Iterator[Row]:
-    """Made studies of the same subjects twice: differences called falsely and found, intervals that cover the truth."""
-    for n, repeats, most in ((5, 1000, 4000), (6, 1000, 4000), (8, 600, 4000), (12, 200, 2000), (20, 200, 1000)):
+    """Made studies of the same subjects twice: differences called falsely and found, intervals that
+    cover the truth.
+    """
+    for n, repeats, most in (
+        (5, 1000, 4000),
+        (6, 1000, 4000),
+        (8, 600, 4000),
+        (12, 200, 2000),
+        (20, 200, 1000),
+    ):
         rng = np.random.default_rng(n)
         counts = dict.fromkeys(("curves", "each", "parameters", "found", "groups", "covered"), 0)
         bump = EFFECT * np.exp(-0.5 * ((PERCENT - CENTER) / WIDTH) ** 2)
@@ -139,10 +168,17 @@ def measure_within() -> Iterator[Row]:
             test = permutation_test(noise, most=most, seed=k)
             counts["curves"] += bool(np.nanmin(test.p) < ALPHA)
             counts["each"] += bool(np.nanmin(test.alone) < ALPHA)
-            p = np.array([permutation_test(rng.standard_normal(n), most=most, seed=k).p for _ in range(PARAMETERS)])
+            p = np.array(
+                [
+                    permutation_test(rng.standard_normal(n), most=most, seed=k).p
+                    for _ in range(PARAMETERS)
+                ]
+            )
             counts["parameters"] += bool(holm(p).min() < ALPHA)
             shifted = noise[:, 0] + bump
-            counts["found"] += bool((permutation_test(shifted, most=most, seed=k).p[near] < ALPHA).any())
+            counts["found"] += bool(
+                (permutation_test(shifted, most=most, seed=k).p[near] < ALPHA).any()
+            )
             subjects = BETWEEN * animals(rng, n, 1)[:, 0]
             apart = permutation_test(subjects + shifted, subjects, most=min(most, 1000), seed=k).p
             counts["groups"] += bool((apart[near] < ALPHA).any())
@@ -163,10 +199,21 @@ def measure_within() -> Iterator[Row]:
 
 
 def measure_outliers() -> Iterator[Row]:
-    """Made trials, some of them six spreads away: named by the modified z-score, and by mean and standard deviation."""
-    for n, wrong, repeats in ((6, 1, 4000), (12, 1, 4000), (12, 4, 4000), (100, 1, 1000), (100, 30, 1000)):
+    """Made trials, some of them six spreads away: named by the modified z-score, and by mean and
+    standard deviation.
+    """
+    for n, wrong, repeats in (
+        (6, 1, 4000),
+        (12, 1, 4000),
+        (12, 4, 4000),
+        (100, 1, 1000),
+        (100, 30, 1000),
+    ):
         rng = np.random.default_rng(n + wrong)
-        good, found, plain, skewed = 0, 0, 0, 0
+        good = 0
+        found = 0
+        plain = 0
+        skewed = 0
         for _ in range(repeats):
             values = rng.standard_normal(n)
             values[:wrong] += 6.0
@@ -174,7 +221,9 @@ def measure_outliers() -> Iterator[Row]:
             good += int(called[wrong:].sum())
             found += int(called[:wrong].sum())
             plain += int((np.abs(stats.zscore(values, ddof=1)) > OUTLIER_SCORE)[:wrong].sum())
-            skewed += int((np.abs(modified_z(np.exp(0.5 * rng.standard_normal(n)))) > OUTLIER_SCORE).sum())
+            skewed += int(
+                (np.abs(modified_z(np.exp(0.5 * rng.standard_normal(n)))) > OUTLIER_SCORE).sum()
+            )
         yield {
             "trials": n,
             "of them 6 SD away": wrong,

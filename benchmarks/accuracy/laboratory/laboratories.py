@@ -1,7 +1,8 @@
-"""`myomorph analyze` on recordings of many laboratories in public repositories, each as it was published.
+"""`myomorph analyze` on recordings of many laboratories in public repositories, each as it was
+published.
 
-They lie in a folder that the environment variable MYOMORPH_LABORATORIES names, as OWNER+NAME/PATH for the file PATH of
-the repository OWNER/NAME on GitHub; those that are absent are left out.
+They lie in a folder that the environment variable MYOMORPH_LABORATORIES names, as OWNER+NAME/PATH
+for the file PATH of the repository OWNER/NAME on GitHub; those that are absent are left out.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ ERROR = 0.03
 
 
 class Recording(NamedTuple):
-    """A recording of a repository: its files, the part that is used [s], the mass of the set [kg], None for guessed."""
+    """A recording of a repository: its files, the part that is used [s], the mass of the set [kg],
+    None for guessed.
+    """
 
     laboratory: str
     repository: str
@@ -52,25 +55,29 @@ def recordings() -> list[Recording]:
     with TABLE.open(encoding="utf-8", newline="") as file:
         return [
             Recording(
-                row["laboratory"],
-                row["repository"],
-                row["file"],
-                row["static"],
-                (float(row["begin"]), float(row["end"])) if row["end"] else None,
-                float(row["mass"]) if row["mass"] else None,
+                laboratory=row["laboratory"],
+                repository=row["repository"],
+                file=row["file"],
+                static=row["static"],
+                span=(float(row["begin"]), float(row["end"])) if row["end"] else None,
+                mass=float(row["mass"]) if row["mass"] else None,
             )
             for row in csv.DictReader(file)
         ]
 
 
 def measure() -> Iterator[Row]:
-    """A row a recording: labels known, what `analyze` ends with, whether the result can be a person's."""
+    """A row a recording: labels known, what `analyze` ends with, whether the result can be a
+    person's.
+    """
     home = os.environ.get(FOLDER)
     for recording in recordings() if home is not None else ():
         folder = Path(home or "") / recording.repository.replace("/", "+")
         if (folder / recording.file).is_file():
             row = _row(recording, folder)
-            print(f"{recording.laboratory}: {row['ends with']}, {row['time [s]']:.0f} s", flush=True)
+            print(
+                f"{recording.laboratory}: {row['ends with']}, {row['time [s]']:.0f} s", flush=True
+            )
             yield row
 
 
@@ -106,7 +113,9 @@ def _row(recording: Recording, folder: Path) -> Row:
         row |= _result(out) if status == 0 else {"implausible": ""}
         said = said.replace(str(folder), "").replace(name, "")
     lines = [line.strip() for line in said.splitlines()]
-    findings = [line for line in said.partition("study file, ")[2].splitlines() if line.startswith("  ")]
+    findings = [
+        line for line in said.partition("study file, ")[2].splitlines() if line.startswith("  ")
+    ]
     row["mass"] = "guessed" if guessed else "of the set" if recording.mass else "of the plates"
     row["warnings"] = len(findings)
     parts = [line for line in lines if "marker protocol" in line or "Nobody moves" in line]
@@ -126,7 +135,9 @@ def _run(typed: list[str]) -> tuple[int, str]:
 
 
 def _result(out: Path) -> Row:
-    """How well the markers fit, ranges of angles and largest moments, and which of them no person has."""
+    """How well the markers fit, ranges of angles and largest moments, and which of them no person
+    has.
+    """
     (trial,) = mm.load(out).values()
     assert trial.fit is not None
     assert trial.motion is not None
@@ -137,7 +148,9 @@ def _result(out: Path) -> Row:
     row: Row = {"markers, RMS [mm]": 1e3 * error}
     for joint, (low, high) in ANGLES.items():
         angles = np.degrees([trial.motion[f"{joint}_{side}"] for side in "rl"])
-        moment = max(float(np.nanmax(np.abs(trial.torques[f"{joint}_{side}"]))) for side in "rl") / mass
+        moment = (
+            max(float(np.nanmax(np.abs(trial.torques[f"{joint}_{side}"]))) for side in "rl") / mass
+        )
         row[f"{joint} [deg]"] = f"{np.nanmin(angles):.0f} to {np.nanmax(angles):.0f}"
         row[f"{joint}, largest [N m/kg]"] = moment
         if np.nanmin(angles) < low or np.nanmax(angles) > high:

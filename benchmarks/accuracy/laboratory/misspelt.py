@@ -40,7 +40,12 @@ def measure() -> list[Row]:
             text: answer_to_key(text, Path(folder)) for text in KEYS
         }
     return [
-        {"written": text, "meant": (OPTIONS | KEYS)[text], "answer": answer, "named": named(text, answer)}
+        {
+            "written": text,
+            "meant": (OPTIONS | KEYS)[text],
+            "answer": answer,
+            "named": named(text, answer),
+        }
         for text, answer in answers.items()
     ]
 
@@ -63,7 +68,9 @@ def answer_to_key(text: str, folder: Path) -> str:
     heading, key = text.rsplit(" ", 1)
     line = f"{key} = 1\n"
     study = "[study]\nname = 'x'\n" + (line if heading == "[study]" else "")
-    study += "[[subject]]\nname = 's'\nmodel = 'm.osim'\ntrials = []\n" + (line if heading == "[[subject]]" else "")
+    study += "[[subject]]\nname = 's'\nmodel = 'm.osim'\ntrials = []\n" + (
+        line if heading == "[[subject]]" else ""
+    )
     study += f"{heading}\n{line}" if heading not in ("[study]", "[[subject]]") else ""
     path = folder / "study.toml"
     path.write_text(study, encoding="utf-8")

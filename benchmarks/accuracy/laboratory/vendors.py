@@ -1,6 +1,8 @@
-"""`myomorph analyze` on every file of a collection of vendors' samples: a report, or one line that names what helps.
+"""`myomorph analyze` on every file of a collection of vendors' samples: a report, or one line that
+names what helps.
 
-Each file is one command in a process of its own, with a limit of time: a reader that hangs or dies is a row too.
+Each file is one command in a process of its own, with a limit of time: a reader that hangs or dies
+is a row too.
 """
 
 from __future__ import annotations
@@ -16,7 +18,13 @@ from pathlib import Path
 import myomorph as mm
 
 Row = dict[str, object]
-SETS = ("c3d-vendor-samples", "c3d-shoulder-emg-handle", "wheelchair-pushrim", "shoulder-bonepin", "odd-trc-mot")
+SETS = (
+    "c3d-vendor-samples",
+    "c3d-shoulder-emg-handle",
+    "wheelchair-pushrim",
+    "shoulder-bonepin",
+    "odd-trc-mot",
+)
 """Folders of samples and of recordings that are not of legs."""
 WINDOW = 0.4
 """Part of a recording, about its middle, that is analyzed [s]."""
@@ -30,30 +38,59 @@ def measure(folder: Path) -> Iterator[Row]:
     """A row a file: what the command ends with, and whether that is one line that says what helps."""
     for name in SETS:
         home = folder / name
-        for path in sorted(one for one in home.rglob("*") if one.suffix.lower() in (".c3d", ".trc")):
+        for path in sorted(
+            one for one in home.rglob("*") if one.suffix.lower() in (".c3d", ".trc")
+        ):
             yield _row(path, folder)
 
 
 def _row(path: Path, folder: Path) -> Row:
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
-        command = [sys.executable, "-m", "myomorph", "analyze", str(path), "--mass", "70", "--workers", "1"]
+        command = [
+            sys.executable,
+            "-m",
+            "myomorph",
+            "analyze",
+            str(path),
+            "--mass",
+            "70",
+            "--workers",
+            "1",
+        ]
         started = time.monotonic()
         try:
             ended = subprocess.run(
-                [*command, *_window(path), "--out", str(out)], capture_output=True, text=True, timeout=LIMIT
+                [*command, *_window(path), "--out", str(out)],
+                capture_output=True,
+                text=True,
+                timeout=LIMIT,
             )
-            status, lines = ended.returncode, [*ended.stdout.splitlines(), *ended.stderr.splitlines()]
+            status, lines = (
+                ended.returncode,
+                [*ended.stdout.splitlines(), *ended.stderr.splitlines()],
+            )
         except subprocess.TimeoutExpired:
-            status, lines = None, [f"still running after {LIMIT:.0f} s"]
+            status = None
+            lines = [f"still running after {LIMIT:.0f} s"]
         seconds = time.monotonic() - started
         reports = len(list(out.rglob("report.html")))
-        failed = [line.strip() for line in lines if "error:" in line or "FAILED:" in line or "Traceback" in line]
+        failed = [
+            line.strip()
+            for line in lines
+            if "error:" in line or "FAILED:" in line or "Traceback" in line
+        ]
         said = (failed or lines[-1:] or [""])[0].removeprefix("error: ").replace(f"{path}: ", "")
         fine = status == 0 and reports > 0
         return {
             "file": str(path.relative_to(folder)),
-            "ends with": "report" if fine else "one line" if status == 2 and len(failed) == 1 else f"exit {status}",
+            "ends with": (
+                "report"
+                if fine
+                else "one line"
+                if status == 2 and len(failed) == 1
+                else f"exit {status}"
+            ),
             "line": "" if fine else said.replace("|", "/")[:160],
             "names what helps": "" if fine else "yes" if OPTION.search(said) else "no",
             "time [s]": seconds,
@@ -68,7 +105,8 @@ def _window(path: Path) -> list[str]:
         return []
     if markers is None or len(markers) < 2:
         return []
-    first, last = float(markers.time[0]), float(markers.time[-1])
+    first = float(markers.time[0])
+    last = float(markers.time[-1])
     if last - first <= WINDOW:
         return []
     middle = 0.5 * (first + last)

@@ -1,4 +1,6 @@
-"""Spheres and cylinders of articular surfaces, and landmarks found by rules, against truths and other methods."""
+"""Spheres and cylinders of articular surfaces, and landmarks found by rules, against truths and
+other methods.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,23 @@ import myomorph as mm
 from myomorph.model.surface import pieces_of, turned_outward
 from myomorph.morph.maps.linear import Similarity, procrustes
 from myomorph.morph.registration.alignment import automatic_landmarks
-from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, spherical_patches, warning_of
+from myomorph.morph.shapes.articular import (
+    articular_cylinder,
+    articular_sphere,
+    spherical_patches,
+    warning_of,
+)
 from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
 from myomorph.morph.shapes.surface_points import Shape
 from truths.leg_shapes import leg_shapes
 
 Row = dict[str, object]
 
-RUNS, POINTS = 50, 600
-RADIUS, NOISE, WRONG = 0.023, 3e-4, 0.008
+RUNS = 50
+POINTS = 600
+RADIUS = 0.023
+NOISE = 3e-4
+WRONG = 0.008
 EVERY = 5
 """Every so many of the persons in what takes long."""
 
@@ -38,14 +48,18 @@ def measure_made() -> Iterator[Row]:
 
 
 def _made(kind: str, share: float, cover: str) -> Row:
-    errors, told, tilts = [], [], []
+    errors = []
+    told = []
+    tilts = []
     for seed in range(RUNS):
         random = np.random.default_rng(seed)
         if kind == "sphere":
-            height, along = 1.0 - 2.0 * share * random.random(POINTS), np.zeros((POINTS, 3))
+            height = 1.0 - 2.0 * share * random.random(POINTS)
+            along = np.zeros((POINTS, 3))
             angle = 2.0 * np.pi * random.random(POINTS)
         else:
-            height, along = np.zeros(POINTS), np.outer(0.04 * random.random(POINTS) - 0.02, [0.0, 0.0, 1.0])
+            height = np.zeros(POINTS)
+            along = np.outer(0.04 * random.random(POINTS) - 0.02, [0.0, 0.0, 1.0])
             angle = 2.0 * np.pi * share * random.random(POINTS)
         level = np.sqrt(1.0 - height**2)
         direction = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
@@ -54,7 +68,9 @@ def _made(kind: str, share: float, cover: str) -> Row:
         looks = direction + 0.15 * random.normal(size=direction.shape)
         looks /= np.linalg.norm(looks, axis=1)[:, None]
         if kind == "sphere":
-            sphere = fit_sphere(points, looks, np.full(POINTS, 4.0 * np.pi * RADIUS**2 * share / POINTS))
+            sphere = fit_sphere(
+                points, looks, np.full(POINTS, 4.0 * np.pi * RADIUS**2 * share / POINTS)
+            )
             errors.append(float(np.linalg.norm(sphere.center)))
             told.append(float(np.sqrt(np.trace(sphere.covariance))))
         else:
@@ -76,7 +92,8 @@ def measure_centers(folder: Path) -> Iterator[Row]:
     """Heads found without a start, against sockets and against what others took for the center."""
     adults = folder / "bones-mri-two-adults"
     for name, person in (("man, MRI", "ICL_MRI"), ("woman, MRI", "MC22")):
-        femur, pelvis = (_meters(adults / person / f"{one}.ply") for one in ("femur_r", "pelvis_no_sacrum"))
+        femur = _meters(adults / person / "femur_r.ply")
+        pelvis = _meters(adults / person / "pelvis_no_sacrum.ply")
         yield _hip(f"right hip, {name}", _head(femur), pelvis)
     bones = folder / "bones-opensim-rajagopal" / "Geometry"
     for name, file in (
@@ -84,7 +101,9 @@ def measure_centers(folder: Path) -> Iterator[Row]:
         ("left femur, generic (OpenSim)", "l_femur"),
         ("right humerus, generic (OpenSim)", "humerus_rv"),
     ):
-        yield _against(name, _head(mm.read_mesh(bones / f"{file}.vtp")), np.zeros(3), "the body's origin")
+        yield _against(
+            name, _head(mm.read_mesh(bones / f"{file}.vtp")), np.zeros(3), "the body's origin"
+        )
 
 
 def _head(femur: mm.Surface) -> SphereFit:
@@ -100,7 +119,9 @@ def _against(name: str, head: SphereFit, center: np.ndarray, against: str) -> Ro
     return _center_row(name, head, None, center, against)
 
 
-def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np.ndarray, against: str) -> Row:
+def _center_row(
+    name: str, head: SphereFit, socket: SphereFit | None, center: np.ndarray, against: str
+) -> Row:
     warnings = [told for one in (head, socket) if one is not None and (told := warning_of(one))]
     return {
         "joint": name,
@@ -118,8 +139,11 @@ def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np
 
 
 def measure_persons() -> Iterator[Row]:
-    """Round surfaces of one person's bones found on the other 25, from a similarity; dense points are the truth."""
-    femur, pelvis = (_person(bone, _average()) for bone in ("femur", "pelvis"))
+    """Round surfaces of one person's bones found on the other 25, from a similarity; dense points
+    are the truth.
+    """
+    femur = _person("femur", _average())
+    pelvis = _person("pelvis", _average())
     head = _head(femur)
     yield _found_again("femur", "head", head)
     yield _found_again("femur", "condyles, one cylinder", _condyles(femur, head))
@@ -130,7 +154,11 @@ def measure_persons() -> Iterator[Row]:
 def _condyles(femur: mm.Surface, head: SphereFit) -> CylinderFit:
     """The cylinder of a femur's condyles: the two largest round patches far from the head start it."""
     length = float(np.linalg.norm(np.ptp(femur.vertices, axis=0)))
-    far = [one for one in spherical_patches(femur) if np.linalg.norm(one.center - head.center) > 0.6 * length]
+    far = [
+        one
+        for one in spherical_patches(femur)
+        if np.linalg.norm(one.center - head.center) > 0.6 * length
+    ]
     one, other = sorted(far, key=lambda one: -one.radius)[:2]
     between = other.center - one.center
     radius = 0.5 * (one.radius + other.radius)
@@ -143,7 +171,10 @@ def _found_again(bone: str, name: str, fit: SphereFit | CylinderFit) -> Row:
     center = fit.center if isinstance(fit, SphereFit) else fit.point
     reach = 1.8 * fit.radius if isinstance(fit, SphereFit) else fit.length
     near = np.linalg.norm(source.vertices - center, axis=1) < reach
-    mapped, fitted, turned, refused = [], [], [], 0
+    mapped = []
+    fitted = []
+    turned = []
+    refused = 0
     for k in _others():
         target = _person(bone, k)
         whole = procrustes(source.vertices, target.vertices, True)
@@ -170,9 +201,15 @@ def _found_again(bone: str, name: str, fit: SphereFit | CylinderFit) -> Row:
 
 
 def _again(
-    fit: SphereFit | CylinderFit, target: mm.Surface, start: np.ndarray, whole: Similarity, part: Similarity
+    fit: SphereFit | CylinderFit,
+    target: mm.Surface,
+    start: np.ndarray,
+    whole: Similarity,
+    part: Similarity,
 ) -> tuple[float, float]:
-    """How far the center (or the axis) lies from where the points around it were carried [m], and its angle [°]."""
+    """How far the center (or the axis) lies from where the points around it were carried [m], and
+    its angle [°].
+    """
     radius = whole.scale * fit.radius
     if isinstance(fit, SphereFit):
         sphere = articular_sphere(target, start, radius, fit.hollow)
@@ -206,7 +243,11 @@ def measure_landmarks() -> Iterator[Row]:
             apart = 1e3 * np.linalg.norm(found.target - truth, axis=1)
             for name, one in zip(found.names, apart.tolist(), strict=True):
                 errors[name].append(one)
-        often = {name: apart for name, apart in errors.items() if len(apart) >= 0.5 * (len(others) - refused)}
+        often = {
+            name: apart
+            for name, apart in errors.items()
+            if len(apart) >= 0.5 * (len(others) - refused)
+        }
         every = [one for apart in errors.values() for one in apart]
         yield {
             "bone": bone,
@@ -222,7 +263,9 @@ def measure_landmarks() -> Iterator[Row]:
 
 
 def _carried(source: mm.Surface, target: mm.Surface, points: np.ndarray) -> np.ndarray:
-    """Where the vertices around points carry them: the nearest dozen, more for a point off the surface."""
+    """Where the vertices around points carry them: the nearest dozen, more for a point off the
+    surface.
+    """
     apart = np.abs(Shape(source).signed(points))
     carried = []
     for point, off in zip(points, apart, strict=True):
@@ -235,7 +278,10 @@ def _carried(source: mm.Surface, target: mm.Surface, points: np.ndarray) -> np.n
 @cache
 def _average() -> int:
     """The person whose bones are nearest to the mean of all."""
-    away = sum(np.linalg.norm(one.nodes - one.nodes.mean(axis=0), axis=2).mean(axis=1) for one in leg_shapes().values())
+    away = sum(
+        np.linalg.norm(one.nodes - one.nodes.mean(axis=0), axis=2).mean(axis=1)
+        for one in leg_shapes().values()
+    )
     return int(np.argmin(away))
 
 
@@ -246,7 +292,9 @@ def _others() -> list[int]:
 def _person(bone: str, k: int) -> mm.Surface:
     shape = leg_shapes()[bone]
     nodes = shape.nodes[0]
-    faces = np.concatenate([turned_outward(nodes, piece) for piece in pieces_of(len(nodes), shape.faces)])
+    faces = np.concatenate(
+        [turned_outward(nodes, piece) for piece in pieces_of(len(nodes), shape.faces)]
+    )
     return mm.Surface(shape.nodes[k], faces)
 
 

@@ -1,7 +1,9 @@
-"""Bones that find each other without landmarks: affine copies and random smooth deformations of a model's own bones.
+"""Bones that find each other without landmarks: affine copies and random smooth deformations of a
+model's own bones.
 
-What became of every attachment is known. Deformed bones lie anywhere (random rotations), are stretched differently
-along random axes, and bent by a random smooth displacement; their triangles are not the source's.
+What became of every attachment is known. Deformed bones lie anywhere (random rotations), are
+stretched differently along random axes, and bent by a random smooth displacement; their triangles
+are not the source's.
 """
 
 from __future__ import annotations
@@ -32,21 +34,27 @@ BONES = ("pelvis", "femur_r", "tibia_r", "patella_r", "talus_r", "calcn_r", "toe
 SEEDS = range(22, 42)
 """Deformations that were not used to choose anything: some below 22 were."""
 
-STRETCH, SIZE = 0.06, 0.08
+STRETCH = 0.06
+SIZE = 0.08
 """Standard deviations of the logarithms of three stretches, and of the size."""
 
-BEND, WIDTH = 0.02, 0.35
-"""Standard deviation of the displacement along an axis, and the distance over which it goes together, in shares of the
-bone's length."""
+BEND = 0.02
+WIDTH = 0.35
+"""Standard deviation of the displacement along an axis, and the distance over which it goes
+together, in shares of the bone's length.
+"""
 
 EDGE = 0.03
-"""Longest edge of the target's triangles before they are deformed, in shares of the bone's length."""
+"""Longest edge of the target's triangles before they are deformed, in shares of the bone's length.
+"""
 
 WITHIN = 0.02
 """As `MorphOptions.surface_within`."""
 
 AFFINE = (0.25, 0.05)
-"""Largest logarithms of stretches of the affine copies along an axis: one longer, one shorter, one between."""
+"""Largest logarithms of stretches of the affine copies along an axis: one longer, one shorter, one
+between.
+"""
 
 HELD_OUT = 2
 """Of the persons of LLP26 those with an even number: settings were chosen on odd ones."""
@@ -84,14 +92,19 @@ class Deformation:
 def bone(body: str) -> tuple[mm.Surface, np.ndarray, np.ndarray]:
     """A bone of the model, the muscle points fixed to it, and which of them are on it.
 
-    On a bone are the ends of paths, and what is nearer to the surface than `WITHIN`; the rest are points in the flesh
-    beside it. Of the talus, which has no muscle points, points of its surface.
+    On a bone are the ends of paths, and what is nearer to the surface than `WITHIN`; the rest are
+    points in the flesh beside it. Of the talus, which has no muscle points, points of its surface.
     """
     model = mm.read_model(data_folder() / MODEL)
     surface = repaired_bone(source_bones(model, data_folder() / GEOMETRY)[body], body, [])
     coordinates = {one.name: one for one in model.coordinates}
     paths = [muscle.path.points for muscle in model.muscles]
-    owned = [(point, point in (path[0], path[-1])) for path in paths for point in path if point.body == body]
+    owned = [
+        (point, point in (path[0], path[-1]))
+        for path in paths
+        for point in path
+        if point.body == body
+    ]
     if not owned:
         places = surface.vertices[::8]
         return surface, places, np.ones(len(places), dtype=bool)
@@ -120,9 +133,15 @@ def three_landmarks(surface: mm.Surface) -> np.ndarray:
 
 
 def carried(
-    body: str, source: mm.Surface, target: mm.Surface, points: np.ndarray, landmarks: FeaturePoints | None = None
+    body: str,
+    source: mm.Surface,
+    target: mm.Surface,
+    points: np.ndarray,
+    landmarks: FeaturePoints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where points (n, 3) of a bone go without a hand, and within which distance (n,) they belong with 90 % [m]."""
+    """Where points (n, 3) of a bone go without a hand, and within which distance (n,) they belong
+    with 90 % [m].
+    """
     carrier = Transfer(mm.map_bone(body, source, target, landmarks), body)
     return put_on_surface(carrier, points, WITHIN).points, carrier.within(points)
 
@@ -136,7 +155,9 @@ def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> 
     beside: list[tuple[np.ndarray, ...]] = []
     for body in bones:
         surface, points, on = bone(body)
-        found, flesh, began = [], [], time.process_time()
+        found = []
+        flesh = []
+        began = time.process_time()
         for seed in seeds:
             change = Deformation(surface, seed, 0.0 if what == "affine" else BEND)
             marks = None
@@ -144,7 +165,8 @@ def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> 
                 ends = three_landmarks(surface)
                 marks = FeaturePoints(("a", "b", "c"), ends, change(ends))
             places, within = carried(body, surface, deformed(surface, change), points, marks)
-            truth, whole = change(points), procrustes(surface.vertices, change(surface.vertices), True)
+            truth = change(points)
+            whole = procrustes(surface.vertices, change(surface.vertices), True)
             scaled = np.linalg.norm(whole.apply(points) - truth, axis=1)
             rows = np.linalg.norm(places - truth, axis=1), within, scaled
             found.append(tuple(one[on] for one in rows))
@@ -157,7 +179,9 @@ def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> 
 
 
 def errors(found: list[tuple[np.ndarray, ...]]) -> Row:
-    """Of attachments of several targets: errors, those of a whole-bone similarity, and how often intervals hold."""
+    """Of attachments of several targets: errors, those of a whole-bone similarity, and how often
+    intervals hold.
+    """
     away, within, scaled = (np.concatenate(one) for one in zip(*found, strict=True))
     return {
         "targets": len(found),
@@ -198,21 +222,34 @@ def measure_landmarks() -> Iterator[Row]:
 
 
 def measure_persons() -> Iterator[Row]:
-    """A row a bone and method: the mean of the 25 others of LLP26 in the bone of a person, held-out persons alone."""
+    """A row a bone and method: the mean of the 25 others of LLP26 in the bone of a person, held-out
+    persons alone.
+    """
     for name in leg_shapes():
-        some = [case for k, case in enumerate(c for c in cases("mean") if c.bone == name) if k % HELD_OUT == 0]
-        faces, points = leg_shapes()[name].faces, attachments()[name]
+        some = [
+            case
+            for k, case in enumerate(c for c in cases("mean") if c.bone == name)
+            if k % HELD_OUT == 0
+        ]
+        faces = leg_shapes()[name].faces
+        points = attachments()[name]
         ways: dict[str, list[tuple[np.ndarray, ...]]] = {}
         for case in some:
-            source, target = mm.Surface(case.template, faces), mm.Surface(case.person, faces)
-            here, truth = points.on(case.template), points.on(case.person)
+            source = mm.Surface(case.template, faces)
+            target = mm.Surface(case.person, faces)
+            here = points.on(case.template)
+            truth = points.on(case.person)
             whole = procrustes(case.template, case.person, True)
             scaled = np.linalg.norm(whole.apply(here) - truth, axis=1)
             for way, count in (("no landmarks", 0), ("three landmarks", 3)):
                 ends = three_landmarks(source)
-                index = [int(np.argmin(np.linalg.norm(case.template - one, axis=1))) for one in ends]
+                index = [
+                    int(np.argmin(np.linalg.norm(case.template - one, axis=1))) for one in ends
+                ]
                 marks = FeaturePoints(("a", "b", "c"), ends, case.person[index]) if count else None
                 places, within = carried(name, source, target, here, marks)
-                ways.setdefault(way, []).append((np.linalg.norm(places - truth, axis=1), within, scaled))
+                ways.setdefault(way, []).append(
+                    (np.linalg.norm(places - truth, axis=1), within, scaled)
+                )
         for way, found in ways.items():
             yield {"bone": name, "way": way} | errors(found)

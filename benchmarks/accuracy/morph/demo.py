@@ -1,4 +1,6 @@
-"""Muscles of a leg carried into bones whose deformation is known: points, joint centers and moment arms."""
+"""Muscles of a leg carried into bones whose deformation is known: points, joint centers and moment
+arms.
+"""
 
 from __future__ import annotations
 

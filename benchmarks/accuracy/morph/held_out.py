@@ -1,7 +1,9 @@
-"""A leg carried into deformed bones and into bones of persons who are held out: attachments and moment arms.
+"""A leg carried into deformed bones and into bones of persons who are held out: attachments and
+moment arms.
 
-The leg is laid on the mean of other persons of LLP26. From there the truth is the model that the map through all
-corresponding nodes makes. The persons' bones do not share a frame, so joints go by the maps.
+The leg is laid on the mean of other persons of LLP26. From there the truth is the model that the
+map through all corresponding nodes makes. The persons' bones do not share a frame, so joints go by
+the maps.
 """
 
 from __future__ import annotations
@@ -13,7 +15,14 @@ from functools import cache
 import numpy as np
 
 import myomorph as mm
-from benchmarks.accuracy.morph.correspondence import BONES, MODEL, Deformation, bone, deformed, three_landmarks
+from benchmarks.accuracy.morph.correspondence import (
+    BONES,
+    MODEL,
+    Deformation,
+    bone,
+    deformed,
+    three_landmarks,
+)
 from benchmarks.accuracy.morph.shapes import BODIES, attachments, mean_shape
 from data_collection import data_folder
 from myomorph.model.arrays import Array
@@ -30,7 +39,8 @@ Row = dict[str, object]
 
 GEOMETRY = "bones-opensim-rajagopal/Geometry"
 PERSONS = (2, 10, 18, 24)
-"""Held out; the template is the mean of persons with an odd number, on whom settings were chosen."""
+"""Held out; the template is the mean of persons with an odd number, on whom settings were chosen.
+"""
 
 DENSE = 400
 """Nodes through which the true map of a bone goes."""
@@ -61,14 +71,24 @@ def leg() -> Leg:
     ours = source_bones(model, data_folder() / GEOMETRY)
     nodes = {BODIES[name]: mean_shape(shapes.nodes[1::2]) for name, shapes in leg_shapes().items()}
     faces = {BODIES[name]: shapes.faces for name, shapes in leg_shapes().items()}
-    bones = {body: mm.map_bone(body, ours[body], mm.Surface(nodes[body], faces[body])) for body in nodes}
+    bones = {
+        body: mm.map_bone(body, ours[body], mm.Surface(nodes[body], faces[body])) for body in nodes
+    }
     return Leg(mm.morph_model(model, bones, DEFAULT), nodes)
 
 
 def given_map(body: str, mapping: PointMap, source: mm.Surface, target: mm.Surface) -> BoneMap:
     """A bone that goes by a map."""
     whole = procrustes(source.vertices, mapping.apply(source.vertices), True)
-    return BoneMap(body, body, mapping, whole, "given", source, target)
+    return BoneMap(
+        body=body,
+        target_body=body,
+        map=mapping,
+        whole=whole,
+        basis="given",
+        source=source,
+        target=target,
+    )
 
 
 def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
@@ -76,7 +96,8 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
     pairs = {}
     for name, shapes in leg_shapes().items():
         body = BODIES[name]
-        template, there = leg().nodes[body], shapes.nodes[person]
+        template = leg().nodes[body]
+        there = shapes.nodes[person]
         pairs[body] = (name, mm.Surface(template, shapes.faces), mm.Surface(there, shapes.faces))
 
     def through(count: int) -> dict[str, BoneMap]:
@@ -84,7 +105,9 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
         for body, (name, source, target) in pairs.items():
             places = attachments()[name].on(source.vertices) if count < DENSE else source.vertices
             chosen = spread_nodes(source.vertices, places, count)
-            features = FeaturePoints(tuple(str(k) for k in chosen), source.vertices[chosen], target.vertices[chosen])
+            features = FeaturePoints(
+                tuple(str(k) for k in chosen), source.vertices[chosen], target.vertices[chosen]
+            )
             found[body] = given_map(body, fit_map(features), source, target)
         return found
 
@@ -94,7 +117,9 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
             marks = None
             if marked:
                 ends = three_landmarks(source)
-                index = [int(np.argmin(np.linalg.norm(source.vertices - one, axis=1))) for one in ends]
+                index = [
+                    int(np.argmin(np.linalg.norm(source.vertices - one, axis=1))) for one in ends
+                ]
                 marks = FeaturePoints(("a", "b", "c"), ends, target.vertices[index])
             found[body] = mm.map_bone(body, source, target, marks)
         return found
@@ -111,7 +136,9 @@ def ways(person: int) -> Iterator[tuple[str, dict[str, BoneMap], MorphOptions]]:
 
 
 def spread_nodes(nodes: Array, places: Array, count: int) -> np.ndarray:
-    """Nodes nearest to places as far from each other as they go, then nodes of the whole as far as they go."""
+    """Nodes nearest to places as far from each other as they go, then nodes of the whole as far as
+    they go.
+    """
     chosen = [int(np.argmax(np.linalg.norm(nodes - nodes.mean(axis=0), axis=1)))]
     away = np.linalg.norm(nodes - nodes[chosen[0]], axis=1)
     near = np.array([int(np.argmin(np.linalg.norm(nodes - one, axis=1))) for one in places])
@@ -123,7 +150,9 @@ def spread_nodes(nodes: Array, places: Array, count: int) -> np.ndarray:
 
 
 def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
-    """A row a method: errors of muscle points and of moment arms over the ranges, and whether intervals hold."""
+    """A row a method: errors of muscle points and of moment arms over the ranges, and whether
+    intervals hold.
+    """
     every: dict[str, list[tuple[Array, Array, Array, Array]]] = {}
     for person in persons:
         true: Morph | None = None
@@ -143,22 +172,29 @@ def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
             "median [mm]": 1e3 * float(np.median(points)),
             "95 % [mm]": 1e3 * float(np.percentile(points, 95)),
             "largest [mm]": 1e3 * float(points.max()),
-            "intervals hold [%]": 100.0 * float(np.mean(points[known] <= within[known])) if known.any() else "",
+            "intervals hold [%]": 100.0 * float(np.mean(points[known] <= within[known]))
+            if known.any()
+            else "",
             "moment arms": len(arms),
             "moment arm, median [mm]": 1e3 * float(np.median(arms)),
             "moment arm, 95 % [mm]": 1e3 * float(np.percentile(arms, 95)),
             "moment arm, largest [mm]": 1e3 * float(arms.max()),
-            "all together, of the arms' [%]": 100.0 * float(np.linalg.norm(arms) / np.linalg.norm(sizes)),
+            "all together, of the arms' [%]": 100.0
+            * float(np.linalg.norm(arms) / np.linalg.norm(sizes)),
         }
 
 
 def _against(true: Morph, found: Morph) -> tuple[Array, Array, Array, Array]:
-    """Errors and radii of muscle points on the mapped bones [m]; errors and sizes of moment arms, rms of each [m]."""
+    """Errors and radii of muscle points on the mapped bones [m]; errors and sizes of moment arms,
+    rms of each [m].
+    """
     mapped = {BODIES[name] for name in leg_shapes()}
     goals = {(one.owner, one.name): one.target for one in true.points}
     own = [one for one in found.points if one.body in mapped]
     away = np.array([np.linalg.norm(one.target - goals[one.owner, one.name]) for one in own])
-    tables = compare_moment_arms(true.model, found.model, compared_coordinates(true.model, found.model))
+    tables = compare_moment_arms(
+        true.model, found.model, compared_coordinates(true.model, found.model)
+    )
     turning = [one for one in tables if one.kind == "rotational"]
     arms = [np.sqrt(np.mean((one.target - one.source) ** 2, axis=0)) for one in turning]
     sizes = [np.sqrt(np.mean(one.source**2, axis=0)) for one in turning]
@@ -177,14 +213,17 @@ def deformed_leg() -> mm.Model:
 
 
 def legs(seed: int) -> tuple[Morph, Morph]:
-    """The leg in deformed bones: as the deformations make it, and as it is found without landmarks; not cleared."""
+    """The leg in deformed bones: as the deformations make it, and as it is found without landmarks;
+    not cleared.
+    """
     true: dict[str, BoneMap] = {}
     found: dict[str, BoneMap] = {}
     for body in BONES:
         surface, *_ = bone(body)
         change = Deformation(surface, seed)
         found[body] = mm.map_bone(body, surface, deformed(surface, change))
-        target, features = found[body].target, found[body].features
+        target = found[body].target
+        features = found[body].features
         assert target is not None
         assert features is not None
         chosen = surface.vertices[spread_nodes(surface.vertices, surface.vertices, DENSE)]
@@ -198,7 +237,9 @@ def legs(seed: int) -> tuple[Morph, Morph]:
 
 
 def measure_deformed(seeds: range = SEEDS) -> Iterator[Row]:
-    """A row a coordinate, and one for all: errors of moment arms over its range, and how often intervals hold."""
+    """A row a coordinate, and one for all: errors of moment arms over its range, and how often
+    intervals hold.
+    """
     parts: dict[str, list[np.ndarray]] = {}
     for seed in seeds:
         true, found = legs(seed)
@@ -207,7 +248,9 @@ def measure_deformed(seeds: range = SEEDS) -> Iterator[Row]:
         for one, other in zip(checks.arms, tables, strict=True):
             if one.kind == "rotational" and one.within is not None:
                 away = np.abs(other.target - other.source)
-                parts.setdefault(one.pair.target, []).append(np.array([away.ravel(), one.within.ravel()]))
+                parts.setdefault(one.pair.target, []).append(
+                    np.array([away.ravel(), one.within.ravel()])
+                )
     for name, own in [*parts.items(), ("all", [one for rows in parts.values() for one in rows])]:
         away, within = np.concatenate(own, axis=1)
         yield {

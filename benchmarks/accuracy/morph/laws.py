@@ -1,4 +1,6 @@
-"""Laws of muscle transfer that hold exactly on whole models, and where a branching point goes by balance."""
+"""Laws of muscle transfer that hold exactly on whole models, and where a branching point goes by
+balance.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,8 @@ def identity(model: mm.Model) -> Row:
     morph = mm.morph_model(model, similar(model, 1.0))
     errors = (float(np.linalg.norm(one.target - one.source)) for one in morph.points)
     motion = poses_of(model, POSES)
-    ours, theirs = (mm.muscle_kinematics(one, motion, velocities=False) for one in (morph.model, model))
+    ours = mm.muscle_kinematics(morph.model, motion, velocities=False)
+    theirs = mm.muscle_kinematics(model, motion, velocities=False)
     return {
         "identity: points [bone lengths]": of_bones(morph.points, errors),
         "identity: lengths [m]": float(np.abs(ours.lengths - theirs.lengths).max()),
@@ -78,7 +81,9 @@ def identity(model: mm.Model) -> Row:
 
 
 def twin(model: mm.Model) -> Row:
-    """A model larger by `SIZE` in bodies' frames that lie anyhow: lengths and moment arms must grow by it."""
+    """A model larger by `SIZE` in bodies' frames that lie anyhow: lengths and moment arms must grow
+    by it.
+    """
     bones = similar(model, SIZE, seed=3) | {GROUND: given(GROUND, SIZE * np.eye(3), np.zeros(3))}
     morph = mm.morph_model(model, bones)
     motion = poses_of(model, POSES)
@@ -87,36 +92,51 @@ def twin(model: mm.Model) -> Row:
     lengths = np.abs(ours.lengths / SIZE - theirs.lengths).max(axis=0)
     turning = np.array([one.motion == "rotational" for one in model.coordinates])
     arms = np.abs(ours.moment_arms / SIZE - theirs.moment_arms)[:, :, turning].max(axis=(0, 2))
-    around = np.array([any(isinstance(wrap, PathWrap) for wrap in one.path.wraps) for one in model.muscles])
+    around = np.array(
+        [any(isinstance(wrap, PathWrap) for wrap in one.path.wraps) for one in model.muscles]
+    )
     return {
         "larger twin: lengths [m]": float(lengths[~around].max(initial=0.0)),
         "larger twin: moment arms [m]": float(arms[~around].max(initial=0.0)),
-        "larger twin: lengths around OpenSim's surfaces [m]": float(lengths[around].max()) if around.any() else "",
-        "larger twin: their surfaces [sizes]": _surfaces(model, morph.model, bones) if around.any() else "",
+        "larger twin: lengths around OpenSim's surfaces [m]": float(lengths[around].max())
+        if around.any()
+        else "",
+        "larger twin: their surfaces [sizes]": _surfaces(model, morph.model, bones)
+        if around.any()
+        else "",
     }
 
 
 def _surfaces(model: mm.Model, morphed: mm.Model, bones: dict[str, BoneMap]) -> float:
-    """How far sizes, middles and axes of wrap objects are from those of the twin, as a share of their size."""
+    """How far sizes, middles and axes of wrap objects are from those of the twin, as a share of
+    their size.
+    """
     error = 0.0
     for before, after in zip(model.wrap_objects, morphed.wrap_objects, strict=True):
-        bone, size = bones[before.body], before.size[0]
+        bone = bones[before.body]
+        size = before.size[0]
         turned = bone.whole.rotation @ before.pose.rotation
         error = max(
             error,
             float(np.abs(np.array(after.size) / (SIZE * np.array(before.size)) - 1.0).max()),
-            float(np.linalg.norm(after.pose.translation - bone.map.apply(before.pose.translation))) / size,
+            float(np.linalg.norm(after.pose.translation - bone.map.apply(before.pose.translation)))
+            / size,
             float(np.abs(after.pose.rotation - turned).max()),
         )
     return error
 
 
 def affine(model: mm.Model) -> Row:
-    """One matrix for the whole body as it stands: every point must be where it puts it, joints on the way included."""
+    """One matrix for the whole body as it stands: every point must be where it puts it, joints on
+    the way included.
+    """
     rng = np.random.default_rng(5)
-    matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (np.diag([1.2, 0.8, 1.1]) + 0.05 * rng.standard_normal((3, 3)))
+    matrix = rotation_from_euler_xyz((0.3, -0.4, 0.2)) @ (
+        np.diag([1.2, 0.8, 1.1]) + 0.05 * rng.standard_normal((3, 3))
+    )
     morph = mm.morph_model(model, sheared(model, matrix))
-    before, after = standing_poses(model), standing_poses(morph.model)
+    before = standing_poses(model)
+    after = standing_poses(morph.model)
     _, d, vt = np.linalg.svd(matrix)
     stretch = vt.T * d @ vt
     wanted = (stretch @ before[one.body].apply(one.source) for one in morph.points)
@@ -128,21 +148,31 @@ def affine(model: mm.Model) -> Row:
 
 
 def sides(name: str, model: mm.Model) -> Row:
-    """Mirrored maps for left and right: how unlike mirrored muscles become, beside how unlike they were."""
+    """Mirrored maps for left and right: how unlike mirrored muscles become, beside how unlike they
+    were.
+    """
     title = "left and right: lengths apart, {} [m]"
     row: Row = {title.format("before"): "", title.format("after"): ""}
     if name not in SYMMETRIC:
         return row
-    flip, rng, bones = np.diag([1.0, 1.0, -1.0]), np.random.default_rng(1), {}
+    flip = np.diag([1.0, 1.0, -1.0])
+    rng = np.random.default_rng(1)
+    bones = {}
     for body in model.body_names:
         if body in bones:
             continue
         other = _other(body, model.body_names)
-        matrix, offset = np.eye(3) + 0.1 * rng.standard_normal((3, 3)), rng.uniform(-0.1, 0.1, 3)
+        matrix = np.eye(3) + 0.1 * rng.standard_normal((3, 3))
+        offset = rng.uniform(-0.1, 0.1, 3)
         if other:
-            bones |= {body: given(body, matrix, offset), other: given(other, flip @ matrix @ flip, flip @ offset)}
+            bones |= {
+                body: given(body, matrix, offset),
+                other: given(other, flip @ matrix @ flip, flip @ offset),
+            }
         else:
-            bones[body] = given(body, 0.5 * (matrix + flip @ matrix @ flip), 0.5 * (offset + flip @ offset))
+            bones[body] = given(
+                body, 0.5 * (matrix + flip @ matrix @ flip), 0.5 * (offset + flip @ offset)
+            )
     motion = poses_of(model, POSES)
     other_motion = mirrored_motion(model, motion)
     for when, one in (("before", model), ("after", mm.morph_model(model, bones).model)):
@@ -151,9 +181,12 @@ def sides(name: str, model: mm.Model) -> Row:
 
 
 def _apart(model: mm.Model, motion: mm.Motion, other: mm.Motion) -> float:
-    here, there = (mm.muscle_kinematics(model, one, velocities=False).lengths for one in (motion, other))
+    here = mm.muscle_kinematics(model, motion, velocities=False).lengths
+    there = mm.muscle_kinematics(model, other, velocities=False).lengths
     names = model.muscle_names
-    pairs = [(i, names.index(other)) for i, name in enumerate(names) if (other := _other(name, names))]
+    pairs = [
+        (i, names.index(other)) for i, name in enumerate(names) if (other := _other(name, names))
+    ]
     return max(float(np.abs(here[:, i] - there[:, j]).max()) for i, j in pairs)
 
 
@@ -180,7 +213,9 @@ STRETCHED = {
 
 
 def measure_branches(folder: Path) -> Iterator[dict[str, object]]:
-    """A row for each trunk: how far the balance is from where the bones put the link, and what that changes."""
+    """A row for each trunk: how far the balance is from where the bones put the link, and what that
+    changes.
+    """
     if not (folder / MODEL).is_file():
         return
     model = read_osim(folder / MODEL)
@@ -193,13 +228,15 @@ def measure_branches(folder: Path) -> Iterator[dict[str, object]]:
     }
     for name, maps in cases.items():
         bones = {body: bone for body, bone in maps.items() if body != LINK}
-        mapped, balanced = (_morphed(model, bones, on) for on in (False, True))
+        mapped = _morphed(model, bones, False)
+        balanced = _morphed(model, bones, True)
         link = balanced.bones[LINK]
         lengths, arms = _changed(mapped.model, balanced.model, load.muscles)
         yield {
             "trunk": name,
             "strands": len(load.muscles),
-            "held by no line of action [% of tensions]": 100.0 * link.measures["held by no line of action"],
+            "held by no line of action [% of tensions]": 100.0
+            * link.measures["held by no line of action"],
             "moved to balance [mm]": 1e3 * link.measures["moved to balance [m]"],
             "strands' lengths changed, rms [mm]": 1e3 * float(np.sqrt(np.mean(lengths**2))),
             "at most [mm]": 1e3 * float(np.abs(lengths).max()),
@@ -209,15 +246,23 @@ def measure_branches(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def _morphed(model: mm.Model, bones: dict[str, BoneMap], balance: bool) -> Morph:
-    options = MorphOptions(joints="mapped", clear=False, fibers="keep", force="keep", balance=balance)
+    options = MorphOptions(
+        joints="mapped", clear=False, fibers="keep", force="keep", balance=balance
+    )
     return mm.morph_model(model, bones, options, surrounding={LINK: AROUND})
 
 
-def _changed(before: mm.Model, after: mm.Model, strands: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _changed(
+    before: mm.Model, after: mm.Model, strands: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
     found = []
     for model in (before, after):
         own = replace(model, muscles=tuple(model.muscle(name) for name in strands))
-        found.append(mm.muscle_kinematics(own, mm.Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False))
+        found.append(
+            mm.muscle_kinematics(
+                own, mm.Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False
+            )
+        )
     columns = [found[0].coordinates.index(name) for name in ABOUT]
     arms = found[1].moment_arms[0][:, columns] - found[0].moment_arms[0][:, columns]
     return found[1].lengths[0] - found[0].lengths[0], arms

@@ -1,4 +1,6 @@
-"""The other side of models: what mirroring changes that it must not, and how alike both legs of real models are."""
+"""The other side of models: what mirroring changes that it must not, and how alike both legs of
+real models are.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,10 @@ OPENSIM = (
     ("Rajagopal", "rajagopal-walk-emg/raw/Rajagopal2016.osim"),
     ("Lenhart knee", "lenhart-knee-contact-walk/lenhart2015.osim"),
     ("full body of cyclists", "fullbody-many-muscles/cyclistFullBodyMuscle.osim"),
-    ("thoracoscapular shoulder", "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"),
+    (
+        "thoracoscapular shoulder",
+        "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim",
+    ),
     ("shoulder of Wu", "c3d-functional-joints/models/Wu_Shoulder_Model_via_points.osim"),
     ("arm26", "opensim-reference-small/arm26_bounds.osim"),
 )
@@ -34,7 +39,11 @@ def models(folder: Path) -> Iterator[tuple[str, mm.Model, str]]:
     """Name, model, and the axis across the plane of symmetry."""
     for name, path in OPENSIM:
         yield name, mm.read_model(folder / path), "z"
-    yield "mouse hindlimb", mouse_hindlimb_model(folder / "mouse-hindlimb-muscles/mouse_hindlimb.json"), "z"
+    yield (
+        "mouse hindlimb",
+        mouse_hindlimb_model(folder / "mouse-hindlimb-muscles/mouse_hindlimb.json"),
+        "z",
+    )
     for name, axis in MUJOCO:
         yield f"{name} (MuJoCo)", load(name, lambda file: folder / file)[1], axis
 
@@ -49,7 +58,9 @@ def measure(folder: Path) -> Iterator[Row]:
         turned = mirrored_motion(model, motion, axis)
         there = mm.muscle_kinematics(other, turned, velocities=False)
         rows = [there.muscles.index(side.named("muscles", one)) for one in own.muscles]
-        columns = [there.coordinates.index(side.named("coordinates", one)) for one in own.coordinates]
+        columns = [
+            there.coordinates.index(side.named("coordinates", one)) for one in own.coordinates
+        ]
         arms = there.moment_arms[:, rows][:, :, columns] * np.array(side.of(own.coordinates))
         twice = mm.muscle_kinematics(mm.mirrored(other, axis), motion, velocities=False)
         back = [twice.muscles.index(one) for one in own.muscles]
@@ -72,12 +83,19 @@ def _through(model: mm.Model) -> mm.Motion:
 
 
 def _sides(model: mm.Model, there: MuscleKinematics, turned: mm.Motion) -> Row:
-    """How far the file's muscles of each side are from those made of the other side, in the same poses."""
-    known = [one for one in model.muscle_names if one in there.muscles and mirror_names(model.muscle_names).get(one)]
+    """How far the file's muscles of each side are from those made of the other side, in the same
+    poses.
+    """
+    known = [
+        one
+        for one in model.muscle_names
+        if one in there.muscles and mirror_names(model.muscle_names).get(one)
+    ]
     if not known or set(model.coordinate_names) != set(there.coordinates):
         return {"pairs": 0, "sides, median [mm]": "", "sides, largest [mm]": "", "largest of": ""}
     given = mm.muscle_kinematics(model, turned, velocities=False, moment_arms=False)
-    own, other = ([one.muscles.index(name) for name in known] for one in (given, there))
+    own = [given.muscles.index(name) for name in known]
+    other = [there.muscles.index(name) for name in known]
     apart: Array = 1000.0 * np.abs(given.lengths[:, own] - there.lengths[:, other]).max(axis=0)
     worst = int(np.argmax(apart))
     return {

@@ -1,4 +1,6 @@
-"""A leg model in the bones of two living persons: residuals, attachments, moment arms beside published ones, depths."""
+"""A leg model in the bones of two living persons: residuals, attachments, moment arms beside
+published ones, depths.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +48,9 @@ BONES = {
         "tibia_r": ("MC22/tibia_r.ply",),
     },
 }
-"""Files of each body's bone. The woman has no sacrum and one mesh for the whole foot, which is left out; so are the
-man's toes, an open mesh cut elsewhere than the model's."""
+"""Files of each body's bone. The woman has no sacrum and one mesh for the whole foot, which is left
+out; so are the man's toes, an open mesh cut elsewhere than the model's.
+"""
 
 
 @dataclass(frozen=True)
@@ -65,12 +68,54 @@ class Published:
 SURVEY = "survey in Manal et al. 2013, table 2"
 TABLE = "textbook table after Spoor et al. 1990, Spoor and van Leeuwen 1992"
 PUBLISHED = (
-    Published("knee_angle_r", ("vasint_r", "vaslat_r", "vasmed_r"), (0, 60), 0.020, 0.050, "Sheehan 2007, 34 living"),
-    Published("knee_angle_r", ("recfem_r",), (0, 90), 0.020, 0.040, TABLE),
-    Published("knee_angle_r", ("semiten_r",), (0, 90), 0.040, 0.055, TABLE),
-    Published("knee_angle_r", ("semimem_r",), (0, 90), 0.020, 0.040, TABLE),
-    Published("knee_angle_r", ("gaslat_r", "gasmed_r"), (0, 90), 0.012, 0.020, TABLE),
-    Published("ankle_angle_r", ("soleus_r", "gaslat_r", "gasmed_r"), (-20, 20), 0.035, 0.064, SURVEY),
+    Published(
+        coordinate="knee_angle_r",
+        muscles=("vasint_r", "vaslat_r", "vasmed_r"),
+        angles=(0, 60),
+        least=0.020,
+        most=0.050,
+        source="Sheehan 2007, 34 living",
+    ),
+    Published(
+        coordinate="knee_angle_r",
+        muscles=("recfem_r",),
+        angles=(0, 90),
+        least=0.020,
+        most=0.040,
+        source=TABLE,
+    ),
+    Published(
+        coordinate="knee_angle_r",
+        muscles=("semiten_r",),
+        angles=(0, 90),
+        least=0.040,
+        most=0.055,
+        source=TABLE,
+    ),
+    Published(
+        coordinate="knee_angle_r",
+        muscles=("semimem_r",),
+        angles=(0, 90),
+        least=0.020,
+        most=0.040,
+        source=TABLE,
+    ),
+    Published(
+        coordinate="knee_angle_r",
+        muscles=("gaslat_r", "gasmed_r"),
+        angles=(0, 90),
+        least=0.012,
+        most=0.020,
+        source=TABLE,
+    ),
+    Published(
+        coordinate="ankle_angle_r",
+        muscles=("soleus_r", "gaslat_r", "gasmed_r"),
+        angles=(-20, 20),
+        least=0.035,
+        most=0.064,
+        source=SURVEY,
+    ),
 )
 
 
@@ -94,15 +139,21 @@ def persons(folder: Path) -> tuple[Person, ...]:
         if len(files["pelvis"]) == 1:
             pelvis = next(body for body in model.bodies if body.name == "pelvis")
             parts = [mesh for mesh in pelvis.meshes if "sacrum" not in mesh.file]
-            ours["pelvis"] = joined([scaled(mm.read_mesh(folder / GEOMETRY / mesh.file), mesh.scale) for mesh in parts])
+            ours["pelvis"] = joined(
+                [scaled(mm.read_mesh(folder / GEOMETRY / mesh.file), mesh.scale) for mesh in parts]
+            )
         theirs = {
-            body: joined([scaled(mm.read_mesh(folder / "bones-mri-two-adults" / one), 1e-3) for one in paths])
+            body: joined(
+                [scaled(mm.read_mesh(folder / "bones-mri-two-adults" / one), 1e-3) for one in paths]
+            )
             for body, paths in files.items()
         }
         bones = map_bones(model, ours, theirs, {}, settings, together=True)
         morph = mm.morph_model(model, bones, settings.morph, together=True)
         checks = check_morph(
-            morph, None, {one: (one, 1.0, 0.0) for one in ("hip_flexion_r", "knee_angle_r", "ankle_angle_r")}
+            morph,
+            None,
+            {one: (one, 1.0, 0.0) for one in ("hip_flexion_r", "knee_angle_r", "ankle_angle_r")},
         )
         found.append(Person(name, morph, checks))
     return tuple(found)
@@ -118,8 +169,14 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
     for person in persons(folder):
         for body in BONES[person.name]:
             bone = person.morph.bones[body]
-            points = [one for one in person.morph.points if one.body == body and abs(one.depth_source) < 0.005]
-            depth = np.array([abs(one.depth_target - bone.whole.scale * one.depth_source) for one in points])
+            points = [
+                one
+                for one in person.morph.points
+                if one.body == body and abs(one.depth_source) < 0.005
+            ]
+            depth = np.array(
+                [abs(one.depth_target - bone.whole.scale * one.depth_source) for one in points]
+            )
             yield {
                 "person": person.name,
                 "bone": body,
@@ -132,13 +189,17 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
                 "inverted": bone.measures["inverted"],
                 "map inverted": bone.measures["map inverted"],
                 "points within 5 mm of the source's bone": len(points),
-                "depth changed, median [mm]": 1e3 * float(np.median(depth)) if len(points) else float("nan"),
+                "depth changed, median [mm]": (
+                    1e3 * float(np.median(depth)) if len(points) else float("nan")
+                ),
                 "worst [mm]": 1e3 * float(depth.max()) if len(points) else float("nan"),
             }
 
 
 def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a muscle with published moment arms: least and most over the published angles, source and persons."""
+    """A row a muscle with published moment arms: least and most over the published angles, source
+    and persons.
+    """
     for known in PUBLISHED:
         for muscle in known.muscles:
             row: dict[str, object] = {
@@ -148,14 +209,18 @@ def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
                 "published [mm]": f"{1e3 * known.least:.0f} to {1e3 * known.most:.0f}",
             }
             for person in persons(folder):
-                arms = next(one for one in person.checks.arms if one.pair.source == known.coordinate)
+                arms = next(
+                    one for one in person.checks.arms if one.pair.source == known.coordinate
+                )
                 at = np.degrees(arms.source_values)
                 kept = (at >= known.angles[0] - 0.1) & (at <= known.angles[1] + 0.1)
                 column = arms.muscles.index(muscle)
                 row["source"] = spread(arms.source[kept, column])
                 row[person.name] = spread(arms.target[kept, column])
                 inside = np.abs(arms.target[kept, column])
-                row[f"inside, {person.name}"] = float(np.mean((inside >= known.least) & (inside <= known.most)))
+                row[f"inside, {person.name}"] = float(
+                    np.mean((inside >= known.least) & (inside <= known.most))
+                )
             yield row | {"published by": known.source}
 
 
@@ -170,7 +235,9 @@ def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
             "muscles": len(person.morph.model.muscles),
             "deeper than 1 mm": len({one.muscle for one in deep if one.target > DEEP}),
             "in the source": len({one.muscle for one in deep if one.source > DEEP}),
-            "deeper than the source's by 1 mm": len({one.muscle for one in deep if one.increase > DEEP}),
+            "deeper than the source's by 1 mm": len(
+                {one.muscle for one in deep if one.increase > DEEP}
+            ),
             "most deeper [mm]": 1e3 * worst.increase,
             "of": f"{worst.muscle} in {worst.body}",
             "warnings": ", ".join(f"{len(person.checks.of(kind))} {kind}" for kind in kinds),
@@ -178,7 +245,9 @@ def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_round(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a bone that both persons have whole: muscle points on the woman's directly and by way of the man's."""
+    """A row a bone that both persons have whole: muscle points on the woman's directly and by way
+    of the man's.
+    """
     man, woman = (one.morph for one in persons(folder))
     for body in ("femur_r", "tibia_r"):
         between = mm.map_bone(body, man.bones[body].target, woman.bones[body].target)
@@ -186,20 +255,29 @@ def measure_round(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[str, object]:
-    """How far points of a bone are apart that went both ways, and whether the intervals of both foresee it."""
+    """How far points of a bone are apart that went both ways, and whether the intervals of both
+    foresee it.
+    """
     source = np.array([one.source for one in man.points if one.body == body])
-    direct, first = (one.bones[body].map.apply(source) for one in (woman, man))
+    direct = woman.bones[body].map.apply(source)
+    first = man.bones[body].map.apply(source)
     around = between.map.apply(first)
-    radii = [Transfer(woman.bones[body], body).within(source), Transfer(between, body).within(first)]
+    radii = [
+        Transfer(woman.bones[body], body).within(source),
+        Transfer(between, body).within(first),
+    ]
     radii.append(between.whole.scale * Transfer(man.bones[body], body).within(source))
-    apart, likely = np.linalg.norm(around - direct, axis=1), np.sqrt(np.sum(np.square(radii), axis=0))
+    apart = np.linalg.norm(around - direct, axis=1)
+    likely = np.sqrt(np.sum(np.square(radii), axis=0))
     scaled = procrustes(source, direct, True).apply(source)
     return {
         "points": len(source),
         "apart, median [mm]": 1e3 * float(np.median(apart)),
         "95 % [mm]": 1e3 * float(np.percentile(apart, 95)),
         "largest [mm]": 1e3 * float(apart.max()),
-        "from a similarity, median [mm]": 1e3 * float(np.median(np.linalg.norm(scaled - direct, axis=1))),
+        "from a similarity, median [mm]": (
+            1e3 * float(np.median(np.linalg.norm(scaled - direct, axis=1)))
+        ),
         "intervals of all three together, median [mm]": 1e3 * float(np.median(likely)),
         "hold [%]": 100.0 * float(np.mean(apart <= likely)),
     }
@@ -208,9 +286,11 @@ def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[st
 def measure_pairs(folder: Path) -> Iterator[dict[str, object]]:
     """A row a map of the landmark pairs of two femurs, each landmark left out in turn."""
     home = folder / "bones-landmarks-leg" / "Geometry"
-    ours, theirs = (read_landmarks(home / f"{name}.landmarks.csv") for name in ("femur_r_warp", "subject_femur_r"))
+    ours = read_landmarks(home / "femur_r_warp.landmarks.csv")
+    theirs = read_landmarks(home / "subject_femur_r.landmarks.csv")
     names = tuple(name for name in ours if name in theirs)
-    source, target = (np.array([one[name] for name in names]) for one in (ours, theirs))
+    source = np.array([ours[name] for name in names])
+    target = np.array([theirs[name] for name in names])
     for label, options in (
         ("similarity", MapOptions(map="similarity")),
         ("affine", MapOptions(map="affine")),
@@ -268,25 +348,35 @@ def measure_clearing(folder: Path) -> Iterator[Row]:
     legs += [(one.name, one.morph, True) for one in persons(folder)]
     for name, morph, together in legs:
         mapped = mm.morph_model(
-            morph.source, morph.bones, MorphOptions(clear=False, fibers="keep", force="keep"), together=together
+            morph.source,
+            morph.bones,
+            MorphOptions(clear=False, fibers="keep", force="keep"),
+            together=together,
         )
         pairs = compared_coordinates(mapped.source, mapped.model)
-        ground = Ground.of(mapped.source, mapped.model, mapped.bones.values(), pairs, CheckOptions())
+        ground = Ground.of(
+            mapped.source, mapped.model, mapped.bones.values(), pairs, CheckOptions()
+        )
         if ground is None:
             continue
         for way, weight in WAYS.items():
-            yield {"leg": name, "way": way} | changes(clear_paths(mapped.model, ground, weight), ground, mapped)
+            yield {"leg": name, "way": way} | changes(
+                clear_paths(mapped.model, ground, weight), ground, mapped
+            )
 
 
 def changes(found: Clearance, ground: Ground, mapped: Morph) -> Row:
-    """What was too deep before and after, what was moved, and what this changed; moves beyond intervals."""
+    """What was too deep before and after, what was moved, and what this changed; moves beyond
+    intervals.
+    """
     changed = path_changes(found.start, found.model, ground.poses)
     # A wrap object that grows changes only some of the muscles that run around it.
     odd = {name: one for name, one in changed.items() if max(one.length, one.arm) > 1e-6}
     within = {(one.owner, one.name): one.within for one in mapped.points}
     shifts = found.shifts
     worst = max(odd, key=lambda name: odd[name].arm, default="")
-    lengths, arms = (1e3 * np.array([getattr(one, what) for one in odd.values()]) for what in ("length", "arm"))
+    lengths = 1e3 * np.array([one.length for one in odd.values()])
+    arms = 1e3 * np.array([one.arm for one in odd.values()])
     return {
         "muscles too deep": len(found.before),
         "after": len(found.after),

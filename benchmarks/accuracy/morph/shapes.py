@@ -1,7 +1,7 @@
 """Muscle attachments carried between persons of a shape model, whose correspondence is the truth.
 
-A person is left out, a template is made of the others, and the attachments of a leg model, laid on the bones once,
-are carried from the template to the person by a few landmarks or by all nodes.
+A person is left out, a template is made of the others, and the attachments of a leg model, laid on
+the bones once, are carried from the template to the person by a few landmarks or by all nodes.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ MAPS = {
 class Attachments:
     """Muscle points on a bone.
 
-    `corners`: (k, 3) nodes of the triangle that each is on; `shares`: (k, 3) of the triangle's corners; `around`: (k,
-    n) nodes whose normals say which way is out, 1 for each; `axes`: (3, 3) of the leg model's body, as columns in the
-    shape's frame.
+    `corners`: (k, 3) nodes of the triangle that each is on; `shares`: (k, 3) of the triangle's
+    corners; `around`: (k, n) nodes whose normals say which way is out, 1 for each; `axes`: (3, 3)
+    of the leg model's body, as columns in the shape's frame.
     """
 
     corners: Indices
@@ -75,7 +75,9 @@ class Attachments:
     def beside(self, nodes: Array, faces: Indices, height: float) -> Array:
         """(k, 3) so high above them, along the mean normal of the surface around."""
         normals = self.around @ _normals(nodes, faces)
-        above: Array = self.on(nodes) + height * normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        above: Array = self.on(nodes) + height * normals / np.linalg.norm(
+            normals, axis=1, keepdims=True
+        )
         return above
 
 
@@ -94,19 +96,24 @@ Maker: TypeAlias = Callable[[Case, Indices, Array], PointMap]
 
 @cache
 def attachments() -> dict[str, Attachments]:
-    """The left leg's muscle points of Rajagopal's model, at their nearest places on the mean of all persons.
+    """The left leg's muscle points of Rajagopal's model, at their nearest places on the mean of all
+    persons.
 
     Which places these are does not depend on a person much, and every person has the same places.
     """
     model = mm.read_model(data_folder() / "rajagopal-walk-emg" / "subject_walk_scaled.osim")
-    folder, found = data_folder() / "bones-opensim-rajagopal" / "Geometry", {}
+    folder = data_folder() / "bones-opensim-rajagopal" / "Geometry"
+    found = {}
     paths = [muscle.path for muscle in model.muscles if muscle.name.endswith("_l")]
     for bone, shapes in leg_shapes().items():
         body = next(one for one in model.bodies if one.name == BODIES[bone])
         surface = _joined([mm.read_mesh(folder / mesh.file) for mesh in body.meshes])
         mean = mean_shape(shapes.nodes)
         fit = register_surface(
-            surface, mm.Surface(mean, shapes.faces), None, SurfaceOptions(mirror=False, partial=False)
+            surface,
+            mm.Surface(mean, shapes.faces),
+            None,
+            SurfaceOptions(mirror=False, partial=False),
         )
         places = [
             point.location / body.meshes[0].scale
@@ -122,15 +129,24 @@ def attachments() -> dict[str, Attachments]:
         shares = igl.barycentric_coordinates(nearest[near], *triangle)
         normals = _normals(mean, shapes.faces)
         here = np.einsum("kc,kcx->kx", shares, normals[corners])
-        around = (np.linalg.norm(nearest[near][:, None] - mean, axis=2) < HEIGHT) & (here @ normals.T > 0)
+        around = (np.linalg.norm(nearest[near][:, None] - mean, axis=2) < HEIGHT) & (
+            here @ normals.T > 0
+        )
         around[np.arange(len(corners))[:, None], corners] = True
-        found[bone] = Attachments(corners, shares, around.astype(float), fit.similarity.rotation)
+        found[bone] = Attachments(
+            corners=corners,
+            shares=shares,
+            around=around.astype(float),
+            axes=fit.similarity.rotation,
+        )
     return found
 
 
 @cache
 def cases(template: str) -> tuple[Case, ...]:
-    """Every bone of every person with the mean of the 25 others ("mean"), or with one of them ("person")."""
+    """Every bone of every person with the mean of the 25 others ("mean"), or with one of them
+    ("person").
+    """
     found = []
     for bone in BONES:
         nodes = leg_shapes()[bone].nodes
@@ -156,7 +172,9 @@ def spread_landmarks(case: Case, count: int) -> Indices:
 
 
 def attached_landmarks(case: Case, count: int) -> Indices:
-    """Nodes of the template nearest to attachments that are as far from each other as they go, then extremes."""
+    """Nodes of the template nearest to attachments that are as far from each other as they go, then
+    extremes.
+    """
     points = attachments()[case.bone].on(case.template)
     first = cKDTree(case.template).query(points[_farthest(points, min(count, len(points)))])[1]
     every = np.concatenate([first, _farthest(case.template, 2 * count)])
@@ -177,18 +195,26 @@ def by_map(options: MapOptions) -> Maker:
 
 
 def scaled_by_pairs(case: Case, landmarks: Indices, picked: Array) -> PointMap:
-    """As OpenSim's Scale Tool: each axis of the body by the distance of two markers, those furthest apart along it."""
+    """As OpenSim's Scale Tool: each axis of the body by the distance of two markers, those furthest
+    apart along it.
+    """
     axes = attachments()[case.bone].axes
     given = case.template[landmarks]
-    along, factors = given @ axes, []
+    along = given @ axes
+    factors = []
     for k in range(3):
-        high, low = np.argmax(along[:, k]), np.argmin(along[:, k])
-        factors.append(np.linalg.norm(picked[high] - picked[low]) / np.linalg.norm(given[high] - given[low]))
+        high = np.argmax(along[:, k])
+        low = np.argmin(along[:, k])
+        factors.append(
+            np.linalg.norm(picked[high] - picked[low]) / np.linalg.norm(given[high] - given[low])
+        )
     return _scaled(axes, np.array(factors), given, picked)
 
 
 def scaled_by_extents(case: Case, landmarks: Indices, picked: Array) -> PointMap:
-    """Each axis by the extent of the whole bone, placed by all its nodes: more than a user of markers can know."""
+    """Each axis by the extent of the whole bone, placed by all its nodes: more than a user of
+    markers can know.
+    """
     axes = attachments()[case.bone].axes
     aligned = procrustes(case.person, case.template).apply(case.person)
     factors = np.ptp(aligned @ axes, axis=0) / np.ptp(case.template @ axes, axis=0)
@@ -216,9 +242,9 @@ def every_map() -> dict[str, Maker]:
 class Errors:
     """Of carried points.
 
-    `on`, `beside`: (points,) at the attachments and `HEIGHT` above them [m]; `apart`: (points,) from the nearest
-    landmark, in the template [m]; `inverted`: share of the points beside the bone at which the map turns space inside
-    out.
+    `on`, `beside`: (points,) at the attachments and `HEIGHT` above them [m]; `apart`: (points,)
+    from the nearest landmark, in the template [m]; `inverted`: share of the points beside the bone
+    at which the map turns space inside out.
     """
 
     on: Array
@@ -227,22 +253,40 @@ class Errors:
     inverted: float
 
 
-def carried(make: Maker, landmarks: Callable[[Case], Indices], some: tuple[Case, ...], picking: float = 0.0) -> Errors:
+def carried(
+    make: Maker, landmarks: Callable[[Case], Indices], some: tuple[Case, ...], picking: float = 0.0
+) -> Errors:
     """Errors over cases; landmarks see the template alone."""
-    on, beside, apart, inside_out = [], [], [], []
+    on = []
+    beside = []
+    apart = []
+    inside_out = []
     random = np.random.default_rng(0)
     for case in some:
         chosen = landmarks(case)
         picked = case.person[chosen] + picking * random.normal(size=(len(chosen), 3))
-        found, points = make(case, chosen, picked), attachments()[case.bone]
-        faces, size = leg_shapes()[case.bone].faces, procrustes(case.template, case.person, True).scale
+        found = make(case, chosen, picked)
+        points = attachments()[case.bone]
+        faces = leg_shapes()[case.bone].faces
+        size = procrustes(case.template, case.person, True).scale
         above = points.beside(case.template, faces, HEIGHT)
-        on.append(np.linalg.norm(found.apply(points.on(case.template)) - points.on(case.person), axis=1))
-        beside.append(np.linalg.norm(found.apply(above) - points.beside(case.person, faces, size * HEIGHT), axis=1))
+        on.append(
+            np.linalg.norm(found.apply(points.on(case.template)) - points.on(case.person), axis=1)
+        )
+        beside.append(
+            np.linalg.norm(
+                found.apply(above) - points.beside(case.person, faces, size * HEIGHT), axis=1
+            )
+        )
         apart.append(cKDTree(case.template[chosen]).query(points.on(case.template))[0])
         inside_out.append(inverted(found, above))
     share = float(np.mean(np.concatenate(inside_out)))
-    return Errors(np.concatenate(on), np.concatenate(beside), np.concatenate(apart), share)
+    return Errors(
+        on=np.concatenate(on),
+        beside=np.concatenate(beside),
+        apart=np.concatenate(apart),
+        inverted=share,
+    )
 
 
 def dense_landmarks(case: Case) -> Indices:
@@ -251,13 +295,16 @@ def dense_landmarks(case: Case) -> Indices:
 
 
 def foreseen(landmarks: Callable[[Case], Indices]) -> float:
-    """Mean error where the 25 others foretell the person: no map, but what their shapes know of unseen places [m].
+    """Mean error where the 25 others foretell the person: no map, but what their shapes know of
+    unseen places [m].
 
-    All are laid on the template by their landmarks; attachments follow landmarks by ridge regression on the others.
+    All are laid on the template by their landmarks; attachments follow landmarks by ridge
+    regression on the others.
     """
     errors = []
     for number, case in enumerate(cases("mean")):
-        chosen, places = landmarks(case), attachments()[case.bone]
+        chosen = landmarks(case)
+        places = attachments()[case.bone]
         nodes = leg_shapes()[case.bone].nodes
         others = np.delete(nodes, number % len(nodes), axis=0)
         laid = [procrustes(one[chosen], case.template[chosen], True).apply(one) for one in others]
@@ -267,7 +314,9 @@ def foreseen(landmarks: Callable[[Case], Indices]) -> float:
         told = to_template.apply(case.person[chosen]).ravel() - seen.mean(axis=0)
         spread = seen - seen.mean(axis=0)
         gram = spread @ spread.T
-        weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), spread @ told)
+        weights = np.linalg.solve(
+            gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), spread @ told
+        )
         found = unseen.mean(axis=0) + weights @ (unseen - unseen.mean(axis=0))
         back = to_template.inverse().apply(found.reshape(-1, 3))
         errors.append(np.linalg.norm(back - places.on(case.person), axis=1))
@@ -275,19 +324,26 @@ def foreseen(landmarks: Callable[[Case], Indices]) -> float:
 
 
 def measure() -> Iterator[Row]:
-    """Mean error of carried attachments over all bones, by map and by number and place of landmarks."""
+    """Mean error of carried attachments over all bones, by map and by number and place of
+    landmarks.
+    """
     for template, words in (("mean", "mean of 25"), ("person", "another person")):
         for name, make in every_map().items():
             row: Row = {"template": words, "map": name}
             for where, chosen in PLACES.items():
                 for count in COUNTS:
-                    row[f"{count} {where} [mm]"] = _mean(make, partial(chosen, count=count), template)
+                    row[f"{count} {where} [mm]"] = _mean(
+                        make, partial(chosen, count=count), template
+                    )
             dense = name not in SCALED and (template == "mean" or name == "SSD")
             row["dense [mm]"] = _mean(make, dense_landmarks, template) if dense else ""
             yield row
     row = {"template": "25 others", "map": "regression"}
     for where, chosen in PLACES.items():
-        row |= {f"{count} {where} [mm]": 1e3 * foreseen(partial(chosen, count=count)) for count in COUNTS}
+        row |= {
+            f"{count} {where} [mm]": 1e3 * foreseen(partial(chosen, count=count))
+            for count in COUNTS
+        }
     yield row | {"dense [mm]": ""}
 
 
@@ -313,9 +369,12 @@ def measure_bones() -> Iterator[Row]:
 
 
 def measure_beside() -> Iterator[Row]:
-    """Points 20 mm beside the bone, picking errors, folds: with 12 landmarks at attachments and dense."""
+    """Points 20 mm beside the bone, picking errors, folds: with 12 landmarks at attachments and
+    dense.
+    """
     for name, make in (every_map() | SMOOTH).items():
-        exact, noisy = (carried(make, _twelve, cases("mean"), picking) for picking in (0.0, PICKING))
+        exact = carried(make, _twelve, cases("mean"), 0.0)
+        noisy = carried(make, _twelve, cases("mean"), PICKING)
         dense = None if name in SCALED | SMOOTH else carried(make, dense_landmarks, cases("mean"))
         yield {
             "map": name,
@@ -358,7 +417,8 @@ def _farthest(points: Array, count: int) -> Indices:
 
 def _normals(nodes: Array, faces: Indices) -> Array:
     """(n, 3) outward unit normals at nodes, triangles by their areas."""
-    corners, normals = nodes[faces], np.zeros_like(nodes)
+    corners = nodes[faces]
+    normals = np.zeros_like(nodes)
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     for k in range(3):
         np.add.at(normals, faces[:, k], crossed)

@@ -41,7 +41,8 @@ POINTS = 30
 class Ground:
     """Where two sets of muscles are compared.
 
-    `posture`: of the skeleton both are on; `coordinates`: by word, the skeleton's; `lengths`: of bones by body [m].
+    `posture`: of the skeleton both are on; `coordinates`: by word, the skeleton's; `lengths`: of
+    bones by body [m].
     """
 
     posture: Mapping[str, float]
@@ -53,8 +54,8 @@ class Ground:
 class Compared:
     """One muscle of both.
 
-    `origin`, `insertion`, `path`: errors in shares of the bones' lengths; `arms`: by coordinate, (2, steps) moment arms
-    of transfer and anatomist [m].
+    `origin`, `insertion`, `path`: errors in shares of the bones' lengths; `arms`: by coordinate,
+    (2, steps) moment arms of transfer and anatomist [m].
     """
 
     name: str
@@ -73,11 +74,14 @@ class Muscles:
         at = mm.Motion(np.zeros(1), names, np.array([[ground.posture[one] for one in names]]))
         paths = compile_paths(model)
         nodes = paths.nodes(paths.tree.coordinates_of(at))[0, :, :, :3]
-        # Files begin a muscle at either end; here the one on the body nearer to the root comes first.
+        # Files begin a muscle at either end; here the one on the body nearer to the root comes
+        # first.
         rank = {name: i for i, name in enumerate(model.body_names)}
         self._bodies = [[one.path.points[i].body for i in (0, -1)] for one in model.muscles]
         turned = [rank[last] < rank[first] for first, last in self._bodies]
-        self._bodies = [one[::-1] if back else one for one, back in zip(self._bodies, turned, strict=True)]
+        self._bodies = [
+            one[::-1] if back else one for one, back in zip(self._bodies, turned, strict=True)
+        ]
         known = [one[np.isfinite(one[:, 0])] for one in nodes]
         self._nodes = [one[::-1] if back else one for one, back in zip(known, turned, strict=True)]
         self.arms: dict[str, np.ndarray] = {}
@@ -87,7 +91,9 @@ class Muscles:
             values[:, -1] = np.linspace(low, high, STEPS)
             kept = [i for i, one in enumerate((*names, name)) if i == len(names) or one != name]
             motion = mm.Motion(
-                np.arange(STEPS, dtype=np.float64), tuple((*names, name)[i] for i in kept), values[:, kept]
+                np.arange(STEPS, dtype=np.float64),
+                tuple((*names, name)[i] for i in kept),
+                values[:, kept],
             )
             found = mm.muscle_kinematics(model, motion, velocities=False)
             column = model.coordinate_names.index(name)
@@ -95,7 +101,9 @@ class Muscles:
 
     def ends(self, names: tuple[str, ...], which: int) -> np.ndarray:
         """(3,) in ground, of the middle of several parts [m]."""
-        return np.mean([self._nodes[self.model.muscle_names.index(one)][which] for one in names], axis=0)
+        return np.mean(
+            [self._nodes[self.model.muscle_names.index(one)][which] for one in names], axis=0
+        )
 
     def body(self, name: str, which: int) -> str:
         """Body of an end."""
@@ -121,7 +129,8 @@ def along(path: np.ndarray) -> np.ndarray:
 
 def apart(points: np.ndarray, path: np.ndarray) -> float:
     """Mean distance of points from a path [m]."""
-    start, step = path[:-1], np.diff(path, axis=0)
+    start = path[:-1]
+    step = np.diff(path, axis=0)
     squared = np.maximum((step**2).sum(axis=1), 1e-20)
     share = np.clip(((points[:, None] - start) * step).sum(axis=2) / squared, 0.0, 1.0)
     nearest = start + share[:, :, None] * step
@@ -130,18 +139,23 @@ def apart(points: np.ndarray, path: np.ndarray) -> float:
 
 def compare(found: Muscles, truth: Muscles, pair: MuscleHomology, ground: Ground) -> Compared:
     """One muscle of the transfer against the anatomist's."""
-    errors, lengths = [], []
+    errors = []
+    lengths = []
     for which in (0, -1):
         lengths.append(ground.lengths[truth.body(pair.targets[0], which)])
         away = found.ends(pair.sources, which) - truth.ends(pair.targets, which)
         errors.append(float(np.linalg.norm(away)) / lengths[-1])
     beside = [
-        min(apart(along(truth.path(theirs)), found.path(ours)) for ours in pair.sources) for theirs in pair.targets
+        min(apart(along(truth.path(theirs)), found.path(ours)) for ours in pair.sources)
+        for theirs in pair.targets
     ]
     arms = {
-        word: np.stack([found.arm(pair.sources, word), truth.arm(pair.targets, word)]) for word in ground.coordinates
+        word: np.stack([found.arm(pair.sources, word), truth.arm(pair.targets, word)])
+        for word in ground.coordinates
     }
-    return Compared(", ".join(pair.targets), *errors, float(np.mean(beside)) / float(np.mean(lengths)), arms)
+    return Compared(
+        ", ".join(pair.targets), *errors, float(np.mean(beside)) / float(np.mean(lengths)), arms
+    )
 
 
 def on_skeleton(data: Path) -> Ground:
@@ -168,10 +182,17 @@ def on_skeleton(data: Path) -> Ground:
 
 
 def on_anatomist(data: Path) -> Ground:
-    """The anatomist's own model; its pelvis, of which no length is given, in proportion to the skeleton's."""
-    model, skeleton = mouse_hindlimb_model(data / ANATOMIST), mouse(data).model
-    laid, there = Alignment(model, skeleton), on_skeleton(data)
-    lengths = {body: there.lengths[target] / laid.similarity(body).scale for body, (target, _, _) in SEGMENTS.items()}
+    """The anatomist's own model; its pelvis, of which no length is given, in proportion to the
+    skeleton's.
+    """
+    model = mouse_hindlimb_model(data / ANATOMIST)
+    skeleton = mouse(data).model
+    laid = Alignment(model, skeleton)
+    there = on_skeleton(data)
+    lengths = {
+        body: there.lengths[target] / laid.similarity(body).scale
+        for body, (target, _, _) in SEGMENTS.items()
+    }
     coordinates = {
         "hip flexion": "Hip_flexion_r",
         "hip adduction": "Hip_adduction_r",
@@ -184,7 +205,9 @@ def on_anatomist(data: Path) -> Ground:
 
 @cache
 def compared(data: Path, method: str, rule: str = "joints") -> tuple[Compared, ...]:
-    """Every homologous muscle, by one method and one way to lay the anatomist's muscles on the bones."""
+    """Every homologous muscle, by one method and one way to lay the anatomist's muscles on the
+    bones.
+    """
     if method == "joints alone":
         ground = on_anatomist(data)
         found = Muscles(from_man_by_joints(data).model, ground)
@@ -203,7 +226,9 @@ def percent(values: list[float]) -> str:
 
 
 def measure(data: Path) -> Iterator[dict[str, object]]:
-    """A row a method: how far the muscles are from the anatomist's, median and worst, in percent of bone length."""
+    """A row a method: how far the muscles are from the anatomist's, median and worst, in percent of
+    bone length.
+    """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
     for method in (*METHODS, "joints alone"):
@@ -216,9 +241,17 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
             "insertion [%]": percent([one.insertion for one in rows]),
             "both ends [%]": percent([end for one in rows for end in (one.origin, one.insertion)]),
             "path [%]": percent([one.path for one in rows]),
-            "both ends, his moved onto the bones [%]": ""
-            if method == "joints alone"
-            else percent([end for one in compared(data, method, "onto bones") for end in (one.origin, one.insertion)]),
+            "both ends, his moved onto the bones [%]": (
+                ""
+                if method == "joints alone"
+                else percent(
+                    [
+                        end
+                        for one in compared(data, method, "onto bones")
+                        for end in (one.origin, one.insertion)
+                    ]
+                )
+            ),
         }
 
 
@@ -226,10 +259,15 @@ def measure_muscles(data: Path) -> Iterator[dict[str, object]]:
     """A row a muscle: errors by three maps, and what the alignment leaves open."""
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
-    by_method = {method: compared(data, method) for method in ("scaling", "SSD", "RBF", "joints alone")}
+    by_method = {
+        method: compared(data, method) for method in ("scaling", "SSD", "RBF", "joints alone")
+    }
     pairs = read_species("human-mouse").muscles
     for i, pair in enumerate(pairs):
-        row: dict[str, object] = {"of man": ", ".join(pair.sources), "of the mouse": ", ".join(pair.targets)}
+        row: dict[str, object] = {
+            "of man": ", ".join(pair.sources),
+            "of the mouse": ", ".join(pair.targets),
+        }
         for method, found in by_method.items():
             one = found[i]
             row[f"{method}: origin, insertion, path [%]"] = (
@@ -246,7 +284,8 @@ def _open(data: Path, pair: MuscleHomology) -> str:
     """How far the anatomist's ends move when the alignment is made in the other ways."""
     ground = on_skeleton(data)
     ways = [
-        Muscles(anatomist_on_skeleton(data, rule).model, ground) for rule in ("joints", "frames", "pelvis by joints")
+        Muscles(anatomist_on_skeleton(data, rule).model, ground)
+        for rule in ("joints", "frames", "pelvis by joints")
     ]
     shown = []
     for which in (0, -1):
@@ -257,7 +296,9 @@ def _open(data: Path, pair: MuscleHomology) -> str:
 
 
 def other_signs(rows: tuple[Compared, ...], word: str) -> list[str]:
-    """Muscles that count about a coordinate and whose mean moment arm has another sign than the anatomist's."""
+    """Muscles that count about a coordinate and whose mean moment arm has another sign than the
+    anatomist's.
+    """
     arms = np.array([one.arms[word].mean(axis=1) for one in rows])
     counts = np.abs(arms[:, 1]) >= COUNTS * np.abs(arms[:, 1]).max()
     return [rows[i].name for i in np.flatnonzero(counts & (arms[:, 0] * arms[:, 1] <= 0.0))]
@@ -275,8 +316,10 @@ def measure_arms(data: Path) -> Iterator[dict[str, object]]:
 def arms_row(word: str, method: str, rows: tuple[Compared, ...]) -> dict[str, object]:
     """Do moment arms about one coordinate have the truth's sign and order."""
     arms = np.array([one.arms[word] for one in rows])
-    # A mean over the range tells the muscle's place among the others, whatever its sign does at the ends.
-    ours, theirs = arms[:, 0].mean(axis=1), arms[:, 1].mean(axis=1)
+    # A mean over the range tells the muscle's place among the others, whatever its sign does at the
+    # ends.
+    ours = arms[:, 0].mean(axis=1)
+    theirs = arms[:, 1].mean(axis=1)
     counts = np.abs(theirs) >= COUNTS * np.abs(theirs).max()
     always = np.mean(arms[counts, 0] * arms[counts, 1] > 0)
     spanning = np.abs(arms).max(axis=(1, 2)) > 0
@@ -287,17 +330,23 @@ def arms_row(word: str, method: str, rows: tuple[Compared, ...]) -> dict[str, ob
         "same sign": f"{int((counts & (ours * theirs > 0)).sum())} of {int(counts.sum())}",
         "same sign over the range [%]": f"{100 * always:.0f}",
         "rank correlation": float(spearmanr(ours[spanning], theirs[spanning]).statistic),
-        "slope (ours over theirs)": float(ours[counts] @ theirs[counts] / (theirs[counts] @ theirs[counts])),
+        "slope (ours over theirs)": float(
+            ours[counts] @ theirs[counts] / (theirs[counts] @ theirs[counts])
+        ),
         "other sign": ", ".join(other_signs(rows, word)) or "none",
     }
 
 
 def measure_signs(data: Path) -> Iterator[dict[str, object]]:
-    """A row for each moment arm of the wrong sign by SSD: with the anatomist's ends, and by other alignments [mm]."""
+    """A row for each moment arm of the wrong sign by SSD: with the anatomist's ends, and by other
+    alignments [mm].
+    """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
-    ground, pairs = on_skeleton(data), read_species("human-mouse").muscles
-    ours, theirs = from_man(data, "SSD").model, anatomist_on_skeleton(data).model
+    ground = on_skeleton(data)
+    pairs = read_species("human-mouse").muscles
+    ours = from_man(data, "SSD").model
+    theirs = anatomist_on_skeleton(data).model
     laid = {rule: Muscles(anatomist_on_skeleton(data, rule).model, ground) for rule in RULES}
     for word in ground.coordinates:
         wrong = other_signs(compared(data, "SSD"), word)
@@ -312,14 +361,20 @@ def measure_signs(data: Path) -> Iterator[dict[str, object]]:
                 found = Muscles(with_ends(ours, theirs, pair, ends), ground)
                 row[column] = 1e3 * float(found.arm(pair.sources, word).mean())
             for rule, name in zip(
-                RULES, ("his", "his, by the frames' directions", "his, pelvis by joints"), strict=True
+                RULES,
+                ("his", "his, by the frames' directions", "his, pelvis by joints"),
+                strict=True,
             ):
                 row[f"{name} [mm]"] = 1e3 * float(laid[rule].arm(pair.targets, word).mean())
             yield row
 
 
-def with_ends(ours: mm.Model, theirs: mm.Model, pair: MuscleHomology, ends: tuple[int, ...]) -> mm.Model:
-    """Our muscles with the ends (0 first, -1 last) of the anatomist's, of several parts those of the middle one."""
+def with_ends(
+    ours: mm.Model, theirs: mm.Model, pair: MuscleHomology, ends: tuple[int, ...]
+) -> mm.Model:
+    """Our muscles with the ends (0 first, -1 last) of the anatomist's, of several parts those of
+    the middle one.
+    """
     given = theirs.muscle(pair.targets[len(pair.targets) // 2]).path.points
     muscles = []
     for one in ours.muscles:
@@ -332,17 +387,22 @@ def with_ends(ours: mm.Model, theirs: mm.Model, pair: MuscleHomology, ends: tupl
 
 
 def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
-    """A row a segment: how the anatomist's frames were laid on the bones, and how far that can be trusted."""
+    """A row a segment: how the anatomist's frames were laid on the bones, and how far that can be
+    trusted.
+    """
     if not (data / ANATOMIST).exists() or not (data / "mouse-skeleton-keypoints").exists():
         return
-    model, bodies, ground = mouse_hindlimb_model(data / ANATOMIST), mouse(data), on_skeleton(data)
+    model = mouse_hindlimb_model(data / ANATOMIST)
+    bodies = mouse(data)
+    ground = on_skeleton(data)
     laid = Alignment(model, bodies.model, surfaces=bodies.surfaces)
     there = Posed(bodies.model, {})
     for body, (target, _, far) in SEGMENTS.items():
         if body == "Torso":
             continue
         one = laid.similarity(body)
-        shape, ends = laid.shape(body), one.apply(laid.attachments(body))
+        shape = laid.shape(body)
+        ends = one.apply(laid.attachments(body))
         moved = laid.onto_bone(body, one)
         points = [p.location for m in model.muscles for p in m.path.points if p.body == body]
         depth = np.abs(shape.signed(one.apply(np.array(points)))) / ground.lengths[target]
@@ -350,13 +410,19 @@ def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
         angle = np.degrees(np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0)))
         yield {
             "segment": body,
-            "laid by": "two joints and the flexion axis" if far else "one joint, the frames and the leg's size",
+            "laid by": (
+                "two joints and the flexion axis"
+                if far
+                else "one joint, the frames and the leg's size"
+            ),
             "bone length [mm]": 1e3 * ground.lengths[target],
             "times the anatomist's": one.scale,
             "frames differ by [deg]": f"{angle:.1f}" if far else "taken as the same",
             "muscle points": len(points),
             "from the bone, median / worst [%]": percent(list(depth)),
-            "attachments from the bone [%]": percent(list(np.abs(shape.signed(ends)) / ground.lengths[target])),
+            "attachments from the bone [%]": percent(
+                list(np.abs(shape.signed(ends)) / ground.lengths[target])
+            ),
             "moved onto it by [%]": 100.0 * float(np.linalg.norm(moved)) / ground.lengths[target],
             "then [%]": percent(list(np.abs(shape.signed(ends + moved)) / ground.lengths[target])),
         }
@@ -364,8 +430,12 @@ def measure_alignment(data: Path) -> Iterator[dict[str, object]]:
         "segment": "Pelvis, by both hips and the lumbosacral joint",
         "laid by": "three joints",
         "bone length [mm]": 1e3 * ground.lengths["mouse"],
-        "times the anatomist's": Alignment(model, bodies.model, "pelvis by joints").similarity("Pelvis").scale,
+        "times the anatomist's": (
+            Alignment(model, bodies.model, "pelvis by joints").similarity("Pelvis").scale
+        ),
         "frames differ by [deg]": "",
         "muscle points": "",
-        "from the bone, median / worst [%]": f"joints stay {100 * laid.residual() / ground.lengths['mouse']:.0f} apart",
+        "from the bone, median / worst [%]": (
+            f"joints stay {100 * laid.residual() / ground.lengths['mouse']:.0f} apart"
+        ),
     }

@@ -1,4 +1,6 @@
-"""A man's arm muscles on a mouse's bones, against the nine muscles of a model of the mouse's forelimb."""
+"""A man's arm muscles on a mouse's bones, against the nine muscles of a model of the mouse's
+forelimb.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from myomorph.study.subject.species_morphing import read_species
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
 METHODS = ("scaling", "SSD", "RBF")
 RIGHT = np.array([1.0, 0.0, 0.0])
-SHOULDER, ELBOW, WRIST = "mouse__RHumerus", "mouse__RUlna", "mouse__RCarpus"
+SHOULDER = "mouse__RHumerus"
+ELBOW = "mouse__RUlna"
+WRIST = "mouse__RCarpus"
 
 
 def forelimb(data: Path) -> mm.Model:
@@ -40,26 +44,45 @@ def forelimb(data: Path) -> mm.Model:
 
 @cache
 def forelimb_on_skeleton(data: Path) -> Morph:
-    """The forelimb's muscles on the skeleton: humerus by shoulder and elbow, forearm by elbow and wrist, by the
-    elbow's axis; scapula and clavicle by the shoulder, in the humerus's size and as the frames lie.
+    """The forelimb's muscles on the skeleton: humerus by shoulder and elbow, forearm by elbow and
+    wrist, by the elbow's axis; scapula and clavicle by the shoulder, in the humerus's size and as
+    the frames lie.
     """
-    arm, skeleton = forelimb(data), mouse(data).model
-    here, there = Posed(arm, {}), Posed(skeleton, {})
+    arm = forelimb(data)
+    skeleton = mouse(data).model
+    here = Posed(arm, {})
+    there = Posed(skeleton, {})
     found = {}
-    for body, target, far in (("humerus", SHOULDER, ("ulna", ELBOW)), ("ulna", ELBOW, ("wrist_body", WRIST))):
-        ours, theirs = _joint(here, body, far[0]), _joint(there, target, far[1])
+    for body, target, far in (
+        ("humerus", SHOULDER, ("ulna", ELBOW)),
+        ("ulna", ELBOW, ("wrist_body", WRIST)),
+    ):
+        ours = _joint(here, body, far[0])
+        theirs = _joint(there, target, far[1])
         size = float(np.linalg.norm(theirs) / np.linalg.norm(ours))
-        found[body] = Similarity(segment_frame(theirs, RIGHT).T @ segment_frame(ours, RIGHT), np.zeros(3), size)
+        found[body] = Similarity(
+            segment_frame(theirs, RIGHT).T @ segment_frame(ours, RIGHT), np.zeros(3), size
+        )
     size = found["humerus"].scale
     shoulder = there.within(SHOULDER, "mouse__RScapula").translation
     for body in ("scapula", "clavicle"):
-        found[body] = Similarity(np.eye(3), shoulder - size * here.within("humerus", body).translation, size)
-    whole, pose = found["ulna"], here.within("radius", "ulna")
-    found["radius"] = Similarity(whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale)
+        found[body] = Similarity(
+            np.eye(3), shoulder - size * here.within("humerus", body).translation, size
+        )
+    whole = found["ulna"]
+    pose = here.within("radius", "ulna")
+    found["radius"] = Similarity(
+        whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale
+    )
     targets = {"humerus": SHOULDER, "ulna": ELBOW, "radius": ELBOW}
-    bones = {body: given_map(body, targets.get(body, "mouse__RScapula"), one) for body, one in found.items()}
+    bones = {
+        body: given_map(body, targets.get(body, "mouse__RScapula"), one)
+        for body, one in found.items()
+    }
     options = MorphOptions(surface_within=0.0, clear=False, fibers="keep", force="keep")
-    return graft_muscles(arm, skeleton, bones, options, coordinates={"elbow": ("mouse__RElbow_flexion", 1.0, 0.0)})
+    return graft_muscles(
+        arm, skeleton, bones, options, coordinates={"elbow": ("mouse__RElbow_flexion", 1.0, 0.0)}
+    )
 
 
 def _joint(posed: Posed, body: str, other: str) -> np.ndarray:
@@ -88,7 +111,8 @@ def ground(data: Path) -> Ground:
 def compared(data: Path, method: str) -> tuple[Compared, ...]:
     """Every homologous muscle."""
     where = ground(data)
-    found, truth = Muscles(from_arm(data, method).model, where), Muscles(forelimb_on_skeleton(data).model, where)
+    found = Muscles(from_arm(data, method).model, where)
+    truth = Muscles(forelimb_on_skeleton(data).model, where)
     names = set(found.model.muscle_names)
     pairs = [one for one in read_species("human-mouse-arm").muscles if set(one.sources) <= names]
     return tuple(compare(found, truth, one, where) for one in pairs)
@@ -107,7 +131,8 @@ def measure(data: Path) -> Iterator[dict[str, object]]:
         row: dict[str, object] = {"muscle": one.name}
         for method, rows in by_method.items():
             row[f"{method}: origin, insertion, path [%]"] = (
-                f"{100 * rows[i].origin:.0f}, {100 * rows[i].insertion:.0f}, {100 * rows[i].path:.0f}"
+                f"{100 * rows[i].origin:.0f}, {100 * rows[i].insertion:.0f},"
+                f" {100 * rows[i].path:.0f}"
             )
         yield row
     total: dict[str, object] = {"muscle": "both ends, median / worst"}
@@ -128,7 +153,9 @@ def measure_arms(data: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
-    """Forces and fibers by the leg's scaling: what the leg's tables give for it, and the forelimb's model beside it."""
+    """Forces and fibers by the leg's scaling: what the leg's tables give for it, and the forelimb's
+    model beside it.
+    """
     if not _there(data) or not (data / MAN).exists():
         return
     law = read_species("human-mouse-arm").scaling
@@ -147,8 +174,13 @@ def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
         "force, median": law.force,
         "force, 90 % of the spread": _factors(law.force_interval),
     }
-    ours, theirs = from_arm(data, "SSD").model, forelimb_on_skeleton(data).model
-    pairs = [one for one in read_species("human-mouse-arm").muscles if set(one.sources) <= set(ours.muscle_names)]
+    ours = from_arm(data, "SSD").model
+    theirs = forelimb_on_skeleton(data).model
+    pairs = [
+        one
+        for one in read_species("human-mouse-arm").muscles
+        if set(one.sources) <= set(ours.muscle_names)
+    ]
     both = [(ours.muscle(one.sources[0]), theirs.muscle(one.targets[0])) for one in pairs]
     inside: dict[str, object] = {}
     for name, key, limits in (
@@ -165,12 +197,21 @@ def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
 
 
 def leg_ratios(data: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(muscles,) of the leg: fiber length and force of the mouse's table over the man's, in the bones' size."""
-    table, source = read_species("human-mouse"), man(data).model
+    """(muscles,) of the leg: fiber length and force of the mouse's table over the man's, in the
+    bones' size.
+    """
+    table = read_species("human-mouse")
+    source = man(data).model
     first = table.architecture[0]
-    length = sum(first.lengths.values()) / joint_distances(first.lengths, replace(table, posture={}), source, "source")
+    length = sum(first.lengths.values()) / joint_distances(
+        first.lengths, replace(table, posture={}), source, "source"
+    )
     known = architectures(source, (first,), (Size(),), source.muscle_names)
-    pairs = [(one, source.muscle(name)) for name, one in known.items() if one.basis.startswith(first.species)]
+    pairs = [
+        (one, source.muscle(name))
+        for name, one in known.items()
+        if one.basis.startswith(first.species)
+    ]
     fiber = np.array([one.fiber / own.optimal_fiber_length / length for one, own in pairs])
     force = np.array([one.force / own.max_isometric_force / length**2 for one, own in pairs])
     return fiber, force

@@ -1,4 +1,6 @@
-"""Bones that are not what they are said to be, or of which a part is missing: refused, or held by the intervals."""
+"""Bones that are not what they are said to be, or of which a part is missing: refused, or held by
+the intervals.
+"""
 
 from __future__ import annotations
 
@@ -47,28 +49,42 @@ def measure() -> Iterator[Row]:
         ours = {bone: source for bone, (_, source, _) in whole.items()}
         for bone, other in (BONES, BONES[::-1]):
             target = whole[other][2]
-            yield {"fault": f"a {other} given as a {bone}", "person": person} | _refusal(ours, {bone: target})
-        inches = {bone: mm.Surface(target.vertices / INCH, target.faces) for bone, (_, _, target) in whole.items()}
+            yield {"fault": f"a {other} given as a {bone}", "person": person} | _refusal(
+                ours, {bone: target}
+            )
+        inches = {
+            bone: mm.Surface(target.vertices / INCH, target.faces)
+            for bone, (_, _, target) in whole.items()
+        }
         yield {"fault": "all bones in inches", "person": person} | _refusal(ours, inches)
         for bone in BONES:
             case, source, target = whole[bone]
-            here, truth = attachments()[bone].on(case.template), attachments()[bone].on(case.person)
+            here = attachments()[bone].on(case.template)
+            truth = attachments()[bone].on(case.person)
             center = truth[len(truth) // 2]
             near = np.linalg.norm(truth - center, axis=1) < HOLE
             hole = part_of(target, np.linalg.norm(target.vertices - center, axis=1) > HOLE)
-            yield {"fault": f"{bone} with a hole of 30 mm", "person": person} | _held(source, hole, here, truth, near)
-            axis = np.linalg.svd(target.vertices - target.vertices.mean(axis=0), full_matrices=False)[2][0]
+            yield {"fault": f"{bone} with a hole of 30 mm", "person": person} | _held(
+                source, hole, here, truth, near
+            )
+            axis = np.linalg.svd(
+                target.vertices - target.vertices.mean(axis=0), full_matrices=False
+            )[2][0]
             height = target.vertices @ (axis * np.sign(axis[np.argmax(np.abs(axis))]))
             border = height.max() - LEFT * np.ptp(height)
             lost = truth @ (axis * np.sign(axis[np.argmax(np.abs(axis))])) < border
             cut = part_of(target, height > border)
-            yield {"fault": f"{bone}, 60 % of it", "person": person} | _held(source, cut, here, truth, lost)
+            yield {"fault": f"{bone}, 60 % of it", "person": person} | _held(
+                source, cut, here, truth, lost
+            )
 
 
 def _refusal(ours: dict[str, mm.Surface], theirs: dict[str, mm.Surface]) -> Row:
     here = mm.model.Transform(np.eye(3), np.zeros(3))
     bodies = tuple(mm.model.Body(name, 1.0, np.zeros(3), np.eye(3)) for name in ours)
-    joints = tuple(mm.model.Joint(f"to_{name}", "WeldJoint", "ground", name, here, here) for name in ours)
+    joints = tuple(
+        mm.model.Joint(f"to_{name}", "WeldJoint", "ground", name, here, here) for name in ours
+    )
     model = mm.Model("bones", bodies, joints, (), np.zeros(3))
     try:
         map_bones(model, ours, theirs, {}, MorphSettings())
@@ -77,7 +93,9 @@ def _refusal(ours: dict[str, mm.Surface], theirs: dict[str, mm.Surface]) -> Row:
     return {"refused": "no", "words": ""}
 
 
-def _held(source: mm.Surface, target: mm.Surface, here: np.ndarray, truth: np.ndarray, missing: np.ndarray) -> Row:
+def _held(
+    source: mm.Surface, target: mm.Surface, here: np.ndarray, truth: np.ndarray, missing: np.ndarray
+) -> Row:
     bone = mm.map_bone("bone", source, target)
     transfer = Transfer(bone, "bone")
     away = np.linalg.norm(put_on_surface(transfer, here, WITHIN).points - truth, axis=1)

@@ -1,4 +1,6 @@
-"""What the data leave open of contact forces beside plates, its programs beside HiGHS, and contacts made wrong."""
+"""What the data leave open of contact forces beside plates, its programs beside HiGHS, and contacts
+made wrong.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,14 @@ from scipy.optimize import linprog
 
 import myomorph as mm
 from benchmarks.accuracy.contact.hidden_plates import LOADED
-from benchmarks.accuracy.contact.pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
+from benchmarks.accuracy.contact.pair import (
+    KNOWN,
+    Knowledge,
+    bouts,
+    emg_target,
+    open_sites,
+    recorded_motion,
+)
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.states import preferred_directions
 from myomorph.rigid.frames import over_frames
@@ -40,7 +49,9 @@ EVERY = 5
 """Of the frames that are compared, each so many-th is asked."""
 
 MODEL_ERROR = 0.05
-"""Share of the weight that residuals may give: what errors of model and motion may amount to (Hicks et al. 2015)."""
+"""Share of the weight that residuals may give: what errors of model and motion may amount to (Hicks
+et al. 2015).
+"""
 
 
 ROUNDING = 1.0
@@ -52,10 +63,14 @@ def solved(
 ) -> tuple[TensionProblem, Tension]:
     """The problem of a recording with its plates hidden, all settings defaults, solved."""
     task = ContactTask(
-        hidden.sites, hidden.activations, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
+        hidden.sites,
+        hidden.activations,
+        preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites),
     )
     torques = mm.inverse_dynamics(hidden.model, hidden.motion)
-    problem = tension_problem(TensionInputs(hidden.model, hidden.motion, torques, contacts=change(task)))
+    problem = tension_problem(
+        TensionInputs(hidden.model, hidden.motion, torques, contacts=change(task))
+    )
     over_frames(problem.solve, len(hidden.motion), None, problem.window)
     return problem, problem.result()
 
@@ -68,26 +83,36 @@ def solved_case(folder: Path, case: HiddenCase) -> tuple[Hidden, TensionProblem,
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Widths of intervals on one foot and on several contacts, and whether plates' forces lie inside."""
+    """Widths of intervals on one foot and on several contacts, and whether plates' forces lie
+    inside.
+    """
     for case in CASES:
         hidden, problem, tension = solved_case(folder, case)
         frames = np.flatnonzero(hidden.use)[::EVERY]
         found = contact_intervals(problem, tension, frames.tolist())
-        wide = contact_intervals(problem, tension, frames.tolist(), CertificateOptions(residual=MODEL_ERROR, near=0.0))
+        wide = contact_intervals(
+            problem, tension, frames.tolist(), CertificateOptions(residual=MODEL_ERROR, near=0.0)
+        )
         ready = hidden.activations.values[frames] > 0.0
         groups = np.array([one.group for one in hidden.sites])
         touching = np.stack([ready[:, groups == name].any(axis=1) for name in found.groups], axis=1)
         several = touching.sum(axis=1) > 1
-        width, near = (
-            100.0 * (high - low) / hidden.weight
-            for low, high in ((found.low, found.high), (found.near_low, found.near_high))
-        )
-        feet = [(name, force) for side, force, _ in feet_of(hidden) if (name := f"foot_{side[0]}") in found.groups]
+        width = 100.0 * (found.high - found.low) / hidden.weight
+        near = 100.0 * (found.near_high - found.near_low) / hidden.weight
+        feet = [
+            (name, force)
+            for side, force, _ in feet_of(hidden)
+            if (name := f"foot_{side[0]}") in found.groups
+        ]
         columns = [found.groups.index(name) for name, _ in feet]
         measured = np.stack([force[frames] for _, force in feet], axis=1)
         inside = (measured >= wide.low[:, columns]) & (measured <= wide.high[:, columns])
         carrying = measured[..., 1] > LOADED * hidden.weight
-        row: Row = {"recording": case.name, "instants": len(frames), "several contacts": int(several.sum())}
+        row: Row = {
+            "recording": case.name,
+            "instants": len(frames),
+            "several contacts": int(several.sum()),
+        }
         for what, at, values in (
             ("one contact", ~several, width),
             ("several", several, width),
@@ -102,7 +127,9 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def measure_programs(folder: Path) -> Iterator[Row]:
-    """Extremes by our simplex beside HiGHS, conditions of an optimum, and processor time an instant."""
+    """Extremes by our simplex beside HiGHS, conditions of an optimum, and processor time an
+    instant.
+    """
     for case in CASES[:2]:
         hidden, problem, tension = solved_case(folder, case)
         frames = np.flatnonzero(hidden.use)[:: 4 * EVERY]
@@ -112,9 +139,12 @@ def measure_programs(folder: Path) -> Iterator[Row]:
         columns = problem.contacts.generators if problem.contacts is not None else None
         assert columns is not None
         names = tuple(dict.fromkeys(one.group for one in columns.sites))
-        members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in names]
+        members = [
+            np.array([columns.sites[k].group == name for k in columns.site]) for name in names
+        ]
         functions = group_functions(problem, dense, members)
-        seconds, apart = np.zeros(2), 0.0
+        seconds = np.zeros(2)
+        apart = 0.0
         for k in range(len(frames)):
             costs = np.stack([functions[k], -functions[k]], axis=1).reshape(-1, functions.shape[-1])
             began = time.process_time()
@@ -143,34 +173,53 @@ def measure_programs(folder: Path) -> Iterator[Row]:
         }
 
 
-def _highs(cost: np.ndarray, A: np.ndarray, x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
-    found = linprog(cost, A_eq=A, b_eq=A @ x, bounds=np.column_stack([lower, upper]), method="highs")
+def _highs(
+    cost: np.ndarray, A: np.ndarray, x: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> float:
+    found = linprog(
+        cost, A_eq=A, b_eq=A @ x, bounds=np.column_stack([lower, upper]), method="highs"
+    )
     return float(found.fun)
 
 
 def measure_faults(folder: Path) -> Iterator[Row]:
-    """Contacts of the walks made wrong while one foot alone stands: how often that is seen, and named rightly.
+    """Contacts of the walks made wrong while one foot alone stands: how often that is seen, and
+    named rightly.
 
-    Frames that must be marked are those whose net force alone is beyond what the contacts may carry by more than
-    residuals may give; moments may ask for more.
+    Frames that must be marked are those whose net force alone is beyond what the contacts may carry
+    by more than residuals may give; moments may ask for more.
     """
     for case in CASES[:3]:
         hidden = opened(folder, case)
         groups = np.array([one.group for one in hidden.sites])
         tau = mm.inverse_dynamics(hidden.model, hidden.motion)
         force = np.stack([tau[f"pelvis_t{axis}"] for axis in "xyz"], axis=1)
-        ready = {name: hidden.activations.values[:, groups == name] for name in ("foot_r", "foot_l")}
+        ready = {
+            name: hidden.activations.values[:, groups == name] for name in ("foot_r", "foot_l")
+        }
         for name, (kind, fault, most) in FAULTS.items():
-            must, marked, both, named, frames = 0, 0, 0, 0, 0
+            must = 0
+            marked = 0
+            both = 0
+            named = 0
+            frames = 0
             for foot, other in (("foot_r", "foot_l"), ("foot_l", "foot_r")):
-                alone = hidden.use & (ready[foot].max(axis=1) > 0.9) & ~(ready[other] > 0.0).any(axis=1)
+                alone = (
+                    hidden.use & (ready[foot].max(axis=1) > 0.9) & ~(ready[other] > 0.0).any(axis=1)
+                )
                 problem, tension = solved(hidden, partial(fault, foot=foot))
                 found = {one.frame: one for one in relaxations(problem, tension)}
-                lacking = most(force, (ready[foot] > 0.0).sum(axis=1)) > RESIDUAL_SHARE * hidden.weight
+                lacking = (
+                    most(force, (ready[foot] > 0.0).sum(axis=1)) > RESIDUAL_SHARE * hidden.weight
+                )
                 seen = np.isin(np.arange(len(alone)), list(found))
-                frames, must = frames + int(alone.sum()), must + int((alone & lacking).sum())
-                marked, both = marked + int((alone & seen).sum()), both + int((alone & lacking & seen).sum())
-                named += sum(_named(found[int(frame)], kind, foot) for frame in np.flatnonzero(alone & seen))
+                frames = frames + int(alone.sum())
+                must = must + int((alone & lacking).sum())
+                marked = marked + int((alone & seen).sum())
+                both = both + int((alone & lacking & seen).sum())
+                named += sum(
+                    _named(found[int(frame)], kind, foot) for frame in np.flatnonzero(alone & seen)
+                )
             yield {
                 "recording": case.name,
                 "fault": name,
@@ -183,10 +232,16 @@ def measure_faults(folder: Path) -> Iterator[Row]:
 
 
 def measure_truth() -> Iterator[Row]:
-    """Simulated fighters whose forces are known: whether the truth lies inside, and where the error lies."""
+    """Simulated fighters whose forces are known: whether the truth lies inside, and where the error
+    lies.
+    """
     pairs = [(pair, recorded_motion(pair)) for pair in bouts()]
     for known in (KNOWN[0], KNOWN[3], KNOWN[5]):
-        inside, near, width, along, groups = [], [], [], [], ()
+        inside = []
+        near = []
+        width = []
+        along = []
+        groups = ()
         for pair, motion in pairs:
             problem = pair_problem(pair, motion, known)
             over_frames(problem.solve, len(motion), None, problem.window)
@@ -198,7 +253,9 @@ def measure_truth() -> Iterator[Row]:
             inside.append((truth >= found.low - ROUNDING) & (truth <= found.high + ROUNDING))
             near.append((truth >= found.near_low) & (truth <= found.near_high))
             width.append(found.high - found.low)
-            along.append((miss * found.direction).sum(axis=(1, 2)) ** 2 / (miss**2).sum(axis=(1, 2)))
+            along.append(
+                (miss * found.direction).sum(axis=(1, 2)) ** 2 / (miss**2).sum(axis=(1, 2))
+            )
         of_feet = np.array([name in FEET for name in groups])
         yield {
             "known": known.words,
@@ -222,7 +279,9 @@ def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> Tens
     names = tuple(one.name for one in sites)
     columns = [pair.touching.names.index(name) for name in names]
     task = ContactTask(sites, mm.Series(motion.time, names, pair.touching.values[:, columns]))
-    return tension_problem(TensionInputs(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg)))
+    return tension_problem(
+        TensionInputs(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
+    )
 
 
 def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:
@@ -232,14 +291,18 @@ def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:
         for name in ("forces", "points", "torques")
     }
     names = tuple(name for one in wrenches for name in one.names)
-    return mm.Wrenches(wrenches[0].time, names, tuple(body for one in wrenches for body in one.bodies), **parts)
+    return mm.Wrenches(
+        wrenches[0].time, names, tuple(body for one in wrenches for body in one.bodies), **parts
+    )
 
 
 def _forgotten(task: ContactTask, foot: str) -> ContactTask:
     """The foot is said not to touch."""
     mine = np.array([one.group == foot for one in task.sites])
     values = np.where(mine, 0.0, task.activations.values)
-    return replace(task, activations=mm.Series(task.activations.time, task.activations.names, values))
+    return replace(
+        task, activations=mm.Series(task.activations.time, task.activations.names, values)
+    )
 
 
 def _slippery(task: ContactTask, foot: str) -> ContactTask:
@@ -261,7 +324,9 @@ def _with_cone(task: ContactTask, foot: str, **change: float) -> ContactTask:
 
 
 Lacking = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Net force (frames, 3) and number of touching sites (frames,) to what contacts cannot carry of it (frames,) [N]."""
+"""Net force (frames, 3) and number of touching sites (frames,) to what contacts cannot carry of it
+(frames,) [N].
+"""
 
 FAULTS: dict[str, tuple[str, Callable[..., ContactTask], Lacking]] = {
     "none": ("", lambda task, foot: task, lambda force, sites: np.zeros(len(force))),

@@ -1,4 +1,6 @@
-"""Elastic tendons against MocoInverse and fiber dynamics, and how solutions change with the frame rate."""
+"""Elastic tendons against MocoInverse and fiber dynamics, and how solutions change with the frame
+rate.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,11 @@ RATE = 100.0
 FINER = 4
 """Steps of the fine collocation in one step."""
 
-FINE_CASES = ("arm26, 6 Millard2012EquilibriumMuscle", "walk, Rajagopal, 80 muscles", "walk, OpenCap, 80 muscles")
+FINE_CASES = (
+    "arm26, 6 Millard2012EquilibriumMuscle",
+    "walk, Rajagopal, 80 muscles",
+    "walk, OpenCap, 80 muscles",
+)
 FINE_SECONDS = 0.5
 """How much of each recording is solved with fine steps too."""
 
@@ -43,7 +49,11 @@ OURS = mm.TensionOptions(tendons="elastic", min_activation="model", passive=True
 """With passive force, which OpenSim's fiber dynamics always have."""
 
 ALIKE = mm.TensionOptions(
-    tendons="elastic", min_activation="model", activation_dynamics=False, reserve=RESERVE, residual=RESIDUAL
+    tendons="elastic",
+    min_activation="model",
+    activation_dynamics=False,
+    reserve=RESERVE,
+    residual=RESIDUAL,
 )
 """As MocoInverse is set up: no passive force, activations as controls."""
 
@@ -59,7 +69,9 @@ def thinned(motion: mm.Motion, start: float, end: float) -> mm.Motion:
 
 
 def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Solved activations in OpenSim's fiber dynamics: how far its tendon forces are from the solved ones."""
+    """Solved activations in OpenSim's fiber dynamics: how far its tendon forces are from the solved
+    ones.
+    """
     arm = next(one for one in CASES if one.kind == "Thelen2003Muscle")
     for kind in ARM_CLASSES:
         yield _forward_row(folder, replace(arm, name=f"arm26, 6 {kind}", kind=kind))
@@ -71,28 +83,42 @@ def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
 def _forward_row(folder: Path, case: TensionCase) -> dict[str, object]:
     with tempfile.TemporaryDirectory() as work:
         prepared = prepare(folder, case, Path(work))
-        motion = thinned(mm.differentiate(prepared.motion, case.cutoff or 6.0), case.start, case.end)
+        motion = thinned(
+            mm.differentiate(prepared.motion, case.cutoff or 6.0), case.start, case.end
+        )
         torques = read_torques(prepared.loads, prepared.model, motion)
         found = mm.solve_tension(prepared.model, motion, torques, OURS, prepared.actuators)
-        return {"case": case.name, **forward_distances(prepared.model, prepared.model_path, motion, found)}
+        return {
+            "case": case.name,
+            **forward_distances(prepared.model, prepared.model_path, motion, found),
+        }
 
 
 def fine_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Solutions at 100 frames a second against those of steps four times finer, of the same curves of motion."""
+    """Solutions at 100 frames a second against those of steps four times finer, of the same curves
+    of motion.
+    """
     for name in FINE_CASES:
         case = next(one for one in CASES if one.name == name)
         with tempfile.TemporaryDirectory() as work:
             prepared = prepare(folder, case, Path(work))
             whole = mm.differentiate(prepared.motion, case.cutoff or 6.0)
-            fine = _resampled(whole, case.start, min(case.end, case.start + FINE_SECONDS), FINER * RATE)
+            fine = _resampled(
+                whole, case.start, min(case.end, case.start + FINE_SECONDS), FINER * RATE
+            )
             torques = read_torques(prepared.loads, prepared.model, fine)
-            yield {"case": name, **fine_distances(prepared.model, fine, torques, prepared.actuators)}
+            yield {
+                "case": name,
+                **fine_distances(prepared.model, fine, torques, prepared.actuators),
+            }
 
 
 def fine_distances(
     model: mm.Model, motion: mm.Motion, torques: mm.Series, actuators: Sequence[Actuator] | None
 ) -> dict[str, object]:
-    """Distances between solutions for all frames of a motion and for one in `FINER` of them, ends left out."""
+    """Distances between solutions for all frames of a motion and for one in `FINER` of them, ends
+    left out.
+    """
     assert motion.velocities is not None
     assert motion.accelerations is not None
     each = slice(None, None, FINER)
@@ -128,8 +154,12 @@ def _resampled(motion: mm.Motion, start: float, end: float, rate: float) -> mm.M
     return mm.Motion(at, motion.names, curve(at), curve(at, 1), curve(at, 2))
 
 
-def forward_distances(model: mm.Model, model_path: Path, motion: mm.Motion, found: Tension) -> dict[str, object]:
-    """Distances of tendon forces, relative to the maximum isometric forces, and to the forces themselves."""
+def forward_distances(
+    model: mm.Model, model_path: Path, motion: mm.Motion, found: Tension
+) -> dict[str, object]:
+    """Distances of tendon forces, relative to the maximum isometric forces, and to the forces
+    themselves.
+    """
     fibers = found.fibers
     assert fibers is not None
     columns = [m for m, name in enumerate(found.muscles) if name not in fibers.rigid]
@@ -139,7 +169,8 @@ def forward_distances(model: mm.Model, model_path: Path, motion: mm.Motion, foun
     sliders = SliderMuscles(model_path, names)
     ours = found.forces[:, columns]
     start = np.where(sliders.forces_state, ours[0] / strength, fibers.lengths[0, columns])
-    lengths, speeds = paths.lengths[:, columns], paths.velocities[:, columns]
+    lengths = paths.lengths[:, columns]
+    speeds = paths.velocities[:, columns]
     middle = between_frames(found.activations[:, columns])
     theirs = forward_forces(sliders, motion.time, lengths, speeds, middle, start)
     inside = ~fibers.transient
@@ -159,7 +190,8 @@ def forward_distances(model: mm.Model, model_path: Path, motion: mm.Motion, foun
 def between_frames(activations: Array) -> Array:
     """(frames - 1, muscles) activations between frames, of which those at the frames are the means.
 
-    What elastic tendons are solved for lies between frames; the first and the last frame have the nearest.
+    What elastic tendons are solved for lies between frames; the first and the last frame have the
+    nearest.
     """
     middle = np.empty_like(activations[1:])
     middle[0] = activations[0]
@@ -175,7 +207,9 @@ def moco_rows(folder: Path) -> Iterator[dict[str, object]]:
     yield compare_moco(recording, moco_inverse(recording, *SPAN))
 
 
-def compare_moco(recording: Path, theirs: MocoFound, options: mm.TensionOptions = ALIKE) -> dict[str, object]:
+def compare_moco(
+    recording: Path, theirs: MocoFound, options: mm.TensionOptions = ALIKE
+) -> dict[str, object]:
     """Distances at MocoInverse's times away from the ends, and seconds of both."""
     model = mm.read_model(theirs.model)
     whole = mm.differentiate(mm.read_motion(recording / "coordinates.sto", model), 6.0)
@@ -215,26 +249,38 @@ def compare_moco(recording: Path, theirs: MocoFound, options: mm.TensionOptions 
 
 DEFAULT = mm.TensionOptions(tendons="elastic")
 PASSIVE = mm.TensionOptions(tendons="elastic", min_activation="model", passive=True)
-LONG, LONGEST = 9.0, 60.0
-"""Lengths of walks that are their stride again and again, with the model's curves and De Groote's [s]."""
-SLOW, FAST, SHORT = 200.0, 1000.0, 0.5
+LONG = 9.0
+LONGEST = 60.0
+"""Lengths of walks that are their stride again and again, with the model's curves and De Groote's
+[s].
+"""
+SLOW = 200.0
+FAST = 1000.0
+SHORT = 0.5
 """Rates of one motion [Hz], and how much of it is solved [s]."""
 APART = (f"activations from {SLOW:g} Hz, RMS", f"forces from {SLOW:g} Hz, RMS / F0")
-RUN_CUTOFF, RUN_SECONDS = 15.0, (0.3, 1.3)
+RUN_CUTOFF = 15.0
+RUN_SECONDS = (0.3, 1.3)
 """Filter of the run [Hz], and the part of it that is solved [s]."""
 
 
 def convergence_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a recording: frames, how many are optimal, most iterations, and the residual of optimality conditions."""
+    """A row a recording: frames, how many are optimal, most iterations, and the residual of
+    optimality conditions.
+    """
     model, motion, torques = stride()
     yield _row("walk, Rajagopal, 80 muscles", mm.solve_tension(model, motion, torques, DEFAULT))
     long = tiled(motion, torques, LONG)
-    yield _row(f"the same stride again and again, {LONG:g} s", mm.solve_tension(model, *long, DEFAULT))
+    yield _row(
+        f"the same stride again and again, {LONG:g} s", mm.solve_tension(model, *long, DEFAULT)
+    )
     longest = tiled(motion, torques, LONGEST)
     yield _row(
-        f"the same, {LONGEST:g} s, De Groote's curves", mm.solve_tension(with_degroote(model), *longest, DEFAULT)
+        f"the same, {LONGEST:g} s, De Groote's curves",
+        mm.solve_tension(with_degroote(model), *longest, DEFAULT),
     )
-    slow, fast = (mm.solve_tension(model, *resampled(motion, torques, rate), DEFAULT) for rate in (SLOW, FAST))
+    slow = mm.solve_tension(model, *resampled(motion, torques, SLOW), DEFAULT)
+    fast = mm.solve_tension(model, *resampled(motion, torques, FAST), DEFAULT)
     yield _row(f"walk at {SLOW:g} Hz", slow)
     yield _row(f"walk at {FAST:g} Hz", fast) | apart(model, slow, fast)
     case = next(one for one in CASES if "gait2392" in one.name)
@@ -267,7 +313,9 @@ def apart(model: mm.Model, slow: Tension, fast: Tension) -> dict[str, object]:
     strength = np.array([one.max_isometric_force for one in model.muscles])
     difference = slow.activations[:count] - fast.activations[::every][:count]
     forces = (slow.forces[:count] - fast.forces[::every][:count]) / strength
-    return dict(zip(APART, (float(np.sqrt(np.mean(one**2))) for one in (difference, forces)), strict=True))
+    return dict(
+        zip(APART, (float(np.sqrt(np.mean(one**2))) for one in (difference, forces)), strict=True)
+    )
 
 
 def _run(folder: Path) -> Tension:
@@ -284,7 +332,9 @@ def _run(folder: Path) -> Tension:
 
 
 def _torques(model: mm.Model, motion: mm.Motion, loads: mm.Wrenches | None) -> mm.Series:
-    return mm.inverse_dynamics(model, motion, None if loads is None else mm.resample_wrenches(loads, motion.time))
+    return mm.inverse_dynamics(
+        model, motion, None if loads is None else mm.resample_wrenches(loads, motion.time)
+    )
 
 
 def _row(name: str, found: Tension) -> dict[str, object]:
@@ -300,28 +350,37 @@ def _row(name: str, found: Tension) -> dict[str, object]:
     }
 
 
-ULTRASOUND, FASCICLES = "gastrocnemius-ultrasound-walk", "med_gas_l"
-"""Strides of one walker: a model, and of each stride coordinates, torques, and the muscle's fascicles [mm]."""
+ULTRASOUND = "gastrocnemius-ultrasound-walk"
+FASCICLES = "med_gas_l"
+"""Strides of one walker: a model, and of each stride coordinates, torques, and the muscle's
+fascicles [mm].
+"""
 
 
 def fascicle_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Fibers by our commands beside fascicles by ultrasound, which they do not get; no rows without the recording."""
+    """Fibers by our commands beside fascicles by ultrasound, which they do not get; no rows without
+    the recording.
+    """
     home = folder / ULTRASOUND
     for path in sorted(home.glob("*_US.mot")):
-        measured, stem = mm.read_sto(path), path.stem.removesuffix("_US")
+        measured = mm.read_sto(path)
+        stem = path.stem.removesuffix("_US")
         words = ("--model", home / "model.osim", "--motion", path.with_stem(f"{stem}_IK"))
         with tempfile.TemporaryDirectory() as name:
-            elastic, rigid = Path(name) / "elastic", Path(name) / "rigid"
+            elastic = Path(name) / "elastic"
+            rigid = Path(name) / "rigid"
             loads = ("--torques", path.with_stem(f"{stem}_ID"), "--tendons", "elastic")
             command("tension", *words, *loads, "--out", elastic)
             command("muscles", *words, "--out", rigid)
-            fibers, lengths = mm.read_sto(elastic / "fiber_lengths.sto"), mm.read_sto(rigid / "lengths.sto")
+            fibers = mm.read_sto(elastic / "fiber_lengths.sto")
+            lengths = mm.read_sto(rigid / "lengths.sto")
         muscle = mm.read_model(home / "model.osim").muscle(FASCICLES)
         across = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
         on_slack = np.hypot(lengths[FASCICLES] - muscle.tendon_slack_length, across)
         both = {"elastic": (fibers.time, fibers[FASCICLES]), "rigid": (lengths.time, on_slack)}
         for tendons, found in both.items():
-            ours, truth = 1e3 * np.interp(measured.time, *found), measured[FASCICLES]
+            ours = 1e3 * np.interp(measured.time, *found)
+            truth = measured[FASCICLES]
             yield {
                 "stride": stem,
                 "tendons": tendons,

@@ -1,4 +1,6 @@
-"""EMG in the tension problem: channels left out and predicted, with and without the EMG of the others."""
+"""EMG in the tension problem: channels left out and predicted, with and without the EMG of the
+others.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ RAJAGOPAL = {
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A motion with torques, external forces and EMG, and the times that are calibrated on and tested on."""
+    """A motion with torques, external forces and EMG, and the times that are calibrated on and
+    tested on.
+    """
 
     name: str
     model: mm.Model
@@ -66,7 +70,8 @@ class Walk:
 
     def part(self, span: tuple[float, float]) -> tuple[mm.Motion, mm.Series]:
         """Motion and torques of a span, every so many frames."""
-        motion, torques = cut(self.motion, *span), cut(self.torques, *span)
+        motion = cut(self.motion, *span)
+        torques = cut(self.torques, *span)
         return few_frames(motion, torques, self.every)
 
 
@@ -81,18 +86,28 @@ def belts(path: Path, left: str) -> mm.Wrenches:
     """Forces of both feet, those of the left one under columns that begin so."""
     table = mm.read_sto(path)
     parts = [
-        np.stack([np.column_stack([table[f"{foot}ground_{kind}{x}"] for x in "xyz"]) for foot in ("", left)], axis=1)
+        np.stack(
+            [
+                np.column_stack([table[f"{foot}ground_{kind}{x}"] for x in "xyz"])
+                for foot in ("", left)
+            ],
+            axis=1,
+        )
         for kind in ("force_v", "force_p", "torque_")
     ]
     return mm.Wrenches(table.time, ("right", "left"), ("calcn_r", "calcn_l"), *parts)
 
 
 def treadmill(folder: Path) -> Walk:
-    """CEINMS: the generic model's forces brought to the walker's mass, as areas: (58 / 75.16)^(2/3)."""
+    """CEINMS: the generic model's forces brought to the walker's mass, as areas: (58 /
+    75.16)^(2/3).
+    """
     at = folder / "ceinms-emg-walk"
     model = mm.read_model(at / "model/gait2392.osim")
     weaker = (58.0 / 75.16) ** (2.0 / 3.0)
-    muscles = tuple(replace(one, max_isometric_force=weaker * one.max_isometric_force) for one in model.muscles)
+    muscles = tuple(
+        replace(one, max_isometric_force=weaker * one.max_isometric_force) for one in model.muscles
+    )
     model = replace(model, muscles=muscles)
     motion = mm.differentiate(mm.read_motion(at / "walk36/ik.sto", model), CUTOFF)
     table = mm.read_sto(at / "walk36/emgFilt.sto")
@@ -100,35 +115,76 @@ def treadmill(folder: Path) -> Walk:
     torques = torques_of(at / "walk36/id.sto")
     channels = {name: (name,) for name in emg.names}
     wrenches = belts(at / "walk36/XLD.mot", "l_")
-    return Walk("ceinms-emg-walk", model, motion, torques, wrenches, emg, channels, (5.0, 25.0), (30.0, 50.0), 4)
+    return Walk(
+        name="ceinms-emg-walk",
+        model=model,
+        motion=motion,
+        torques=torques,
+        wrenches=wrenches,
+        emg=emg,
+        channels=channels,
+        calibrated=(5.0, 25.0),
+        tested=(30.0, 50.0),
+        every=4,
+    )
 
 
 def overground(folder: Path, side: str = "r") -> Walk:
-    """Rajagopal 2016: raw EMG made into envelopes here; one stride, so that it is calibrated and tested alike."""
+    """Rajagopal 2016: raw EMG made into envelopes here; one stride, so that it is calibrated and
+    tested alike.
+    """
     at = folder / "rajagopal-walk-emg"
     model = mm.read_model(at / "subject_walk_scaled.osim")
     motion = mm.differentiate(mm.read_motion(at / "coordinates.sto", model), None)
-    channels = {name: tuple(f"{one}_{side}" for one in muscles) for name, muscles in RAJAGOPAL.items()}
+    channels = {
+        name: tuple(f"{one}_{side}" for one in muscles) for name, muscles in RAJAGOPAL.items()
+    }
     emg = mm.envelopes(raw_emg(at / "raw/emg_walk_raw.anc"))
     span = (0.5, 1.75)
     wrenches = mm.resample_wrenches(read_external_loads(at / "grf_walk.xml"), motion.time)
     torques = mm.inverse_dynamics(model, motion, wrenches)
     name = "rajagopal-walk-emg" if side == "r" else "rajagopal-walk-emg, on the left leg"
-    return Walk(name, model, motion, torques, wrenches, emg, channels, span, span, 5)
+    return Walk(
+        name=name,
+        model=model,
+        motion=motion,
+        torques=torques,
+        wrenches=wrenches,
+        emg=emg,
+        channels=channels,
+        calibrated=span,
+        tested=span,
+        every=5,
+    )
 
 
 def loaded(folder: Path) -> Walk:
-    """Uhlrich 2022: the left leg; its channel of vastus intermedius is a copy of lateralis and goes with it."""
+    """Uhlrich 2022: the left leg; its channel of vastus intermedius is a copy of lateralis and goes
+    with it.
+    """
     at = folder / "walk-so-jointload-emg"
     model = mm.read_model(at / "Rajagopal_scaled_Sub1_gasAvoid.osim")
     motion = mm.differentiate(mm.read_motion(at / "results_ik.sto", model), CUTOFF)
     table = mm.read_sto(at / "EMG_allMuscles.sto")
     emg = mm.Emg(table.time, table.names, table.values)
-    channels = {name: (name.removesuffix("_activation"),) for name in emg.names if "vasint" not in name}
+    channels = {
+        name: (name.removesuffix("_activation"),) for name in emg.names if "vasint" not in name
+    }
     channels["vaslat_l_activation"] = ("vaslat_l", "vasint_l")
     torques = torques_of(at / "results_id.sto")
     wrenches = belts(at / "walking_baseline1_forces.mot", "1_")
-    return Walk("walk-so-jointload-emg", model, motion, torques, wrenches, emg, channels, (15.0, 35.0), (35.0, 55.0), 2)
+    return Walk(
+        name="walk-so-jointload-emg",
+        model=model,
+        motion=motion,
+        torques=torques,
+        wrenches=wrenches,
+        emg=emg,
+        channels=channels,
+        calibrated=(15.0, 35.0),
+        tested=(35.0, 55.0),
+        every=2,
+    )
 
 
 WALKS = (treadmill, overground, loaded)
@@ -155,11 +211,37 @@ class Recorded(NamedTuple):
 
 
 RECORDED = (
-    Recorded("ceinms-emg-walk", "gait2392", "ceinms-emg-walk/walk36/emgFilt.sto", ("--time", 30, 38), 58.0),
-    Recorded("rajagopal-walk-emg", "rajagopal", "rajagopal-walk-emg/electromyography.sto", ("--emg-side", "right")),
-    Recorded("walk-so-jointload-emg", "treadmill", "walk-so-jointload-emg/EMG_allMuscles.sto", ("--time", 35, 43)),
-    Recorded("knee-implant-walk, walk1", "implant-1", "knee-implant-walk/walk1.c3d", ("--emg-side", "left")),
-    Recorded("knee-implant-walk, walk3", "implant-3", "knee-implant-walk/walk3.c3d", ("--emg-side", "left")),
+    Recorded(
+        name="ceinms-emg-walk",
+        files="gait2392",
+        emg="ceinms-emg-walk/walk36/emgFilt.sto",
+        words=("--time", 30, 38),
+        mass=58.0,
+    ),
+    Recorded(
+        name="rajagopal-walk-emg",
+        files="rajagopal",
+        emg="rajagopal-walk-emg/electromyography.sto",
+        words=("--emg-side", "right"),
+    ),
+    Recorded(
+        name="walk-so-jointload-emg",
+        files="treadmill",
+        emg="walk-so-jointload-emg/EMG_allMuscles.sto",
+        words=("--time", 35, 43),
+    ),
+    Recorded(
+        name="knee-implant-walk, walk1",
+        files="implant-1",
+        emg="knee-implant-walk/walk1.c3d",
+        words=("--emg-side", "left"),
+    ),
+    Recorded(
+        name="knee-implant-walk, walk3",
+        files="implant-3",
+        emg="knee-implant-walk/walk3.c3d",
+        words=("--emg-side", "left"),
+    ),
 )
 COPIES = ("vasint_l_activation",)
 """Channels that are copies of another one."""
@@ -189,22 +271,39 @@ def measure_held_out(folder: Path) -> Iterator[Row]:
 
 @lru_cache(maxsize=len(RECORDED))
 def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
-    """A row a channel: its correlation with the mean activation of its muscles, later by the delay that others have."""
-    files, source, rows = RECORDINGS[recorded.files], folder / recorded.emg, list[Row]()
+    """A row a channel: its correlation with the mean activation of its muscles, later by the delay
+    that others have.
+    """
+    files = RECORDINGS[recorded.files]
+    source = folder / recorded.emg
+    rows = list[Row]()
     # The C3D files have another clock than the coordinates.
     emg = implant_emg(folder, source.stem) if source.suffix == ".c3d" else mm.read_sto(source)
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
-        model, loads = folder / files.model, folder / files.loads
+        model = folder / files.model
+        loads = folder / files.loads
         if recorded.mass is not None:
             model = work / "model.osim"
             mm.write_osim(subject_model(folder, files.model, recorded.mass, False), model)
         assigned = loads.with_suffix(".xml")
-        words = ("--model", model, "--motion", folder / files.motion, *recorded.words, "--emg", work / "emg.sto")
+        words = (
+            "--model",
+            model,
+            "--motion",
+            folder / files.motion,
+            *recorded.words,
+            "--emg",
+            work / "emg.sto",
+        )
         words += ("--loads", assigned if assigned.exists() else loads)
 
         def run(left_out: str, way: str) -> Path:
-            kept = [k for k, channel in enumerate(emg.names) if channel != left_out and channel not in COPIES]
+            kept = [
+                k
+                for k, channel in enumerate(emg.names)
+                if channel != left_out and channel not in COPIES
+            ]
             table = mm.Table(emg.time, tuple(emg.names[k] for k in kept), emg.values[:, kept])
             mm.write_sto(table, work / "emg.sto")
             out = work / f"{way} {left_out}"
@@ -220,7 +319,9 @@ def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
             row: Row = {"walk": recorded.name, "channel": channel}
             for way, out in outs.items():
                 activations = mm.read_sto(out / "activations.sto")
-                measured = np.interp(activations.time - float(told["delay_s"]), alone.emg.time, alone.emg[channel])
+                measured = np.interp(
+                    activations.time - float(told["delay_s"]), alone.emg.time, alone.emg[channel]
+                )
                 predicted = np.mean([activations[one] for one in muscles], axis=0)
                 # Muscles that never work follow nothing.
                 row[f"r, {way}"] = float(np.nan_to_num(_correlation(predicted, measured)))
@@ -231,7 +332,8 @@ def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
 def measure_calibration(folder: Path) -> Iterator[Row]:
     """Delays, gains and weights by two halves of each walk, and what torques say of them."""
     for walk in (*(make(folder) for make in WALKS), overground(folder, "l")):
-        first, second = (_calibrated(walk, span) for span in (walk.calibrated, walk.tested))
+        first = _calibrated(walk, walk.calibrated)
+        second = _calibrated(walk, walk.tested)
         apart = np.abs(np.log(first.gains / second.gains))
         same = walk.calibrated == walk.tested
         known = first.by_torque
@@ -241,7 +343,9 @@ def measure_calibration(folder: Path) -> Iterator[Row]:
             "on other frames [ms]": "" if same else round(1e3 * float(second.delays[0])),
             "gains, least ... most": f"{first.gains.min():.2f} ... {first.gains.max():.2f}",
             "told by torques": f"{int(known.sum())} of {len(known)}",
-            "gains on other frames apart, median": "" if same else f"{np.median(np.expm1(apart)):.1%}",
+            "gains on other frames apart, median": (
+                "" if same else f"{np.median(np.expm1(apart)):.1%}"
+            ),
             "largest": "" if same else f"{np.expm1(apart).max():.1%}",
             "weight": first.weight,
             "channels that others mislead": sum("misleads" in text for text in first.warnings),
@@ -253,16 +357,27 @@ def _calibrated(walk: Walk, span: tuple[float, float]) -> EmgCalibration:
 
 
 def measure_study(folder: Path) -> Iterator[Row]:
-    """One stance of the walk with joint loads: ours and that study's activations against its EMG and each other."""
+    """One stance of the walk with joint loads: ours and that study's activations against its EMG
+    and each other.
+    """
     walk = loaded(folder)
     table = mm.read_sto(folder / "walk-so-jointload-emg/results_SO/results_states.sto")
     motion, torques = replace(walk, every=1).part((10.9, 11.7))
-    calibration = calibrate_emg(walk.model, [EmgTrial(*walk.part(walk.calibrated), walk.emg)], walk.channels)
+    calibration = calibrate_emg(
+        walk.model, [EmgTrial(*walk.part(walk.calibrated), walk.emg)], walk.channels
+    )
     left = [name for name in walk.model.muscle_names if name.endswith("_l")]
-    theirs = {name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"]) for name in left}
+    theirs = {
+        name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"])
+        for name in left
+    }
     # Without delay: the study's static optimization had none.
-    envelopes = {name: np.interp(motion.time, walk.emg.time, walk.emg[name]) for name in walk.channels}
-    targets = emg_targets(walk.emg, walk.channels, walk.model, motion.time, EmgOptions(), calibration)
+    envelopes = {
+        name: np.interp(motion.time, walk.emg.time, walk.emg[name]) for name in walk.channels
+    }
+    targets = emg_targets(
+        walk.emg, walk.channels, walk.model, motion.time, EmgOptions(), calibration
+    )
     for way, told in {ALONE: None, "default": targets}.items():
         found = mm.solve_tension(walk.model, motion, torques, emg=told)
         ours = {name: found.activations[:, found.muscles.index(name)] for name in left}
@@ -273,7 +388,9 @@ def measure_study(folder: Path) -> Iterator[Row]:
         row["correlation with the study's, median"] = float(np.nanmedian(both))
         for label, activations in (("ours", ours), ("theirs", theirs)):
             told_by = [
-                _correlation(np.mean([activations[one] for one in muscles], axis=0), envelopes[name])
+                _correlation(
+                    np.mean([activations[one] for one in muscles], axis=0), envelopes[name]
+                )
                 for name, muscles in walk.channels.items()
             ]
             row[f"correlation with EMG, {label}, mean"] = float(np.nanmean(told_by))
@@ -286,9 +403,12 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 def measure_envelopes(folder: Path) -> Iterator[Row]:
-    """Our envelopes of the raw recording against those that came with it, with its filters and with ours."""
+    """Our envelopes of the raw recording against those that came with it, with its filters and with
+    ours.
+    """
     at = folder / "rajagopal-walk-emg"
-    raw, table = raw_emg(at / "raw/emg_walk_raw.anc"), mm.read_sto(at / "electromyography.sto")
+    raw = raw_emg(at / "raw/emg_walk_raw.anc")
+    table = mm.read_sto(at / "electromyography.sto")
     for label, options in (
         ("band 50 to 500 Hz, low-pass 7.5 Hz, as there", EnvelopeOptions((50.0, 500.0), 7.5)),
         ("default: 20 to 450 Hz, low-pass 6 Hz", EnvelopeOptions()),
@@ -296,7 +416,8 @@ def measure_envelopes(folder: Path) -> Iterator[Row]:
         found = mm.envelopes(raw, options)
         rows = []
         for k, name in enumerate(found.names):
-            ours, theirs = np.interp(table.time, found.time, found[name]), table.values[:, k]
+            ours = np.interp(table.time, found.time, found[name])
+            theirs = table.values[:, k]
             rows.append((_correlation(ours, theirs), float(np.sqrt(np.mean((ours - theirs) ** 2)))))
         r, rms = np.array(rows).T
         yield {

@@ -1,7 +1,9 @@
-"""Forces in hips of recordings with plates, by the commands that users have, beside those of instrumented hips.
+"""Forces in hips of recordings with plates, by the commands that users have, beside those of
+instrumented hips.
 
-Ten people with instrumented hips (Bergmann et al. 2016), each person's mean force at its peak in % of body weight, in
-the frame of the femur's shaft, as Fischer et al. (2021) list them (RWTHmediTEC/HipJointForceModel, OrthoLoad data).
+Ten people with instrumented hips (Bergmann et al. 2016), each person's mean force at its peak in %
+of body weight, in the frame of the femur's shaft, as Fischer et al. (2021) list them
+(RWTHmediTEC/HipJointForceModel, OrthoLoad data).
 """
 
 from __future__ import annotations
@@ -21,35 +23,59 @@ PUBLISHED = {
     "walking": (247.1, 20.3, 16.0, 2.9, -5.7, 3.5),
     "rising": (215.0, 68.5, 23.5, 4.4, -6.8, 4.5),
 }
-"""Mean and standard deviation over the people of the force [%], and of its angles to the femur's shaft, lateral and
-forward [degrees]."""
+"""Mean and standard deviation over the people of the force [%], and of its angles to the femur's
+shaft, lateral and forward [degrees].
+"""
 SHAFT = 6.0
-"""Angle between the femur's shaft and the line from hip to knee, which models' frames have [degrees]."""
+"""Angle between the femur's shaft and the line from hip to knee, which models' frames have
+[degrees].
+"""
 SPREAD = 2.0
 """A person lies inside within so many standard deviations."""
-OPENCAP, RAJAGOPAL, KNEE, GAIT = (
-    "opencap-subject4-multitask", "rajagopal-walk-emg", "knee-implant-walk", "opensim-gait-subject01/experiment",
-)  # fmt: skip
+OPENCAP = "opencap-subject4-multitask"
+RAJAGOPAL = "rajagopal-walk-emg"
+KNEE = "knee-implant-walk"
+GAIT = "opensim-gait-subject01/experiment"
 OWN = {
     "walk, Rajagopal": (
-        "walking", f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/coordinates.sto",
-        f"{RAJAGOPAL}/grf_walk.xml", "rl",
+        "walking",
+        f"{RAJAGOPAL}/subject_walk_scaled.osim",
+        f"{RAJAGOPAL}/coordinates.sto",
+        f"{RAJAGOPAL}/grf_walk.xml",
+        "rl",
     ),
     "walk, OpenCap": (
-        "walking", f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
-        f"{OPENCAP}/grf/walking1_external_forces.xml", "rl",
+        "walking",
+        f"{OPENCAP}/models/manually_scaled.osim",
+        f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
+        f"{OPENCAP}/grf/walking1_external_forces.xml",
+        "rl",
     ),
     "walk, instrumented knee": (
-        "walking", f"{KNEE}/nominal.osim", f"{KNEE}/walk3_ik.mot", f"{KNEE}/walk3_grf.xml", "l",
+        "walking",
+        f"{KNEE}/nominal.osim",
+        f"{KNEE}/walk3_ik.mot",
+        f"{KNEE}/walk3_grf.xml",
+        "l",
     ),
-}  # fmt: skip
+}
 """Activity, model, coordinates, forces, and the legs whose feet stand on plates all the time."""
 RAW = {
     "walk, Rajagopal": ("walking", (f"{RAJAGOPAL}/markers_walk.trc",), 85.27, "rl"),
     "walk, gait2354": ("walking", (f"{GAIT}/subject01_walk1.trc",), 72.6, "rl"),
-    "walk, OpenCap": ("walking", (f"{OPENCAP}/markers/walking1.trc", f"{OPENCAP}/markers/static1.trc"), 62.6, "rl"),
+    "walk, OpenCap": (
+        "walking",
+        (f"{OPENCAP}/markers/walking1.trc", f"{OPENCAP}/markers/static1.trc"),
+        62.6,
+        "rl",
+    ),
     "walk, instrumented knee": ("walking", (f"{KNEE}/walk3.c3d",), 75.0, "l"),
-    "sit to stand, OpenCap": ("rising", (f"{OPENCAP}/markers/STS1.trc", f"{OPENCAP}/markers/static1.trc"), 62.6, "rl"),
+    "sit to stand, OpenCap": (
+        "rising",
+        (f"{OPENCAP}/markers/STS1.trc", f"{OPENCAP}/markers/static1.trc"),
+        62.6,
+        "rl",
+    ),
 }
 """Activity, recordings, mass of the body [kg] and legs."""
 
@@ -57,12 +83,15 @@ RAW = {
 HIPS = ("hip_r", "walker_hip_r")
 """How models call the right hip."""
 LEAST = ("--joint-load", "10", "--reserve", "1")
-"""Of `tension`: hips' loads count more than all effort, and reserves cost more than either, so that what comes out is
-about the least force that any muscles with these moment arms can give."""
+"""Of `tension`: hips' loads count more than all effort, and reserves cost more than either, so that
+what comes out is about the least force that any muscles with these moment arms can give.
+"""
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Rows of each leg: the peak force and its direction while muscles flex the hip, and while they extend it."""
+    """Rows of each leg: the peak force and its direction while muscles flex the hip, and while they
+    extend it.
+    """
     for name, (activity, *files, legs) in OWN.items():
         model, motion, loads = (str(folder / file) for file in files)
         read = mm.read_model(model)
@@ -83,11 +112,16 @@ def measure(folder: Path) -> Iterator[Row]:
             yield from _rows(name, "generic, analyze", "default", activity, trial, mass, legs)
 
 
-def _rows(name: str, model: str, way: str, activity: str, home: Path, mass: float, legs: str) -> Iterator[Row]:
+def _rows(
+    name: str, model: str, way: str, activity: str, home: Path, mass: float, legs: str
+) -> Iterator[Row]:
     size, size_sd, lateral, lateral_sd, forward, forward_sd = PUBLISHED[activity]
-    loads, torques = mm.read_sto(home / "joint_reactions.sto"), mm.read_sto(home / "torques.sto")
+    loads = mm.read_sto(home / "joint_reactions.sto")
+    torques = mm.read_sto(home / "torques.sto")
     for leg in legs:
-        column = next(title for title in loads.names if f"_on_femur_{leg}_in_femur_{leg}_fx" in title)
+        column = next(
+            title for title in loads.names if f"_on_femur_{leg}_in_femur_{leg}_fx" in title
+        )
         force = np.stack([loads[column[:-1] + axis] for axis in "xyz"], axis=1)
         moment = np.interp(loads.time, torques.time, torques[f"hip_flexion_{leg}_moment"]) / mass
         share = 100.0 * np.linalg.norm(force, axis=1) / (9.80665 * mass)
@@ -97,7 +131,10 @@ def _rows(name: str, model: str, way: str, activity: str, home: Path, mass: floa
                 continue
             frame = int(np.nanargmax(np.where(frames, share, np.nan)))
             outward = force[frame, 2] if leg == "r" else -force[frame, 2]
-            angles = np.degrees(np.arctan2([outward, force[frame, 0]], -force[frame, 1])) + (SHAFT, 0.0)
+            angles = np.degrees(np.arctan2([outward, force[frame, 0]], -force[frame, 1])) + (
+                SHAFT,
+                0.0,
+            )
             yield {
                 "recording": name,
                 "model": model,
@@ -114,7 +151,8 @@ def _rows(name: str, model: str, way: str, activity: str, home: Path, mass: floa
                 "measured forward": f"{forward:.0f} ± {forward_sd:.0f}",
                 "peak inside": bool(abs(share[frame] - size) < SPREAD * size_sd),
                 "direction inside": bool(
-                    abs(angles[0] - lateral) < SPREAD * lateral_sd and abs(angles[1] - forward) < SPREAD * forward_sd
+                    abs(angles[0] - lateral) < SPREAD * lateral_sd
+                    and abs(angles[1] - forward) < SPREAD * forward_sd
                 ),
             }
 

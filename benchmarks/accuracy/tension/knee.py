@@ -1,7 +1,8 @@
-"""The force in a man's instrumented knee: measured, by OpenSim's static optimization, and by `myomorph tension`.
+"""The force in a man's instrumented knee: measured, by OpenSim's static optimization, and by
+`myomorph tension`.
 
-Nothing here is fitted to the measured force. Two strides of the fifth Grand Challenge to Predict In Vivo Knee Loads
-(Fregly et al. 2012), with the coordinates and models of Modenese et al. (2021).
+Nothing here is fitted to the measured force. Two strides of the fifth Grand Challenge to Predict In
+Vivo Knee Loads (Fregly et al. 2012), with the coordinates and models of Modenese et al. (2021).
 """
 
 from __future__ import annotations
@@ -30,12 +31,10 @@ from myomorph.study.inputs.contact_points import contact_points
 
 Row = dict[str, object]
 
-STUDY, MODEL, GENERIC, JOINT = (
-    "knee-implant-walk",
-    "nominal.osim",
-    "rajagopal-walk-emg/raw/Rajagopal2016.osim",
-    "walker_knee_l",
-)
+STUDY = "knee-implant-walk"
+MODEL = "nominal.osim"
+GENERIC = "rajagopal-walk-emg/raw/Rajagopal2016.osim"
+JOINT = "walker_knee_l"
 STRIDES = ("walk1", "walk3")
 BODY_WEIGHT = 735.75
 """Of the man [N]."""
@@ -67,9 +66,10 @@ CHANNELS = {
 class Way:
     """One way to ask for the tensions.
 
-    `settings`: of `myomorph tension`, beside the files and `--contact-points auto`; `emg`: whether EMG is given;
-    `own_angles`: coordinates by `myomorph ik` from the markers instead of the study's; `personal`: the model as
-    `myomorph personalize` fits it to the other stride; `model`: of the data set.
+    `settings`: of `myomorph tension`, beside the files and `--contact-points auto`; `emg`: whether
+    EMG is given; `own_angles`: coordinates by `myomorph ik` from the markers instead of the
+    study's; `personal`: the model as `myomorph personalize` fits it to the other stride; `model`:
+    of the data set.
     """
 
     name: str
@@ -108,13 +108,18 @@ WAYS = (
 
 
 def measure(folder: Path, ways: tuple[Way, ...] = WAYS) -> Iterator[Row]:
-    """Distance of the estimated force from the measured one, of both strides and their mean: OpenSim's, then ours."""
+    """Distance of the estimated force from the measured one, of both strides and their mean:
+    OpenSim's, then ours.
+    """
     for name, cutoff, smooth in (
         ("OpenSim 4.6 as the study: coordinates 6 Hz, loads as recorded", CUTOFF, False),
         ("OpenSim 4.6, coordinates and loads 6 Hz", CUTOFF, True),
         ("OpenSim 4.6, coordinates and loads filtered as by our default", None, True),
     ):
-        found = [opensim_loads(folder, stride, cutoff or own_cutoff(folder, stride), smooth) for stride in STRIDES]
+        found = [
+            opensim_loads(folder, stride, cutoff or own_cutoff(folder, stride), smooth)
+            for stride in STRIDES
+        ]
         yield _row(name, found, folder)
     for way in ways:
         yield _row(way.name, [our_loads(folder, stride, way) for stride in STRIDES], folder)
@@ -141,11 +146,15 @@ def measure_cutoffs(folder: Path) -> Iterator[Row]:
     """How far the low-pass filter moves the result; nothing is chosen by it."""
     for cutoff in ("0", "3", "4", "6", "8", "10", "15"):
         way = Way(f"{cutoff} Hz" if cutoff != "0" else "none", ("--cutoff", cutoff))
-        yield {"low pass": way.name} | _numbers([our_loads(folder, stride, way) for stride in STRIDES], folder)
+        yield {"low pass": way.name} | _numbers(
+            [our_loads(folder, stride, way) for stride in STRIDES], folder
+        )
 
 
 def measure_where(folder: Path) -> Iterator[Row]:
-    """By which part of the stride the error of the default comes, and what a delay between the clocks would explain."""
+    """By which part of the stride the error of the default comes, and what a delay between the
+    clocks would explain.
+    """
     for stride in STRIDES:
         truth, clock = measured(folder, stride)
         loads = our_loads(folder, stride, WAYS[1])
@@ -156,7 +165,9 @@ def measure_where(folder: Path) -> Iterator[Row]:
         yield {
             "stride": stride,
             "RMS [BW]": rms(error),
-            **{f"share of {a} to {b - 1} %": one for (a, b), one in zip(PHASES, share, strict=True)},
+            **{
+                f"share of {a} to {b - 1} %": one for (a, b), one in zip(PHASES, share, strict=True)
+            },
             "largest error [BW]": float(error[worst]),
             "at [%]": worst,
             "measured force later by [ms]": round(1e3 * best),
@@ -172,11 +183,16 @@ PHASES = ((0, 15), (15, 55), (55, 75), (75, 101))
 
 
 def behind_heel(folder: Path, stride: str) -> float:
-    """How far the plate's center of pressure lies behind the heel's body at most, where it bears 100 N or more [mm]."""
+    """How far the plate's center of pressure lies behind the heel's body at most, where it bears
+    100 N or more [mm].
+    """
     model, motion, wrenches = inputs_of(folder, stride)
     tree = compile_tree(model)
-    poses, b = forward_kinematics(tree, tree.coordinates_of(motion)), tree.body_index["calcn_l"]
-    seen = np.einsum("fji,fj->fi", poses.rotations[:, b], wrenches.points[:, 0] - poses.origins[:, b])
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    b = tree.body_index["calcn_l"]
+    seen = np.einsum(
+        "fji,fj->fi", poses.rotations[:, b], wrenches.points[:, 0] - poses.origins[:, b]
+    )
     return 1e3 * max(0.0, float(-seen[wrenches.forces[:, 0, 1] > 100.0, 0].min()))
 
 
@@ -195,7 +211,9 @@ def our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
 def _our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
     here = folder / STUDY
     with tempfile.TemporaryDirectory() as work:
-        out, motion, model = Path(work) / "out", here / f"{stride}_ik.mot", here / way.model
+        out = Path(work) / "out"
+        motion = here / f"{stride}_ik.mot"
+        model = here / way.model
         if way.own_angles:
             motion = Path(work) / "ik.mot"
             told = ("--markers", here / f"{stride}.trc", "--tasks", here / "ik_tasks.xml")
@@ -209,10 +227,20 @@ def _our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
 
 
 def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
-    """The model fitted to the other stride, which never sees this one and never a measured knee force."""
+    """The model fitted to the other stride, which never sees this one and never a measured knee
+    force.
+    """
     other = next(one for one in STRIDES if one != stride)
-    here, out = folder / STUDY, work / "personal.osim"
-    files = ("--model", model, "--motion", here / f"{other}_ik.mot", "--loads", here / f"{other}_grf.xml")
+    here = folder / STUDY
+    out = work / "personal.osim"
+    files = (
+        "--model",
+        model,
+        "--motion",
+        here / f"{other}_ik.mot",
+        "--loads",
+        here / f"{other}_grf.xml",
+    )
     emg = ("--emg", write_emg(folder, other, work))
     command("personalize", *files, *emg, "--generic", folder / GENERIC, "--out", out)
     return out
@@ -220,7 +248,10 @@ def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
 
 def command(*words: object) -> None:
     """Run a command of the program quietly; raises `RuntimeError` where it fails."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as told:
+    with (
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()) as told,
+    ):
         status = main([str(one) for one in words])
     if status:
         raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {told.getvalue()}")
@@ -228,7 +259,9 @@ def command(*words: object) -> None:
 
 def left_knee(table: mm.Series) -> mm.Series:
     """Total, medial and lateral force of the instrumented knee."""
-    return mm.Series(table.time, PARTS, np.column_stack([table[f"{part}_{JOINT}"] for part in PARTS]))
+    return mm.Series(
+        table.time, PARTS, np.column_stack([table[f"{part}_{JOINT}"] for part in PARTS])
+    )
 
 
 def write_emg(folder: Path, stride: str, work: Path) -> Path:
@@ -249,27 +282,40 @@ def raw_emg(folder: Path, stride: str) -> mm.Series:
         head = [next(lines).split() for _ in range(3)]
     told = dict(zip(head[1], head[2], strict=True))
     start = (float(told["OrigDataStartFrame"]) - 1.0) / float(told["OrigDataRate"])
-    return mm.Series(analog.time - start, tuple(CHANNELS), np.column_stack([analog[channel] for channel in CHANNELS]))
+    return mm.Series(
+        analog.time - start,
+        tuple(CHANNELS),
+        np.column_stack([analog[channel] for channel in CHANNELS]),
+    )
 
 
 def inputs_of(folder: Path, stride: str) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
-    """Model, coordinates with those that couplers drive put right, and loads at their times, not filtered.
+    """Model, coordinates with those that couplers drive put right, and loads at their times, not
+    filtered.
 
-    The study's tables have the patella's coordinate in degrees, and OpenSim 4 takes a coordinate that is neither an
-    angle nor a length as it stands.
+    The study's tables have the patella's coordinate in degrees, and OpenSim 4 takes a coordinate
+    that is neither an angle nor a length as it stands.
     """
     here = folder / STUDY
     model = mm.read_model(here / MODEL)
     given = mm.read_motion(here / f"{stride}_ik.mot", model)
-    motion = mm.Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
-    return model, motion, mm.resample_wrenches(read_external_loads(here / f"{stride}_grf.xml"), motion.time)
+    motion = mm.Motion(
+        given.time, model.coordinate_names, compile_tree(model).coordinates_of(given)
+    )
+    return (
+        model,
+        motion,
+        mm.resample_wrenches(read_external_loads(here / f"{stride}_grf.xml"), motion.time),
+    )
 
 
 @cache
 def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.Series:
-    """Force of the left knee by OpenSim's StaticOptimization and JointReaction, shared among our contact points.
+    """Force of the left knee by OpenSim's StaticOptimization and JointReaction, shared among our
+    contact points.
 
-    Its tool filters the coordinates; the loads are as recorded, or filtered as ours. The reserves are the model's own.
+    Its tool filters the coordinates; the loads are as recorded, or filtered as ours. The reserves
+    are the model's own.
     """
     from benchmarks.opensim_static import reaction_force, static_optimization
 
@@ -282,7 +328,8 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
             write_external_loads(filtered, Path(work) / "loads.sto", loads)
         table = Path(work) / "motion.sto"
         mm.write_sto(table_from_motion(motion, model, degrees=False), table)
-        path, end = folder / STUDY / MODEL, float(motion.time[-1])
+        path = folder / STUDY / MODEL
+        end = float(motion.time[-1])
         static = static_optimization(path, table, loads, 0.0, end, cutoff=cutoff)
         clock, force = reaction_force(path, table, loads, static, JOINT, cutoff)
         wrenches = read_external_loads(loads)
@@ -293,9 +340,13 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
     points = contact_points("auto", model)
     assert points is not None
     own = [one for one in points.points if one.joint == JOINT]
-    shared = mm.joint_contact_forces(model, moved, tensions, mm.resample_wrenches(wrenches, at), own, patella="string")
+    shared = mm.joint_contact_forces(
+        model, moved, tensions, mm.resample_wrenches(wrenches, at), own, patella="string"
+    )
     total = np.interp(at, clock, np.linalg.norm(force, axis=1))
-    return mm.Series(at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")]))
+    return mm.Series(
+        at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")])
+    )
 
 
 def _at(motion: mm.Motion, time: Array) -> mm.Motion:
@@ -316,7 +367,10 @@ def _numbers(found: list[mm.Series], folder: Path) -> Row:
         ours = at_times(loads, clock)
         each.append(
             [
-                (rms(ours[:, k] - truth[:, k]) / BODY_WEIGHT, float(np.corrcoef(ours[:, k], truth[:, k])[0, 1]))
+                (
+                    rms(ours[:, k] - truth[:, k]) / BODY_WEIGHT,
+                    float(np.corrcoef(ours[:, k], truth[:, k])[0, 1]),
+                )
                 for k in range(3)
             ]
         )
@@ -329,7 +383,9 @@ def _numbers(found: list[mm.Series], folder: Path) -> Row:
 
 
 def _on_the_others_clock(found: list[mm.Series], folder: Path) -> list[float]:
-    """RMS of the total in each stride, moved by the delay at which it fits the other stride best [BW]."""
+    """RMS of the total in each stride, moved by the delay at which it fits the other stride best
+    [BW].
+    """
     errors = []
     best = [late_by(folder, stride, loads) for stride, loads in zip(STRIDES, found, strict=True)]
     for stride, loads, late in zip(STRIDES, found, best[::-1], strict=True):
@@ -351,6 +407,10 @@ def _row(name: str, found: list[mm.Series], folder: Path) -> Row:
 def _peaks(stride: str, name: str, values: Array) -> Row:
     row: Row = {"stride": stride, "force": name}
     for k, part in enumerate(PARTS):
-        early, late = values[:35, k], values[35:75, k]
-        row |= {f"{part}, first peak [BW]": float(early.max()), f"{part}, second peak [BW]": float(late.max())}
+        early = values[:35, k]
+        late = values[35:75, k]
+        row |= {
+            f"{part}, first peak [BW]": float(early.max()),
+            f"{part}, second peak [BW]": float(late.max()),
+        }
     return row

@@ -1,4 +1,5 @@
-"""Knees that bend: moment arms and patellar ratios beside published ones, and forces in squats, rises, landings, walks.
+"""Knees that bend: moment arms and patellar ratios beside published ones, and forces in squats,
+rises, landings, walks.
 
 Nothing here has a measured force; published ranges are those of instrumented knees of other people.
 """
@@ -30,7 +31,8 @@ from myomorph.study.analyze import generic_model as shipped
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.terms.actuators import RESERVE_FORCE, default_reserves
 
-OPENCAP, SQUATS = "opencap-subject4-multitask", "opencap-subject4-squats"
+OPENCAP = "opencap-subject4-multitask"
+SQUATS = "opencap-subject4-squats"
 MASS = 62.6
 """Of the person [kg]."""
 CUTOFF = 6.0
@@ -39,14 +41,17 @@ EVERY = 3
 """Frames between two that are solved."""
 FLEXIONS = (60.0, 80.0, 90.0, 100.0)
 BUFF = {10.0: 1.0 / 0.86, 70.0: 1.0 / 1.55}
-"""Tension of the patellar tendon over that of quadriceps by flexion [deg], eight knees (Buff et al. 1988)."""
+"""Tension of the patellar tendon over that of quadriceps by flexion [deg], eight knees (Buff et al.
+1988).
+"""
 
 
 @dataclass(frozen=True)
 class Activity:
     """A recording of the person.
 
-    `implants`: greatest force in instrumented knees, mean of five persons [BW] (Kutzner et al. 2010); "" for none.
+    `implants`: greatest force in instrumented knees, mean of five persons [BW] (Kutzner et al.
+    2010); "" for none.
     """
 
     name: str
@@ -56,13 +61,17 @@ class Activity:
 
 
 ACTIVITIES = (
-    Activity("five squats", SQUATS, "squats1", 2.53),
-    Activity("rising from a chair", OPENCAP, "STS1", 2.46),
+    Activity(name="five squats", folder=SQUATS, file="squats1", implants=2.53),
+    Activity(name="rising from a chair", folder=OPENCAP, file="STS1", implants=2.46),
     Activity("landing from a box", OPENCAP, "DJ1"),
-    Activity("walking", OPENCAP, "walking1", 2.61),
+    Activity(name="walking", folder=OPENCAP, file="walking1", implants=2.61),
 )
-ALONG, BEFORE, EXPERT = "comes along", "comes along, knees and muscles of myo-sim", "by an expert (Lai and Arnold)"
-LIKE_BEFORE, LEVER, DEFAULT = "one tension, effort alone", "patella as a lever", "default"
+ALONG = "comes along"
+BEFORE = "comes along, knees and muscles of myo-sim"
+EXPERT = "by an expert (Lai and Arnold)"
+LIKE_BEFORE = "one tension, effort alone"
+LEVER = "patella as a lever"
+DEFAULT = "default"
 WAYS: Mapping[str, tuple[str, RecruitmentOptions, bool]] = {
     LIKE_BEFORE: ("string", RecruitmentOptions(0.0), False),
     LEVER: ("lever", RecruitmentOptions(0.0), False),
@@ -73,19 +82,30 @@ WAYS: Mapping[str, tuple[str, RecruitmentOptions, bool]] = {
 
 
 def measure_arms(folder: Path) -> Iterator[Row]:
-    """Quadriceps, its tendon, and the ratio of their forces, on the right knee of models, with what was measured."""
+    """Quadriceps, its tendon, and the ratio of their forces, on the right knee of models, with what
+    was measured.
+    """
     models = {
         "comes along": shipped.generic_model({})[0],
         "myo-sim as it is": composed_model("myolegs"),
         "Rajagopal 2016": mm.read_model(folder / "rajagopal-walk-emg/raw/Rajagopal2016.osim"),
-        "Lai and Arnold 2017, polynomials": mm.read_model(folder / OPENCAP / "models/unscaled_generic.osim"),
-        "by an expert (Lai and Arnold)": mm.read_model(folder / OPENCAP / "models/manually_scaled.osim"),
+        "Lai and Arnold 2017, polynomials": mm.read_model(
+            folder / OPENCAP / "models/unscaled_generic.osim"
+        ),
+        "by an expert (Lai and Arnold)": mm.read_model(
+            folder / OPENCAP / "models/manually_scaled.osim"
+        ),
     }
-    quadriceps, tendon = BANDS[0], BANDS[1]
+    quadriceps = BANDS[0]
+    tendon = BANDS[1]
     for name, model in models.items():
-        knee = next(one for one in knee_joints(model) if one.name.endswith("_r") or one.child.endswith("_r"))
+        knee = next(
+            one for one in knee_joints(model) if one.name.endswith("_r") or one.child.endswith("_r")
+        )
         flexion = np.array([0.0, 10.0, 30.0, 50.0, 70.0, 90.0, 110.0, 120.0])
-        motion = mm.Motion(flexion, (flexion_coordinate(model, knee),), np.radians(flexion)[:, None])
+        motion = mm.Motion(
+            flexion, (flexion_coordinate(model, knee),), np.radians(flexion)[:, None]
+        )
         paths = compile_paths(model)
         values = paths.tree.coordinates_of(motion)
         group = next(one for one in extensors(paths) if one.knee.name == knee.name)
@@ -97,9 +117,13 @@ def measure_arms(folder: Path) -> Iterator[Row]:
                 "model": name,
                 "flexion [deg]": angle,
                 "quadriceps, mean [cm]": -100.0 * float(arms.path[number].mean()),
-                "measured": f"{100 * float(ends[0][0][0]):.1f} ... {100 * float(ends[0][1][0]):.1f}",
+                "measured": (
+                    f"{100 * float(ends[0][0][0]):.1f} ... {100 * float(ends[0][1][0]):.1f}"
+                ),
                 "patellar tendon [cm]": -100.0 * float(arms.tendon[number].mean()),
-                "measured there": f"{100 * float(ends[1][0][0]):.1f} ... {100 * float(ends[1][1][0]):.1f}",
+                "measured there": (
+                    f"{100 * float(ends[1][0][0]):.1f} ... {100 * float(ends[1][1][0]):.1f}"
+                ),
                 "ratio of their forces": float(arms.ratio[number].mean()),
                 "measured ratio": BUFF.get(angle, ""),
                 "named by info": len(outside),
@@ -126,20 +150,33 @@ def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
     reserves = default_reserves(model)
     if not rotators:
         reserves = tuple(
-            replace(one, optimal_force=RESERVE_FORCE) if one.kind == "coordinate" else one for one in reserves
+            replace(one, optimal_force=RESERVE_FORCE) if one.kind == "coordinate" else one
+            for one in reserves
         )
     options = mm.TensionOptions()
     terms = recruitment_terms(model, motion, torques, wrenches, costs.settled(model, options, True))
     found = mm.solve_tension(model, motion, torques, options, reserves, terms=terms)
     knees = [one.name for one in knee_joints(model)]
     reactions = mm.joint_reactions(
-        model, motion, found, wrenches, knees, actuators=reserves, patella=patella  # type: ignore[arg-type]
-    )  # fmt: skip
+        model,
+        motion,
+        found,
+        wrenches,
+        knees,
+        actuators=reserves,
+        patella=patella,  # type: ignore[arg-type]
+    )
     total = np.linalg.norm(reactions.forces, axis=2) / model.weight
-    # What a seat or a box carries is not measured: only frames count in which the feet carry the person.
+    # What a seat or a box carries is not measured: only frames count in which the feet carry the
+    # person.
     standing = wrenches.forces[:, :, 1].sum(axis=1) > 0.9 * model.weight
     bend = np.degrees(np.stack([motion[f"knee_angle_{name[-1]}"] for name in knees], axis=1))
-    row: Row = {"activity": activity.name, "model": model_name, "solved": way, "frames": int(standing.sum())}
+    row: Row = {
+        "activity": activity.name,
+        "model": model_name,
+        "solved": way,
+        "frames": int(standing.sum()),
+    }
     row["greatest flexion [deg]"] = float(bend[standing].max())
     for angle in FLEXIONS:
         near = standing[:, None] & (np.abs(bend - angle) < 5.0)
@@ -152,15 +189,17 @@ def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
 
 
 def _share(found: mm.Tension, frames: Array) -> float:
-    lateral, medial = (
-        sum(found.forces[frames, found.muscles.index(f"{name}_{side}")].sum() for side in "rl")
-        for name in ("vaslat", "vasmed")
+    lateral = sum(
+        found.forces[frames, found.muscles.index(f"vaslat_{side}")].sum() for side in "rl"
     )
+    medial = sum(found.forces[frames, found.muscles.index(f"vasmed_{side}")].sum() for side in "rl")
     return float(lateral / medial)
 
 
 @cache
-def _inputs(folder: Path, activity: Activity, model_name: str) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
+def _inputs(
+    folder: Path, activity: Activity, model_name: str
+) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
     """Model, motion and wrenches on the feet that they are under, every so many frames."""
     here = folder / activity.folder
     if model_name == EXPERT:
@@ -170,7 +209,15 @@ def _inputs(folder: Path, activity: Activity, model_name: str) -> tuple[mm.Model
         path = _calibrated(folder, model_name == BEFORE)
         model = mm.read_model(path)
         table = path.with_name(f"{activity.file}.mot")
-        command("ik", "--model", path, "--markers", here / f"markers/{activity.file}.trc", "--out", table)
+        command(
+            "ik",
+            "--model",
+            path,
+            "--markers",
+            here / f"markers/{activity.file}.trc",
+            "--out",
+            table,
+        )
         motion = mm.read_motion(table, model)
     moving = mm.differentiate(motion, CUTOFF)
     assert moving.velocities is not None
@@ -191,9 +238,11 @@ def _feet(model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches) -> tuple[st
     for number in range(wrenches.points.shape[1]):
         loaded = wrenches.forces[:, number, 1] > 100.0
         away = {
-            name: float(np.linalg.norm((wrenches.points[:, number] - at)[loaded], axis=1).mean())
-            if loaded.any()
-            else 0.0
+            name: (
+                float(np.linalg.norm((wrenches.points[:, number] - at)[loaded], axis=1).mean())
+                if loaded.any()
+                else 0.0
+            )
             for name, at in feet.items()
         }
         bodies.append(min(away, key=lambda name: away[name]))
@@ -202,7 +251,9 @@ def _feet(model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches) -> tuple[st
 
 @cache
 def _calibrated(folder: Path, plain: bool) -> Path:
-    """The model that comes along, fitted to the person by `analyze`; plain with knees and muscles as in myo-sim."""
+    """The model that comes along, fitted to the person by `analyze`; plain with knees and muscles
+    as in myo-sim.
+    """
     out = Path(tempfile.mkdtemp())
     here = folder / OPENCAP
     names = ("with_anatomical_knees", "with_cylinders", "with_architecture")

@@ -1,7 +1,8 @@
-"""Muscle lengths, lengthening speeds and moment arms against OpenSim, on recorded motions and random poses.
+"""Muscle lengths, lengthening speeds and moment arms against OpenSim, on recorded motions and
+random poses.
 
-OpenSim's moment arms are about its speeds u; ours, about q, are carried over by qdot = N u. Where one still differs, a
-finite difference of OpenSim's own length along u decides whose it fits better.
+OpenSim's moment arms are about its speeds u; ours, about q, are carried over by qdot = N u. Where
+one still differs, a finite difference of OpenSim's own length along u decides whose it fits better.
 """
 
 from __future__ import annotations
@@ -33,9 +34,13 @@ class MuscleCase:
     opensim: bool = True
 
 
-def _case(recording: str, motion: bool = True, frames: int = 20, opensim: bool = True) -> MuscleCase:
+def _case(
+    recording: str, motion: bool = True, frames: int = 20, opensim: bool = True
+) -> MuscleCase:
     files = RECORDINGS[recording]
-    return MuscleCase(files.model, files.motion if motion else "", frames, opensim)
+    return MuscleCase(
+        model=files.model, motion=files.motion if motion else "", frames=frames, opensim=opensim
+    )
 
 
 CASES = (
@@ -52,7 +57,8 @@ CASES = (
     MuscleCase("c3d-functional-joints/models/Wu_Shoulder_Model_via_points.osim"),
     _case("wholebody"),
     MuscleCase(
-        "shoulder-thoracoscapular/model_rmr/TSM_subject_2kgWeight.osim", "shoulder-thoracoscapular/ik/FLX01.mot"
+        "shoulder-thoracoscapular/model_rmr/TSM_subject_2kgWeight.osim",
+        "shoulder-thoracoscapular/ik/FLX01.mot",
     ),
     MuscleCase("bones-landmarks-leg/make-a-leg_final.osim"),
     _case("cyclist", frames=4),
@@ -85,30 +91,40 @@ def measure_case(folder: Path, case: MuscleCase) -> dict[str, object]:
 
 
 def _poses(model: mm.Model, file: Path | None, frames: int) -> mm.Motion:
-    """Frames spread over a motion, or random poses within three quarters of the ranges; random speeds."""
+    """Frames spread over a motion, or random poses within three quarters of the ranges; random
+    speeds.
+    """
     rng = np.random.default_rng(5)
     if file is not None:
         motion = mm.read_motion(file, model)
         kept = np.unique(np.linspace(0, len(motion) - 1, frames).astype(int))
-        time_, values = motion.time[kept], compile_paths(model).tree.coordinates_of(motion)[kept]
+        time_ = motion.time[kept]
+        values = compile_paths(model).tree.coordinates_of(motion)[kept]
     else:
         values = np.tile([one.default for one in model.coordinates], (frames, 1))
         for j, one in enumerate(model.coordinates):
             low, high = one.range if np.ptp(one.range) < 2.1 * np.pi else (-0.5, 0.5)
             if not one.locked:
                 # Off the ends of the ranges, where moving points stop and no slope is defined.
-                share, rim = 0.75 * rng.uniform(-0.5, 0.5, frames) * (high - low), 0.02 * (high - low)
+                share = 0.75 * rng.uniform(-0.5, 0.5, frames) * (high - low)
+                rim = 0.02 * (high - low)
                 values[:, j] = np.clip(one.default + share, low + rim, high - rim)
         time_ = np.arange(float(frames))
     return mm.Motion(time_, model.coordinate_names, values, rng.normal(size=values.shape))
 
 
-def _against_own_lengths(model: mm.Model, paths: Paths, motion: mm.Motion, ours: MuscleKinematics) -> dict[str, object]:
-    """Moment arms against finite differences of our own lengths, where OpenSim does not open the model."""
+def _against_own_lengths(
+    model: mm.Model, paths: Paths, motion: mm.Motion, ours: MuscleKinematics
+) -> dict[str, object]:
+    """Moment arms against finite differences of our own lengths, where OpenSim does not open the
+    model.
+    """
     assert ours.arms is not None
     differences = np.zeros(ours.arms.shape)
     for j in np.unique(paths.arm_coordinate):
-        shifted = [paths.evaluate(motion.values + side * STEP * _unit(model, j))[0] for side in (-1.0, 1.0)]
+        shifted = [
+            paths.evaluate(motion.values + side * STEP * _unit(model, j))[0] for side in (-1.0, 1.0)
+        ]
         pairs = np.flatnonzero(paths.arm_coordinate == j)
         slopes = (shifted[1] - shifted[0]) / (2.0 * STEP)
         differences[:, pairs] = np.abs(ours.arms[:, pairs] + slopes[:, paths.arm_muscle[pairs]])
@@ -132,8 +148,12 @@ class _Theirs:
         for k in range(self.model.getConstraintSet().getSize() if model.loops else 0):
             self.model.updConstraintSet().get(k).set_isEnforced(False)
         self.state = self.model.initSystem()
-        self.coordinates = [self.model.getCoordinateSet().get(name) for name in model.coordinate_names]
-        self.paths = [self.model.getMuscles().get(name).getGeometryPath() for name in model.muscle_names]
+        self.coordinates = [
+            self.model.getCoordinateSet().get(name) for name in model.coordinate_names
+        ]
+        self.paths = [
+            self.model.getMuscles().get(name).getGeometryPath() for name in model.muscle_names
+        ]
         for one in self.coordinates:
             one.setLocked(self.state, False)
 
@@ -151,7 +171,9 @@ class _Theirs:
             one.setSpeedValue(self.state, float(speed))
         self.model.realizeVelocity(self.state)
         rates = [one.getQDotValue(self.state) for one in self.coordinates]
-        return np.array(rates), np.array([path.getLengtheningSpeed(self.state) for path in self.paths])
+        return np.array(rates), np.array(
+            [path.getLengtheningSpeed(self.state) for path in self.paths]
+        )
 
 
 def _against_opensim(
@@ -161,14 +183,19 @@ def _against_opensim(
     values = paths.tree.coordinates_of(motion)
     speeds = _consistent_speeds(paths, values, motion)
     pairs = list(zip(paths.arm_muscle, paths.arm_coordinate, strict=True))
-    lengths, rates = np.zeros(ours.lengths.shape), np.zeros(ours.lengths.shape)
+    lengths = np.zeros(ours.lengths.shape)
+    rates = np.zeros(ours.lengths.shape)
     arms = np.zeros((len(motion), len(pairs)))
-    beyond, ours_nearer, seconds = 0, 0, 0.0
+    beyond = 0
+    ours_nearer = 0
+    seconds = 0.0
     for f, row in enumerate(values):
         theirs.place(row)
         began = time.perf_counter()
         expected = theirs.lengths()
-        expected_arms = [theirs.paths[m].computeMomentArm(theirs.state, theirs.coordinates[j]) for m, j in pairs]
+        expected_arms = [
+            theirs.paths[m].computeMomentArm(theirs.state, theirs.coordinates[j]) for m, j in pairs
+        ]
         seconds += time.perf_counter() - began
         lengths[f] = np.abs(ours.lengths[f] - expected)
         # Couplers do not occur together with joints whose speeds are not rates.
@@ -183,7 +210,9 @@ def _against_opensim(
             m, j = pairs[k]
             ends = []
             for side in (-1.0, 1.0):
-                theirs.place(paths.tree.coordinates_of(_at(motion, f, row + side * STEP * change[:, j]))[0])
+                theirs.place(
+                    paths.tree.coordinates_of(_at(motion, f, row + side * STEP * change[:, j]))[0]
+                )
                 ends.append(theirs.paths[m].getLength(theirs.state))
             slope = -(ends[1] - ends[0]) / (2.0 * STEP)
             beyond += 1
@@ -191,7 +220,9 @@ def _against_opensim(
                 ours_nearer += 1
                 arms[f, k] = np.nan
     took = 1e3 * seconds / len(motion)
-    return _row(lengths, rates, arms, beyond, ours_nearer, took, model, paths) | {"compared with": "OpenSim"}
+    return _row(lengths, rates, arms, beyond, ours_nearer, took, model, paths) | {
+        "compared with": "OpenSim"
+    }
 
 
 def _at(motion: mm.Motion, frame: int, values: np.ndarray) -> mm.Motion:
@@ -203,7 +234,9 @@ def _consistent_speeds(paths: Paths, values: np.ndarray, motion: mm.Motion) -> n
     from myomorph.rigid.coordinates import couple_rates_frames
 
     speeds = np.array(motion.velocities)
-    couple_rates_frames(paths.tree.arrays, np.ascontiguousarray(values), speeds, np.zeros_like(speeds))
+    couple_rates_frames(
+        paths.tree.arrays, np.ascontiguousarray(values), speeds, np.zeros_like(speeds)
+    )
     return speeds
 
 
@@ -219,7 +252,10 @@ def _row(
 ) -> dict[str, object]:
     known = np.nan_to_num(arms)
     worst = int(known.max(axis=0).argmax())
-    name = f"{model.muscle_names[paths.arm_muscle[worst]]} about {model.coordinate_names[paths.arm_coordinate[worst]]}"
+    name = (
+        f"{model.muscle_names[paths.arm_muscle[worst]]} about"
+        f" {model.coordinate_names[paths.arm_coordinate[worst]]}"
+    )
     return {
         "length max [mm]": MILLIMETERS * float(lengths.max()),
         "length 99 % [mm]": MILLIMETERS * float(np.percentile(lengths, 99)),

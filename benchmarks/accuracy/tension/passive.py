@@ -1,7 +1,9 @@
-"""What identified joint and muscle viscosity change in muscle tensions: the shoulder of the data collection.
+"""What identified joint and muscle viscosity change in muscle tensions: the shoulder of the data
+collection.
 
-The values are the means of [S] tables I and II. They belong to limbs of cadavers that swung; here they are put into
-the model of a living subject who lifts an arm, so what is shown is how much they matter, not that they are right.
+The values are the means of [S] tables I and II. They belong to limbs of cadavers that swung; here
+they are put into the model of a living subject who lifts an arm, so what is shown is how much they
+matter, not that they are right.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ from truths.coordinate_dampers import coordinate_damping
 FOLDER = "shoulder-thoracoscapular"
 TRIALS = (("ABD01", "no"), ("ABD21", "2kg"), ("FLX01", "no"), ("FLX21", "2kg"))
 CUTOFF = 3.0
-"""Low-pass filter of the coordinates [Hz]: the recordings end, filtered so, without steps of acceleration."""
+"""Low-pass filter of the coordinates [Hz]: the recordings end, filtered so, without steps of
+acceleration.
+"""
 
 TRUNK = 100.0
 """Optimal force of what holds the trunk [N m], which no muscle of the model does."""
@@ -57,14 +61,20 @@ def tension_of(lift: Lift, model: mm.Model) -> Tension:
     """Muscle tensions with the defaults, but a strong hold of the trunk."""
     torques = mm.inverse_dynamics(model, lift.motion)
     reserves = [
-        one if "ground" not in one.name else type(one)(one.name, "coordinate", TRUNK, coordinate=one.coordinate)
+        (
+            one
+            if "ground" not in one.name
+            else type(one)(one.name, "coordinate", TRUNK, coordinate=one.coordinate)
+        )
         for one in default_reserves(model, 1.0, 10.0)
     ]
     return mm.solve_tension(model, lift.motion, torques, actuators=reserves)
 
 
 def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> float:
-    """The d_M with which the muscles' dampers take, over this motion, what d_{M+J} - d_J takes in [S] [N s/m]."""
+    """The d_M with which the muscles' dampers take, over this motion, what d_{M+J} - d_J takes in
+    [S] [N s/m].
+    """
     tree = compile_tree(lift.model)
     coordinates, rates = rates_of(tree, lift.motion)
     E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
@@ -78,7 +88,9 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
 
 
 def variants(lift: Lift) -> Iterator[tuple[str, mm.Model]]:
-    """The model with the joint's damping alone, and with muscles of the printed and of the matching d_M."""
+    """The model with the joint's damping alone, and with muscles of the printed and of the matching
+    d_M.
+    """
     strands = fig1_muscles(lift.model)
     bushing = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushing
     yield f"d_J {MEAN.joint_viscosity:g}", with_passive_dynamics(lift.model, bushings=(bushing,))
@@ -89,10 +101,14 @@ def variants(lift: Lift) -> Iterator[tuple[str, mm.Model]]:
 
 
 @lru_cache(maxsize=len(TRIALS))
-def solved(folder: Path, trial: str, weight: str) -> tuple[Tension, tuple[tuple[str, Tension], ...]]:
+def solved(
+    folder: Path, trial: str, weight: str
+) -> tuple[Tension, tuple[tuple[str, Tension], ...]]:
     """Tensions of a trial without passive dynamics, and with each variant of them."""
     lift = open_lift(folder, trial, weight)
-    return tension_of(lift, lift.model), tuple((name, tension_of(lift, model)) for name, model in variants(lift))
+    return tension_of(lift, lift.model), tuple(
+        (name, tension_of(lift, model)) for name, model in variants(lift)
+    )
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
@@ -123,9 +139,14 @@ def measure_muscles(folder: Path) -> Iterator[dict[str, object]]:
     forces = np.vstack(plain)
     order = np.argsort(pooled["d_J and printed d_M"].mean(axis=0))[::-1][:12]
     for i in order:
-        row: dict[str, object] = {"muscle": names[i], "mean tension [N]": float(forces[:, i].mean())}
+        row: dict[str, object] = {
+            "muscle": names[i],
+            "mean tension [N]": float(forces[:, i].mean()),
+        }
         for kind, change in pooled.items():
-            row[f"{kind}: mean, greatest change [N]"] = f"{change[:, i].mean():.2g}, {change[:, i].max():.2g}"
+            row[f"{kind}: mean, greatest change [N]"] = (
+                f"{change[:, i].mean():.2g}, {change[:, i].max():.2g}"
+            )
         yield row
 
 
@@ -138,16 +159,24 @@ def _difference(plain: Tension, thick: Tension) -> dict[str, object]:
     return {
         "mean tension [N]": float(plain.forces.mean()),
         "mean change [N]": float(change.mean()),
-        "greatest change [N]": f"{change[frame, muscle]:.3g} ({plain.muscles[muscle]}, {plain.time[frame]:.2f} s)",
-        "greatest mean change [N]": ", ".join(f"{plain.muscles[i]} {by_muscle[i]:.3g}" for i in most),
-        "change of effort [%]": 100.0 * float((thick.activations**2).sum() / (plain.activations**2).sum() - 1.0),
+        "greatest change [N]": (
+            f"{change[frame, muscle]:.3g} ({plain.muscles[muscle]}, {plain.time[frame]:.2f} s)"
+        ),
+        "greatest mean change [N]": ", ".join(
+            f"{plain.muscles[i]} {by_muscle[i]:.3g}" for i in most
+        ),
+        "change of effort [%]": (
+            100.0 * float((thick.activations**2).sum() / (plain.activations**2).sum() - 1.0)
+        ),
         "frames in which a muscle pushes [%]": 100.0 * float(pushing.mean()),
         "not optimal": int((~thick.optimal).sum() + (~plain.optimal).sum()),
     }
 
 
 def measure_forms(folder: Path) -> Iterator[dict[str, object]]:
-    """How much of a ball joint's damping OpenSim's forms express: dampers of coordinates, and one bushing."""
+    """How much of a ball joint's damping OpenSim's forms express: dampers of coordinates, and one
+    bushing.
+    """
     if not (folder / FOLDER).exists():
         return
     for trial, weight in (*TRIALS, ("SHRUG01", "no")):

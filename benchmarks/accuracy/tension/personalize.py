@@ -1,4 +1,6 @@
-"""Muscles fitted to a person: simulated people with known muscles, held-out strides of real walks, scaled models."""
+"""Muscles fitted to a person: simulated people with known muscles, held-out strides of real walks,
+scaled models.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +37,20 @@ ARM = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.2, 2.1)}
 """Within which no path of the model jumps."""
 CAREFUL = Errors(torque=0.02, emg=0.05, floor=0.01, gain=0.05)
 LENGTHS = ("optimal_fiber_length", "tendon_slack_length")
-PEOPLE, FRESH = 20, 1000
-"""Simulated people of each case, and the first one's seed: constants were chosen on seeds below 100."""
+PEOPLE = 20
+FRESH = 1000
+"""Simulated people of each case, and the first one's seed: constants were chosen on seeds below
+100.
+"""
 WALKER = "opensim-gait-subject01/ref_so_10dof18musc"
 PLANAR = {
     f"{name}_{side}": ends
     for side in "rl"
-    for name, ends in (("hip_flexion", (-0.35, 0.9)), ("knee_angle", (-1.2, -0.05)), ("ankle_angle", (-0.35, 0.3)))
+    for name, ends in (
+        ("hip_flexion", (-0.35, 0.9)),
+        ("knee_angle", (-1.2, -0.05)),
+        ("ankle_angle", (-0.35, 0.3)),
+    )
 }
 
 
@@ -49,10 +58,10 @@ PLANAR = {
 class Case:
     """People and what is recorded of them.
 
-    `model`: file; `ranges`: of the swings, by coordinate; `errors`, `gain_spread`: of the recordings, and what
-    `personalize` is told of gains; `count`, `seconds`: of the recordings; `passive`: whether passive torques are
-    measured; `most`: of activations; `measured`: muscles with EMG, None for all; `other_muscles`: whether people differ
-    in what is not estimated as well.
+    `model`: file; `ranges`: of the swings, by coordinate; `errors`, `gain_spread`: of the
+    recordings, and what `personalize` is told of gains; `count`, `seconds`: of the recordings;
+    `passive`: whether passive torques are measured; `most`: of activations; `measured`: muscles
+    with EMG, None for all; `other_muscles`: whether people differ in what is not estimated as well.
     """
 
     model: str
@@ -69,14 +78,40 @@ class Case:
 
 def cases() -> dict[str, Case]:
     """Of `measure_truth`."""
-    arm, walker = "opensim-reference-small/arm26_bounds.osim", f"{WALKER}/subject01_adjusted_spring.osim"
+    arm = "opensim-reference-small/arm26_bounds.osim"
+    walker = f"{WALKER}/subject01_adjusted_spring.osim"
     unknown = replace(Errors(), gain=0.3)
     return {
-        "arm, two of 5 s, gains unknown": Case(arm, ARM, unknown, 0.3, 2, 5.0),
-        "arm, four of 8 s, gains known, passive torques": Case(arm, ARM, CAREFUL, 0.05, 4, 8.0, passive=True),
-        "legs, three of 4 s, gains unknown": Case(walker, PLANAR, unknown, 0.3, 3, 4.0, most=0.5),
+        "arm, two of 5 s, gains unknown": Case(
+            model=arm, ranges=ARM, errors=unknown, gain_spread=0.3, count=2, seconds=5.0
+        ),
+        "arm, four of 8 s, gains known, passive torques": Case(
+            model=arm,
+            ranges=ARM,
+            errors=CAREFUL,
+            gain_spread=0.05,
+            count=4,
+            seconds=8.0,
+            passive=True,
+        ),
+        "legs, three of 4 s, gains unknown": Case(
+            model=walker,
+            ranges=PLANAR,
+            errors=unknown,
+            gain_spread=0.3,
+            count=3,
+            seconds=4.0,
+            most=0.5,
+        ),
         "legs, other tendons and pennation too": Case(
-            walker, PLANAR, unknown, 0.3, 3, 4.0, most=0.5, other_muscles=True
+            model=walker,
+            ranges=PLANAR,
+            errors=unknown,
+            gain_spread=0.3,
+            count=3,
+            seconds=4.0,
+            most=0.5,
+            other_muscles=True,
         ),
     }
 
@@ -84,7 +119,11 @@ def cases() -> dict[str, Case]:
 def measure_truth(folder: Path, people: int = PEOPLE, first: int = FRESH) -> Iterator[Row]:
     """Errors and coverage over simulated people, whose seeds no constant was chosen on."""
     for name, case in cases().items():
-        found = [one for seed in range(first, first + people) for one in simulated_person(folder, case, seed)[0]]
+        found = [
+            one
+            for seed in range(first, first + people)
+            for one in simulated_person(folder, case, seed)[0]
+        ]
         yield from _summary(name, found)
 
 
@@ -92,12 +131,16 @@ Found = tuple[str, str, float, bool]
 
 
 def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], float]:
-    """Of each length: parameter, whether identifiable, relative error, whether within its interval; and seconds."""
+    """Of each length: parameter, whether identifiable, relative error, whether within its interval;
+    and seconds.
+    """
     rng = np.random.default_rng(seed)
     model = as_degroote(mm.read_model(folder / case.model))
     own, trials = recorded_person(model, case, rng)
     started = perf_counter()
-    found = mm.personalize(model, trials, mm.PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False))
+    found = mm.personalize(
+        model, trials, mm.PersonalizeOptions(gain_spread=case.gain_spread, hold_out=False)
+    )
     seconds = perf_counter() - started
     rows = []
     for one in found.estimates:
@@ -108,9 +151,12 @@ def simulated_person(folder: Path, case: Case, seed: int) -> tuple[list[Found], 
     return rows, seconds
 
 
-def recorded_person(model: mm.Model, case: Case, rng: np.random.Generator) -> tuple[mm.Model, list[mm.PersonalTrial]]:
+def recorded_person(
+    model: mm.Model, case: Case, rng: np.random.Generator
+) -> tuple[mm.Model, list[mm.PersonalTrial]]:
     """A person and what is recorded."""
-    time, muscles = np.arange(0.0, case.seconds, 0.01), len(model.muscles)
+    time = np.arange(0.0, case.seconds, 0.01)
+    muscles = len(model.muscles)
     motions = [swings(model, dict(case.ranges), time, rng) for _ in range(case.count)]
     # The arm's flexors and extensors have strengths of their own.
     groups = np.array([0, 0, 0, 1, 1, 1]) if muscles == 6 else np.zeros(muscles, np.int64)
@@ -134,7 +180,9 @@ def passive_trial(
     rng: np.random.Generator,
     error: float = 0.1,
 ) -> mm.PersonalTrial:
-    """Poses over joints' ranges and the torques of resting muscles in equilibrium, with errors [N m]."""
+    """Poses over joints' ranges and the torques of resting muscles in equilibrium, with errors [N
+    m].
+    """
     poses = 80
     values = np.tile([one.default for one in model.coordinates], (poses, 1))
     for name, (low, high) in ranges.items():
@@ -142,7 +190,9 @@ def passive_trial(
     still = np.zeros_like(values)
     motion = mm.Motion(np.arange(poses) * 1.0, model.coordinate_names, values, still, still)
     torques = resting_torques(own, motion) + error * rng.standard_normal(values.shape)
-    return mm.PersonalTrial("passive", motion, mm.Series(motion.time, model.coordinate_names, torques), passive=True)
+    return mm.PersonalTrial(
+        "passive", motion, mm.Series(motion.time, model.coordinate_names, torques), passive=True
+    )
 
 
 def _summary(case: str, rows: Sequence[Found]) -> Iterator[Row]:
@@ -159,7 +209,8 @@ def _summary(case: str, rows: Sequence[Found]) -> Iterator[Row]:
                     "count": len(those),
                     "median error [%]": 100.0 * float(np.median(errors)),
                     "error, 90 % of them below [%]": 100.0 * float(np.quantile(errors, 0.9)),
-                    "within the 90 % interval [%]": 100.0 * float(np.mean([row[3] for row in those])),
+                    "within the 90 % interval [%]": 100.0
+                    * float(np.mean([row[3] for row in those])),
                 }
 
 
@@ -169,7 +220,9 @@ def walk_trial(walk: Walk, span: tuple[float, float], with_emg: bool = True) -> 
     motion, torques = thin.part(span)
     target = None
     if with_emg:
-        target = emg_targets(walk.emg, walk.channels, walk.model, motion.time, EmgOptions(delay=USUAL))
+        target = emg_targets(
+            walk.emg, walk.channels, walk.model, motion.time, EmgOptions(delay=USUAL)
+        )
         values = np.array(target.activations)
         target = replace(target, activations=values / max(float(np.nanmax(values)), 1.0))
     return mm.PersonalTrial(f"{walk.name} {span[0]:g} to {span[1]:g} s", motion, torques, target)
@@ -180,8 +233,13 @@ def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
     for make in WALKS:
         walk = make(folder)
         for with_emg in (True, False):
-            first, second = walk.calibrated, walk.tested
-            spans = [first] if first == second else [(one[0], one[0] + seconds) for one in (first, second)]
+            first = walk.calibrated
+            second = walk.tested
+            spans = (
+                [first]
+                if first == second
+                else [(one[0], one[0] + seconds) for one in (first, second)]
+            )
             trials = [walk_trial(walk, span, with_emg) for span in spans]
             started = perf_counter()
             found = mm.personalize(walk.model, trials)
@@ -205,10 +263,15 @@ def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
 
 
 def measure_map(folder: Path) -> Iterator[Row]:
-    """Normalized fiber lengths of scaled models against the generic model's, before and after the map."""
+    """Normalized fiber lengths of scaled models against the generic model's, before and after the
+    map.
+    """
     at = folder / "rajagopal-walk-emg"
     cases = {
-        "Rajagopal 2016 to its walker": (at / "raw/Rajagopal2016.osim", at / "subject_walk_scaled.osim"),
+        "Rajagopal 2016 to its walker": (
+            at / "raw/Rajagopal2016.osim",
+            at / "subject_walk_scaled.osim",
+        ),
         "Rajagopal 2016 to a man of 86 kg": (
             at / "raw/Rajagopal2016.osim",
             folder / "walk-so-jointload-emg/Rajagopal_scaled_Sub1_gasAvoid.osim",
@@ -228,11 +291,15 @@ def measure_map(folder: Path) -> Iterator[Row]:
 
 
 PUBLISHED = "muscle-parameter-map/manuscript_material"
-"""The models and results that Modenese et al. 2016 published, github.com/modenaxe/MuscleParamOptimizer (Apache-2.0)."""
+"""The models and results that Modenese et al. 2016 published,
+github.com/modenaxe/MuscleParamOptimizer (Apache-2.0).
+"""
 
 
 def measure_published(folder: Path) -> Iterator[Row]:
-    """Our map against the models that its source's authors published, of the same generic and scaled models."""
+    """Our map against the models that its source's authors published, of the same generic and
+    scaled models.
+    """
     at = folder / PUBLISHED
     if not at.is_dir():
         return
@@ -241,9 +308,13 @@ def measure_published(folder: Path) -> Iterator[Row]:
         "hip from images": ("Example2", "Reference_Arnold_R", "Target_LHDL_Schutte_R"),
     }
     for name, (example, generic, target) in examples.items():
-        models = [mm.read_model(at / example / "MSK_Models" / f"{one}.osim") for one in (generic, target)]
+        models = [
+            mm.read_model(at / example / "MSK_Models" / f"{one}.osim") for one in (generic, target)
+        ]
         theirs = mm.read_model(at / example / "OptimModels" / f"{target}_opt_N10.osim")
-        results = loadmat(at / example / "Results/Results_MusMapMetrics_N10_NError10.mat", squeeze_me=True)
+        results = loadmat(
+            at / example / "Results/Results_MusMapMetrics_N10_NError10.mat", squeeze_me=True
+        )
         published = np.asarray(results["Results_MusMapMetrics"]["RMSE"].item(), dtype=np.float64)
         found = map_generic(*models)
         # A muscle that our map leaves alone cannot be compared.
@@ -252,11 +323,19 @@ def measure_published(folder: Path) -> Iterator[Row]:
         other = [theirs.muscles[theirs.muscle_names.index(m)] for m in mapped]
         row: Row = {"models": name, "muscles": len(found.muscles), "mapped": len(mapped)}
         for parameter in LENGTHS:
-            a, b = (np.array([getattr(one, parameter) for one in some]) for some in (ours, other))
-            apart, word = 1e3 * np.abs(a - b), parameter.replace("_", " ")
-            row |= {f"{word}: median [mm]": float(np.median(apart)), f"{word}: largest [mm]": float(apart.max())}
+            a = np.array([getattr(one, parameter) for one in ours])
+            b = np.array([getattr(one, parameter) for one in other])
+            apart = 1e3 * np.abs(a - b)
+            word = parameter.replace("_", " ")
+            row |= {
+                f"{word}: median [mm]": float(np.median(apart)),
+                f"{word}: largest [mm]": float(apart.max()),
+            }
         kept = [found.muscles.index(m) for m in mapped]
-        row |= {"largest RMS of fiber lengths": float(found.after[kept].max()), "published": float(published.max())}
+        row |= {
+            "largest RMS of fiber lengths": float(found.after[kept].max()),
+            "published": float(published.max()),
+        }
         yield row
 
 
@@ -267,7 +346,19 @@ LEGS = {
     "knee_angle": (0.05, 1.0),
     "ankle_angle": (-0.35, 0.3),
 }
-MEASURED = ("soleus", "gasmed", "gaslat", "tibant", "vaslat", "vasmed", "recfem", "bflh", "semiten", "glmax1", "glmed1")
+MEASURED = (
+    "soleus",
+    "gasmed",
+    "gaslat",
+    "tibant",
+    "vaslat",
+    "vasmed",
+    "recfem",
+    "bflh",
+    "semiten",
+    "glmax1",
+    "glmed1",
+)
 
 
 def measure_many(folder: Path, people: int = 8, first: int = FRESH) -> Iterator[Row]:
@@ -276,7 +367,16 @@ def measure_many(folder: Path, people: int = 8, first: int = FRESH) -> Iterator[
     measured = tuple(f"{name}_{side}" for name in MEASURED for side in "rl")
     model = "rajagopal-walk-emg/subject_walk_scaled.osim"
     for name, count, seconds in (("three of 2.4 s", 3, 2.4),):
-        case = Case(model, ranges, Errors(), 0.3, count, seconds, most=0.4, measured=measured)
+        case = Case(
+            model=model,
+            ranges=ranges,
+            errors=Errors(),
+            gain_spread=0.3,
+            count=count,
+            seconds=seconds,
+            most=0.4,
+            measured=measured,
+        )
         made = [simulated_person(folder, case, seed) for seed in range(first, first + people)]
         rows = [row for person_rows, _ in made for row in person_rows]
         for row in _summary(f"80 muscles, EMG of 22, {name}", rows):

@@ -1,4 +1,6 @@
-"""Muscles fitted to measured passive torques: curves of healthy adults (Silder et al. 2007), some of them held out."""
+"""Muscles fitted to measured passive torques: curves of healthy adults (Silder et al. 2007), some
+of them held out.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,8 @@ EVERY = 4
 class Curve:
     """The passive torque of one joint over its angle, the others held.
 
-    `joint`: "hip", "knee" or "ankle"; `angles`: (poses, 3) of hip, knee and ankle [degrees]; `torques`: (poses,) about
-    the joint [N m].
+    `joint`: "hip", "knee" or "ankle"; `angles`: (poses, 3) of hip, knee and ankle [degrees];
+    `torques`: (poses,) about the joint [N m].
     """
 
     joint: str
@@ -44,7 +46,9 @@ class Curve:
         for k, name in enumerate(JOINTS.values()):
             values[:, model.coordinate_names.index(name)] = np.radians(self.angles[:, k])
         still = np.zeros_like(values)
-        return mm.Motion(np.arange(float(len(values))), model.coordinate_names, values, still, still)
+        return mm.Motion(
+            np.arange(float(len(values))), model.coordinate_names, values, still, still
+        )
 
 
 def curves(folder: Path) -> tuple[Curve, ...]:
@@ -73,26 +77,40 @@ def recording(model: mm.Model, some: Sequence[Curve]) -> mm.PersonalTrial:
         torques[row : row + len(one.torques), list(JOINTS).index(one.joint)] = one.torques
         row += len(one.torques)
     motion = mm.Motion(time, model.coordinate_names, values, still, still)
-    return mm.PersonalTrial("passive", motion, mm.Series(time, tuple(JOINTS.values()), torques), passive=True)
+    return mm.PersonalTrial(
+        "passive", motion, mm.Series(time, tuple(JOINTS.values()), torques), passive=True
+    )
 
 
 def errors(model: mm.Model, some: Sequence[Curve]) -> dict[str, tuple[Array, Array]]:
-    """Of each joint the torque that the model's resting muscles miss, and whether it counts as walking."""
+    """Of each joint the torque that the model's resting muscles miss, and whether it counts as
+    walking.
+    """
     found: dict[str, list[tuple[Array, Array]]] = {}
     for one in some:
-        given = resting_torques(model, one.motion(model))[:, model.coordinate_names.index(JOINTS[one.joint])]
+        given = resting_torques(model, one.motion(model))[
+            :, model.coordinate_names.index(JOINTS[one.joint])
+        ]
         within = [
-            (low <= one.angles[:, k]) & (one.angles[:, k] <= high) for k, (low, high) in enumerate(WALKING.values())
+            (low <= one.angles[:, k]) & (one.angles[:, k] <= high)
+            for k, (low, high) in enumerate(WALKING.values())
         ]
         found.setdefault(one.joint, []).append((given - one.torques, np.all(within, axis=0)))
-    return {joint: tuple(map(np.concatenate, zip(*parts, strict=True))) for joint, parts in found.items()}  # type: ignore[misc]
+    return {
+        joint: tuple(map(np.concatenate, zip(*parts, strict=True)))
+        for joint, parts in found.items()
+    }  # type: ignore[misc]
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Torque missed by generic muscles, by a published calibration, by ours fitted to all, and by ours held out."""
+    """Torque missed by generic muscles, by a published calibration, by ours fitted to all, and by
+    ours held out.
+    """
     every = curves(folder)
     generic = mm.read_model(folder / STUDY / "Rajagopal_modifiedAbductors.osim")
-    published = mm.read_model(folder / STUDY / "Rajagopal_abductorsModified_PassiveCalibration.osim")
+    published = mm.read_model(
+        folder / STUDY / "Rajagopal_abductorsModified_PassiveCalibration.osim"
+    )
     models = {"generic": generic, "Uhlrich et al. 2022": published}
     for tendons in ("elastic", "rigid"):
         options = mm.PersonalizeOptions(tendons=tendons, hold_out=False)  # type: ignore[arg-type]
@@ -105,7 +123,9 @@ def measure(folder: Path) -> Iterator[Row]:
         unseen = [one for k, one in enumerate(every) if k % 4 == fold]
         seen = [one for k, one in enumerate(every) if k % 4 != fold]
         options = mm.PersonalizeOptions(hold_out=False)
-        parts.append(errors(mm.personalize(generic, [recording(generic, seen)], options).model, unseen))
+        parts.append(
+            errors(mm.personalize(generic, [recording(generic, seen)], options).model, unseen)
+        )
     rows["held out, elastic tendons"] = {
         joint: tuple(map(np.concatenate, zip(*(part[joint] for part in parts), strict=True)))  # type: ignore[misc]
         for joint in JOINTS
@@ -114,5 +134,8 @@ def measure(folder: Path) -> Iterator[Row]:
         yield {
             "muscles": name,
             **{f"{joint} [N m]": rms_known(found[joint][0]) for joint in JOINTS},
-            **{f"{joint}, walking [N m]": rms_known(found[joint][0][found[joint][1]]) for joint in JOINTS},
+            **{
+                f"{joint}, walking [N m]": rms_known(found[joint][0][found[joint][1]])
+                for joint in JOINTS
+            },
         }

@@ -1,4 +1,6 @@
-"""Joint reactions against OpenSim's analysis, Pinocchio and a published study, from the same tensions and from ours."""
+"""Joint reactions against OpenSim's analysis, Pinocchio and a published study, from the same
+tensions and from ours.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +34,12 @@ Row = dict[str, object]
 STUDY = "walk-so-jointload-emg"
 MODEL = f"{STUDY}/Rajagopal_scaled_Sub1_gasAvoid.osim"
 REACTIONS = f"{STUDY}/results_SO/results_JointReaction_JointRxn_ReactionLoads.sto"
-PENDULUMS = (("SinglePin", ""), ("SinglePin", "_FrameKeyword"), ("DoublePendulum3D", ""),
-             ("DoublePendulum3D", "_FrameKeyword"))  # fmt: skip
+PENDULUMS = (
+    ("SinglePin", ""),
+    ("SinglePin", "_FrameKeyword"),
+    ("DoublePendulum3D", ""),
+    ("DoublePendulum3D", "_FrameKeyword"),
+)
 JOINTS = (
     "hip_l",
     "walker_knee_l",
@@ -78,7 +84,9 @@ def measure_same(folder: Path) -> Iterator[Row]:
     yield _trees()
 
 
-def _row(case: str, against: str, frames: int, joints: int, found: mm.Table, wanted: mm.Table) -> Row:
+def _row(
+    case: str, against: str, frames: int, joints: int, found: mm.Table, wanted: mm.Table
+) -> Row:
     size, force, moment = apart(found, wanted)
     return {
         "case": case,
@@ -102,34 +110,57 @@ def _pendulums(folder: Path) -> Iterator[Row]:
             result = run_tool(Path(work) / f"{model}_Setup_JointReaction{setup}.xml")
             found = mm.read_sto(result.written[0])
         wanted = mm.read_sto(here / f"std_{model}_JointReaction_ReactionLoads{setup}.sto")
-        yield _row(f"{model}{setup}", "table that comes with OpenSim", len(found), len(found.names) // 9, found, wanted)
+        yield _row(
+            f"{model}{setup}",
+            "table that comes with OpenSim",
+            len(found),
+            len(found.names) // 9,
+            found,
+            wanted,
+        )
 
 
 def write_study(folder: Path, work: Path) -> tuple[Path, Path]:
     """Two setups on the study's states and forces, one that writes to `ours`, one to `theirs`."""
     forces = mm.read_sto(folder / STUDY / "results_SO/results_forces.sto")
-    # OpenSim reads as many columns as the model has actuators: none of other things may stand before them.
-    keep = [k for k, name in enumerate(forces.names) if not name.startswith(("calcn", "patellofemoral"))]
+    # OpenSim reads as many columns as the model has actuators: none of other things may stand
+    # before them.
+    keep = [
+        k for k, name in enumerate(forces.names) if not name.startswith(("calcn", "patellofemoral"))
+    ]
     names = tuple(forces.names[k] for k in keep)
     values = np.hstack([forces.values[:, keep], np.zeros((len(forces), len(OWN)))])
     mm.write_sto(replace(forces, names=(*names, *OWN), values=values), work / "forces.sto")
     write_actuators(study_reserves(names), work / "actuators.xml")
     write_loads(folder, work, torques=False)
     states = folder / STUDY / "results_SO/results_states.sto"
-    about = {"actuators": "actuators.xml", "loads": "loads.xml", "start": 10.9, "stop": 11.7, "step": 1}
+    about = {
+        "actuators": "actuators.xml",
+        "loads": "loads.xml",
+        "start": 10.9,
+        "stop": 11.7,
+        "step": 1,
+    }
     return _setups(work, model=folder / MODEL, motion_kind="states", motion=states, **about)
 
 
 def write_spring(folder: Path, work: Path) -> tuple[Path, Path]:
-    """The same for a walk of 18 muscles with an ankle's spring and residual actuators, all with random forces."""
+    """The same for a walk of 18 muscles with an ankle's spring and residual actuators, all with
+    random forces.
+    """
     here = folder / "opensim-gait-subject01/ref_so_10dof18musc"
-    model_path, actuators = here / "subject01_adjusted_spring.osim", here / "gait10dof_Actuators_weak.xml"
+    model_path = here / "subject01_adjusted_spring.osim"
+    actuators = here / "gait10dof_Actuators_weak.xml"
     model = read_osim(model_path)
     helpers = tuple(one.name for one in (*model.actuators, *read_actuators(actuators, model)))
-    rng, clock = np.random.default_rng(0), np.linspace(0.5, 1.3, 9)
+    rng = np.random.default_rng(0)
+    clock = np.linspace(0.5, 1.3, 9)
     pulls = np.abs(rng.normal(scale=200.0, size=(9, len(model.muscles))))
     pushes = rng.normal(scale=10.0, size=(9, len(helpers)))
-    mm.write_sto(mm.Table(clock, (*model.muscle_names, *helpers), np.hstack([pulls, pushes])), work / "forces.sto")
+    mm.write_sto(
+        mm.Table(clock, (*model.muscle_names, *helpers), np.hstack([pulls, pushes])),
+        work / "forces.sto",
+    )
     motion = here / "walk_subject01_Kinematics_q.sto"
     about = {"actuators": actuators, "loads": "", "start": 0.5, "stop": 1.3, "step": 10}
     return _setups(work, model=model_path, motion_kind="coordinates", motion=motion, **about)
@@ -146,15 +177,21 @@ def study_reserves(names: tuple[str, ...]) -> list[Actuator]:
     """The study's reserves, which act on coordinates, the pelvis's too."""
     ending = "_reserve"
     return [
-        Actuator(one, "coordinate", 1.0, coordinate=one.removesuffix(ending)) for one in names if one.endswith(ending)
+        Actuator(one, "coordinate", 1.0, coordinate=one.removesuffix(ending))
+        for one in names
+        if one.endswith(ending)
     ]
 
 
 def write_loads(folder: Path, work: Path, torques: bool) -> Path:
     """The plates' forces as external loads, with or without their free torques."""
-    entries = (ENTRY.format(body=b, force=f, point=p, torque=t if torques else "") for b, f, p, t in FEET)
+    entries = (
+        ENTRY.format(body=b, force=f, point=p, torque=t if torques else "") for b, f, p, t in FEET
+    )
     path = work / "loads.xml"
-    path.write_text(LOADS.format(entries="".join(entries), data=folder / STUDY / "walking_baseline1_forces.mot"))
+    path.write_text(
+        LOADS.format(entries="".join(entries), data=folder / STUDY / "walking_baseline1_forces.mot")
+    )
     return path
 
 
@@ -169,17 +206,22 @@ def _in_opensim(case: str, write: Callable[[Path], tuple[Path, Path]]) -> Row:
         tool = opensim.AnalyzeTool(str(theirs))
         tool.run()
         run_tool(ours)
-        found, wanted = (mm.read_sto(Path(work) / name / "so_JR_ReactionLoads.sto") for name in ("ours", "theirs"))
+        found = mm.read_sto(Path(work) / "ours" / "so_JR_ReactionLoads.sto")
+        wanted = mm.read_sto(Path(work) / "theirs" / "so_JR_ReactionLoads.sto")
     return _row(case, "OpenSim 4.6", len(found), len(found.names) // 9, found, wanted)
 
 
 def _trees() -> Row:
     """Pinocchio's joint forces on a random tree with forces on all bodies."""
-    largest, force, moment = 0.0, 0.0, 0.0
+    largest = 0.0
+    force = 0.0
+    moment = 0.0
     for seed in range(6):
         model = random_tree(seed)
         rng = np.random.default_rng(seed)
-        motion = mm.Motion(np.zeros(1), model.coordinate_names, *rng.normal(size=(3, 1, len(model.coordinates))))
+        motion = mm.Motion(
+            np.zeros(1), model.coordinate_names, *rng.normal(size=(3, 1, len(model.coordinates)))
+        )
         tree = compile_tree(model)
         applied = rng.normal(scale=20.0, size=(1, len(tree.arrays.parent), 6))
         found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
@@ -191,10 +233,15 @@ def _trees() -> Row:
             external.append(pin.Force.Zero())
         for body in model.bodies:
             wrench = applied[0, tree.body_index[body.name]]
-            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(pin.Force(wrench[:3], wrench[3:]))
-        pin.rnea(theirs, data, motion.values[0], motion.velocities[0], motion.accelerations[0], external)
+            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(
+                pin.Force(wrench[:3], wrench[3:])
+            )
+        pin.rnea(
+            theirs, data, motion.values[0], motion.velocities[0], motion.accelerations[0], external
+        )
         for body in model.bodies:
-            carried, b = data.oMi[ids[body.name]].act(data.f[ids[body.name]]), tree.body_index[body.name]
+            carried = data.oMi[ids[body.name]].act(data.f[ids[body.name]])
+            b = tree.body_index[body.name]
             largest = max(largest, float(np.abs(carried.linear).max()))
             force = max(force, float(np.abs(found.forces[0, b] - carried.linear).max()))
             moment = max(moment, float(np.abs(found.moments[0, b] - carried.angular).max()))
@@ -232,14 +279,18 @@ def study_motion(folder: Path, model: mm.Model) -> mm.Motion:
     at = np.abs(whole.time[:, None] - wanted).argmin(axis=0)
     assert whole.velocities is not None
     assert whole.accelerations is not None
-    return mm.Motion(wanted, whole.names, whole.values[at], whole.velocities[at], whole.accelerations[at])
+    return mm.Motion(
+        wanted, whole.names, whole.values[at], whole.velocities[at], whole.accelerations[at]
+    )
 
 
 def study_emg(folder: Path, time: Array) -> EmgTarget:
     """The study's envelopes as activations; what its filter made negative is 0."""
     table = mm.read_sto(folder / STUDY / "EMG_allMuscles.sto")
     values = np.column_stack([np.interp(time, table.time, column) for column in table.values.T])
-    return EmgTarget(tuple(name.removesuffix("_activation") for name in table.names), np.clip(values, 0.0, 1.0))
+    return EmgTarget(
+        tuple(name.removesuffix("_activation") for name in table.names), np.clip(values, 0.0, 1.0)
+    )
 
 
 def run_line(folder: Path, line: Line) -> tuple[Tension, JointReactions]:
@@ -295,7 +346,11 @@ def measure_loads(folder: Path) -> Iterator[Row]:
     table = mm.read_sto(folder / REACTIONS)
     found = {line.name: run_line(folder, line)[1] for line in LINES}
     for joint in JOINTS:
-        roots = [name for name in table.names if name.startswith(f"{joint}_on_") and name[-2:] in ("fx", "fy", "fz")]
+        roots = [
+            name
+            for name in table.names
+            if name.startswith(f"{joint}_on_") and name[-2:] in ("fx", "fy", "fz")
+        ]
         theirs = np.column_stack([table[name] for name in roots]) / weight
         size = np.linalg.norm(theirs, axis=1)
         for name, one in found.items():
@@ -306,7 +361,9 @@ def measure_loads(folder: Path) -> Iterator[Row]:
                 "frames": len(one),
                 "the study's peak [BW]": float(size.max()),
                 "peak [BW]": float(np.linalg.norm(ours, axis=1).max()),
-                "correlation of sizes": float(np.corrcoef(np.linalg.norm(ours, axis=1), size)[0, 1]),
+                "correlation of sizes": float(
+                    np.corrcoef(np.linalg.norm(ours, axis=1), size)[0, 1]
+                ),
                 "RMS of components [BW]": rms(ours - theirs),
             }
 

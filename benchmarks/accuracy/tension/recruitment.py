@@ -1,4 +1,6 @@
-"""Criteria of recruitment beside conic programs, and what a wrong criterion makes of a simulated truth."""
+"""Criteria of recruitment beside conic programs, and what a wrong criterion makes of a simulated
+truth.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,14 @@ CRITERIA: Mapping[str, Criterion] = {
     "both": criterion(1.0, ",".join(LOADED), 0.1),
     "co-contraction 0.1, exponent 3": criterion(co_contraction=0.1, exponent=3.0),
 }
-TRUTHS = ("default (exponent 2)", "exponent 3", "min/max", "weights by volume", "joint load 1, three joints",
-          "co-contraction 0.1")  # fmt: skip
+TRUTHS = (
+    "default (exponent 2)",
+    "exponent 3",
+    "min/max",
+    "weights by volume",
+    "joint load 1, three joints",
+    "co-contraction 0.1",
+)
 NOISE = 0.05
 """Standard deviation of joint torques in the noisy column, over their own RMS."""
 
@@ -70,9 +78,12 @@ def solutions(folder: Path) -> Solutions:
 
 
 def _above(made: Solutions, by: Criterion, mine: Array, theirs: Array) -> float:
-    """Greatest relative difference of the costs over frames; below 0 where ours is always the lesser."""
+    """Greatest relative difference of the costs over frames; below 0 where ours is always the
+    lesser.
+    """
     pairs = [
-        [cost_of(made.walk, frame, by, one[frame], made.loads) for one in (mine, theirs)] for frame in range(len(mine))
+        [cost_of(made.walk, frame, by, one[frame], made.loads) for one in (mine, theirs)]
+        for frame in range(len(mine))
     ]
     return max((own - other) / other for own, other in pairs)
 
@@ -88,7 +99,8 @@ def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
     made = solutions(folder)
     one = made.walk
     for name, by in CRITERIA.items():
-        found, theirs = ours(one, by, one.torques), made.found[name]
+        found = ours(one, by, one.torques)
+        theirs = made.found[name]
         yield {
             "criterion": name,
             "frames": len(found),
@@ -104,7 +116,8 @@ def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_truth(folder: Path) -> Iterator[dict[str, object]]:
-    """Muscles that keep to one criterion, found from their joint torques by each: RMS of activations and of the knee.
+    """Muscles that keep to one criterion, found from their joint torques by each: RMS of
+    activations and of the knee.
 
     The truth's activations come from programs; torques are what its muscles give.
     """
@@ -131,7 +144,8 @@ def _torques(one: Walk, activations: Array) -> mm.Series:
 
 
 def _noisy(one: Walk, torques: mm.Series) -> mm.Series:
-    values, draw = np.array(torques.values), np.random.default_rng(0)
+    values = np.array(torques.values)
+    draw = np.random.default_rng(0)
     for name in one.rows:
         k = torques.names.index(name)
         values[:, k] += NOISE * rms(values[:, k]) * draw.standard_normal(len(values))

@@ -1,4 +1,6 @@
-"""Force in the glenohumeral joint of an arm abduction: our settings beside OpenSim's static optimization."""
+"""Force in the glenohumeral joint of an arm abduction: our settings beside OpenSim's static
+optimization.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,15 @@ from myomorph.tension.terms.actuators import default_reserves
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 MOTION = "shoulder-thoracoscapular/ik/ABD01.mot"
-JOINT, CUTOFF = "GlenoHumeral", 3.0
+JOINT = "GlenoHumeral"
+CUTOFF = 3.0
 ANGLES = (30.0, 60.0, 90.0, 120.0)
 """Between the humerus and the thorax, on the way up [deg]."""
 
 ARM = 0.05
-"""Mass of an arm over that of the body (Winter 2009): the model has no legs, and the man's weight is not told."""
+"""Mass of an arm over that of the body (Winter 2009): the model has no legs, and the man's weight
+is not told.
+"""
 
 SETTINGS: Mapping[str, mm.TensionOptions] = {
     "default": mm.TensionOptions(),
@@ -36,7 +41,9 @@ SETTINGS: Mapping[str, mm.TensionOptions] = {
     "exponent 3": mm.TensionOptions(exponent=3.0),
     "with passive force": mm.TensionOptions(passive=True),
     "with passive force, elastic tendons": mm.TensionOptions(passive=True, tendons="elastic"),
-    "with passive force, model's minimum (the default before)": mm.TensionOptions(passive=True, min_activation="model"),
+    "with passive force, model's minimum (the default before)": mm.TensionOptions(
+        passive=True, min_activation="model"
+    ),
 }
 
 
@@ -55,19 +62,33 @@ class Abduction:
 
 
 def abduction(folder: Path) -> Abduction:
-    """The motion with its loop closed; reserves of 1 N m, of the trunk, which has no muscles, as much as it takes."""
+    """The motion with its loop closed; reserves of 1 N m, of the trunk, which has no muscles, as
+    much as it takes.
+    """
     model = mm.read_model(folder / MODEL)
-    motion, _ = closed_motion(model, mm.differentiate(mm.read_motion(folder / MOTION, model), CUTOFF))
+    motion, _ = closed_motion(
+        model, mm.differentiate(mm.read_motion(folder / MOTION, model), CUTOFF)
+    )
     actuators = tuple(
-        replace(one, optimal_force=TRUNK) if "ground" in one.name else one for one in default_reserves(model, 1.0, 10.0)
+        replace(one, optimal_force=TRUNK) if "ground" in one.name else one
+        for one in default_reserves(model, 1.0, 10.0)
     )
     tree = compile_tree(model)
     turned = forward_kinematics(tree, tree.coordinates_of(motion)).rotations
-    up, along = (turned[:, tree.body_index[name], :, 1] for name in ("thorax", "humerus"))
+    up = turned[:, tree.body_index["thorax"], :, 1]
+    along = turned[:, tree.body_index["humerus"], :, 1]
     angle = np.degrees(np.arccos(np.clip(np.einsum("fi,fi->f", up, along), -1.0, 1.0)))
-    frames = tuple(int(np.flatnonzero((angle[:-1] < one) & (angle[1:] >= one))[0]) + 1 for one in ANGLES)
+    frames = tuple(
+        int(np.flatnonzero((angle[:-1] < one) & (angle[1:] >= one))[0]) + 1 for one in ANGLES
+    )
     arm = sum(model.body(name).mass for name in ("humerus", "ulna", "radius", "hand"))
-    return Abduction(model, motion, actuators, frames, arm / ARM * float(np.linalg.norm(model.gravity)))
+    return Abduction(
+        model=model,
+        motion=motion,
+        actuators=actuators,
+        frames=frames,
+        weight=arm / ARM * float(np.linalg.norm(model.gravity)),
+    )
 
 
 def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
@@ -81,9 +102,14 @@ def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
         for name, options in SETTINGS.items()
     }
     some = one.motion.frames(list(one.frames))
-    few = mm.solve_tension(one.model, some, mm.inverse_dynamics(one.model, some), None, one.actuators)
+    few = mm.solve_tension(
+        one.model, some, mm.inverse_dynamics(one.model, some), None, one.actuators
+    )
     theirs = replace(few, forces=_of_opensim(folder, one, few))
-    yield {"tensions": "OpenSim's static optimization", **_row(one, _force(one, some, theirs), theirs.forces)}
+    yield {
+        "tensions": "OpenSim's static optimization",
+        **_row(one, _force(one, some, theirs), theirs.forces),
+    }
     for name, tension in ours.items():
         frames = list(one.frames)
         force = _force(one, one.motion, tension)
@@ -91,14 +117,21 @@ def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def _row(one: Abduction, force: Array, forces: Array) -> dict[str, object]:
-    row: dict[str, object] = {f"{angle:.0f} deg [N]": float(size) for angle, size in zip(ANGLES, force, strict=True)}
+    row: dict[str, object] = {
+        f"{angle:.0f} deg [N]": float(size) for angle, size in zip(ANGLES, force, strict=True)
+    }
     at = ANGLES.index(90.0)
-    return row | {"90 deg [BW]": float(force[at]) / one.weight, "all muscles, 90 deg [N]": float(forces[at].sum())}
+    return row | {
+        "90 deg [BW]": float(force[at]) / one.weight,
+        "all muscles, 90 deg [N]": float(forces[at].sum()),
+    }
 
 
 def _force(one: Abduction, motion: mm.Motion, tension: Tension) -> Array:
     """Size of the joint's force (frames,) [N]."""
-    found = mm.joint_reactions(one.model, motion, tension, None, joints=(JOINT,), actuators=one.actuators)
+    found = mm.joint_reactions(
+        one.model, motion, tension, None, joints=(JOINT,), actuators=one.actuators
+    )
     return np.linalg.norm(found.forces[:, 0], axis=1)
 
 

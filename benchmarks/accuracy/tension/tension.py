@@ -1,6 +1,7 @@
 """Muscle tensions without passive force against OpenSim's static optimization, on the same frames.
 
-OpenSim gets every coordinate: where one is missing, AnalyzeTool 4.6 takes accelerations from the wrong columns.
+OpenSim gets every coordinate: where one is missing, AnalyzeTool 4.6 takes accelerations from the
+wrong columns.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ from myomorph.tension.terms.actuators import default_reserves
 class TensionCase:
     """A model, a motion and loads, every `interval`-th frame of [start, end] seconds.
 
-    `loads`: an external loads file, or a table of forces with `feet`; `feet`: (body, force, point, torque) name
-    beginnings of each force in the table; `actuators`: an actuator file; "" for default reserves, "none" for nothing;
-    `kind`: class that all muscles are turned into, "" for their own.
+    `loads`: an external loads file, or a table of forces with `feet`; `feet`: (body, force, point,
+    torque) name beginnings of each force in the table; `actuators`: an actuator file; "" for
+    default reserves, "none" for nothing; `kind`: class that all muscles are turned into, "" for
+    their own.
     """
 
     name: str
@@ -58,10 +60,19 @@ LEFT_FIRST = (
 GAIT10 = "opensim-gait-subject01/ref_so_10dof18musc/"
 
 
-def _case(name: str, recording: str, span: tuple[float, float], interval: int, **more: Any) -> TensionCase:
+def _case(
+    name: str, recording: str, span: tuple[float, float], interval: int, **more: Any
+) -> TensionCase:
     files = RECORDINGS[recording]
     return TensionCase(
-        name, files.model, files.motion, files.loads, start=span[0], end=span[1], interval=interval, **more
+        name=name,
+        model=files.model,
+        motion=files.motion,
+        loads=files.loads,
+        start=span[0],
+        end=span[1],
+        interval=interval,
+        **more,
     )
 
 
@@ -81,8 +92,17 @@ CASES = (
         actuators=f"{GAIT10}gait10dof_Actuators_weak.xml",
     ),
     _case("walk, Rajagopal, 80 muscles", "rajagopal", (0.6, 1.6), 50),
-    _case("treadmill walk, 80 muscles, no arms", "treadmill", (10.9, 11.7), 3, feet=FEET, cutoff=6.0),
-    _case("treadmill walk, gait2392, 92 muscles", "gait2392", (10.0, 11.2), 10, feet=LEFT_FIRST, cutoff=6.0),
+    _case(
+        "treadmill walk, 80 muscles, no arms", "treadmill", (10.9, 11.7), 3, feet=FEET, cutoff=6.0
+    ),
+    _case(
+        "treadmill walk, gait2392, 92 muscles",
+        "gait2392",
+        (10.0, 11.2),
+        10,
+        feet=LEFT_FIRST,
+        cutoff=6.0,
+    ),
     _case("walk, OpenCap, 80 muscles", "opencap-walk", (0.3, 1.2), 6, cutoff=6.0),
 )
 
@@ -120,7 +140,9 @@ def prepare(folder: Path, case: TensionCase, work: Path) -> Prepared:
         model_path.write_text(text)
     model = mm.read_model(model_path)
     given = mm.read_motion(folder / case.motion, model)
-    motion = mm.Motion(given.time, model.coordinate_names, compile_tree(model).coordinates_of(given))
+    motion = mm.Motion(
+        given.time, model.coordinate_names, compile_tree(model).coordinates_of(given)
+    )
     motion_path = work / "motion.sto"
     mm.write_sto(table_from_motion(motion, model, degrees=False), motion_path)
     loads = folder / case.loads if case.loads else None
@@ -134,9 +156,19 @@ def prepare(folder: Path, case: TensionCase, work: Path) -> Prepared:
         path = folder / case.actuators
         actuators = read_actuators(path, model)
     elif not case.actuators:
-        actuators, path = default_reserves(model, 10.0, 100.0), work / "actuators.xml"
+        actuators = default_reserves(model, 10.0, 100.0)
+        path = work / "actuators.xml"
         write_actuators(actuators, path)
-    return Prepared(case, model, model_path, motion, motion_path, loads, actuators, path)
+    return Prepared(
+        case=case,
+        model=model,
+        model_path=model_path,
+        motion=motion,
+        motion_path=motion_path,
+        loads=loads,
+        actuators=actuators,
+        actuator_path=path,
+    )
 
 
 def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
@@ -150,7 +182,11 @@ def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
     motion = whole.frames(keep)
     torques = read_torques(prepared.loads, prepared.model, motion)
     return mm.solve_tension(
-        prepared.model, motion, torques, mm.TensionOptions(min_activation="model"), prepared.actuators
+        prepared.model,
+        motion,
+        torques,
+        mm.TensionOptions(min_activation="model"),
+        prepared.actuators,
     )
 
 
@@ -171,7 +207,9 @@ def theirs(prepared: Prepared) -> StaticResult:
 
 
 def measure_case(folder: Path, case: TensionCase) -> dict[str, object]:
-    """Distances of activations and reserves, and milliseconds a frame from coordinates to activations."""
+    """Distances of activations and reserves, and milliseconds a frame from coordinates to
+    activations.
+    """
     with tempfile.TemporaryDirectory() as work:
         prepared = prepare(folder, case, Path(work))
         reference = theirs(prepared)

@@ -1,4 +1,6 @@
-"""What defaults of tensions and of estimated contacts were chosen by: every setting beside EMG or hidden plates."""
+"""What defaults of tensions and of estimated contacts were chosen by: every setting beside EMG or
+hidden plates.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,10 @@ SILENT = 0.4
 
 def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
     """A row for every walk and setting; no setting sees EMG, and the delay is the same for all."""
-    for walk in (*(make(folder) for make in WALKS), *(implant(folder, stride) for stride in STRIDES)):
+    for walk in (
+        *(make(folder) for make in WALKS),
+        *(implant(folder, stride) for stride in STRIDES),
+    ):
         start, stop = walk.tested
         walk = replace(walk, tested=(start, min(stop, start + SECONDS)))
         motion, torques = walk.part(walk.tested)
@@ -79,7 +84,9 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
         }
         for name, (options, every_cost) in asked.items():
             terms = tuple(
-                term for costs in every_cost for term in recruitment_terms(walk.model, motion, torques, wrenches, costs)
+                term
+                for costs in every_cost
+                for term in recruitment_terms(walk.model, motion, torques, wrenches, costs)
             )
             found = mm.solve_tension(walk.model, motion, torques, options, terms=terms)
             fits = {channel: _fit(found, walk, channel, emg[channel]) for channel in walk.channels}
@@ -106,12 +113,17 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
 def _measured(walk: Walk, time: Array) -> dict[str, Array]:
     """Each channel over its largest value, by the usual delay later."""
     moved = shifted(walk.emg, time, np.full(len(walk.emg.names), USUAL))
-    return {name: moved[:, walk.emg.names.index(name)] / np.nanmax(walk.emg[name]) for name in walk.channels}
+    return {
+        name: moved[:, walk.emg.names.index(name)] / np.nanmax(walk.emg[name])
+        for name in walk.channels
+    }
 
 
 def _fit(found: Tension, walk: Walk, channel: str, measured: Array) -> tuple[float, float]:
     """Correlation of the channel's muscles, and RMS once they are scaled to fit best."""
-    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[:, 0]
+    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[
+        :, 0
+    ]
     use = np.isfinite(predicted) & np.isfinite(measured)
     scale = max(predicted[use] @ measured[use], 0.0) / max(predicted[use] @ predicted[use], 1e-300)
     rms = float(np.sqrt(np.mean((scale * predicted[use] - measured[use]) ** 2)))
@@ -126,7 +138,9 @@ def _is_biarticular(walk: Walk, channel: str) -> bool:
 
 def _in_silence(found: Tension, walk: Walk, channel: str, measured: Array) -> float:
     """Mean activation of a channel's muscles where its EMG is least."""
-    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[:, 0]
+    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[
+        :, 0
+    ]
     return float(predicted[measured < np.nanquantile(measured, SILENT)].mean())
 
 
@@ -135,12 +149,12 @@ Row = dict[str, object]
 IMPLANT = "knee-implant-walk"
 UNSEEN = tuple(
     HiddenCase(
-        f"walk, knee implant {stride}",
-        f"{IMPLANT}/scaled.osim",
-        f"{IMPLANT}/walk{stride}.trc",
-        f"{IMPLANT}/walk{stride}_grf.xml",
-        75.0,
-        f"{IMPLANT}/ik_tasks.xml",
+        name=f"walk, knee implant {stride}",
+        model=f"{IMPLANT}/scaled.osim",
+        markers=f"{IMPLANT}/walk{stride}.trc",
+        forces=f"{IMPLANT}/walk{stride}_grf.xml",
+        mass=75.0,
+        tasks=f"{IMPLANT}/ik_tasks.xml",
     )
     for stride in (1, 3)
 )
@@ -187,15 +201,22 @@ CONTACT_SETTINGS: Mapping[str, Setting] = {
 
 
 def measure_contact_settings(folder: Path) -> Iterator[Row]:
-    """A row for every setting: error of a foot's vertical force in each recording, and of the hands' in the lifts."""
+    """A row for every setting: error of a foot's vertical force in each recording, and of the
+    hands' in the lifts.
+    """
     cases = [opened(folder, case) for case in (*CASES, *UNSEEN)]
     for name, setting in CONTACT_SETTINGS.items():
         feet = {one.case.name: foot_error(one, setting) for one in cases}
         hands = {}
         for lift in LIFTS:
             hands[lift], feet[lift] = lift_errors(folder, lift, setting)
-        row: Row = {"setting": name, "chosen on, mean": float(np.mean([feet[one] for one in CHOSEN_ON]))}
-        row["others, mean"] = float(np.mean([error for one, error in feet.items() if one not in CHOSEN_ON]))
+        row: Row = {
+            "setting": name,
+            "chosen on, mean": float(np.mean([feet[one] for one in CHOSEN_ON])),
+        }
+        row["others, mean"] = float(
+            np.mean([error for one, error in feet.items() if one not in CHOSEN_ON])
+        )
         yield row | feet | {f"{lift}, hands [N]": error for lift, error in hands.items()}
 
 
@@ -204,7 +225,9 @@ def foot_error(hidden: Hidden, setting: Setting) -> float:
     preferred = preferred_directions(hidden.model, hidden.motion, hidden.sites)
     task = _as_set(ContactTask(hidden.sites, hidden.activations, (), preferred=preferred), setting)
     torques = mm.inverse_dynamics(hidden.model, hidden.motion)
-    found = mm.solve_tension(hidden.model, hidden.motion, torques, setting.tension, contacts=task).contacts
+    found = mm.solve_tension(
+        hidden.model, hidden.motion, torques, setting.tension, contacts=task
+    ).contacts
     assert found is not None
     errors = []
     for side, measured, _ in feet_of(hidden):
@@ -214,22 +237,30 @@ def foot_error(hidden: Hidden, setting: Setting) -> float:
 
 
 def lift_errors(folder: Path, lift: str, setting: Setting) -> tuple[float, float]:
-    """RMS errors without any plate: of the hands' upward force while they hold the box on the floor [N], and of the
-    feet's upward force [% weight].
+    """RMS errors without any plate: of the hands' upward force while they hold the box on the floor
+    [N], and of the feet's upward force [% weight].
     """
     asked = lift_task(folder, lift, "hidden")
     task = _as_set(asked.contacts, setting)
-    found = mm.solve_tension(asked.model, asked.motion, asked.torques, setting.tension, contacts=task).contacts
+    found = mm.solve_tension(
+        asked.model, asked.motion, asked.torques, setting.tension, contacts=task
+    ).contacts
     assert found is not None
     time = recorded(folder, lift).markers.time
     grasp = time[np.flatnonzero(holding(folder, lift)[1].any(axis=1))[0]]
     during = (time >= grasp) & (time < left_floor(folder, lift))
     hands = -found.forces[:, :2].sum(axis=1) - hands_measured(folder, lift)
-    feet: Array = found.forces[:, [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]]
+    feet: Array = found.forces[
+        :, [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]
+    ]
     weight = MASS * float(np.linalg.norm(asked.model.gravity))
-    return rms(hands[during, 1]), 100.0 * rms((feet.sum(axis=1) - recorded(folder, lift).plate)[:, 1]) / weight
+    return rms(hands[during, 1]), 100.0 * rms(
+        (feet.sum(axis=1) - recorded(folder, lift).plate)[:, 1]
+    ) / weight
 
 
 def _as_set(task: ContactTask, setting: Setting) -> ContactTask:
-    sites = tuple(replace(one, group=one.name) for one in task.sites) if setting.by_site else task.sites
+    sites = (
+        tuple(replace(one, group=one.name) for one in task.sites) if setting.by_site else task.sites
+    )
     return replace(task, sites=sites, options=setting.contacts)

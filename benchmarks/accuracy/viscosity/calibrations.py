@@ -1,4 +1,6 @@
-"""Accuracy of what comes before identification: force plate, clocks, scanned bones, and a real instrumented handle."""
+"""Accuracy of what comes before identification: force plate, clocks, scanned bones, and a real
+instrumented handle.
+"""
 
 from __future__ import annotations
 
@@ -51,41 +53,64 @@ def measure_plates() -> Iterator[Row]:
         yield {
             "placements (simulated)": name,
             "place in the plane, rms [mm]": 1e3 * float(np.sqrt(np.mean(shifts[:, :2] ** 2))),
-            "height, rms [mm]": 1e3 * float(np.sqrt(np.mean(shifts[:, 2] ** 2))) if shown[2] else "not shown",
+            "height, rms [mm]": (
+                1e3 * float(np.sqrt(np.mean(shifts[:, 2] ** 2))) if shown[2] else "not shown"
+            ),
             "axes, rms [°]": float(np.degrees(np.sqrt(np.mean(turns**2)))),
             "residual [mm]": 1e3 * float(np.mean([one.distance_rms for one in found])),
-            "left out [mm]": 1e3 * float(np.mean([np.sqrt(np.mean(one.left_out_distances**2)) for one in found])),
-            "error over estimated SD": float(np.sqrt(np.mean(np.mean(errors**2, axis=0) / np.mean(told**2, axis=0)))),
+            "left out [mm]": (
+                1e3 * float(np.mean([np.sqrt(np.mean(one.left_out_distances**2)) for one in found]))
+            ),
+            "error over estimated SD": float(
+                np.sqrt(np.mean(np.mean(errors**2, axis=0) / np.mean(told**2, axis=0)))
+            ),
             "5 mm found significant": f"{_found_off(places, mass, pushed)} of {RUNS}",
             "right one called off": f"{_found_off(places, mass, pushed, off=False)} of {RUNS}",
         }
 
 
-def _found_off(places: list[tuple[float, float]], mass: float, pushed: bool, off: bool = True) -> int:
+def _found_off(
+    places: list[tuple[float, float]], mass: float, pushed: bool, off: bool = True
+) -> int:
     corners = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]) * [0.2, 0.3, 0.0]
     shift = np.array([0.005, 0.0, 0.0]) if off else np.zeros(3)
-    plate = PlateRecording("plate", 2, corners @ AXES.T + CENTER + shift, np.zeros(3), np.zeros((1, 6)))
-    return sum(check_plate(plate, _placements(places, 100 + seed, mass, pushed)).significant for seed in range(RUNS))
+    plate = PlateRecording(
+        name="plate",
+        kind=2,
+        corners=corners @ AXES.T + CENTER + shift,
+        origin=np.zeros(3),
+        channels=np.zeros((1, 6)),
+    )
+    return sum(
+        check_plate(plate, _placements(places, 100 + seed, mass, pushed)).significant
+        for seed in range(RUNS)
+    )
 
 
-def _placements(places: list[tuple[float, float]], seed: int, mass: float, pushed: bool) -> list[Placement]:
+def _placements(
+    places: list[tuple[float, float]], seed: int, mass: float, pushed: bool
+) -> list[Placement]:
     """Noise of a placement's means: 0.3 N, 0.05 N m, 0.5 mm, and 1 mrad of a rod's direction."""
-    random, found = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    found = []
     for number, place in enumerate(places):
-        foot, up, size = CENTER + AXES @ np.array([*place, 0.0]), np.array([0.0, 0.0, 1.0]), mass * 9.80665
+        foot = CENTER + AXES @ np.array([*place, 0.0])
+        up = np.array([0.0, 0.0, 1.0])
+        size = mass * 9.80665
         if pushed:
-            tilt, turn = random.uniform(0.2, 0.5), random.uniform(0, 2 * np.pi)
+            tilt = random.uniform(0.2, 0.5)
+            turn = random.uniform(0, 2 * np.pi)
             up = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
             size = random.uniform(100, 300)
         force = size * AXES.T @ up
         moment = np.cross(AXES.T @ (foot - CENTER), force)
         found.append(
             Placement(
-                f"{number}",
-                force + 0.3 * random.normal(size=3),
-                moment + 0.05 * random.normal(size=3),
-                foot + 0.1 * up + 0.0005 * random.normal(size=3),
-                up + (1e-3 * random.normal(size=3) if pushed else 0.0),
+                name=f"{number}",
+                force=force + 0.3 * random.normal(size=3),
+                moment=moment + 0.05 * random.normal(size=3),
+                point=foot + 0.1 * up + 0.0005 * random.normal(size=3),
+                direction=up + (1e-3 * random.normal(size=3) if pushed else 0.0),
                 pushed=pushed,
             )
         )
@@ -93,7 +118,9 @@ def _placements(places: list[tuple[float, float]], seed: int, mass: float, pushe
 
 
 def measure_standing(folder: Path) -> Iterator[Row]:
-    """A person who stands still on one plate as a marked weight: Plug-in Gait's center of mass, and gravity."""
+    """A person who stands still on one plate as a marked weight: Plug-in Gait's center of mass, and
+    gravity.
+    """
     for person, name in (("HC030A", "HC030A01"), ("HC002D", "HC002D02")):
         path = folder / f"c3d-gait-plugingait/{person}/Static/{name}.c3d"
         if not path.is_file():
@@ -104,7 +131,9 @@ def measure_standing(folder: Path) -> Iterator[Row]:
         weight = MarkedWeight("person", ("CentreOfMass",), mass=mass)
         whole = [(float(trial.markers.time[0]), float(trial.markers.time[-1]))]
         one = find_placements(plate, trial.plate_time, trial.markers, weight, whole)[0]
-        distance, angle = sizes(residuals([one], plate_axes(plate.corners), plate.corners.mean(axis=0)))
+        distance, angle = sizes(
+            residuals([one], plate_axes(plate.corners), plate.corners.mean(axis=0))
+        )
         yield {
             "recording (real)": path.stem,
             "seconds": whole[0][1] - whole[0][0],
@@ -117,7 +146,9 @@ def measure_standing(folder: Path) -> Iterator[Row]:
 
 
 def measure_clocks() -> Iterator[Row]:
-    """Offset and drift of a plate under a spherical pendulum that MuJoCo swings, found by its regressor."""
+    """Offset and drift of a plate under a spherical pendulum that MuJoCo swings, found by its
+    regressor.
+    """
     time, rotations = _swing()
     phi = _parameters()
     wrench = _base_rows(time, rotations) @ phi
@@ -128,12 +159,14 @@ def measure_clocks() -> Iterator[Row]:
         ("0.3 N, 0.3 mrad", 0.3, 3e-4, -0.4, -150e-6),
         ("1 N, 1 mrad", 1.0, 1e-3, 0.0123, 40e-6),
     ):
-        errors, told = [], []
+        errors = []
+        told = []
         for seed in range(10):
             clock = wrench_clock(*_recorded(rotations, spline, offset, drift, seed, force, angle))
             errors.append((clock.offset - offset - drift * clock.epoch, clock.drift - drift))
             told.append((clock.offset_sd, clock.drift_sd))
-        rms, usual = np.sqrt(np.mean(np.square(errors), axis=0)), np.mean(told, axis=0)
+        rms = np.sqrt(np.mean(np.square(errors), axis=0))
+        usual = np.mean(told, axis=0)
         bound = _bound(time, wrench, force)
         yield {
             "noise (simulated)": name,
@@ -149,7 +182,9 @@ def measure_clocks() -> Iterator[Row]:
 
 
 def _bound(time: Array, wrench: Array, force: float) -> tuple[float, float]:
-    """Deviations that the plate's white noise alone sets (Cramer-Rao), the motion being known exactly."""
+    """Deviations that the plate's white noise alone sets (Cramer-Rao), the motion being known
+    exactly.
+    """
     slopes = np.gradient(wrench, time[1], axis=0)[1000:61000]
     slopes = slopes / np.repeat([max(0.1 * force, 1e-12), max(force, 1e-12)], 3)
     away = (time[1000:61000] - 15.5)[:, None]
@@ -161,8 +196,9 @@ def _swing() -> tuple[Array, Array]:
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(
-        '<mujoco><option timestep="0.0005" integrator="RK4"/><worldbody><body><joint type="ball" damping="0.05"/>'
-        '<inertial pos="0.01 0.02 -0.4" mass="2.5" diaginertia="0.06 0.065 0.01"/></body></worldbody></mujoco>'
+        '<mujoco><option timestep="0.0005" integrator="RK4"/><worldbody><body><joint type="ball"'
+        ' damping="0.05"/><inertial pos="0.01 0.02 -0.4" mass="2.5" diaginertia="0.06 0.065'
+        ' 0.01"/></body></worldbody></mujoco>'
     )
     data = mujoco.MjData(model)
     data.qpos[:] = [np.cos(0.5), 0.8 * np.sin(0.5), 0.6 * np.sin(0.5), 0.0]
@@ -179,14 +215,17 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
 
 def _parameters() -> Array:
     """Mass, first and second moments of mass of the pendulum about its pivot."""
-    middle, mass = np.array([0.01, 0.02, -0.4]), 2.5
+    middle = np.array([0.01, 0.02, -0.4])
+    mass = 2.5
     second = np.diag(0.0675 - np.array([0.06, 0.065, 0.01])) + mass * np.outer(middle, middle)
     return np.concatenate([[mass], mass * middle, [second[i, j] for i, j in PAIRS]])
 
 
 def _base_rows(time: Array, rotations: Array) -> Array:
     """Moment and force (frames, 6, 10) on the pivot: every mass dm at x pulls with g - R'' x."""
-    bent = natural_spline(time, rotations.reshape(len(time), 9)).derivative(2)(time).reshape(-1, 3, 3)
+    bent = (
+        natural_spline(time, rotations.reshape(len(time), 9)).derivative(2)(time).reshape(-1, 3, 3)
+    )
     gravity = np.array([0.0, 0.0, -9.81])
     rows = np.zeros((len(time), 6, 10))
     rows[:, 3:, 0] = gravity
@@ -195,12 +234,20 @@ def _base_rows(time: Array, rotations: Array) -> Array:
         rows[:, :3, 1 + k] = np.cross(rotations[:, :, k], gravity)
     for column, (i, j) in enumerate(PAIRS):
         moment = np.cross(rotations[:, :, i], bent[:, :, j])
-        rows[:, :3, 4 + column] = -(moment if i == j else moment + np.cross(rotations[:, :, j], bent[:, :, i]))
+        rows[:, :3, 4 + column] = -(
+            moment if i == j else moment + np.cross(rotations[:, :, j], bent[:, :, i])
+        )
     return rows
 
 
 def _recorded(
-    rotations: Array, spline: object, offset: float, drift: float, seed: int, force: float, angle: float
+    rotations: Array,
+    spline: object,
+    offset: float,
+    drift: float,
+    seed: int,
+    force: float,
+    angle: float,
 ) -> tuple[Array, Array, Array, Array]:
     """30 s of frames at 200 Hz and of wrenches at 2000 Hz on their own clock."""
     random = np.random.default_rng(seed)
@@ -224,14 +271,22 @@ def measure_scans(folder: Path) -> Iterator[Row]:
             ("without 40 %", 0.4, False),
             ("of the other side", 0.0, True),
         ):
-            places, angles, scales, rms, named = [], [], [], [], 0
+            places = []
+            angles = []
+            scales = []
+            rms = []
+            named = 0
             for seed in range(2 if not mirrored else 1):
                 scan, truth = _scan(bone, seed, cut, mirrored)
                 found = register_surface(scan, bone)
                 named += any("mirrored" in line for line in found.notes)
                 apart = found.similarity.apply(scan.vertices) - truth.apply(scan.vertices)
                 places.append(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
-                angles.append(np.linalg.norm(vector_from_rotation(found.similarity.rotation @ truth.rotation.T)))
+                angles.append(
+                    np.linalg.norm(
+                        vector_from_rotation(found.similarity.rotation @ truth.rotation.T)
+                    )
+                )
                 scales.append(abs(found.similarity.scale / truth.scale - 1))
                 rms.append(found.rms)
             yield {
@@ -246,7 +301,9 @@ def measure_scans(folder: Path) -> Iterator[Row]:
 
 
 def measure_persons(folder: Path) -> Iterator[Row]:
-    """Bones of two persons from MRI laid on those of a generic model, of the same side and of the other."""
+    """Bones of two persons from MRI laid on those of a generic model, of the same side and of the
+    other.
+    """
     for person in ("ICL_MRI", "MC22"):
         for bone in ("femur", "tibia"):
             path = folder / f"bones-mri-two-adults/{person}/{bone}_r.ply"
@@ -257,7 +314,8 @@ def measure_persons(folder: Path) -> Iterator[Row]:
             scan = mm.Surface(0.001 * whole.vertices, whole.faces)
             for side in ("r", "l"):
                 found = register_surface(
-                    scan, mm.read_mesh(folder / f"bones-opensim-rajagopal/Geometry/{side}_{bone}.vtp")
+                    scan,
+                    mm.read_mesh(folder / f"bones-opensim-rajagopal/Geometry/{side}_{bone}.vtp"),
                 )
                 yield {
                     "scan (real)": f"{person} right {bone}",
@@ -266,7 +324,9 @@ def measure_persons(folder: Path) -> Iterator[Row]:
                     "half of it within [mm]": 1e3 * found.percentile(50),
                     "95 % of it within [mm]": 1e3 * found.percentile(95),
                     "model over scan": found.similarity.scale,
-                    "called mirrored": "yes" if any("mirrored" in line for line in found.notes) else "no",
+                    "called mirrored": (
+                        "yes" if any("mirrored" in line for line in found.notes) else "no"
+                    ),
                 }
 
 
@@ -284,32 +344,47 @@ def _bones(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _scan(bone: mm.Surface, seed: int, cut: float, mirrored: bool) -> tuple[mm.Surface, Similarity]:
-    """Turned anywhere, 2 % smaller, 0.3 mm of noise, four times the triangles, perhaps cut off or mirrored."""
+    """Turned anywhere, 2 % smaller, 0.3 mm of noise, four times the triangles, perhaps cut off or
+    mirrored.
+    """
     import trimesh
 
     random = np.random.default_rng(seed)
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=True).subdivide()
-    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    vertices = np.array(mesh.vertices)
+    faces = np.array(mesh.faces)
     if mirrored:
-        vertices, faces = vertices * [-1.0, 1.0, 1.0], faces[:, ::-1]
+        vertices = vertices * [-1.0, 1.0, 1.0]
+        faces = faces[:, ::-1]
     if cut:
-        along = vertices @ np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2][0]
+        along = (
+            vertices @ np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2][0]
+        )
         kept = along < np.quantile(along, 1 - cut)
         used, index = np.unique(faces[kept[faces].all(axis=1)], return_inverse=True)
-        vertices, faces = vertices[used], index.reshape(-1, 3)
+        vertices = vertices[used]
+        faces = index.reshape(-1, 3)
     vertices = vertices + 3e-4 * random.normal(size=vertices.shape)
-    back = Similarity(rotation_from_euler_xyz(random.uniform(-3, 3, 3)), random.uniform(-0.3, 0.3, 3), 1 / 1.02)
+    back = Similarity(
+        rotation_from_euler_xyz(random.uniform(-3, 3, 3)), random.uniform(-0.3, 0.3, 3), 1 / 1.02
+    )
     return mm.Surface(back.apply(vertices), faces), back.inverse()
 
 
 def measure_handle(folder: Path) -> Iterator[Row]:
-    """The six-axis handle of a lifted box: voltages, tare, orientation on the box, clock, at several cut-offs."""
+    """The six-axis handle of a lifted box: voltages, tare, orientation on the box, clock, at
+    several cut-offs.
+    """
     place = folder / "c3d-shoulder-emg-handle"
     if not (place / "markers_analogs.c3d").is_file():
         return
     trial = read_c3d(place / "markers_analogs.c3d")
-    wrench = trial.analog.values[:, :6] @ np.loadtxt(place / "forces_calibration_matrix.csv", delimiter=",").T
-    markers, own = trial.markers, trial.analog.time
+    wrench = (
+        trial.analog.values[:, :6]
+        @ np.loadtxt(place / "forces_calibration_matrix.csv", delimiter=",").T
+    )
+    markers = trial.markers
+    own = trial.analog.time
     tare = wrench[own < 1.0].mean(axis=0)
     wrench = wrench - tare
     names = markers.names[:8]
@@ -318,19 +393,28 @@ def measure_handle(folder: Path) -> Iterator[Row]:
     held = (markers.time > 2.05) & (markers.time < 3.65)
     lifted = (own > 2.05) & (own < 3.65)
     _, couple = grip_point(wrench[lifted, :3], wrench[lifted, 3:])
-    for hands, cutoff, each in (("two", 4.0, line), ("two", 6.0, line), ("two", 10.0, line), ("one", 6.0, None)):
+    for hands, cutoff, each in (
+        ("two", 4.0, line),
+        ("two", 6.0, line),
+        ("two", 10.0, line),
+        ("one", 6.0, None),
+    ):
         motion = object_motion(markers, names, cutoff)
         found = fit_handle(motion, held, own, wrench[:, :3], GRAVITY, cutoff, each)
         yield {
             "hands": hands,
             "cut-off [Hz]": cutoff,
             "box rigid within [mm]": 1e3 * float(np.median(motion.residual)),
-            "tare, change over the trial [N]": float(np.linalg.norm(wrench[own > 4.3, :3].mean(axis=0))),
+            "tare, change over the trial [N]": float(
+                np.linalg.norm(wrench[own > 4.3, :3].mean(axis=0))
+            ),
             "force, rms [N]": float(np.sqrt(np.mean(np.sum(wrench[lifted, :3] ** 2, axis=1)))),
             "unexplained, rms [N]": found.rms,
             "mass carried [kg]": f"{found.share:.2f} ± {found.share_sd:.2f}",
             "sensor's x off the handles' line [°]": float(
-                np.degrees(np.arccos(min(1.0, abs(found.rotation[:, 0] @ line) / np.linalg.norm(line))))
+                np.degrees(
+                    np.arccos(min(1.0, abs(found.rotation[:, 0] @ line) / np.linalg.norm(line)))
+                )
             ),
             "orientation ± [°]": float(np.degrees(np.max(found.rotation_sd))),
             "clock offset [ms]": f"{1e3 * found.offset:.0f} ± {1e3 * found.offset_sd:.0f}",

@@ -1,4 +1,6 @@
-"""Tables I and II of [S]: the paper's own per-specimen figures through the code that makes a cohort's mean and SD."""
+"""Tables I and II of [S]: the paper's own per-specimen figures through the code that makes a
+cohort's mean and SD.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,13 @@ Row = dict[str, object]
 
 
 def measure() -> Iterator[Row]:
-    """A row a column of the tables: printed mean and SD, ours, and whether rounding of the inputs explains the rest."""
-    known = [{name: Estimate(one, np.nan, np.nan) for name, one in row.values.items()} for row in SPECIMENS]
+    """A row a column of the tables: printed mean and SD, ours, and whether rounding of the inputs
+    explains the rest.
+    """
+    known = [
+        {name: Estimate(one, np.nan, np.nan) for name, one in row.values.items()}
+        for row in SPECIMENS
+    ]
     lines = {one.quantity.name: one for one in cohort(known)}
     for quantity in QUANTITIES:
         line = lines[quantity.name]
@@ -49,7 +56,9 @@ def _reachable(values: Array) -> tuple[tuple[float, float], tuple[float, float]]
     """Least and largest mean and SD of numbers that are printed as these."""
     halves = np.array([_half_unit(one) for one in values])
     means = float((values - halves).mean()), float((values + halves).mean())
-    corners = [float(np.std(values + halves * signs)) for signs in product((-1.0, 1.0), repeat=len(values))]
+    corners = [
+        float(np.std(values + halves * signs)) for signs in product((-1.0, 1.0), repeat=len(values))
+    ]
     bounds = list(zip(values - halves, values + halves, strict=True))
     # The SD is convex: its largest value is at a corner, its least where a local search ends.
     scale = float(values.std())

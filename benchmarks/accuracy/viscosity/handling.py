@@ -1,4 +1,6 @@
-"""What goes wrong on the plate itself: a load of the base, a clamp that gives way, a cluster that slips on its bone."""
+"""What goes wrong on the plate itself: a load of the base, a clamp that gives way, a cluster that
+slips on its bone.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,11 @@ from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
 from myomorph.viscosity.trust.law import hinge_slopes
 
 ANCHOR = (-0.055, 0.0, -0.06)
-"""Where the base is clamped, from the joint's center, in the base's frame: the middle of the shoulder blade [m]."""
-STIFF, RATIO = 30.0, 0.2
+"""Where the base is clamped, from the joint's center, in the base's frame: the middle of the
+shoulder blade [m].
+"""
+STIFF = 30.0
+RATIO = 0.2
 """Of the clamp: stiffness at which its search begins [N m/rad], share of critical damping."""
 SEARCHED = 4
 FIXTURE = (0.005, 0.005, 0.005)
@@ -38,7 +43,9 @@ def resting_wrench(limb: HeldLimb, load: BaseLoad) -> Array:
     """(6,) that carries a load at rest, moment about the joint's center, in ground [N m], [N]."""
     specimen = limb.specimen
     force = -load.mass * np.asarray(specimen.model.gravity)
-    return np.concatenate([np.cross(specimen.stand.rotation @ (np.array(load.place) - specimen.center), force), force])
+    return np.concatenate(
+        [np.cross(specimen.stand.rotation @ (np.array(load.place) - specimen.center), force), force]
+    )
 
 
 def still(wrench: Array, seconds: float, step: float) -> Sampled:
@@ -46,15 +53,27 @@ def still(wrench: Array, seconds: float, step: float) -> Sampled:
     time = np.arange(round(seconds / step) + 1) * step
     nothing = np.zeros((len(time), 3))
     turns = np.broadcast_to(np.eye(3), (len(time), 3, 3))
-    return Sampled(time, turns, nothing, nothing, np.tile(wrench, (len(time), 1)), np.zeros((len(time), 0)))
+    return Sampled(
+        time=time,
+        rotations=turns,
+        rates=nothing,
+        accelerations=nothing,
+        wrench=np.tile(wrench, (len(time), 1)),
+        lengthening=np.zeros((len(time), 0)),
+    )
 
 
 class Gimbal:
-    """Three hinges one after another, along axes of the limb where it is at `rest` (3, 3) in ground."""
+    """Three hinges one after another, along axes of the limb where it is at `rest` (3, 3) in
+    ground.
+    """
 
     def __init__(self, limb: HeldLimb, rest: Array, damping: Sequence[float]) -> None:
-        (joint,) = (joint for joint in limb.specimen.model.joints if joint.child == limb.specimen.first)
-        self.rest, self.damping = rest, damping
+        (joint,) = (
+            joint for joint in limb.specimen.model.joints if joint.child == limb.specimen.first
+        )
+        self.rest = rest
+        self.damping = damping
         # Two level axes, then the limb's length, which is the middle one of the specimen's own.
         self.axes = np.array([joint.axes[number].vector for number in (0, 2, 1)])
         self.in_base = limb.specimen.stand.rotation.T @ rest @ self.axes[0]
@@ -63,12 +82,15 @@ class Gimbal:
     def mjcf(self) -> str:
         """Its joints."""
         return "".join(
-            f'<joint name="hinge{number}" type="hinge" axis="{text(axis)}" damping="{float(damping)!r}"/>'
+            f'<joint name="hinge{number}" type="hinge" axis="{text(axis)}"'
+            f' damping="{float(damping)!r}"/>'
             for number, (axis, damping) in enumerate(zip(self.axes, self.damping, strict=True))
         )
 
     def state(self, turn: Array, rates: Array) -> tuple[Array, Array]:
-        """Angles and rates of the hinges, of a rotation vector from rest in the limb and its rates there."""
+        """Angles and rates of the hinges, of a rotation vector from rest in the limb and its rates
+        there.
+        """
         rotation = Rotation.from_rotvec(turn)
         order = "".join("XYZ"[int(np.argmax(axis))] for axis in self.axes)
         slopes = hinge_slopes(rotation.as_matrix()[None], self.axes[[0, 2]])[0]
@@ -85,28 +107,43 @@ class Clamp:
         weight = parameters[0] * gravity
         carried = resting_wrench(limb, load)
         # What gravity turns about the anchor: the limb hangs below the joint's center.
-        self.moment = np.cross(-self.anchor, weight) - carried[:3] + np.cross(self.anchor, carried[3:])
+        self.moment = (
+            np.cross(-self.anchor, weight) - carried[:3] + np.cross(self.anchor, carried[3:])
+        )
 
     def mjcf(self, stiffness: float) -> str:
         """Its joints, of a stiffness [N m/rad]."""
         damping = 2.0 * RATIO * float(np.sqrt(stiffness * CARRIED))
         joints = "".join(
-            f'<joint type="hinge" pos="{text(self.anchor)}" axis="{text(axis)}" stiffness="{stiffness!r}" '
-            f'damping="{damping!r}" springref="{float(-moment / stiffness)!r}"/>'
+            f'<joint type="hinge" pos="{text(self.anchor)}" axis="{text(axis)}"'
+            f' stiffness="{stiffness!r}" damping="{damping!r}"'
+            f' springref="{float(-moment / stiffness)!r}"/>'
             for axis, moment in zip(np.eye(3), self.moment, strict=True)
         )
-        return f'{joints}<inertial pos="{text(self.anchor)}" mass="0.001" diaginertia="{text(FIXTURE)}"/>'
+        return (
+            f'{joints}<inertial pos="{text(self.anchor)}" mass="0.001"'
+            f' diaginertia="{text(FIXTURE)}"/>'
+        )
 
     def swings(
-        self, text: dict[str, object], starts: list[tuple[Array, Array]], sway: float, seconds: float, step: float
+        self,
+        text: dict[str, object],
+        starts: list[tuple[Array, Array]],
+        sway: float,
+        seconds: float,
+        step: float,
     ) -> list[tuple[Sampled, Array]]:
-        """Swings of `swing_mjcf` with `text` as its arguments, and rotations of the base (frames, 3, 3) in each, with
-        the stiffness at which the base turns by `sway` between its extremes about some axis [rad].
+        """Swings of `swing_mjcf` with `text` as its arguments, and rotations of the base (frames,
+        3, 3) in each, with the stiffness at which the base turns by `sway` between its extremes
+        about some axis [rad].
         """
         stiffness = STIFF
         for _ in range(SEARCHED):
-            compiled = mujoco.MjModel.from_xml_string(swing_mjcf(**text, clamp=self.mjcf(stiffness)))  # type: ignore[arg-type]
-            compiled.opt.integrator, compiled.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, step
+            compiled = mujoco.MjModel.from_xml_string(
+                swing_mjcf(**text, clamp=self.mjcf(stiffness))
+            )  # type: ignore[arg-type]
+            compiled.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+            compiled.opt.timestep = step
             swings = [_rolled(compiled, *start, seconds, step) for start in starts]
             widest = max(float(np.ptp(angles, axis=0).max()) for _, angles in swings)
             if abs(widest / sway - 1.0) < 0.05:
@@ -115,19 +152,27 @@ class Clamp:
         return [(exact, Rotation.from_euler("XYZ", angles).as_matrix()) for exact, angles in swings]
 
     def moved(self, markers: Markers, turns: Array, center: Array, on_base: int) -> Markers:
-        """Markers, the first `on_base` on the base, of a fixed base as they are where it turns (frames, 3, 3)."""
+        """Markers, the first `on_base` on the base, of a fixed base as they are where it turns
+        (frames, 3, 3).
+        """
         values = np.array(markers.values)
         anchor = center + self.anchor
-        values[:, :on_base] = anchor + np.einsum("fij,fmj->fmi", turns, values[:, :on_base] - anchor)
+        values[:, :on_base] = anchor + np.einsum(
+            "fij,fmj->fmi", turns, values[:, :on_base] - anchor
+        )
         values[:, on_base:] += (turns @ -self.anchor + self.anchor)[:, None]
         return replace(markers, values=values)
 
 
-def _rolled(compiled: mujoco.MjModel, qpos: Array, qvel: Array, seconds: float, step: float) -> tuple[Sampled, Array]:
+def _rolled(
+    compiled: mujoco.MjModel, qpos: Array, qvel: Array, seconds: float, step: float
+) -> tuple[Sampled, Array]:
     """A swing, and the angles of the clamp's three joints (frames, 3) [rad]."""
     data = mujoco.MjData(compiled)
-    data.qpos[3:], data.qvel[3:] = qpos, qvel
-    angles, sensed = [], []
+    data.qpos[3:] = qpos
+    data.qvel[3:] = qvel
+    angles = []
+    sensed = []
     time = np.arange(round(seconds / step) + 1) * step
     for _ in time:
         angles.append(data.qpos[:3].copy())
@@ -136,8 +181,12 @@ def _rolled(compiled: mujoco.MjModel, qpos: Array, qvel: Array, seconds: float, 
     return sampled(compiled, time, np.array(sensed)), np.array(angles)
 
 
-def slipped(markers: Markers, columns: list[int], rotations: Array, by: Array, time: float) -> Markers:
-    """The markers with those of a cluster moved by (3,) in its bone's frame, rotations (frames, 3, 3), from a time."""
+def slipped(
+    markers: Markers, columns: list[int], rotations: Array, by: Array, time: float
+) -> Markers:
+    """The markers with those of a cluster moved by (3,) in its bone's frame, rotations (frames, 3,
+    3), from a time.
+    """
     values = np.array(markers.values)
     later = markers.time >= time
     values[np.ix_(later, columns)] += (rotations[later] @ by)[:, None]

@@ -1,4 +1,6 @@
-"""Limbs whose instruments and models are in error: what is found of them, and how often intervals hold it."""
+"""Limbs whose instruments and models are in error: what is found of them, and how often intervals
+hold it.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ class LimbRun(NamedTuple):
 
 
 def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> LimbRun:
-    """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies it."""
+    """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies
+    it.
+    """
     threadpool_limits(1, "blas")
     seed = given[0]
     limb = faulty_limb(*given)
@@ -90,22 +94,41 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
     row = dict(specimen_row(result.found))
     bare = result.conditions.get("without")
     if result.found.without is not None and bare is not None:
-        row |= {f"viscosity {axis}": value for axis, value in zip(
-            bare.recordings[0].axes, result.found.without.axis_viscosity, strict=True
-        )}  # fmt: skip
+        row |= {
+            f"viscosity {axis}": value
+            for axis, value in zip(
+                bare.recordings[0].axes, result.found.without.axis_viscosity, strict=True
+            )
+        }
     row |= {name: value for name, value in result.law.items() if name != "viscosity"}
     laws = tuple(one.chosen.name for one in result.compared.values())
-    form = next((name.partition(" ")[0] for name in result.law if " " in name and name != DRY), "one viscosity")
+    form = next(
+        (name.partition(" ")[0] for name in result.law if " " in name and name != DRY),
+        "one viscosity",
+    )
     found = {name: row[name] for name in limb.truth if name in row}
     findings = [
-        (finding.kind, finding.place, name) for name, one in result.conditions.items() for finding in one.findings
+        (finding.kind, finding.place, name)
+        for name, one in result.conditions.items()
+        for finding in one.findings
     ]
     if any("dry friction" in note for note in result.found.notes):
         findings.append(("dry friction", "joint", "without"))
-    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost), tuple(findings), limb.slip, form)
+    return LimbRun(
+        seed=seed,
+        truth=limb.truth,
+        found=found,
+        laws=laws,
+        refused=(*refused, *result.lost),
+        findings=tuple(findings),
+        slip=limb.slip,
+        form=form,
+    )
 
 
-def limb_runs(given: Sequence[tuple[int, Faults, float | None]], level: float = LEVEL) -> list[LimbRun]:
+def limb_runs(
+    given: Sequence[tuple[int, Faults, float | None]], level: float = LEVEL
+) -> list[LimbRun]:
     """Runs on both cores, a process each."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         return list(pool.imap(partial(limb_run, level=level), given, chunksize=4))
@@ -125,19 +148,20 @@ SYSTEMATIC: dict[str, Faults] = {
     "clock 20 ms and 50 millionths off": Faults(clock=0.02, drift=5e-5),
     "3 and 10 % of the mass loose at 8 Hz": Faults(tissue=(0.03, 0.1)),
     "all of these at once": Faults(
-        (0.003, -0.003, 0.003),
-        (0.005, -0.005, 0.005),
-        (0.005, -0.005, 0.005),
-        (0.02, -0.01, 0.02),
-        0.02,
-        5e-5,
-        (0.0046, 0.0046, 0.0046),
-        ((0.001, 0.0, 0.0), (0.0, 0.001, 0.0)),
-        (0.03, 0.1),
+        plate=(0.003, -0.003, 0.003),
+        turn=(0.005, -0.005, 0.005),
+        force=(0.005, -0.005, 0.005),
+        moment=(0.02, -0.01, 0.02),
+        clock=0.02,
+        drift=5e-5,
+        center=(0.0046, 0.0046, 0.0046),
+        clusters=((0.001, 0.0, 0.0), (0.0, 0.001, 0.0)),
+        tissue=(0.03, 0.1),
     ),
 }
 """What may be wrong with one limb; the limb and its releases are the same in every row."""
-FIXED, DAMPING = 3, 0.055
+FIXED = 3
+DAMPING = 0.055
 """Seed of that limb, and its viscosity [N m s/rad]."""
 
 
@@ -146,7 +170,12 @@ def measure_systematic() -> Iterable[Row]:
     runs = limb_runs([(FIXED, faults, DAMPING) for faults in SYSTEMATIC.values()])
     for name, one in zip(SYSTEMATIC, runs, strict=True):
         row: Row = {"wrong": name}
-        for quantity in ("joint_viscosity", "muscle_viscosity", "mass_muscles_removed", "com_muscles_removed"):
+        for quantity in (
+            "joint_viscosity",
+            "muscle_viscosity",
+            "mass_muscles_removed",
+            "com_muscles_removed",
+        ):
             row[f"{QUANTITIES[quantity]}: error (90 % interval)"] = _told(one, quantity)
         yield row | {"laws chosen": "; ".join(one.laws), "withheld": len(one.refused)}
 
@@ -154,14 +183,21 @@ def measure_systematic() -> Iterable[Row]:
 def _told(one: LimbRun, quantity: str) -> str:
     if quantity not in one.found:
         return "withheld"
-    found, truth = one.found[quantity], one.truth[quantity]
-    error, low, high = (100.0 * (value / truth - 1.0) for value in (found.value, found.low, found.high))
+    found = one.found[quantity]
+    truth = one.truth[quantity]
+    error = 100.0 * (found.value / truth - 1.0)
+    low = 100.0 * (found.low / truth - 1.0)
+    high = 100.0 * (found.high / truth - 1.0)
     return f"{error:+.2f} % ({low:+.2f} to {high:+.2f}{'' if found.holds(truth) else ', misses'})"
 
 
 def measure_coverage() -> Iterable[Row]:
-    """A row a quantity over `LIMBS` limbs with random faults, then what laws were chosen and what was withheld."""
-    runs = limb_runs([(seed, random_faults(np.random.default_rng(1000 + seed)), None) for seed in range(LIMBS)])
+    """A row a quantity over `LIMBS` limbs with random faults, then what laws were chosen and what
+    was withheld.
+    """
+    runs = limb_runs(
+        [(seed, random_faults(np.random.default_rng(1000 + seed)), None) for seed in range(LIMBS)]
+    )
     for quantity, label in QUANTITIES.items():
         own = [(one.found[quantity], one.truth[quantity]) for one in runs if quantity in one.found]
         errors = np.array([100.0 * (found.value / truth - 1.0) for found, truth in own])
@@ -179,5 +215,8 @@ def measure_coverage() -> Iterable[Row]:
     plain = {"viscosity", "muscles"}
     wrong = sum(any(set(law.split(" + ")) - plain for law in one.laws) for one in runs)
     refused = sum(bool(one.refused) for one in runs)
-    for label, count in (("a law with more than equations 1 to 3 chosen", wrong), ("a viscosity withheld", refused)):
+    for label, count in (
+        ("a law with more than equations 1 to 3 chosen", wrong),
+        ("a viscosity withheld", refused),
+    ):
         yield {"quantity": f"{label}: {count} limbs", "of limbs": len(runs)}

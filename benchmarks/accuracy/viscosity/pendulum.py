@@ -1,7 +1,8 @@
-"""A measured swing, and the mass centers and inertias that its authors computed from periods of swings.
+"""A measured swing, and the mass centers and inertias that its authors computed from periods of
+swings.
 
-Data and definitions of Moore, Hubbard, Peterson, Schwab, Kooijman 2010 and Moore 2012: every part of a bicycle hung as
-a compound and as a torsional pendulum.
+Data and definitions of Moore, Hubbard, Peterson, Schwab, Kooijman 2010 and Moore 2012: every part
+of a bicycle hung as a compound and as a torsional pendulum.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ def measure_decay(folder: Path) -> Iterator[Row]:
         yield {
             "damping": " + ".join(one.terms),
             "period at small amplitude [s]": f"{one.period:.5f} +- {one.period_sd:.5f}",
-            "viscous [1/s]": f"{one.viscous:.5f} +- {one.viscous_sd:.5f}" if "viscous" in one.terms else "",
+            "viscous [1/s]": (
+                f"{one.viscous:.5f} +- {one.viscous_sd:.5f}" if "viscous" in one.terms else ""
+            ),
             "coulomb [V/s]": one.coulomb if "coulomb" in one.terms else "",
             "quadratic [1/(V s)]": one.quadratic if "quadratic" in one.terms else "",
             "decrement at 1 V, at 0.4 V": f"{one.decrement(1.0):.4f}, {one.decrement(0.4):.4f}",
@@ -50,14 +53,19 @@ def measure_periods(folder: Path) -> Iterator[Row]:
     folder = folder / "pendulum-swing-inertia"
     if not folder.exists():
         return
-    measured, printed = (_numbers(folder / f"Browser{kind}.txt") for kind in ("Measured", "Benchmark"))
+    measured = _numbers(folder / "BrowserMeasured.txt")
+    printed = _numbers(folder / "BrowserBenchmark.txt")
     time, signal = _recording(folder)
     as_authors = fit_decay(*_their_part(time, signal), ("viscous",), bend=False)
     best = min(compare_decays(time, signal), key=lambda one: one.bic)
     theirs, error = measured["TcH1"]
-    for name, fit in (("the authors' law: one frequency, viscous", as_authors), (_words(best), best)):
+    for name, fit in (
+        ("the authors' law: one frequency, viscous", as_authors),
+        (_words(best), best),
+    ):
         inertia = propagated(lambda x, T=fit.period: _parts(x | {"TcH1": T})["IHyy"], measured)
-        distance, mass = _distance(measured), measured["mH"][0]
+        distance = _distance(measured)
+        mass = measured["mH"][0]
         yield {
             "fit": name,
             "period [s]": f"{fit.period:.5f} +- {fit.period_sd:.5f}",
@@ -68,15 +76,20 @@ def measure_periods(folder: Path) -> Iterator[Row]:
             "authors' IHyy": "{:.4f} +- {:.4f}".format(*printed["IHyy"]),
             "off, in their errors": (inertia[0] - printed["IHyy"][0]) / printed["IHyy"][1],
             "viscosity [N m s/rad]": fit.viscosity(inertia[0] + mass * distance**2),
-            "friction [N m]": fit.friction(mass * measured["g"][0] * distance) if fit.coulomb > 0.0 else "",
+            "friction [N m]": (
+                fit.friction(mass * measured["g"][0] * distance) if fit.coulomb > 0.0 else ""
+            ),
         }
 
 
 def measure_inertias(folder: Path) -> Iterator[Row]:
-    """Geometry, mass centers and inertias from the authors' measured periods and lengths, by our formulas."""
+    """Geometry, mass centers and inertias from the authors' measured periods and lengths, by our
+    formulas.
+    """
     folder = folder / "pendulum-swing-inertia"
     for bicycle in BICYCLES if folder.exists() else ():
-        measured, printed = (_numbers(folder / f"{bicycle}{kind}.txt") for kind in ("Measured", "Benchmark"))
+        measured = _numbers(folder / f"{bicycle}Measured.txt")
+        printed = _numbers(folder / f"{bicycle}Benchmark.txt")
         for kind, names in (
             ("geometry", ("rF", "rR", "lam", "c", "w")),
             ("mass centers", tuple(name for name in printed if name[0] in "xz" and len(name) == 2)),
@@ -85,18 +98,26 @@ def measure_inertias(folder: Path) -> Iterator[Row]:
             rows = []
             for name in names:
                 value, error = propagated(lambda x, name=name: _parts(x)[name], measured)
-                rows.append((name, (value - printed[name][0]) / printed[name][1], error / printed[name][1]))
+                rows.append(
+                    (name, (value - printed[name][0]) / printed[name][1], error / printed[name][1])
+                )
             worst = max(rows, key=lambda one: abs(one[1]))
             yield {
                 "bicycle": bicycle,
                 "parameters": kind,
-                "within one standard error of the authors": f"{sum(abs(one[1]) <= 1.0 for one in rows)} of {len(rows)}",
+                "within one standard error of the authors": (
+                    f"{sum(abs(one[1]) <= 1.0 for one in rows)} of {len(rows)}"
+                ),
                 "worst, in standard errors": f"{worst[1]:+.1e} ({worst[0]})",
-                "our standard error over theirs": f"{min(r[2] for r in rows):.3f} to {max(r[2] for r in rows):.3f}",
+                "our standard error over theirs": (
+                    f"{min(r[2] for r in rows):.3f} to {max(r[2] for r in rows):.3f}"
+                ),
             }
 
 
-def propagated(function: Callable[[dict[str, float]], float], given: Numbers) -> tuple[float, float]:
+def propagated(
+    function: Callable[[dict[str, float]], float], given: Numbers
+) -> tuple[float, float]:
     """Value and standard error of a function of independent numbers, to first order."""
     at = {name: value for name, (value, _) in given.items()}
     square = 0.0
@@ -128,7 +149,9 @@ def _numbers(path: Path) -> dict[str, tuple[float, float]]:
     for line in path.read_text().splitlines():
         name, _, text = line.partition("=")
         if text and not name.startswith("#"):
-            pairs = [[float(x) for x in one.replace(" ", "").split("+/-")] for one in text.split(",")]
+            pairs = [
+                [float(x) for x in one.replace(" ", "").split("+/-")] for one in text.split(",")
+            ]
             errors = [pair[1] if len(pair) > 1 else 0.0 for pair in pairs]
             mean = float(np.mean([pair[0] for pair in pairs]))
             found[name.strip()] = (mean, float(np.linalg.norm(errors)) / len(pairs))
@@ -150,14 +173,24 @@ def _geometry(x: Mapping[str, float]) -> dict[str, float]:
     """Wheel radii, steer axis tilt, wheelbase and trail of the benchmark bicycle."""
     rF, rR = (x[f"d{wheel}"] / (2.0 * np.pi * x[f"n{wheel}"]) for wheel in "FR")
     if "w" in x:
-        lam, w, offset = np.deg2rad(90.0 - x["gamma"]), x["w"], x["f"]
+        lam = np.deg2rad(90.0 - x["gamma"])
+        w = x["w"]
+        offset = x["f"]
     else:
         a = x["h1"] + x["h2"] - x["h3"] + 0.5 * (x["d1"] - x["d2"])
         offset = x["h4"] - x["h5"] + 0.5 * (x["d4"] - x["d3"])
         along = np.sqrt((x["d"] + 0.5 * (x["d2"] + x["d3"])) ** 2 - (a - offset) ** 2)
-        lam = brentq(lambda t: rF - rR + along * np.cos(t) - (a + offset) * np.sin(t), 0.0, 0.5 * np.pi)
+        lam = brentq(
+            lambda t: rF - rR + along * np.cos(t) - (a + offset) * np.sin(t), 0.0, 0.5 * np.pi
+        )
         w = (a + offset) * np.cos(lam) + along * np.sin(lam)
-    return {"rF": rF, "rR": rR, "lam": float(lam), "w": w, "c": (rF * np.sin(lam) - offset) / np.cos(lam)}
+    return {
+        "rF": rF,
+        "rR": rR,
+        "lam": float(lam),
+        "w": w,
+        "c": (rF * np.sin(lam) - offset) / np.cos(lam),
+    }
 
 
 def _parts(x: Mapping[str, float]) -> dict[str, float]:

@@ -1,7 +1,9 @@
-"""Relaxed limbs that are dropped: simulated ones whose joint is known, and a child whose swing is public.
+"""Relaxed limbs that are dropped: simulated ones whose joint is known, and a child whose swing is
+public.
 
-The child's swing lies in the folder that the environment variable MYOMORPH_PENDULUM names: `DataPendulum.mat` of
-VDB-Bram/Tutorial-Direct-Collocation (KU Leuven). Without it the simulated limbs remain.
+The child's swing lies in the folder that the environment variable MYOMORPH_PENDULUM names:
+`DataPendulum.mat` of VDB-Bram/Tutorial-Direct-Collocation (KU Leuven). Without it the simulated
+limbs remain.
 """
 
 from __future__ import annotations
@@ -22,13 +24,23 @@ from tests.truths.relaxed_limbs import RelaxedLeg, write_leg
 import myomorph as mm
 from myomorph.model.arrays import Array
 from myomorph.viscosity.relaxed.drops import Drop, find_drops
-from myomorph.viscosity.relaxed.identify import SPRUNG, LimbOptions, LimbResult, fit_swings, guess, state_at
+from myomorph.viscosity.relaxed.identify import (
+    SPRUNG,
+    LimbOptions,
+    LimbResult,
+    fit_swings,
+    guess,
+    state_at,
+)
 from myomorph.viscosity.relaxed.swing_equation import swing_equation
 from myomorph.viscosity.study.limb_step import study_limb
 
 Row = dict[str, object]
-FOLDER, RECORDING = "MYOMORPH_PENDULUM", "DataPendulum.mat"
-LIMBS, DROPS, WORKERS = 8, 3, 2
+FOLDER = "MYOMORPH_PENDULUM"
+RECORDING = "DataPendulum.mat"
+LIMBS = 8
+DROPS = 3
+WORKERS = 2
 QUANTITIES = {"viscosity": "d", "stiffness": "k", "coulomb": "dry friction"}
 PLACES = {"viscosity": 0, "stiffness": 1, "coulomb": 3}
 """Of the quantities among a law's coefficients."""
@@ -44,7 +56,9 @@ KINDS: dict[str, tuple[dict[str, object], bool]] = {
 
 
 class LimbRun(NamedTuple):
-    """One simulated limb: truth, result, the law by inverse dynamics alone, and what was named of each drop."""
+    """One simulated limb: truth, result, the law by inverse dynamics alone, and what was named of
+    each drop.
+    """
 
     leg: RelaxedLeg
     result: LimbResult
@@ -62,16 +76,22 @@ def measure_simulated() -> Iterator[Row]:
 
 
 def simulated_run(work: tuple[str, int]) -> LimbRun:
-    """A limb of a kind, its joint and markers drawn by its seed, identified from files as a study does."""
+    """A limb of a kind, its joint and markers drawn by its seed, identified from files as a study
+    does.
+    """
     kind, seed = work
     changes, emg = KINDS[kind]
     random = np.random.default_rng(seed)
     leg = RelaxedLeg(
-        damping=float(random.uniform(0.05, 0.4)), stiffness=float(random.uniform(0.5, 6.0)),
-        rest=float(random.uniform(-0.4, 0.6)), friction=float(random.uniform(0.03, 0.2)) if seed % 2 else 0.0,
-        noise=float(random.uniform(3e-4, 1e-3)), burst=float(random.uniform(2.0, 6.0)),
-    )  # fmt: skip
-    options, changes = LimbOptions(), dict(changes)
+        damping=float(random.uniform(0.05, 0.4)),
+        stiffness=float(random.uniform(0.5, 6.0)),
+        rest=float(random.uniform(-0.4, 0.6)),
+        friction=float(random.uniform(0.03, 0.2)) if seed % 2 else 0.0,
+        noise=float(random.uniform(3e-4, 1e-3)),
+        burst=float(random.uniform(2.0, 6.0)),
+    )
+    options = LimbOptions()
+    changes = dict(changes)
     if "wrong" in changes and changes["wrong"] is None:
         gyration = np.sqrt(leg.inertia / leg.mass) / leg.distance
         sizes = np.array([options.mass_sd, options.center_sd * gyration, options.inertia_sd])
@@ -81,7 +101,12 @@ def simulated_run(work: tuple[str, int]) -> LimbRun:
     with tempfile.TemporaryDirectory() as folder:
         result, notes = study_limb(write_leg(leg, Path(folder), DROPS, seed, emg), options)
     regression = guess(result.drops, result.fit.terms).coefficients
-    return LimbRun(leg, result, regression, tuple(note for note in notes if "half swing" in note))
+    return LimbRun(
+        leg=leg,
+        result=result,
+        regression=regression,
+        named=tuple(note for note in notes if "half swing" in note),
+    )
 
 
 def _rows(kind: str, runs: list[LimbRun]) -> Iterator[Row]:
@@ -93,15 +118,24 @@ def _rows(kind: str, runs: list[LimbRun]) -> Iterator[Row]:
         errors = np.array([estimate.value for estimate in estimates]) - truths
         others = np.array([run.regression[PLACES[name]] for run in known]) - truths
         held = sum(estimate.holds(truth) for estimate, truth in zip(estimates, truths, strict=True))
-        alone = np.abs(errors) <= 1.96 * np.array([run.result.shares["swings"][name] for run in known])
+        alone = np.abs(errors) <= 1.96 * np.array(
+            [run.result.shares["swings"][name] for run in known]
+        )
         row = {
-            "what is wrong": kind, "value": label, "limbs": len(known),
+            "what is wrong": kind,
+            "value": label,
+            "limbs": len(known),
             "median error [%]": 100.0 * float(np.median(np.abs(errors / truths))),
             "largest error [%]": 100.0 * float(np.max(np.abs(errors / truths))),
-            "by inverse dynamics, median error [%]": 100.0 * float(np.median(np.abs(others / truths))),
-            "95 % intervals that hold": held, "of the swings alone": int(alone.sum()),
-            "law right": "", "reflexes named": "", "false alarms": "",
-        }  # fmt: skip
+            "by inverse dynamics, median error [%]": (
+                100.0 * float(np.median(np.abs(others / truths)))
+            ),
+            "95 % intervals that hold": held,
+            "of the swings alone": int(alone.sum()),
+            "law right": "",
+            "reflexes named": "",
+            "false alarms": "",
+        }
         yield row if place else row | _named(runs)
 
 
@@ -109,16 +143,25 @@ def _named(runs: list[LimbRun]) -> Row:
     right = sum(("coulomb" in run.result.fit.terms) == bool(run.leg.friction) for run in runs)
     bursts = [(run, f"drop{number + 1}") for run in runs for number in run.leg.bursts]
     found = sum(any(note.startswith(drop) for note in run.named) for run, drop in bursts)
-    false = sum(not any(note.startswith(f"drop{number + 1}") for number in run.leg.bursts)
-                for run in runs for note in run.named)  # fmt: skip
+    false = sum(
+        not any(note.startswith(f"drop{number + 1}") for number in run.leg.bursts)
+        for run in runs
+        for note in run.named
+    )
     named = f"{found} of {len(bursts)}" if bursts else ""
     return {"law right": f"{right} of {len(runs)}", "reflexes named": named, "false alarms": false}
 
 
-MASS, DISTANCE, GYRATION = 2.3351, 0.2367, 0.416
-"""Shank and foot of the child, as Part1_Input.m of the tutorial has them [kg], [m], and as a share of the distance."""
+MASS = 2.3351
+DISTANCE = 0.2367
+GYRATION = 0.416
+"""Shank and foot of the child, as Part1_Input.m of the tutorial has them [kg], [m], and as a share
+of the distance.
+"""
 THEIRS = (2.07279, 0.172916)
-"""Constant torque [N m] and damping [N m s/rad] that the tutorial's direct collocation found (Collocation_opti.mat)."""
+"""Constant torque [N m] and damping [N m s/rad] that the tutorial's direct collocation found
+(Collocation_opti.mat).
+"""
 FIRST_PART = 3.0
 """Of the swing, from which the rest is predicted [s]."""
 CHILD = """<mujoco model="child"><option gravity="0 0 -9.81"/><worldbody><body name="thigh">
@@ -146,19 +189,24 @@ def child_drop(folder: Path) -> Drop:
 
 
 def measure_child() -> Iterator[Row]:
-    """The child's first half swings fitted and the rest predicted; beside it the tutorial's law, which saw all."""
+    """The child's first half swings fitted and the rest predicted; beside it the tutorial's law,
+    which saw all.
+    """
     home = os.environ.get(FOLDER)
     if home is None or not (Path(home) / RECORDING).is_file():
         return
     drop = child_drop(Path(home))
-    time, turns = drop.equation.time, drop.turns
+    time = drop.equation.time
+    turns = drop.turns
     split = int(np.searchsorted(time[turns], time[turns[0]] + FIRST_PART))
     seen = replace(drop, used=np.arange(len(drop.used)) < split)
     rest = slice(int(turns[split]), int(turns[-1]))
     whole = slice(int(turns[0]), int(turns[-1]))
     state = state_at(drop, rest.start)
-    fits = {f"law of {' + '.join(terms)}, from the first {FIRST_PART:g} s": fit_swings([seen], terms)
-            for terms in (SPRUNG, (*SPRUNG, "coulomb"))}  # fmt: skip
+    fits = {
+        f"law of {' + '.join(terms)}, from the first {FIRST_PART:g} s": fit_swings([seen], terms)
+        for terms in (SPRUNG, (*SPRUNG, "coulomb"))
+    }
     for name, fit in fits.items():
         d, k, s, c = fit.law.coefficients[:4]
         predicted = drop.equation.swing(rest.start, rest.stop, state[0], state[1], fit.law)
@@ -170,26 +218,41 @@ def measure_child() -> Iterator[Row]:
     d, k, s, c = every.law.coefficients[:4]
     swung = drop.equation.swing(whole.start, whole.stop, *every.states[0], every.law)
     yield _child_row(
-        "law of viscosity + stiffness, from all", float(d), float(k), float(s), float(c), drop, whole, swung
+        "law of viscosity + stiffness, from all",
+        float(d),
+        float(k),
+        float(s),
+        float(c),
+        drop,
+        whole,
+        swung,
     )
     theirs = np.interp(time[whole], *_euler_swing(time, float(drop.measured[0]), tone, damping))
     name = "the tutorial's, from all, by its own steps"
     yield _child_row(name, damping, 0.0, tone, 0.0, drop, whole, theirs)
 
 
-def _child_row(name: str, d: float, k: float, s: float, c: float, drop: Drop, part: slice, swung: Array) -> Row:
+def _child_row(
+    name: str, d: float, k: float, s: float, c: float, drop: Drop, part: slice, swung: Array
+) -> Row:
     errors = np.rad2deg(swung - drop.measured[part])
     time = drop.equation.time - drop.equation.time[0]
     return {
-        "law": name, "d [N m s/rad]": d, "k [N m/rad]": k, "torque at angle 0 [N m]": s, "friction [N m]": c,
+        "law": name,
+        "d [N m s/rad]": d,
+        "k [N m/rad]": k,
+        "torque at angle 0 [N m]": s,
+        "friction [N m]": c,
         "predicted [s]": f"{time[part.start]:.2f} to {time[part.stop - 1]:.2f}",
-        "error, RMS [deg]": float(np.sqrt(np.mean(errors**2))), "error, largest [deg]": float(np.abs(errors).max()),
-    }  # fmt: skip
+        "error, RMS [deg]": float(np.sqrt(np.mean(errors**2))),
+        "error, largest [deg]": float(np.abs(errors).max()),
+    }
 
 
 def _acceleration(angle: float, rate: float, tone: float, damping: float) -> float:
     """The tutorial's equation of motion [rad/s^2]."""
-    weight, inertia = MASS * 9.81 * DISTANCE, MASS * DISTANCE**2 * (1.0 + GYRATION**2)
+    weight = MASS * 9.81 * DISTANCE
+    inertia = MASS * DISTANCE**2 * (1.0 + GYRATION**2)
     return (-weight * np.cos(angle) + tone - damping * rate) / inertia
 
 
@@ -203,9 +266,12 @@ def _their_swing(time: Array, state: tuple[float, float], tone: float, damping: 
 
 
 def _euler_swing(time: Array, angle: float, tone: float, damping: float) -> tuple[Array, Array]:
-    """The same by explicit steps of 5 ms from rest at the first frame, as the tutorial does: times and angles."""
+    """The same by explicit steps of 5 ms from rest at the first frame, as the tutorial does: times
+    and angles.
+    """
     clock = np.arange(time[0], time[-1], 0.005)
-    angles, rate = np.empty(len(clock)), 0.0
+    angles = np.empty(len(clock))
+    rate = 0.0
     for i in range(len(clock)):
         angles[i] = angle
         angle, rate = angle + 0.005 * rate, rate + 0.005 * _acceleration(angle, rate, tone, damping)

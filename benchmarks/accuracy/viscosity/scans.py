@@ -1,4 +1,6 @@
-"""The six virtual specimens handed over raw, with CT scans of bones that are not those of the model."""
+"""The six virtual specimens handed over raw, with CT scans of bones that are not those of the
+model.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +18,17 @@ from myomorph.model.provenance import Estimate
 Row = dict[str, object]
 
 WORKERS = 2
-SECONDS, TRIALS = 8.0, 2
+SECONDS = 8.0
+TRIALS = 2
 STRETCH = (1.03, 0.98, 1.02)
 WAVES = (
     ((20.0, 9.0, -14.0), (0.9, 0.1, 0.4), 0.3),
     ((-17.0, 24.0, 13.0), (0.2, 0.3, -0.9), 1.9),
     ((21.0, -15.0, 22.0), (-0.5, 0.8, 0.3), 4.1),
 )
-"""Wave vectors [rad/m], directions and phases of what makes the model's bones others than the specimen's."""
+"""Wave vectors [rad/m], directions and phases of what makes the model's bones others than the
+specimen's.
+"""
 AMPLITUDE = 0.001
 """Of each wave [m]."""
 SHOWN = {
@@ -36,8 +41,9 @@ SHOWN = {
 
 
 class ScanRun(NamedTuple):
-    """A specimen, and what was found by the names of `SHOWN`. `fit`: mean root mean square of scans on the model's
-    bones [mm]; `arms`: 95 % of d_M under errors of attachments as the report assumes them [N s/m].
+    """A specimen, and what was found by the names of `SHOWN`. `fit`: mean root mean square of scans
+    on the model's bones [mm]; `arms`: 95 % of d_M under errors of attachments as the report assumes
+    them [N s/m].
     """
 
     name: str
@@ -51,7 +57,9 @@ def modelled(points: Array) -> Array:
     """Points (..., 3) of a specimen's bone as the model's bone has them [m]."""
     moved = np.asarray(points) * STRETCH
     for wave, direction, phase in WAVES:
-        moved = moved + AMPLITUDE * np.sin(np.asarray(points) @ wave + phase)[..., None] * np.array(direction)
+        moved = moved + AMPLITUDE * np.sin(np.asarray(points) @ wave + phase)[..., None] * np.array(
+            direction
+        )
     return moved
 
 
@@ -63,29 +71,51 @@ def scan_run(number: int) -> ScanRun:
 
     with tempfile.TemporaryDirectory() as folder:
         path = write_shoulder_study(
-            Path(folder), (number,), seconds=SECONDS, trials=TRIALS, raw=(number,), full_size=True, modelled=modelled
+            Path(folder),
+            (number,),
+            seconds=SECONDS,
+            trials=TRIALS,
+            raw=(number,),
+            full_size=True,
+            modelled=modelled,
         )
         plan = read_viscosity_plan(path)
         options = StudyOptions.of(dict(plan.settings))
         report = study_specimen(plan.specimens[0], options, lambda part: None).report
     kinds = () if report.arms is None else report.arms.kinds
-    arms = next(((one.low, one.high) for one in kinds if one.kind.startswith("offset")), (float("nan"), float("nan")))
+    arms = next(
+        ((one.low, one.high) for one in kinds if one.kind.startswith("offset")),
+        (float("nan"), float("nan")),
+    )
     fits = [one.value for one in report.calibration if one.what.startswith("CT of")]
-    return ScanRun(report.name, dict(report.truth), dict(report.row), float(np.mean(fits)), arms)
+    return ScanRun(
+        name=report.name,
+        truth=dict(report.truth),
+        found=dict(report.row),
+        fit=float(np.mean(fits)),
+        arms=arms,
+    )
 
 
 def measure() -> Iterable[Row]:
-    """A row a specimen: how well scans lie on the model's bones, errors, and which intervals hold the truth."""
+    """A row a specimen: how well scans lie on the model's bones, errors, and which intervals hold
+    the truth.
+    """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         runs = pool.map(scan_run, range(1, 7), chunksize=1)
     for one in runs:
-        row: Row = {"specimen": one.name, "scans on the model's bones, mean of 5 [mm]": f"{one.fit:.2f}"}
+        row: Row = {
+            "specimen": one.name,
+            "scans on the model's bones, mean of 5 [mm]": f"{one.fit:.2f}",
+        }
         for name, label in SHOWN.items():
-            found, truth = one.found.get(name), one.truth[name]
+            found = one.found.get(name)
+            truth = one.truth[name]
             if found is None:
                 row[f"{label}: error, 95 % interval"] = "withheld"
                 continue
-            low, high = (100.0 * (end / truth - 1.0) for end in (found.low, found.high))
+            low = 100.0 * (found.low / truth - 1.0)
+            high = 100.0 * (found.high / truth - 1.0)
             holds = "holds" if found.holds(truth) else "misses"
             row[f"{label}: error, 95 % interval"] = (
                 f"{100.0 * (found.value / truth - 1.0):+.2f} % ({low:+.2f} to {high:+.2f}, {holds})"

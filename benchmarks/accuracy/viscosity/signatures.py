@@ -1,4 +1,6 @@
-"""Faults of specimen and plate: how often each is named, how often where none is, and what becomes of viscosities."""
+"""Faults of specimen and plate: how often each is named, how often where none is, and what becomes
+of viscosities.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,13 @@ import numpy as np
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
 
-LIMBS, LAW_LIMBS = 20, 34
+LIMBS = 20
+LAW_LIMBS = 34
 FIRST = 40_000
 """Seed of the first limb; thresholds were chosen on limbs of other seeds."""
 LEVEL = 0.95
-PLATE, GAIN = 0.005, 0.02
+PLATE = 0.005
+GAIN = 0.02
 """Faults of every limb's plate: distance from its place [m], of each moment channel's gain."""
 FRICTION = "dry friction"
 LOADED = ("base load", "zero")
@@ -39,7 +43,9 @@ LAWS: dict[str, tuple[Faults, str, dict[str, tuple[str, ...]]]] = {
         {"d_J across the limb": ("hinge first", "hinge second"), "d_J along it": ("hinge third",)},
     ),
 }
-"""What the joint's viscosity is, the last as [S] has it: faults, how `LimbRun` calls its form, and what is judged."""
+"""What the joint's viscosity is, the last as [S] has it: faults, how `LimbRun` calls its form, and
+what is judged.
+"""
 NAMED = {kind: name for name in CASES for kind in (LOADED if name == "base load" else (name,))} | {
     "loose wire": "loose wire"
 }
@@ -92,8 +98,10 @@ def row(case: str, runs: Sequence[LimbRun]) -> Row:
     }
     for quantity, (label, limit) in WITHIN.items():
         judged = _judged(runs, (quantity,), limit)
-        values |= {f"{label}: {name}".replace("within target", f"within {100 * limit:.0f} %"): value
-                   for name, value in judged.items()}  # fmt: skip
+        values |= {
+            f"{label}: {name}".replace("within target", f"within {100 * limit:.0f} %"): value
+            for name, value in judged.items()
+        }
     return values | {"named by mistake": ", ".join(sorted(set().union(*others))) or "nothing"}
 
 
@@ -109,18 +117,26 @@ def _judged(runs: Sequence[LimbRun], quantities: Sequence[str], limit: float) ->
     refused = np.array([gone for *_, gone in known])
     held = sum(found.holds(truth) for found, truth, _ in known)
     return {
-        "error RMS, largest": f"{100 * np.sqrt(np.mean(errors**2)):.2f}, {100 * errors.max():.1f} %",
+        "error RMS, largest": (
+            f"{100 * np.sqrt(np.mean(errors**2)):.2f}, {100 * errors.max():.1f} %"
+        ),
         "within target": f"{(errors <= limit).sum()} of {len(known)}",
         "95 % intervals that hold": f"{held} of {len(known)}",
-        f"withheld, of these within {100 * REFUSED:.0f} %": f"{refused.sum()}, {(refused & (errors <= REFUSED)).sum()}",
+        f"withheld, of these within {100 * REFUSED:.0f} %": (
+            f"{refused.sum()}, {(refused & (errors <= REFUSED)).sum()}"
+        ),
     }
 
 
-def measure(cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION)) -> Iterable[Row]:
+def measure(
+    cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION),
+) -> Iterable[Row]:
     """A row a case."""
     for case in cases:
         seeds = range(FIRST, FIRST + LIMBS)
-        yield row(case, limb_runs([(seed, heavy_limb(seed, CASES[case]), None) for seed in seeds], LEVEL))
+        yield row(
+            case, limb_runs([(seed, heavy_limb(seed, CASES[case]), None) for seed in seeds], LEVEL)
+        )
 
 
 def measure_friction() -> Iterable[Row]:
@@ -136,5 +152,10 @@ def measure_laws() -> Iterable[Row]:
         right = sum(run.form == form for run in runs)
         for label, names in (quantities | {"d_M": ("muscle_viscosity",)}).items():
             limit = WITHIN["muscle_viscosity" if label == "d_M" else "joint_viscosity"][1]
-            values = {"the joint resists as": law, "limbs": len(runs), "that law chosen": right, "viscosity": label}
+            values = {
+                "the joint resists as": law,
+                "limbs": len(runs),
+                "that law chosen": right,
+                "viscosity": label,
+            }
             yield values | {"target": f"{100 * limit:.0f} %"} | _judged(runs, names, limit)

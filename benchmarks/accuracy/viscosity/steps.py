@@ -1,4 +1,6 @@
-"""Steps 1 and 2 by several methods on virtual joints of known truth: why the defaults are what they are."""
+"""Steps 1 and 2 by several methods on virtual joints of known truth: why the defaults are what they
+are.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,19 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.errors import rms
-from myomorph.viscosity.identification.identify import Condition, ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import (
+    Condition,
+    ViscosityOptions,
+    identify_specimen,
+)
 from truths.mechanical_joint import VirtualJoint, mechanical_joint
 
 Row = dict[str, object]
 
 JOINTS = 12
-SECONDS, TRIALS, CUTOFF = 15.0, 2, 12.0
+SECONDS = 15.0
+TRIALS = 2
+CUTOFF = 12.0
 METHODS = {
     "instruments, spring fitted (default)": ViscosityOptions(draws=2),
     "plain least squares in step 1": ViscosityOptions(draws=2, instruments=False),
@@ -27,19 +35,28 @@ PLATE = "moment measured by the plate instead of inverse dynamics"
 
 
 def measure() -> Iterable[Row]:
-    """A row a method: errors of viscosity and mass center over hinges and balls, without and with a spring."""
+    """A row a method: errors of viscosity and mass center over hinges and balls, without and with a
+    spring.
+    """
     errors: dict[str, list[tuple[float, float, float]]] = {}
     for seed in range(JOINTS):
-        damping, spring = (0.02, 0.06, 0.2)[seed % 3], 0.0 if seed % 4 < 2 else 2.0
-        joint = mechanical_joint("ball" if seed % 2 else "hinge", damping, spring, seed, seconds=SECONDS, trials=TRIALS)
+        damping = (0.02, 0.06, 0.2)[seed % 3]
+        spring = 0.0 if seed % 4 < 2 else 2.0
+        joint = mechanical_joint(
+            "ball" if seed % 2 else "hinge", damping, spring, seed, seconds=SECONDS, trials=TRIALS
+        )
         swings = joint.swings(CUTOFF)
         for name, options in METHODS.items():
             found = identify_specimen(name, swings, (), options=options).without
             assert found is not None
-            errors.setdefault(name, []).append((spring, *_errors(joint, found, found.viscosity.value)))
+            errors.setdefault(name, []).append(
+                (spring, *_errors(joint, found, found.viscosity.value))
+            )
             if options == ViscosityOptions(draws=2):
                 assert found.plate_viscosity is not None
-                errors.setdefault(PLATE, []).append((spring, *_errors(joint, found, found.plate_viscosity.value)))
+                errors.setdefault(PLATE, []).append(
+                    (spring, *_errors(joint, found, found.plate_viscosity.value))
+                )
     for name, table in errors.items():
         springs, viscosity, com = np.array(table).T
         free = springs == 0.0

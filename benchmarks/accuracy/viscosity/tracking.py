@@ -1,4 +1,6 @@
-"""Bones of a virtual specimen from clusters of three markers: noise, and what goes wrong with markers and wires."""
+"""Bones of a virtual specimen from clusters of three markers: noise, and what goes wrong with
+markers and wires.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,11 @@ def _virtual() -> Any:
     return virtual_specimen(1, seconds=SECONDS, noise=Noise(0.0, 0.0, 0.0))
 
 
-def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -> tuple[Any, list[Any], list[Any]]:
-    """The specimen with clusters of an arm [m], its trials with noise [m], and what is true of each.
+def _trials(
+    arm: float, noise: float, slip: Mapping[str, float] | None = None
+) -> tuple[Any, list[Any], list[Any]]:
+    """The specimen with clusters of an arm [m], its trials with noise [m], and what is true of
+    each.
 
     `slip` is added to what the wires hold [rad].
     """
@@ -38,11 +43,13 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
     from myomorph.simulate.shoulder import HELD
     from myomorph.viscosity.specimen.model import SwingTrial
 
-    virtual, random = _virtual(), np.random.default_rng(7)
+    virtual = _virtual()
+    random = np.random.default_rng(7)
     specimen = with_clusters(virtual.specimen, arm)
     held = HELD | {name: HELD.get(name, 0.0) + more for name, more in (slip or {}).items()}
     on_base, on_limb = HeldLimb(specimen, held).markers()
-    stand, center = specimen.stand, specimen.center_in_ground
+    stand = specimen.stand
+    center = specimen.center_in_ground
     at_base = {name: center + stand.rotation @ place for name, place in on_base.items()}
     trials = [
         SwingTrial(
@@ -56,10 +63,13 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
 
 
 def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its axes."""
+    """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its
+    axes.
+    """
     from myomorph.viscosity.tracking.tracked import swing_recordings
 
-    turns, rates = [], []
+    turns = []
+    rates = []
     for one, truth in zip(swing_recordings(tracked, cutoff, muscles=False), exact, strict=True):
         true = truth.every(round((one.time[1] - one.time[0]) / (truth.time[1] - truth.time[0])))
         use = one.used
@@ -70,7 +80,9 @@ def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.nd
 
 
 def measure_noise() -> Iterable[Row]:
-    """A row a size of cluster: errors of a frame by itself and through the filter; root mean squares."""
+    """A row a size of cluster: errors of a frame by itself and through the filter; root mean
+    squares.
+    """
     from myomorph.simulate.shoulder import HELD
     from myomorph.viscosity.tracking.track import track
     from myomorph.viscosity.tracking.tracked import TrackingOptions
@@ -81,10 +93,15 @@ def measure_noise() -> Iterable[Row]:
         row: Row = {"longest arm of the clusters": f"{1000 * arm:.0f} mm"}
         # The humerus' second axis is its length.
         for word, cutoff in (("a frame", None), (f"at {CUTOFF:.0f} Hz", CUTOFF)):
-            turn, rate = (np.sqrt(np.mean(one**2, axis=0)) for one in _errors(tracked, exact, cutoff))
+            turn, rate = (
+                np.sqrt(np.mean(one**2, axis=0)) for one in _errors(tracked, exact, cutoff)
+            )
             row[f"twist, {word} [deg]"] = float(turn[1])
             row[f"other axes, {word} [deg]"] = float(turn[[0, 2]].max())
-        row["rates at 8 Hz: twist [rad/s]"], row["others [rad/s]"] = float(rate[1]), float(rate[[0, 2]].max())
+        row["rates at 8 Hz: twist [rad/s]"], row["others [rad/s]"] = (
+            float(rate[1]),
+            float(rate[[0, 2]].max()),
+        )
         held = [tracked.held[name] - HELD.get(name, 0.0) for name in tracked.held]
         row["held angles, largest [deg]"] = float(np.degrees(np.abs(held).max()))
         center = tracked.specimen.center_in_ground - specimen.center_in_ground
@@ -103,7 +120,8 @@ def _lost(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
 
 def _exchange(one: str, other: str) -> Callable[[np.ndarray, dict[str, int], np.ndarray], None]:
     def change(values: np.ndarray, column: dict[str, int], time: np.ndarray) -> None:
-        part, pair = time > 5.0, [column[one], column[other]]
+        part = time > 5.0
+        pair = [column[one], column[other]]
         values[np.ix_(part, pair)] = values[np.ix_(part, pair[::-1])]
 
     return change
@@ -143,7 +161,9 @@ def measure_faults() -> Iterable[Row]:
         first = trials[0]
         if change is not None:
             values = np.array(first.markers.values)
-            change(values, {name: i for i, name in enumerate(first.markers.names)}, first.markers.time)
+            change(
+                values, {name: i for i, name in enumerate(first.markers.names)}, first.markers.time
+            )
             first = replace(first, markers=replace(first.markers, values=values))
         tracked = track(specimen, [first, *trials[1:]], TrackingOptions(clock=False))
         turn, _ = _errors(tracked, exact, CUTOFF)
@@ -151,5 +171,7 @@ def measure_faults() -> Iterable[Row]:
             "fault": fault,
             "root mean square at 8 Hz [deg]": float(np.sqrt(np.mean(np.sum(turn**2, axis=1)))),
             "worst frame at 8 Hz [deg]": float(np.linalg.norm(turn, axis=1).max()),
-            "said": "; ".join(note.split(": ", 1)[1] for note in tracked.trials[0].notes) or "nothing",
+            "said": (
+                "; ".join(note.split(": ", 1)[1] for note in tracked.trials[0].notes) or "nothing"
+            ),
         }

@@ -1,4 +1,6 @@
-"""Which passive law acted, what a held-out swing says, and what wrong moment arms do: on swings of known truth."""
+"""Which passive law acted, what a held-out swing says, and what wrong moment arms do: on swings of
+known truth.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,15 @@ from myomorph.viscosity.tracking.tracked import swing_recordings
 from myomorph.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import PassiveComparison, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
-from truths.mechanical_joint import BASE_MARKERS, CENTER, LIMB_MARKERS, PLATE, STEP, VirtualJoint, mechanical_joint
+from truths.mechanical_joint import (
+    BASE_MARKERS,
+    CENTER,
+    LIMB_MARKERS,
+    PLATE,
+    STEP,
+    VirtualJoint,
+    mechanical_joint,
+)
 
 Row = dict[str, object]
 
@@ -54,11 +64,18 @@ WORKERS = 2
 
 
 def measure_laws() -> Iterator[Row]:
-    """Joints with springs, dry friction and drag, seen with noise; what is chosen, and d with and without."""
+    """Joints with springs, dry friction and drag, seen with noise; what is chosen, and d with and
+    without.
+    """
     for seed, truth in enumerate(JOINTS):
         compared = compare_passive_laws(rubbing_joint(truth, seed).swings(8.0))
-        alone, chosen = compared.fits[0], compared.chosen
-        parts = {"stiffness": truth.stiffness, "coulomb": truth.coulomb, "quadratic": truth.quadratic}
+        alone = compared.fits[0]
+        chosen = compared.chosen
+        parts = {
+            "stiffness": truth.stiffness,
+            "coulomb": truth.coulomb,
+            "quadratic": truth.quadratic,
+        }
         others = [f"{name} {value:g}" for name, value in parts.items() if value]
         found = [
             f"{name} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})"
@@ -72,12 +89,16 @@ def measure_laws() -> Iterator[Row]:
             "viscosity alone": alone.coefficients["viscosity"].value,
             "its BIC above the best": float(alone.bic),
             "held-out angle, viscosity alone, chosen [deg]": _degrees(compared),
-            "held-out force, viscosity alone, chosen [N]": f"{alone.force_error:.3f}, {chosen.force_error:.3f}",
+            "held-out force, viscosity alone, chosen [N]": (
+                f"{alone.force_error:.3f}, {chosen.force_error:.3f}"
+            ),
         }
 
 
 def measure_specimens() -> Iterator[Row]:
-    """The six virtual specimens: laws chosen, held-out swings, d_M under wrong moment arms, change with the cutoff."""
+    """The six virtual specimens: laws chosen, held-out swings, d_M under wrong moment arms, change
+    with the cutoff.
+    """
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
         yield from pool.imap(specimen_row, SPECIMENS)
 
@@ -96,7 +117,8 @@ def specimen_row(number: int) -> Row:
     one, each, *_ = arms
     low, _, high = each.quantiles()
     scan = scan_cutoffs(
-        lambda at: swing_recordings(tracked[0], at, muscles=False), (0.75 * cutoff, cutoff, 1.5 * cutoff)
+        lambda at: swing_recordings(tracked[0], at, muscles=False),
+        (0.75 * cutoff, cutoff, 1.5 * cutoff),
     )
     return {
         "specimen": number,
@@ -114,46 +136,67 @@ def specimen_row(number: int) -> Row:
 
 
 def measure_attachments() -> Iterator[Row]:
-    """Attachments of a specimen with muscles of full size moved on their bones, and offsets of its arms instead."""
+    """Attachments of a specimen with muscles of full size moved on their bones, and offsets of its
+    arms instead.
+    """
     made = virtual_specimen(1, full_size=True, trials=2, seconds=8.0)
     tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
     without, intact = (swing_recordings(one, CUTOFF) for one in tracked)
     found = identify_specimen("1", without, intact, options=ViscosityOptions(draws=2))
     assert found.without is not None
     assert found.intact is not None
-    parameters, joint = found.intact.parameters, found.without.viscosity.value
+    parameters = found.intact.parameters
+    joint = found.without.viscosity.value
     motions = [mm.differentiate(one.motion, CUTOFF) for one in tracked[1].trials]
     slopes = [limb_motion(tracked[1].specimen, motion).slopes for motion in motions]
     random = np.random.default_rng(0)
     for size in (2e-3, 4e-3, OFFSET):
-        values, changes = [], []
+        values = []
+        changes = []
         for _ in range(24):
             moved = _moved(tracked[1].specimen, size, random)
-            arms = [lengthening(moved, motion, slope) for motion, slope in zip(motions, slopes, strict=True)]
+            arms = [
+                lengthening(moved, motion, slope)
+                for motion, slope in zip(motions, slopes, strict=True)
+            ]
             changes += [(b - a.lengthening)[a.used] for a, b in zip(intact, arms, strict=True)]
-            other = [replace(a, lengthening=np.nan_to_num(b)) for a, b in zip(intact, arms, strict=True)]
-            exact = moment_arm_sensitivity(other, parameters, joint, MomentArmOptions(draws=2, offset=0.0))[0].exact
+            other = [
+                replace(a, lengthening=np.nan_to_num(b)) for a, b in zip(intact, arms, strict=True)
+            ]
+            exact = moment_arm_sensitivity(
+                other, parameters, joint, MomentArmOptions(draws=2, offset=0.0)
+            )[0].exact
             values.append(exact)
         change = float(np.sqrt(np.mean([np.square(one).mean() for one in changes])))
-        offset = moment_arm_sensitivity(intact, parameters, joint, MomentArmOptions(offset=size))[-1]
+        offset = moment_arm_sensitivity(intact, parameters, joint, MomentArmOptions(offset=size))[
+            -1
+        ]
         yield {
             "attachments moved by, a component, SD [mm]": 1e3 * size,
             "moment arms change by, RMS [mm]": 1e3 * change,
             "SD of d_M [%]": 100.0 * float(np.std(values)) / offset.exact,
             "mean of d_M off [%]": 100.0 * (float(np.mean(values)) / offset.exact - 1.0),
-            "by constant offsets of the arms: SD, mean off [%]": f"{100 * offset.sd:.1f}, {100 * offset.bias:+.1f}",
+            "by constant offsets of the arms: SD, mean off [%]": (
+                f"{100 * offset.sd:.1f}, {100 * offset.bias:+.1f}"
+            ),
         }
 
 
 def _moved(specimen: Specimen, size: float, random: np.random.Generator) -> Specimen:
-    """The specimen with every muscle's points moved on each bone, all of one muscle on one bone alike."""
+    """The specimen with every muscle's points moved on each bone, all of one muscle on one bone
+    alike.
+    """
     muscles = {one.name: one for one in specimen.model.muscles}
     for strands in specimen.muscles.values():
         shifts = {body: size * random.standard_normal(3) for body in specimen.model.body_names}
         for strand in strands:
             path = muscles[strand].path
             points = [
-                replace(one, location=one.location + shifts[one.body]) if isinstance(one, PathPoint) else one
+                (
+                    replace(one, location=one.location + shifts[one.body])
+                    if isinstance(one, PathPoint)
+                    else one
+                )
                 for one in path.points
             ]
             muscles[strand] = replace(muscles[strand], path=replace(path, points=tuple(points)))
@@ -171,9 +214,16 @@ def rubbing_joint(truth: Resistance, seed: int) -> VirtualJoint:
     base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
     trials = []
     for one in joint.trials:
-        rates, turn = one.exact.rates[0], Rotation.from_matrix(one.exact.rotations[0])
-        angle = turn.as_quat(scalar_first=True) if truth.kind == "ball" else joint.truth.directions @ turn.as_rotvec()
-        exact = simulate(compiled, angle, joint.truth.directions @ rates, float(one.exact.time[-1]), STEP)
+        rates = one.exact.rates[0]
+        turn = Rotation.from_matrix(one.exact.rotations[0])
+        angle = (
+            turn.as_quat(scalar_first=True)
+            if truth.kind == "ball"
+            else joint.truth.directions @ turn.as_rotvec()
+        )
+        exact = simulate(
+            compiled, angle, joint.truth.directions @ rates, float(one.exact.time[-1]), STEP
+        )
         markers = measured_markers(exact, CENTER, base, LIMB_MARKERS, joint.noise, random)
         wrench = measured_wrench(exact, CENTER, PLATE, "base", joint.noise, random)
         trials.append(replace(one, markers=markers, wrenches=wrench, exact=exact))
@@ -181,4 +231,6 @@ def rubbing_joint(truth: Resistance, seed: int) -> VirtualJoint:
 
 
 def _degrees(compared: PassiveComparison) -> str:
-    return ", ".join(f"{np.rad2deg(one.angle_error):.2f}" for one in (compared.fits[0], compared.chosen))
+    return ", ".join(
+        f"{np.rad2deg(one.angle_error):.2f}" for one in (compared.fits[0], compared.chosen)
+    )

@@ -14,13 +14,14 @@ from myomorph.model.provenance import Estimate
 Row = dict[str, object]
 
 RUNS = 200
-SECONDS, TRIALS = 15.0, 2
+SECONDS = 15.0
+TRIALS = 2
 WORKERS = 2
 
 
 class JointRun(NamedTuple):
-    """One virtual joint and what was found of it; the intervals are of 95 %. `viscosity`, `mass`, `com`: (truth,
-    estimate, low, high) [N m s/rad], [kg], [m].
+    """One virtual joint and what was found of it; the intervals are of 95 %. `viscosity`, `mass`,
+    `com`: (truth, estimate, low, high) [N m s/rad], [kg], [m].
     """
 
     seed: int
@@ -33,9 +34,11 @@ class JointRun(NamedTuple):
 
 
 def joint_run(seed: int) -> JointRun:
-    """A hinge (even seeds) or ball: damping 0.01 to 0.3 N m s/rad, evenly in its logarithm; spring 0 to 5 N m/rad.
+    """A hinge (even seeds) or ball: damping 0.01 to 0.3 N m s/rad, evenly in its logarithm; spring
+    0 to 5 N m/rad.
 
-    Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by up to 20 ms.
+    Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by
+    up to 20 ms.
     """
     from myomorph.simulate.laboratory import Noise
     from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
@@ -50,9 +53,13 @@ def joint_run(seed: int) -> JointRun:
     damping = float(np.exp(random.uniform(np.log(0.01), np.log(0.3))))
     stiffness = 0.0 if seed % 5 == 0 else float(random.uniform(0.0, 5.0))
     noise = Noise(offset=random.uniform(-0.02, 0.02))
-    joint = mechanical_joint(kind, damping, stiffness, seed, seconds=SECONDS, trials=TRIALS, noise=noise)
+    joint = mechanical_joint(
+        kind, damping, stiffness, seed, seconds=SECONDS, trials=TRIALS, noise=noise
+    )
     specimen = build_specimen(joint.model, SpecimenNames("base", "limb", joint=kind))
-    tracked = track(specimen, [SwingTrial(one.name, one.markers, one.wrenches) for one in joint.trials])
+    tracked = track(
+        specimen, [SwingTrial(one.name, one.markers, one.wrenches) for one in joint.trials]
+    )
     cutoff = choose_cutoff([tracked]).cutoff
     swings = swing_recordings(tracked, cutoff, muscles=False)
     found = identify_specimen("joint", swings, (), options=ViscosityOptions(seed=seed)).without
@@ -76,7 +83,9 @@ JOINT_TARGETS = {"viscosity": (0.03, "%"), "mass": (0.005, "%"), "COM": (0.002, 
 
 
 def measure_joints(runs: int = RUNS) -> Iterable[Row]:
-    """A row a kind of joint and quantity: errors over all runs, and how many intervals hold the truth."""
+    """A row a kind of joint and quantity: errors over all runs, and how many intervals hold the
+    truth.
+    """
     found = joint_runs(range(runs))
     for kind in ("hinge", "ball"):
         own = [one for one in found if one.kind == kind]
@@ -97,7 +106,9 @@ def measure_joints(runs: int = RUNS) -> Iterable[Row]:
                 "largest": f"{scale * np.abs(errors).max():.3f} {unit}",
                 "target": f"{scale * target:g} {unit}",
                 "within target": f"{inside} of {len(own)}",
-                "95 % intervals that hold the truth": f"{holds} of {len(own)} ({100.0 * holds / len(own):.1f} %)",
+                "95 % intervals that hold the truth": (
+                    f"{holds} of {len(own)} ({100.0 * holds / len(own):.1f} %)"
+                ),
                 "median half-width": f"{scale * width:.3f} {unit}",
             }
 
@@ -124,30 +135,40 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     from myomorph.viscosity.tracking.track import track
     from myomorph.viscosity.tracking.tracked import swing_recordings
     from myomorph.viscosity.trust.cutoff import choose_cutoff
-    from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
+    from myomorph.viscosity.trust.moment_arms import (
+        OFFSET,
+        MomentArmOptions,
+        moment_arm_sensitivity,
+    )
 
     number, full_size = given
     made = virtual_specimen(number, full_size=full_size)
     specimen = made.specimen
     tracked = [track(specimen, one.swing_trials()) for one in (made.without, made.intact)]
     cutoff = choose_cutoff(tracked).cutoff
-    without, intact = (swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked))
+    without, intact = (
+        swing_recordings(one, cutoff, muscles=k == 1) for k, one in enumerate(tracked)
+    )
     pcsa = dict(zip(specimen.muscles, specimen.isometric_forces.tolist(), strict=True))
-    found = identify_specimen(made.published.name, without, intact, pcsa, made.published.measured_muscle_mass)
+    found = identify_specimen(
+        made.published.name, without, intact, pcsa, made.published.measured_muscle_mass
+    )
     assert found.without is not None
     assert found.intact is not None
     assert found.muscles is not None
     errors = MomentArmOptions(factor=0.10, offset=OFFSET * made.factor)
-    arms = moment_arm_sensitivity(intact, found.intact.parameters, found.without.viscosity.value, errors)
+    arms = moment_arm_sensitivity(
+        intact, found.intact.parameters, found.without.viscosity.value, errors
+    )
     return SpecimenRun(
-        number,
-        full_size,
-        made.factor,
-        made.moment_arm,
-        truth_of(made),
-        dict(specimen_row(found)),
-        found.muscles.rank,
-        {one.kind: (one.sd, one.bias) for one in arms},
+        number=number,
+        full_size=full_size,
+        factor=made.factor,
+        moment_arm=made.moment_arm,
+        truth=truth_of(made),
+        found=dict(specimen_row(found)),
+        rank=found.muscles.rank,
+        arms={one.kind: (one.sd, one.bias) for one in arms},
     )
 
 
@@ -155,11 +176,15 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
 def specimen_runs() -> tuple[SpecimenRun, ...]:
     """The six specimens, then the first with muscles of full size, on both cores."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
-        return tuple(pool.imap(specimen_run, [*((number, False) for number in range(1, 7)), (1, True)]))
+        return tuple(
+            pool.imap(specimen_run, [*((number, False) for number in range(1, 7)), (1, True)])
+        )
 
 
 def measure_cohort() -> Iterable[Row]:
-    """A row a quantity: mean of the truth of the six, mean found with its interval, and single specimens' errors."""
+    """A row a quantity: mean of the truth of the six, mean found with its interval, and single
+    specimens' errors.
+    """
     from myomorph.viscosity.cohort import cohort
 
     six = [one for one in specimen_runs() if not one.full_size]
@@ -172,7 +197,9 @@ def measure_cohort() -> Iterable[Row]:
         errors = np.array([one.value for one in single]) / truth - 1.0
         held = sum(one.holds(value) for one, value in zip(single, truth.tolist(), strict=True))
         yield {
-            "quantity": f"{line.quantity.label} [{line.quantity.unit}], table {'I' * line.quantity.table}",
+            "quantity": (
+                f"{line.quantity.label} [{line.quantity.unit}], table {'I' * line.quantity.table}"
+            ),
             "true mean": f"{truth.mean():.5g}",
             "mean found": f"{line.mean:.5g} ({line.low:.5g} to {line.high:.5g})",
             "holds": "yes" if line.low <= truth.mean() <= line.high else "no",
@@ -184,9 +211,12 @@ def measure_cohort() -> Iterable[Row]:
 
 
 def measure_muscles() -> Iterable[Row]:
-    """A row a specimen: its muscles' viscosity with exact moment arms, and its spread where arms are in error."""
+    """A row a specimen: its muscles' viscosity with exact moment arms, and its spread where arms
+    are in error.
+    """
     for one in specimen_runs():
-        truth, found = one.truth["muscle_viscosity"], one.found["muscle_viscosity"]
+        truth = one.truth["muscle_viscosity"]
+        found = one.found["muscle_viscosity"]
         yield {
             "specimen": f"{one.number:02d}" + (", muscles of full size" if one.full_size else ""),
             "muscles' size": f"{one.factor:.3f}",

@@ -16,14 +16,16 @@ _CHUNK = 1024
 
 
 def centroid(model: Model, motion: Motion, bodies: Sequence[str] = ()) -> Series:
-    """Center of mass in ground, sum_b m_b x_b / sum_b m_b, of all bodies or of those named: a Series of (frames, 3)
-    `center_of_mass_x`, `_y`, `_z` [m], NaN where the motion is NaN or the model weighs nothing.
+    """Center of mass in ground, sum_b m_b x_b / sum_b m_b, of all bodies or of those named: a
+    Series of (frames, 3) `center_of_mass_x`, `_y`, `_z` [m], NaN where the motion is NaN or the
+    model weighs nothing.
     """
     if model.mass <= 0.0:
         return Series(motion.time, NAMES, np.full((len(motion), 3), np.nan))
     tree = compile_tree(model)
     chosen = np.array([tree.body_index[body] for body in bodies or model.body_names])
-    mass, centers = tree.arrays.mass[chosen], tree.arrays.mass_center[chosen]
+    mass = tree.arrays.mass[chosen]
+    centers = tree.arrays.mass_center[chosen]
     values = np.empty((len(motion), 3))
     coordinates = tree.coordinates_of(motion)
     for start in range(0, len(motion), _CHUNK):

@@ -36,9 +36,19 @@ def compared(estimate: Series, truth: Series) -> list[Comparison]:
             continue
         difference = estimated[both] - known[both]
         varies = np.ptp(known[both]) > 1e-12 and np.ptp(estimated[both]) > 1e-12
-        correlation = float(np.corrcoef(known[both], estimated[both])[0, 1]) if varies else float("nan")
+        correlation = (
+            float(np.corrcoef(known[both], estimated[both])[0, 1]) if varies else float("nan")
+        )
         rms = float(np.sqrt(np.mean(difference**2)))
-        rows.append(Comparison(name, rms, float(np.max(np.abs(difference))), float(np.ptp(known[both])), correlation))
+        rows.append(
+            Comparison(
+                name=name,
+                rmse=rms,
+                worst=float(np.max(np.abs(difference))),
+                span=float(np.ptp(known[both])),
+                correlation=correlation,
+            )
+        )
     return rows
 
 

@@ -24,7 +24,9 @@ _SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
 
 @dataclass(frozen=True)
 class Limb:
-    """What a site belongs to: whose ("" for the only subject), "hand", "foot" or the site's own name, and its side."""
+    """What a site belongs to: whose ("" for the only subject), "hand", "foot" or the site's own
+    name, and its side.
+    """
 
     subject: str
     part: str
@@ -54,7 +56,9 @@ def limb_of(site: str, who: Sequence[Subject] = ()) -> Limb:
 
 def _told(name: str, who: Sequence[Subject]) -> tuple[str, str, str]:
     """Subject, words and side of a name: of "uke_foot_r_heel" uke, "foot heel" and right."""
-    owner = next((subject for subject in who if subject.prefix and name.startswith(subject.prefix)), None)
+    owner = next(
+        (subject for subject in who if subject.prefix and name.startswith(subject.prefix)), None
+    )
     base, side = split_side(name.removeprefix(owner.prefix) if owner else name)
     words = base.replace("_", " ").split()
     if not side:
@@ -74,7 +78,9 @@ def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Co
     touches = []
     if scale > 0.0 and len(wrenches) > 2:
         for column, site in enumerate(names):
-            intervals = contacts(wrenches.time, vertical[:, column], THRESHOLD * scale, SHORTEST_CONTACT)
+            intervals = contacts(
+                wrenches.time, vertical[:, column], THRESHOLD * scale, SHORTEST_CONTACT
+            )
             ends = wrenches.time[np.array(intervals, int).reshape(-1, 2)].tolist()
             touches += [Touch(site, start, stop, source="plates") for start, stop in ends]
     return Contacts(tuple(dict.fromkeys(names)), tuple(touches))
@@ -92,7 +98,9 @@ def solved_contacts(forces: ContactForces) -> Contacts:
 
 
 def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ...]:
-    """One row a site that touches the ground, one a surface that is struck, feet and hands of a side together."""
+    """One row a site that touches the ground, one a surface that is struck, feet and hands of a
+    side together.
+    """
     rows: dict[tuple[str, str], list[Touch]] = {}
     for touch in contacts.intervals:
         struck = touch.surface != GROUND and is_stroke(touch)
@@ -110,13 +118,21 @@ def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ..
         limb_rows.append((limb, place, Row(label, limb.side, tuple(touches))))
     order = {"right": 0, "left": 1, "": 2}
     limb_rows.sort(
-        key=lambda entry: (entry[0].subject, entry[0].part == "foot", entry[0].part, order[entry[0].side], entry[1])
+        key=lambda entry: (
+            entry[0].subject,
+            entry[0].part == "foot",
+            entry[0].part,
+            order[entry[0].side],
+            entry[1],
+        )
     )
     return tuple(row for _, _, row in limb_rows)
 
 
 def row_label(site: str, who: Sequence[Subject] = ()) -> str:
-    """A site's name in print: its subject, its side and its words; the bones of a foot are the foot."""
+    """A site's name in print: its subject, its side and its words; the bones of a foot are the
+    foot.
+    """
     owner, bare, side = _told(site, who)
     words = printed(bare).lower()
     words = "foot" if words in ("calcn", "calcaneus", "foot") else words
@@ -129,7 +145,9 @@ def is_stroke(touch: Touch) -> bool:
     return touch.source == "sound" or touch.stop - touch.start < MIN_LINE
 
 
-def limb_states(contacts: Contacts, time: Array, who: Sequence[Subject] = ()) -> tuple[tuple[Limb, ...], np.ndarray]:
+def limb_states(
+    contacts: Contacts, time: Array, who: Sequence[Subject] = ()
+) -> tuple[tuple[Limb, ...], np.ndarray]:
     """Limbs, and whether any site of each touches anything, (frames, limbs)."""
     states = contacts.states(time)
     homes = [limb_of(site, who) for site in contacts.sites]

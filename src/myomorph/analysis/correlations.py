@@ -9,7 +9,8 @@ from myomorph.analysis.permutations import benjamini_hochberg
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Series
 
-MAX_SAMPLES, MIN_SAMPLES = 2048, 16
+MAX_SAMPLES = 2048
+MIN_SAMPLES = 16
 MIN_KNOWN = 0.8  # Share of a signal's samples that must be known for a correlation
 FALSE_DISCOVERIES = 0.05  # Share of the pairs called significant that may be so by chance
 
@@ -38,10 +39,10 @@ class Correlations:
 def correlate(rows: Series, columns: Series) -> Correlations:
     """Correlation of every row with every column.
 
-    Samples of a motion are not independent: two slow signals correlate by chance. Of two unrelated ones with the
-    periodograms P_x(f), P_y(f) only d = 2 sum P_x sum P_y / sum P_x P_y dimensions count, which is Bartlett's (1935)
-    effective number of samples written over frequencies, the mean taken off. Student's t with d - 1 degrees of freedom
-    gives the chance.
+    Samples of a motion are not independent: two slow signals correlate by chance. Of two unrelated
+    ones with the periodograms P_x(f), P_y(f) only d = 2 sum P_x sum P_y / sum P_x P_y dimensions
+    count, which is Bartlett's (1935) effective number of samples written over frequencies, the mean
+    taken off. Student's t with d - 1 degrees of freedom gives the chance.
 
     Parameters
     ----------
@@ -57,7 +58,8 @@ def correlate(rows: Series, columns: Series) -> Correlations:
 
     References
     ----------
-    Bartlett MS (1935), J R Stat Soc 98:536-543. Benjamini Y, Hochberg Y (1995), J R Stat Soc B 57:289-300.
+    Bartlett MS (1935), J R Stat Soc 98:536-543. Benjamini Y, Hochberg Y (1995), J R Stat Soc B
+    57:289-300.
 
     Examples
     --------
@@ -68,13 +70,22 @@ def correlate(rows: Series, columns: Series) -> Correlations:
     >>> result.rows, result.values.shape
     (('shoulder_flexion', 'elbow_flexion'), (2, 2))
     """
-    start, stop = max(rows.time[0], columns.time[0]), min(rows.time[-1], columns.time[-1])
+    start = max(rows.time[0], columns.time[0])
+    stop = min(rows.time[-1], columns.time[-1])
     count = min(MAX_SAMPLES, len(rows), len(columns))
     if stop <= start or count < MIN_SAMPLES:
         unknown = np.full((len(rows.names), len(columns.names)), np.nan)
-        return Correlations(rows.names, columns.names, unknown, unknown, unknown, np.zeros(unknown.shape, np.bool_))
+        return Correlations(
+            rows=rows.names,
+            columns=columns.names,
+            values=unknown,
+            freedom=unknown,
+            chance=unknown,
+            significant=np.zeros(unknown.shape, np.bool_),
+        )
     even = np.linspace(start, stop, count)
-    x, y = _standard(rows, even), _standard(columns, even)
+    x = _standard(rows, even)
+    y = _standard(columns, even)
     values = x.T @ y / count
     freedom = _freedom(x, y)
     degrees = np.maximum(freedom - 1.0, 0.1)
@@ -82,11 +93,20 @@ def correlate(rows: Series, columns: Series) -> Correlations:
     tails = scipy.special.stdtr(degrees, -np.sqrt(degrees * square / (1.0 - square)))
     chance = np.where(np.isnan(values), np.nan, 2.0 * tails)
     significant = benjamini_hochberg(chance.ravel()).reshape(chance.shape) <= FALSE_DISCOVERIES
-    return Correlations(rows.names, columns.names, values, freedom, chance, np.asarray(significant))
+    return Correlations(
+        rows=rows.names,
+        columns=columns.names,
+        values=values,
+        freedom=freedom,
+        chance=chance,
+        significant=np.asarray(significant),
+    )
 
 
 def _standard(series: Series, even: Array) -> Array:
-    """Columns at even times, of mean 0 and variance 1; NaN where one does not vary or is unknown too often."""
+    """Columns at even times, of mean 0 and variance 1; NaN where one does not vary or is unknown
+    too often.
+    """
     result = np.full((len(even), len(series.names)), np.nan)
     for index, column in enumerate(series.values.T):
         known = np.isfinite(column)
@@ -99,7 +119,9 @@ def _standard(series: Series, even: Array) -> Array:
 
 
 def _freedom(x: Array, y: Array) -> Array:
-    """Effective dimension of the pair (rows, columns), between 1 and the number of samples less one."""
+    """Effective dimension of the pair (rows, columns), between 1 and the number of samples less
+    one.
+    """
     count = len(x)
     powers = [np.abs(np.fft.rfft(np.nan_to_num(signals), axis=0)[1:]) ** 2 for signals in (x, y)]
     if count % 2 == 0:

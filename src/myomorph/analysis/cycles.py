@@ -1,4 +1,6 @@
-"""Cycles: curves over the cycle and their mean, and whether a signal repeats, after how long, and how sure that is."""
+"""Cycles: curves over the cycle and their mean, and whether a signal repeats, after how long, and
+how sure that is.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 
-MAX_SAMPLES, MIN_KNOWN = 4096, 0.5
+MAX_SAMPLES = 4096
+MIN_KNOWN = 0.5
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,8 @@ class PeriodOptions:
     confidence : a period is named from here on, 0 to 1
     likeness : and where the signal correlates so much with itself one period later
     cycles : and where at least so many are in the recording
-    first : the first repetition within this share of the best one is the period, not a multiple of it
-        (McLeod and Wyvill 2005)
+    first : the first repetition within this share of the best one is the period, not a multiple of
+        it (McLeod and Wyvill 2005)
     """
 
     confidence: float = 0.95
@@ -36,7 +39,9 @@ class PeriodOptions:
 
     def __post_init__(self) -> None:
         if self.cycles < 2.0:
-            raise BadData(f"a period from {self.cycles:g} cycles: expected 2 or more, or nothing is repeated")
+            raise BadData(
+                f"a period from {self.cycles:g} cycles: expected 2 or more, or nothing is repeated"
+            )
 
 
 @dataclass(frozen=True)
@@ -59,16 +64,17 @@ class Periodicity:
     periodic: bool
 
 
-NONE = Periodicity(float("nan"), 0.0, 0.0, 0.0, False)
+NONE = Periodicity(period=float("nan"), cycles=0.0, likeness=0.0, confidence=0.0, periodic=False)
 
 
 def find_period(time: Array, values: Array, options: PeriodOptions | None = None) -> Periodicity:
     """Period of a signal by its autocorrelation, less its straight line.
 
-    r(k) = 2 sum x_t x_(t+k) / sum (x_t^2 + x_(t+k)^2)  is 1 for k = 0 and for a multiple of a period (McLeod and
-    Wyvill 2005). Its first high maximum after it left its first lobe is the candidate. A signal that forgets itself
-    after that lobe has r(k) of variance (1 + 2 sum_(j < lobe) r(j)^2) / (n - k) there (Bartlett 1946); the chance that
-    one of as many independent lags as were searched is so high gives the confidence.
+    r(k) = 2 sum x_t x_(t+k) / sum (x_t^2 + x_(t+k)^2)  is 1 for k = 0 and for a multiple of a
+    period (McLeod and Wyvill 2005). Its first high maximum after it left its first lobe is the
+    candidate. A signal that forgets itself after that lobe has r(k) of variance (1 + 2 sum_(j <
+    lobe) r(j)^2) / (n - k) there (Bartlett 1946); the chance that one of as many independent lags
+    as were searched is so high gives the confidence.
 
     Parameters
     ----------
@@ -104,7 +110,11 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     if lobe == 0:
         return NONE
     searched = likeness[lobe : longest + 1]
-    inner = np.flatnonzero((searched[1:-1] >= searched[:-2]) & (searched[1:-1] > searched[2:])) + 1 + lobe
+    inner = (
+        np.flatnonzero((searched[1:-1] >= searched[:-2]) & (searched[1:-1] > searched[2:]))
+        + 1
+        + lobe
+    )
     if not len(inner) or likeness[inner].max() <= 0.0:
         return NONE
     first = int(inner[np.argmax(likeness[inner] >= options.first * likeness[inner].max())])
@@ -118,11 +128,15 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     duration = step * (count - 1)
     high = float(likeness[lag])
     sure = confidence >= options.confidence and high >= options.likeness
-    return Periodicity(period, duration / period, high, confidence, sure)
+    return Periodicity(
+        period=period, cycles=duration / period, likeness=high, confidence=confidence, periodic=sure
+    )
 
 
 def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
-    """Step, detrended values (0 where unknown) and which are known, at even times; None where too few are."""
+    """Step, detrended values (0 where unknown) and which are known, at even times; None where too
+    few are.
+    """
     known = np.isfinite(values)
     if known.sum() < 8 or known.mean() < MIN_KNOWN:
         return None
@@ -144,17 +158,23 @@ def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
     size = scipy.fft.next_fast_len(2 * len(signal), real=True)
     wave, square, mask = np.fft.rfft(np.stack([signal, signal**2, seen]), size, axis=1)
     spectra = [np.abs(wave) ** 2, square * np.conj(mask), mask * np.conj(square), np.abs(mask) ** 2]
-    products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[:, : len(signal)]
+    products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[
+        :, : len(signal)
+    ]
     return 2.0 * products / np.maximum(later + earlier, 1e-300), np.maximum(pairs, 1.0)
 
 
 def _refined(likeness: Array, lag: int, longest: int) -> float:
-    """A lag between samples, from the last repetition that still stands out: m periods divided by m."""
+    """A lag between samples, from the last repetition that still stands out: m periods divided by
+    m.
+    """
     best = _vertex(likeness, lag)
     multiple = 2
     while (multiple + 0.5) * best < longest:
-        middle, reach = multiple * best, 0.25 * best
-        low, high = int(middle - reach), int(middle + reach) + 1
+        middle = multiple * best
+        reach = 0.25 * best
+        low = int(middle - reach)
+        high = int(middle + reach) + 1
         peak = low + int(np.argmax(likeness[low : high + 1]))
         if peak in (low, high) or likeness[peak] < 0.5 * likeness[lag]:
             break
@@ -164,12 +184,16 @@ def _refined(likeness: Array, lag: int, longest: int) -> float:
 
 
 def _vertex(values: Array, at: int) -> float:
-    """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both sides."""
+    """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both
+    sides.
+    """
     reach = min(max(1, at // 12), at, len(values) - 1 - at)
     if reach < 1:
         return float(at)
     around = np.arange(-reach, reach + 1)
-    _, slope, bend = np.polynomial.polynomial.polyfit(around, values[at - reach : at + reach + 1], 2)
+    _, slope, bend = np.polynomial.polynomial.polyfit(
+        around, values[at - reach : at + reach + 1], 2
+    )
     return float(at + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(at)
 
 
@@ -205,13 +229,18 @@ class Band:
     count: Array  # (samples, ...) curves that are known there
 
 
-def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: int = SAMPLES) -> Cycles:
+def over_cycles(
+    series: Series, spans: Sequence[tuple[float, float]], samples: int = SAMPLES
+) -> Cycles:
     """Signals resampled over cycles by straight lines between frames.
-    `series`: values (frames, names), NaN where not known; `spans`: start and end of each cycle [s]; a part outside of
-    the series is NaN.
+    `series`: values (frames, names), NaN where not known; `spans`: start and end of each cycle [s];
+    a part outside of the series is NaN.
     """
     if series.values.ndim != 2:
-        raise BadData(f"curves over the cycle are of single numbers, but these have shape {series.values.shape}")
+        raise BadData(
+            "curves over the cycle are of single numbers, but these have shape"
+            f" {series.values.shape}"
+        )
     for start, stop in spans:
         if not stop > start:
             raise BadData(f"a cycle from {start:g} to {stop:g} s does not go forward")
@@ -226,12 +255,16 @@ def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: i
     values[..., known] = _between(series.time, series.values[:, known], at, step)
     for j in np.flatnonzero(~known):
         finite = np.isfinite(series.values[:, j])
-        values[..., j] = _between(series.time[finite], series.values[finite, j, None], at, step)[..., 0]
+        values[..., j] = _between(series.time[finite], series.values[finite, j, None], at, step)[
+            ..., 0
+        ]
     return Cycles(series.names, values)
 
 
 def _between(time: Array, values: Array, at: Array, step: float) -> Array:
-    """Values (frames, n), all known, by straight lines at times (cycles, samples); NaN outside and in long gaps."""
+    """Values (frames, n), all known, by straight lines at times (cycles, samples); NaN outside and
+    in long gaps.
+    """
     if len(time) < 2:
         return np.full((*at.shape, values.shape[1]), np.nan)
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
@@ -255,6 +288,10 @@ def band(curves: ArrayLike, confidence: float = 0.95) -> Band:
     squares = (np.where(known, curves - mean, 0.0) ** 2).sum(axis=0)
     freedom = np.maximum(count - 1, 1)
     error = np.sqrt(squares / freedom / np.maximum(count, 1))
-    half = np.where(count > 1, scipy.special.stdtrit(freedom, 0.5 + 0.5 * confidence) * error, np.nan)
+    half = np.where(
+        count > 1, scipy.special.stdtrit(freedom, 0.5 + 0.5 * confidence) * error, np.nan
+    )
     spread = np.where(count > 0, np.sqrt(squares / np.maximum(count, 1)), np.nan)
-    return Band(mean, mean - half, mean + half, spread, count.astype(np.float64))
+    return Band(
+        mean=mean, low=mean - half, high=mean + half, spread=spread, count=count.astype(np.float64)
+    )

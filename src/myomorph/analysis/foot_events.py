@@ -15,8 +15,9 @@ from myomorph.model.series import Event, Wrenches
 from myomorph.model.sides import split_side
 
 NEAREST = 0.4
-"""An event that is known better replaces the nearest one within this share of a stride; a runner's foot is farthest
-ahead a quarter of a stride before it strikes."""
+"""An event that is known better replaces the nearest one within this share of a stride; a runner's
+foot is farthest ahead a quarter of a stride before it strikes.
+"""
 CLEAR = 0.4  # Skewness of the speeds of feet from which on their swing shows the direction
 MIN_FRAMES = 8  # Frames in which trunk and foot must be seen
 
@@ -46,7 +47,8 @@ class StrideOptions:
     Attributes
     ----------
     prominence : how far a foot must go forward and back, as a share of its usual way
-    gap : an event is only told where the foot was seen so shortly before and after, as a share of the stride
+    gap : an event is only told where the foot was seen so shortly before and after, as a share of
+        the stride
     seen : and a stride where the foot was seen for at least this share of it
     belt : the ground moves where feet on it move faster than this share of the speed of travel
     threshold : force that is contact, as a share of body weight
@@ -82,8 +84,9 @@ def direction_of(
     notes: list[str],
     facing: Array | None = None,
 ) -> tuple[Array, bool]:
-    """Direction of travel, and whether the body goes over the ground rather than in place on a belt.
-    `facing` (3,) where the feet point, for a body in place whose feet are as fast backward as forward, as a sprinter's.
+    """Direction of travel, and whether the body goes over the ground rather than in place on a
+    belt. `facing` (3,) where the feet point, for a body in place whose feet are as fast backward as
+    forward, as a sprinter's.
     """
     flat = np.eye(3) - np.outer(up, up)
     seen = np.isfinite(trunk[:, 0])
@@ -93,8 +96,11 @@ def direction_of(
     speeds = np.concatenate([np.gradient(track, time, axis=0) for track in relative])
     speeds = speeds[np.isfinite(speeds[:, 0])]
     if not len(speeds):
-        raise BadData("no foot is seen in frames in which the trunk is: there is no direction of travel")
-    # Over ground the trunk is as fast as feet that stand are seen from it; on a belt it only drifts.
+        raise BadData(
+            "no foot is seen in frames in which the trunk is: there is no direction of travel"
+        )
+    # Over ground the trunk is as fast as feet that stand are seen from it; on a belt it only
+    # drifts.
     travels = bool(np.linalg.norm(slope) > 0.3 * np.median(np.linalg.norm(speeds, axis=1)))
     if direction is not None:
         slope = direction @ flat
@@ -105,7 +111,9 @@ def direction_of(
     seen_feet = [track[np.isfinite(track[:, 0])] for track in relative]
     swept = np.concatenate([track - np.median(track, axis=0) for track in seen_feet if len(track)])
     # A marker that was taken for another one for a while does not turn the way.
-    swept = swept[np.linalg.norm(swept, axis=1) <= np.percentile(np.linalg.norm(swept, axis=1), 95.0)]
+    swept = swept[
+        np.linalg.norm(swept, axis=1) <= np.percentile(np.linalg.norm(swept, axis=1), 95.0)
+    ]
     axis = np.linalg.svd(swept, full_matrices=False)[2][0]
     # In place: swing is faster than stance.
     forward = speeds @ axis
@@ -113,9 +121,12 @@ def direction_of(
     skew = float(np.mean(away**3)) / max(float(np.mean(away**2)) ** 1.5, 1e-12)
     reason = "feet swing fastest"
     if facing is not None and abs(skew) < CLEAR:
-        skew, reason = float(facing @ axis), "feet point"
+        skew = float(facing @ axis)
+        reason = "feet point"
     axis = axis if skew > 0.0 else -axis
-    notes.append(f"direction of travel {np.round(axis, 2).tolist()} is where {reason}; give it if it is not")
+    notes.append(
+        f"direction of travel {np.round(axis, 2).tolist()} is where {reason}; give it if it is not"
+    )
     return axis, False
 
 
@@ -123,13 +134,23 @@ def foot_track(
     time: Array, foot: Array, lifting: Array, trunk: Array, along: Array, options: StrideOptions
 ) -> FootTrack:
     """Strikes where the foot is farthest ahead of the trunk, lifts where it is farthest behind."""
-    ahead, behind = (foot - trunk) @ along, (lifting - trunk) @ along
-    strikes, lifts = _extremes(time, ahead, options), _extremes(time, -behind, options)
+    ahead = (foot - trunk) @ along
+    behind = (lifting - trunk) @ along
+    strikes = _extremes(time, ahead, options)
+    lifts = _extremes(time, -behind, options)
     both = np.concatenate([np.diff(strikes), np.diff(lifts)])
     usual = float(np.median(both)) if len(both) else np.inf
-    strikes = strikes[[_is_seen(time, ahead, at, options.gap * usual) for at in strikes]] if len(strikes) else strikes
-    lifts = lifts[[_is_seen(time, behind, at, options.gap * usual) for at in lifts]] if len(lifts) else lifts
-    return FootTrack(foot, strikes, lifts, np.isfinite(ahead))
+    strikes = (
+        strikes[[_is_seen(time, ahead, at, options.gap * usual) for at in strikes]]
+        if len(strikes)
+        else strikes
+    )
+    lifts = (
+        lifts[[_is_seen(time, behind, at, options.gap * usual) for at in lifts]]
+        if len(lifts)
+        else lifts
+    )
+    return FootTrack(place=foot, strikes=strikes, lifts=lifts, seen=np.isfinite(ahead))
 
 
 def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
@@ -152,11 +173,16 @@ def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
 
 def _vertex(time: Array, values: Array, at: int, reach: int) -> float:
     window = slice(max(at - reach, 0), at + reach + 1)
-    t, x = time[window] - time[at], values[window]
+    t = time[window] - time[at]
+    x = values[window]
     if len(t) < 3:
         return float(time[at])
     _, slope, bend = np.polynomial.polynomial.polyfit(t, x, 2)
-    return float(time[at] + np.clip(-0.5 * slope / bend, t[0], t[-1])) if bend < 0.0 else float(time[at])
+    return (
+        float(time[at] + np.clip(-0.5 * slope / bend, t[0], t[-1]))
+        if bend < 0.0
+        else float(time[at])
+    )
 
 
 def _is_seen(time: Array, values: Array, at: float, within: float) -> bool:
@@ -176,36 +202,59 @@ def on_plates(
     span: tuple[float, float],
     options: StrideOptions,
 ) -> FootTrack:
-    """Events that plates show in place of the nearest ones of the points, those within the points' span of time [s]."""
+    """Events that plates show in place of the nearest ones of the points, those within the points'
+    span of time [s].
+    """
     columns = [index for index, body in enumerate(wrenches.bodies) if body in limb.bodies]
     if not columns:
         return track
-    usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else float(np.ptp(wrenches.time))
+    usual = (
+        float(np.median(np.diff(track.strikes)))
+        if len(track.strikes) > 1
+        else float(np.ptp(wrenches.time))
+    )
     force = np.nan_to_num(wrenches.forces[:, columns] @ up).sum(axis=1)
     touches = contacts(wrenches.time, force, threshold, options.shortest * usual)
     inner = len(wrenches) - 1
-    strikes = [at for start, _ in touches if start > 0 and span[0] <= (at := wrenches.time[start]) <= span[1]]
-    lifts = [at for _, stop in touches if stop < inner and span[0] <= (at := wrenches.time[stop]) <= span[1]]
+    strikes = [
+        at
+        for start, _ in touches
+        if start > 0 and span[0] <= (at := wrenches.time[start]) <= span[1]
+    ]
+    lifts = [
+        at
+        for _, stop in touches
+        if stop < inner and span[0] <= (at := wrenches.time[stop]) <= span[1]
+    ]
     return _with_events(track, strikes, lifts, usual, "plates" if len(strikes) > 1 else "markers")
 
 
-STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact"), ("foot off", "toe off", "foot lift")
+STRIKES = ("foot strike", "foot contact", "heel strike", "initial contact")
+LIFTS = ("foot off", "toe off", "foot lift")
 """What laboratories call the two events."""
 
 
-def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events") -> FootTrack:
+def on_events(
+    track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events"
+) -> FootTrack:
     """Events of a recording in place of the nearest ones of the points: those of the limb's side."""
     side = split_side(limb.name)[1]
     sided = [event for event in events if side and event.side.lower() == side]
-    strikes, lifts = (
-        [event.time for event in sided if event.label.lower().replace("_", " ").strip() in names]
-        for names in (STRIKES, LIFTS)
-    )
+    strikes = [
+        event.time for event in sided if event.label.lower().replace("_", " ").strip() in STRIKES
+    ]
+    lifts = [
+        event.time for event in sided if event.label.lower().replace("_", " ").strip() in LIFTS
+    ]
     if not strikes and not lifts:
         return track
     usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
     if not np.isfinite(usual):
-        usual = float(np.median(np.diff(sorted(strikes)))) if len(strikes) > 1 else float(np.ptp([*strikes, *lifts]))
+        usual = (
+            float(np.median(np.diff(sorted(strikes))))
+            if len(strikes) > 1
+            else float(np.ptp([*strikes, *lifts]))
+        )
     return _with_events(track, strikes, lifts, usual, source if strikes else track.source)
 
 
@@ -218,11 +267,16 @@ def _with_events(
 
 
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
-    """Better events in place of the nearest ones; the others are shifted by as much as those were off in the middle.
-    A stride from an event of one kind to one of the other would be too long or too short by that.
+    """Better events in place of the nearest ones; the others are shifted by as much as those were
+    off in the middle. A stride from an event of one kind to one of the other would be too long or
+    too short by that.
     """
     kept = [event for event in events if all(abs(event - other) > near for other in better)]
-    off = [other - events[int(np.argmin(np.abs(events - other)))] for other in better] if len(events) else []
+    off = (
+        [other - events[int(np.argmin(np.abs(events - other)))] for other in better]
+        if len(events)
+        else []
+    )
     off = [difference for difference in off if abs(difference) <= near]
     shift = float(np.median(off)) if off else 0.0
     return np.array(sorted([*(time + shift for time in kept), *better]))
@@ -232,17 +286,24 @@ def ground_speed_of(
     time: Array, tracks: Mapping[str, FootTrack], trunk: Array, along: Array, options: StrideOptions
 ) -> float:
     """How fast feet that stand move along the travel: the belt's speed, 0 over ground."""
-    standing, traveling = [], []
+    standing = []
+    traveling = []
     trunk_speed = np.gradient(trunk @ along, time)
     for track in tracks.values():
         speed = np.gradient(track.place @ along, time)
         for strike in track.strikes:
             lift = next((time for time in track.lifts if time > strike), np.nan)
-            middle = (time > strike + 0.25 * (lift - strike)) & (time < strike + 0.75 * (lift - strike))
+            middle = (time > strike + 0.25 * (lift - strike)) & (
+                time < strike + 0.75 * (lift - strike)
+            )
             standing.append(speed[middle])
             traveling.append((trunk_speed - speed)[middle])
     stood = np.concatenate(standing) if standing else np.zeros(0)
     if not np.isfinite(stood).any():
         return 0.0
     ground = float(np.nanmedian(stood))
-    return ground if abs(ground) > options.belt * abs(float(np.nanmedian(np.concatenate(traveling)))) else 0.0
+    return (
+        ground
+        if abs(ground) > options.belt * abs(float(np.nanmedian(np.concatenate(traveling))))
+        else 0.0
+    )

@@ -1,8 +1,9 @@
-"""The curves of clinical gait analysis, over the strides of each side: angles, moments, powers and vertical force.
+"""The curves of clinical gait analysis, over the strides of each side: angles, moments, powers and
+vertical force.
 
-Angles are those of the gait profile score (Baker et al. 2009), pelvis and foot seen along the way of
-the stride. The pelvis turns by rotation, obliquity and tilt in this order (Baker 2001). Moments are those of muscles,
-per body mass.
+Angles are those of the gait profile score (Baker et al. 2009), pelvis and foot seen along the way
+of the stride. The pelvis turns by rotation, obliquity and tilt in this order (Baker 2001). Moments
+are those of muscles, per body mass.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from myomorph.rigid.tree import compile_tree
 
 SIDES = ("right", "left")
 SAMPLES = 51  # Every 2 % of the cycle, as gait scores are defined
-LOADED, STOOD = 0.05, 0.8  # Share of body weight, and of the stance, from which on a foot stood on plates
+LOADED = 0.05
+STOOD = 0.8  # Share of body weight, and of the stance, from which on a foot stood on plates
 MIN_STANCE = 0.6  # Share of a stride that is taken for its stance where no foot off was seen
 
 
@@ -41,31 +43,42 @@ class GaitVariable:
 
 
 VARIABLES: tuple[GaitVariable, ...] = (
-    GaitVariable("pelvic_tilt", "Pelvic tilt, anterior", "°", "angle"),
-    GaitVariable("pelvic_obliquity", "Pelvic obliquity, up", "°", "angle"),
-    GaitVariable("pelvic_rotation", "Pelvic rotation, forward", "°", "angle"),
-    GaitVariable("hip_flexion", "Hip flexion", "°", "angle"),
-    GaitVariable("hip_adduction", "Hip adduction", "°", "angle"),
-    GaitVariable("hip_rotation", "Hip rotation, internal", "°", "angle"),
-    GaitVariable("knee_flexion", "Knee flexion", "°", "angle"),
-    GaitVariable("ankle_dorsiflexion", "Ankle dorsiflexion", "°", "angle"),
-    GaitVariable("foot_progression", "Foot progression, internal", "°", "angle"),
-    GaitVariable("hip_moment", "Hip extension moment", "N·m/kg", "moment"),
-    GaitVariable("knee_moment", "Knee extension moment", "N·m/kg", "moment"),
-    GaitVariable("ankle_moment", "Ankle plantarflexion moment", "N·m/kg", "moment"),
-    GaitVariable("hip_power", "Hip power", "W/kg", "power"),
-    GaitVariable("knee_power", "Knee power", "W/kg", "power"),
-    GaitVariable("ankle_power", "Ankle power", "W/kg", "power"),
-    GaitVariable("hip_abduction_moment", "Hip abduction moment", "N·m/kg", "moment"),
-    GaitVariable("vertical_force", "Vertical ground force", "body weights", "force"),
+    GaitVariable(key="pelvic_tilt", title="Pelvic tilt, anterior", unit="°", kind="angle"),
+    GaitVariable(key="pelvic_obliquity", title="Pelvic obliquity, up", unit="°", kind="angle"),
+    GaitVariable(key="pelvic_rotation", title="Pelvic rotation, forward", unit="°", kind="angle"),
+    GaitVariable(key="hip_flexion", title="Hip flexion", unit="°", kind="angle"),
+    GaitVariable(key="hip_adduction", title="Hip adduction", unit="°", kind="angle"),
+    GaitVariable(key="hip_rotation", title="Hip rotation, internal", unit="°", kind="angle"),
+    GaitVariable(key="knee_flexion", title="Knee flexion", unit="°", kind="angle"),
+    GaitVariable(key="ankle_dorsiflexion", title="Ankle dorsiflexion", unit="°", kind="angle"),
+    GaitVariable(
+        key="foot_progression", title="Foot progression, internal", unit="°", kind="angle"
+    ),
+    GaitVariable(key="hip_moment", title="Hip extension moment", unit="N·m/kg", kind="moment"),
+    GaitVariable(key="knee_moment", title="Knee extension moment", unit="N·m/kg", kind="moment"),
+    GaitVariable(
+        key="ankle_moment", title="Ankle plantarflexion moment", unit="N·m/kg", kind="moment"
+    ),
+    GaitVariable(key="hip_power", title="Hip power", unit="W/kg", kind="power"),
+    GaitVariable(key="knee_power", title="Knee power", unit="W/kg", kind="power"),
+    GaitVariable(key="ankle_power", title="Ankle power", unit="W/kg", kind="power"),
+    GaitVariable(
+        key="hip_abduction_moment", title="Hip abduction moment", unit="N·m/kg", kind="moment"
+    ),
+    GaitVariable(
+        key="vertical_force", title="Vertical ground force", unit="body weights", kind="force"
+    ),
 )
 KEYS: tuple[str, ...] = tuple(variable.key for variable in VARIABLES)
 ANGLES = 9  # The first ones, which scores are of
 
 SPELLINGS: Mapping[str, tuple[str, ...]] = {
-    "hip_flexion": ("hip_flexion",), "hip_adduction": ("hip_adduction",), "hip_rotation": ("hip_rotation",),
-    "knee_flexion": ("knee_angle", "knee_flexion"), "ankle_dorsiflexion": ("ankle_angle", "ankle_flexion"),
-}  # fmt: skip
+    "hip_flexion": ("hip_flexion",),
+    "hip_adduction": ("hip_adduction",),
+    "hip_rotation": ("hip_rotation",),
+    "knee_flexion": ("knee_angle", "knee_flexion"),
+    "ankle_dorsiflexion": ("ankle_angle", "ankle_flexion"),
+}
 """Coordinates of each joint angle, as models of the OpenSim family spell them."""
 POWERS: Mapping[str, tuple[str, ...]] = {
     "hip_power": ("hip_flexion", "hip_adduction", "hip_rotation"),
@@ -73,15 +86,19 @@ POWERS: Mapping[str, tuple[str, ...]] = {
     "ankle_power": ("ankle_dorsiflexion",),
 }
 MOMENTS: Mapping[str, str] = {
-    "hip_moment": "hip_flexion", "knee_moment": "knee_flexion", "ankle_moment": "ankle_dorsiflexion",
+    "hip_moment": "hip_flexion",
+    "knee_moment": "knee_flexion",
+    "ankle_moment": "ankle_dorsiflexion",
     "hip_abduction_moment": "hip_adduction",
-}  # fmt: skip
+}
 """Moments against the angle of each, and angles whose moments do the work of a joint."""
 
 
 @read_only
 class GaitCurves:
-    """Curves of both sides over their strides, (strides, SAMPLES, `KEYS`) each, NaN where not known."""
+    """Curves of both sides over their strides, (strides, SAMPLES, `KEYS`) each, NaN where not
+    known.
+    """
 
     right: Cycles
     left: Cycles
@@ -98,8 +115,12 @@ class GaitCurves:
 
 def joined_curves(parts: Sequence[GaitCurves]) -> GaitCurves:
     """The strides of several recordings of one person together."""
-    cycles = {side: Cycles(KEYS, np.concatenate([part.of(side) for part in parts])) for side in SIDES}
-    strides = {side: tuple(stride for part in parts for stride in part.strides[side]) for side in SIDES}
+    cycles = {
+        side: Cycles(KEYS, np.concatenate([part.of(side) for part in parts])) for side in SIDES
+    }
+    strides = {
+        side: tuple(stride for part in parts for stride in part.strides[side]) for side in SIDES
+    }
     return GaitCurves(cycles["right"], cycles["left"], strides)
 
 
@@ -110,14 +131,21 @@ def known_mean(values: Array) -> Array:
 
 
 def gait_curves(
-    model: Model, motion: Motion, strides: Strides, torques: Series | None = None, wrenches: Wrenches | None = None
+    model: Model,
+    motion: Motion,
+    strides: Strides,
+    torques: Series | None = None,
+    wrenches: Wrenches | None = None,
 ) -> GaitCurves | None:
-    """Curves of a walk; None for a model whose hips and knees have no coordinates that the field knows.
-    `motion`: with the velocities of powers, else their differences are taken; `torques` (frames, coordinates) [N m];
-    `wrenches`: on the feet; a stride whose foot did not stand on plates has angles alone.
+    """Curves of a walk; None for a model whose hips and knees have no coordinates that the field
+    knows. `motion`: with the velocities of powers, else their differences are taken; `torques`
+    (frames, coordinates) [N m]; `wrenches`: on the feet; a stride whose foot did not stand on
+    plates has angles alone.
     """
     limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
-    wanted = [_coordinate(model, key, side) for side in SIDES for key in ("hip_flexion", "knee_flexion")]
+    wanted = [
+        _coordinate(model, key, side) for side in SIDES for key in ("hip_flexion", "knee_flexion")
+    ]
     if set(limbs) != set(SIDES) or not all(wanted):
         return None
     body = _Body.of(model, motion, limbs)
@@ -125,7 +153,9 @@ def gait_curves(
     for side in SIDES:
         own = strides.of(limbs[side])
         series = Series(motion.time, KEYS, _columns(body, strides, side, torques, wrenches))
-        values = np.array(over_cycles(series, [(stride.start, stride.stop) for stride in own], SAMPLES).values)
+        values = np.array(
+            over_cycles(series, [(stride.start, stride.stop) for stride in own], SAMPLES).values
+        )
         force = values[..., KEYS.index("vertical_force")]
         for index, stride in enumerate(own):
             duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
@@ -134,7 +164,9 @@ def gait_curves(
             if not np.mean(np.nan_to_num(stance) > LOADED) >= STOOD:
                 values[index, :, ANGLES:] = np.nan
         cycles[side] = Cycles(KEYS, values)
-    return GaitCurves(cycles["right"], cycles["left"], {side: strides.of(limbs[side]) for side in SIDES})
+    return GaitCurves(
+        cycles["right"], cycles["left"], {side: strides.of(limbs[side]) for side in SIDES}
+    )
 
 
 def _coordinate(model: Model, key: str, side: str) -> str:
@@ -145,7 +177,9 @@ def _coordinate(model: Model, key: str, side: str) -> str:
 
 @read_only
 class _Body:
-    """A motion, and the rotations of pelvis and feet from the default pose, along travel: forward, up, right."""
+    """A motion, and the rotations of pelvis and feet from the default pose, along travel: forward,
+    up, right.
+    """
 
     model: Model
     motion: Motion
@@ -164,9 +198,12 @@ class _Body:
         # The default pose, upright and facing forward, joints straight.
         turns = np.array([coordinate.motion == "rotational" for coordinate in model.coordinates])
         standing = np.where(turns, 0.0, tree.defaults)
-        poses, neutral = forward_kinematics(tree, values), forward_kinematics(tree, standing[None])
+        poses = forward_kinematics(tree, values)
+        neutral = forward_kinematics(tree, standing[None])
         names = [_coordinate(model, "hip_flexion", side) for side in SIDES]
-        hips = [next(joint for joint in model.joints if name in joint.coordinates) for name in names]
+        hips = [
+            next(joint for joint in model.joints if name in joint.coordinates) for name in names
+        ]
         pelvis = hips[0].parent
 
         def turned(name: str) -> Array:
@@ -184,31 +221,48 @@ class _Body:
         return cls(model, motion, FrozenMap(limbs), turned(pelvis), place, feet, axes)
 
 
-def _columns(body: _Body, strides: Strides, side: str, torques: Series | None, wrenches: Wrenches | None) -> Array:
+def _columns(
+    body: _Body, strides: Strides, side: str, torques: Series | None, wrenches: Wrenches | None
+) -> Array:
     """(frames, `KEYS`) of one side."""
-    model, motion = body.model, body.motion
+    model = body.model
+    motion = body.motion
     out = {key: np.full(len(motion), np.nan) for key in KEYS}
     ways = _ways(body, strides, strides.of(body.limbs[side]))
-    frames = np.stack([ways, np.broadcast_to(body.axes[:, 1], ways.shape), np.cross(ways, body.axes[:, 1])], axis=2)
-    pelvis, foot = (np.swapaxes(frames, 1, 2) @ turned @ body.axes for turned in (body.pelvis, body.feet[side]))
+    frames = np.stack(
+        [ways, np.broadcast_to(body.axes[:, 1], ways.shape), np.cross(ways, body.axes[:, 1])],
+        axis=2,
+    )
+    pelvis = np.swapaxes(frames, 1, 2) @ body.pelvis @ body.axes
+    foot = np.swapaxes(frames, 1, 2) @ body.feet[side] @ body.axes
     mirrored = 1.0 if side == "right" else -1.0
     out["pelvic_tilt"] = -np.degrees(np.arctan2(pelvis[:, 1, 0], pelvis[:, 1, 1]))
     out["pelvic_obliquity"] = mirrored * np.degrees(np.arcsin(np.clip(pelvis[:, 1, 2], -1.0, 1.0)))
     out["pelvic_rotation"] = mirrored * np.degrees(np.arctan2(pelvis[:, 0, 2], pelvis[:, 2, 2]))
     out["foot_progression"] = -mirrored * np.degrees(np.arctan2(foot[:, 2, 0], foot[:, 0, 0]))
-    velocities = motion.velocities if motion.velocities is not None else np.gradient(motion.values, motion.time, axis=0)
-    moments, rates = {}, {}
+    velocities = (
+        motion.velocities
+        if motion.velocities is not None
+        else np.gradient(motion.values, motion.time, axis=0)
+    )
+    moments = {}
+    rates = {}
     for key in SPELLINGS:
         name = _coordinate(model, key, side)
         if not name:
             continue
         # A knee's coordinate goes down as it bends in OpenSim's gait2392.
         low, high = model.coordinate(name).range
-        sign, column = -1.0 if key == "knee_flexion" and -low > high else 1.0, motion.names.index(name)
+        sign = -1.0 if key == "knee_flexion" and -low > high else 1.0
+        column = motion.names.index(name)
         out[key] = np.degrees(sign * motion.values[:, column])
         rates[key] = sign * velocities[:, column]
         if torques is not None and name in torques.names:
-            moments[key] = sign * np.interp(motion.time, torques.time, torques[name], np.nan, np.nan) / model.mass
+            moments[key] = (
+                sign
+                * np.interp(motion.time, torques.time, torques[name], np.nan, np.nan)
+                / model.mass
+            )
     for key, angle in MOMENTS.items():
         if angle in moments:
             out[key] = -moments[angle]
@@ -225,8 +279,11 @@ def _columns(body: _Body, strides: Strides, side: str, torques: Series | None, w
 
 
 def _ways(body: _Body, strides: Strides, own: Sequence[Stride]) -> Array:
-    """(frames, 3) direction of travel: over ground that of the pelvis in each stride, for walks to and fro."""
-    time, flat = body.motion.time, np.eye(3) - np.outer(body.axes[:, 1], body.axes[:, 1])
+    """(frames, 3) direction of travel: over ground that of the pelvis in each stride, for walks to
+    and fro.
+    """
+    time = body.motion.time
+    flat = np.eye(3) - np.outer(body.axes[:, 1], body.axes[:, 1])
     ways = np.tile(strides.direction, (len(time), 1))
     if strides.ground_speed != 0.0:
         return ways

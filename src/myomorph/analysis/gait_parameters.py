@@ -1,4 +1,6 @@
-"""Spatio-temporal parameters of a walk, by side, each as the mean over its strides with an interval."""
+"""Spatio-temporal parameters of a walk, by side, each as the mean over its strides with an
+interval.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,23 @@ from myomorph.model.provenance import Estimate
 from myomorph.model.sides import split_side
 
 UNITS: Mapping[str, str] = {
-    "Walking speed": "m/s", "Cadence": "steps/min", "Stride time": "s", "Step time": "s", "Stride length": "m",
-    "Step length": "m", "Step width": "m", "Stance": "% of the stride", "Double support": "% of the stride",
-}  # fmt: skip
+    "Walking speed": "m/s",
+    "Cadence": "steps/min",
+    "Stride time": "s",
+    "Step time": "s",
+    "Stride length": "m",
+    "Step length": "m",
+    "Step width": "m",
+    "Stance": "% of the stride",
+    "Double support": "% of the stride",
+}
 LEVEL = 0.9
 
 
 def gait_parameters(strides: Strides) -> dict[str, dict[str, Estimate]]:
-    """By parameter of `UNITS` and side ("right", "left"): the mean, and its interval of 90 % by Student's t."""
+    """By parameter of `UNITS` and side ("right", "left"): the mean, and its interval of 90 % by
+    Student's t.
+    """
     limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
     table: dict[str, dict[str, Estimate]] = {name: {} for name in UNITS}
     for side, limb in limbs.items():
@@ -30,7 +41,9 @@ def gait_parameters(strides: Strides) -> dict[str, dict[str, Estimate]]:
             values = values[np.isfinite(values)]
             if len(values):
                 limits = band(values[:, None], LEVEL)
-                table[name][side] = Estimate(float(values.mean()), float(limits.low[0]), float(limits.high[0]))
+                table[name][side] = Estimate(
+                    float(values.mean()), float(limits.low[0]), float(limits.high[0])
+                )
     return table
 
 
@@ -40,8 +53,20 @@ def _values(stride: Stride, strides: Strides, other: str) -> tuple[float, ...]:
     struck = [time for time in strides.strikes.get(other, ()) if stride.start < time < stride.stop]
     step = stride.stop - struck[-1] if struck else nan
     double = nan
-    lifted = [time for time in strides.lifts.get(other, ()) if struck and stride.start <= time <= struck[0]]
+    lifted = [
+        time
+        for time in strides.lifts.get(other, ())
+        if struck and stride.start <= time <= struck[0]
+    ]
     if lifted and stride.lift > struck[0]:
         double = 100.0 * (lifted[0] - stride.start + stride.lift - struck[0]) / stride.duration
     lengths = stride.length, stride.step, stride.width
-    return stride.speed, 120.0 / stride.duration, stride.duration, step, *lengths, 100.0 * stride.duty, double
+    return (
+        stride.speed,
+        120.0 / stride.duration,
+        stride.duration,
+        step,
+        *lengths,
+        100.0 * stride.duty,
+        double,
+    )

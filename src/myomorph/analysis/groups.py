@@ -1,4 +1,5 @@
-"""Two groups, or the same subjects in two conditions: how strides and curves differ, and how sure that is.
+"""Two groups, or the same subjects in two conditions: how strides and curves differ, and how sure
+that is.
 
 The animal or subject is the unit: the mean of its strides stands for it, however many they are.
 """
@@ -39,7 +40,9 @@ class GroupOptions:
     def __post_init__(self) -> None:
         for name in ("confidence", "alpha"):
             if not 0.0 < getattr(self, name) < 1.0:
-                raise BadData(f"{name} is {getattr(self, name):g}: expected a share between 0 and 1")
+                raise BadData(
+                    f"{name} is {getattr(self, name):g}: expected a share between 0 and 1"
+                )
         if self.permutations < 100:
             raise BadData(f"{self.permutations} permutations: expected 100 or more")
 
@@ -113,7 +116,8 @@ class CurveDifference:
     g: Array
     g_low: Array
     g_high: Array
-    p: Array  # (samples,) corrected for all samples of all signals of the family; NaN where not tested
+    # (samples,) corrected for all samples of all signals of the family; NaN where not tested
+    p: Array
     regions: tuple[tuple[float, float], ...]  # parts of the cycle that differ, (start, stop) [%]
 
     @property
@@ -150,9 +154,9 @@ class Comparison:
 
 def compare_groups(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
     """Parameters and curves of two groups, with intervals, effect sizes and tests.
-    Parameters are tested one by one by relabelling and corrected for their number (Holm; Benjamini and Hochberg beside
-    it); the curves of a family together by the largest statistic over all of them and the whole cycle. With fewer than
-    three animals in a group nothing is tested.
+    Parameters are tested one by one by relabelling and corrected for their number (Holm; Benjamini
+    and Hochberg beside it); the curves of a family together by the largest statistic over all of
+    them and the whole cycle. With fewer than three animals in a group nothing is tested.
     """
     options = options or GroupOptions()
     for group in (first, second):
@@ -161,18 +165,26 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     both = {animal.name for animal in first.animals} & {animal.name for animal in second.animals}
     if both:
         raise BadData(f"'{min(both)}' is in both groups")
-    n, m = len(first.animals), len(second.animals)
-    few = f"groups of {n} and {m} are described, not tested: a test needs {permutations.MIN_SUBJECTS} or more in each"
-    blunt = f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
+    n = len(first.animals)
+    m = len(second.animals)
+    few = (
+        f"groups of {n} and {m} are described, not tested: a test needs {permutations.MIN_SUBJECTS}"
+        " or more in each"
+    )
+    blunt = (
+        f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at"
+        " {:.3g}"
+    )
     return _compared(first, second, options, (n, m), (few, blunt))
 
 
 def compare_paired(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
     """Parameters and curves of subjects in two conditions, with intervals, effect sizes and tests.
-    As `compare_groups`, but of the differences within subjects, so that what differs between subjects drops out: the
-    interval is that of their mean (Student's t), the effect size their mean over their standard deviation with Hedges'
-    correction, and the test turns differences round instead of exchanging subjects. Subjects that only one of the
-    conditions has are left out, by name.
+    As `compare_groups`, but of the differences within subjects, so that what differs between
+    subjects drops out: the interval is that of their mean (Student's t), the effect size their mean
+    over their standard deviation with Hedges' correction, and the test turns differences round
+    instead of exchanging subjects. Subjects that only one of the conditions has are left out, by
+    name.
     """
     options = options or GroupOptions()
     by_name = {animal.name: animal for animal in second.animals}
@@ -181,29 +193,63 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
         raise BadData(f"no subject has both '{first.name}' and '{second.name}'")
     both = {animal.name for animal, _ in pairs}
     alone = [animal.name for animal in (*first.animals, *second.animals) if animal.name not in both]
-    notes = [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"] if alone else []
+    notes = (
+        [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"]
+        if alone
+        else []
+    )
     n = len(pairs)
-    few = f"{n} subjects with both are described, not tested: a test needs {permutations.MIN_SUBJECTS} or more"
-    blunt = f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
-    former, other = (Group(*part) for part in zip((first.name, second.name), zip(*pairs, strict=True), strict=True))
+    few = (
+        f"{n} subjects with both are described, not tested: a test needs"
+        f" {permutations.MIN_SUBJECTS} or more"
+    )
+    blunt = (
+        f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
+    )
+    former, other = (
+        Group(*part)
+        for part in zip((first.name, second.name), zip(*pairs, strict=True), strict=True)
+    )
     return _compared(former, other, options, (n,), (few, blunt), notes)
 
 
 def _compared(
-    first: Group, second: Group, options: GroupOptions, sizes: Sequence[int], words: tuple[str, str],
+    first: Group,
+    second: Group,
+    options: GroupOptions,
+    sizes: Sequence[int],
+    words: tuple[str, str],
     notes: Sequence[str] = (),
-) -> Comparison:  # fmt: skip
-    """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested, or to be called."""
-    tested, paired = min(sizes) >= permutations.MIN_SUBJECTS, len(sizes) == 1
+) -> Comparison:
+    """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested,
+    or to be called.
+    """
+    tested = min(sizes) >= permutations.MIN_SUBJECTS
+    paired = len(sizes) == 1
     floor = permutations.p_floor(*sizes, most=options.permutations) if tested else float("nan")
     lines = [*notes, *([] if tested else words[:1])]
     lines += [words[1].format(floor, options.alpha)] if floor > options.alpha else []
-    members = [tuple((animal.name, animal.strides) for animal in group.animals) for group in (first, second)]
+    members = [
+        tuple((animal.name, animal.strides) for animal in group.animals)
+        for group in (first, second)
+    ]
     exact = (2 ** sizes[0] if paired else comb(sum(sizes), sizes[0])) <= options.permutations
     scalars = _scalars(first, second, options, tested, paired, lines)
     curves = _curves(first, second, options, tested, paired, lines)
-    names, animals = (first.name, second.name), (members[0], members[1])
-    return Comparison(names, animals, scalars, curves, options, tested, exact, floor, tuple(lines), paired)
+    names = (first.name, second.name)
+    animals = (members[0], members[1])
+    return Comparison(
+        names=names,
+        animals=animals,
+        scalars=scalars,
+        curves=curves,
+        options=options,
+        tested=tested,
+        exact=exact,
+        floor=floor,
+        notes=tuple(lines),
+        paired=paired,
+    )
 
 
 def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
@@ -222,23 +268,37 @@ def _scalars(
     animals = (*first.animals, *second.animals)
     scalars = []
     for name in _common_names([tuple(animal.scalars) for animal in animals], "parameters", notes):
-        former, other = (np.array([animal.scalar(name) for animal in group.animals]) for group in (first, second))
-        known, others = np.isfinite(former), np.isfinite(other)
+        former = np.array([animal.scalar(name) for animal in first.animals])
+        other = np.array([animal.scalar(name) for animal in second.animals])
+        known = np.isfinite(former)
+        others = np.isfinite(other)
         if paired:
             known = others = known & others
-        former, other = former[known], other[others]
+        former = former[known]
+        other = other[others]
         samples = (former - other,) if paired else (former, other)
         sizes = [len(part) for part in samples]
         g = float(permutations.hedges_g(*samples))
         p = float("nan")
         if tested and min(sizes) >= permutations.MIN_SUBJECTS:
-            p = float(permutations.permutation_test(*samples, most=options.permutations, seed=options.seed).p)
+            p = float(
+                permutations.permutation_test(
+                    *samples, most=options.permutations, seed=options.seed
+                ).p
+            )
         mean, low, high = map(float, _mean_interval(samples, options.confidence))
         ends = permutations.g_interval(g, *sizes, confidence=options.confidence)
-        scalars.append(ScalarDifference(name, _described(former), _described(other), mean, low, high, g, *ends, p))
+        scalars.append(
+            ScalarDifference(
+                name, _described(former), _described(other), mean, low, high, g, *ends, p
+            )
+        )
     alone = np.array([scalar.p for scalar in scalars])
-    corrected, q = permutations.holm(alone), permutations.benjamini_hochberg(alone)
-    return tuple(replace(scalar, holm=float(corrected[i]), q=float(q[i])) for i, scalar in enumerate(scalars))
+    corrected = permutations.holm(alone)
+    q = permutations.benjamini_hochberg(alone)
+    return tuple(
+        replace(scalar, holm=float(corrected[i]), q=float(q[i])) for i, scalar in enumerate(scalars)
+    )
 
 
 def _described(values: Array) -> tuple[float, float, int]:
@@ -248,7 +308,9 @@ def _described(values: Array) -> tuple[float, float, int]:
 
 
 def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, Array, Array]:
-    """Difference of two groups' means, with spreads of their own (Welch 1947), or mean of one sample; its interval."""
+    """Difference of two groups' means, with spreads of their own (Welch 1947), or mean of one
+    sample; its interval.
+    """
     nothing = np.full(samples[0].shape[1:], np.nan)
     if not all(len(sample) for sample in samples):
         return nothing, nothing, nothing
@@ -258,9 +320,13 @@ def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, 
         return difference, nothing, nothing
     errors = [sample.var(axis=0, ddof=1) / len(sample) for sample in samples]
     with np.errstate(divide="ignore", invalid="ignore"):
-        parts = sum(error**2 / (len(sample) - 1) for sample, error in zip(samples, errors, strict=True))
+        parts = sum(
+            error**2 / (len(sample) - 1) for sample, error in zip(samples, errors, strict=True)
+        )
         freedom = sum(errors) ** 2 / parts
-    deviations = scipy.special.stdtrit(np.where(np.isfinite(freedom), freedom, 1.0), 0.5 + 0.5 * confidence)
+    deviations = scipy.special.stdtrit(
+        np.where(np.isfinite(freedom), freedom, 1.0), 0.5 + 0.5 * confidence
+    )
     half = deviations * np.sqrt(sum(errors))
     return difference, difference - half, difference + half
 
@@ -270,30 +336,50 @@ def _curves(
 ) -> tuple[CurveDifference, ...]:
     animals = (*first.animals, *second.animals)
     curve_differences: list[CurveDifference] = []
-    for family in _common_names([tuple(animal.curves) for animal in animals], "kinds of curves", notes):
-        names = _common_names([animal.curves[family].names for animal in animals], f"{family}: curves", notes)
+    for family in _common_names(
+        [tuple(animal.curves) for animal in animals], "kinds of curves", notes
+    ):
+        names = _common_names(
+            [animal.curves[family].names for animal in animals], f"{family}: curves", notes
+        )
         if not names:
             continue
-        former, other = (
-            np.stack([[animal.curve(family, name) for name in names] for animal in group.animals])
-            for group in (first, second)
+        former = np.stack(
+            [[animal.curve(family, name) for name in names] for animal in first.animals]
+        )
+        other = np.stack(
+            [[animal.curve(family, name) for name in names] for animal in second.animals]
         )
         samples = (former - other,) if paired else (former, other)
         p = np.full(former.shape[1:], np.nan)
         if tested:
-            p = permutations.permutation_test(*samples, most=options.permutations, seed=options.seed).p
-        g, sizes = permutations.hedges_g(*samples), [len(part) for part in samples]
+            p = permutations.permutation_test(
+                *samples, most=options.permutations, seed=options.seed
+            ).p
+        g = permutations.hedges_g(*samples)
+        sizes = [len(part) for part in samples]
         difference, low, high = _mean_interval(samples, options.confidence)
         g_low, g_high = permutations.g_curve_interval(g, *sizes, confidence=options.confidence)
         for index, name in enumerate(names):
-            first_band, second_band = (band(part[:, index], options.confidence) for part in (former, other))
+            first_band = band(former[:, index], options.confidence)
+            second_band = band(other[:, index], options.confidence)
             curve_differences.append(
                 CurveDifference(
-                    family, name, first_band, second_band, (former[:, index], other[:, index]),
-                    difference[index], low[index], high[index],
-                    g[index], g_low[index], g_high[index], p[index], regions(p[index] < options.alpha),
+                    family=family,
+                    name=name,
+                    first=first_band,
+                    second=second_band,
+                    each=(former[:, index], other[:, index]),
+                    difference=difference[index],
+                    low=low[index],
+                    high=high[index],
+                    g=g[index],
+                    g_low=g_low[index],
+                    g_high=g_high[index],
+                    p=p[index],
+                    regions=regions(p[index] < options.alpha),
                 )
-            )  # fmt: skip
+            )
     return tuple(curve_differences)
 
 

@@ -1,7 +1,9 @@
-"""Muscle-length analysis: what every muscle-tendon unit does over the stride of its limb, stride by stride.
+"""Muscle-length analysis: what every muscle-tendon unit does over the stride of its limb, stride by
+stride.
 
-Lengths are reported in millimetres, against the length on the standing animal (the model's default pose) and in optimal
-fiber lengths; velocities in optimal fiber lengths a second, positive while the unit lengthens. [D] ch. 6.
+Lengths are reported in millimetres, against the length on the standing animal (the model's default
+pose) and in optimal fiber lengths; velocities in optimal fiber lengths a second, positive while the
+unit lengthens. [D] ch. 6.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ class LengthAnalysis:
     muscles: tuple[str, ...]
     limbs: tuple[str, ...]  # of each muscle
     strides: Mapping[str, tuple[Stride, ...]]  # by limb, those analysed
-    # lengths, rates: by limb, over its strides [m], [m/s]; `rates` is empty where velocities are not known
+    # lengths, rates: by limb, over its strides [m], [m/s]; `rates` is empty where velocities are
+    # not known
     lengths: Mapping[str, Cycles]
     rates: Mapping[str, Cycles]
     # standing, fiber: (muscles,) length in the model's default pose, optimal fiber length [m]
@@ -73,7 +76,8 @@ class LengthAnalysis:
         return tuple(muscle_range for muscle_range in known_ranges if muscle_range is not None)
 
     def _range(self, column: int) -> MuscleRange | None:
-        muscle, limb = self.muscles[column], self.limbs[column]
+        muscle = self.muscles[column]
+        limb = self.limbs[column]
         curves = self.curves(muscle)
         whole = np.isfinite(curves).all(axis=1)
         if not whole.any():
@@ -82,28 +86,39 @@ class LengthAnalysis:
         percent = self.lengths[limb].percent
         fastest = (float("nan"), float("nan"))
         if limb in self.rates and self.fiber[column] > 0.0:
-            rates = self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)] / self.fiber[column]
+            rates = (
+                self.rates[limb].values[whole, :, self.rates[limb].names.index(muscle)]
+                / self.fiber[column]
+            )
             if np.isfinite(rates).all():
                 fastest = (float(-rates.min(axis=1).mean()), float(rates.max(axis=1).mean()))
-        shortest, longest = (float(end(curves[whole], axis=1).mean()) for end in (np.min, np.max))
+        shortest = float(np.min(curves[whole], axis=1).mean())
+        longest = float(np.max(curves[whole], axis=1).mean())
         at = float(percent[int(np.argmin(mean))]), float(percent[int(np.argmax(mean))])
         lengths = float(self.standing[column]), float(self.fiber[column])
-        return MuscleRange(muscle, limb, int(whole.sum()), shortest, longest, *at, *lengths, *fastest)
+        return MuscleRange(
+            muscle, limb, int(whole.sum()), shortest, longest, *at, *lengths, *fastest
+        )
 
 
-def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Series | None = None) -> LengthAnalysis:
+def length_analysis(
+    model: Model, lengths: Series, strides: Strides, rates: Series | None = None
+) -> LengthAnalysis:
     """Muscle-tendon lengths over every stride of the limb that each muscle moves.
-    A muscle belongs to the limb that any of its points or surfaces is on; one that is on none (of the trunk)
-    goes with the first limb's strides.
-    `lengths` (frames, muscles) [m], NaN where not known; `rates` (frames, muscles) their velocities [m/s].
+    A muscle belongs to the limb that any of its points or surfaces is on; one that is on none (of
+    the trunk) goes with the first limb's strides. `lengths` (frames, muscles) [m], NaN where not
+    known; `rates` (frames, muscles) their velocities [m/s].
     """
     owners = _owners(model, tuple(lengths.names))
     by_limb = {name: strides.of(name) for name in strides.strikes}
     if not any(by_limb.values()):
         raise BadData("there is no whole stride to analyse muscle lengths over")
-    every, speeds = {}, {}
+    every = {}
+    speeds = {}
     for limb, limb_strides in by_limb.items():
-        names = tuple(muscle for muscle, owner in zip(lengths.names, owners, strict=True) if owner == limb)
+        names = tuple(
+            muscle for muscle, owner in zip(lengths.names, owners, strict=True) if owner == limb
+        )
         spans = [(stride.start, stride.stop) for stride in limb_strides]
         every[limb] = over_cycles(_columns(lengths, names), spans)
         if rates is not None:
@@ -128,11 +143,15 @@ def _owners(model: Model, muscles: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _columns(series: Series, names: tuple[str, ...]) -> Series:
-    return Series(series.time, names, series.values[:, [series.names.index(name) for name in names]])
+    return Series(
+        series.time, names, series.values[:, [series.names.index(name) for name in names]]
+    )
 
 
 def curve_rows(analysis: LengthAnalysis) -> Iterator[tuple[str, ...]]:
-    """A table of every stride of every muscle: limb, start, end, muscle, and the length at each percent [mm]."""
+    """A table of every stride of every muscle: limb, start, end, muscle, and the length at each
+    percent [mm].
+    """
     percents = next(iter(analysis.lengths.values())).percent
     yield "limb", "start [s]", "end [s]", "muscle", *(f"{percent:g} %" for percent in percents)
     for limb, cycles in analysis.lengths.items():
@@ -143,14 +162,28 @@ def curve_rows(analysis: LengthAnalysis) -> Iterator[tuple[str, ...]]:
 
 
 RANGE_HEAD = (
-    "muscle", "limb", "strides", "shortest [mm]", "at [%]", "longest [mm]", "at [%]", "standing [mm]",
-    "excursion [fiber lengths]", "shortening [fiber lengths/s]", "lengthening [fiber lengths/s]",
-)  # fmt: skip
+    "muscle",
+    "limb",
+    "strides",
+    "shortest [mm]",
+    "at [%]",
+    "longest [mm]",
+    "at [%]",
+    "standing [mm]",
+    "excursion [fiber lengths]",
+    "shortening [fiber lengths/s]",
+    "lengthening [fiber lengths/s]",
+)
 
 
 def range_row(muscle_range: MuscleRange) -> tuple[str, ...]:
     """A muscle's line, under `RANGE_HEAD`."""
-    ends = 1e3 * muscle_range.shortest, muscle_range.shortest_at, 1e3 * muscle_range.longest, muscle_range.longest_at
+    ends = (
+        1e3 * muscle_range.shortest,
+        muscle_range.shortest_at,
+        1e3 * muscle_range.longest,
+        muscle_range.longest_at,
+    )
     shares = muscle_range.excursion, muscle_range.shortening, muscle_range.lengthening
     values = (f"{value:.4g}" for value in (*ends, 1e3 * muscle_range.standing, *shares))
     return muscle_range.muscle, muscle_range.limb, str(muscle_range.strides), *values

@@ -48,7 +48,12 @@ class Cutting:
     @property
     def phases(self) -> tuple[Phase, ...]:
         """All phases in order of time."""
-        return tuple(sorted((phase for stage in self.stages for phase in stage.phases), key=lambda phase: phase.start))
+        return tuple(
+            sorted(
+                (phase for stage in self.stages for phase in stage.phases),
+                key=lambda phase: phase.start,
+            )
+        )
 
 
 @read_only
@@ -66,11 +71,18 @@ class Cuttable:
 
 
 def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cutting:
-    """Phases as given; else by the first of the cuts that makes at least two and not too many of them."""
+    """Phases as given; else by the first of the cuts that makes at least two and not too many of
+    them.
+    """
     if phases:
         in_order = sorted(phases, key=lambda phase: phase.start)
         return Cutting(tuple(Stage(phase.name, (phase,)) for phase in in_order), "given")
-    makers = {"events": _between_events, "contacts": _by_contacts, "cycles": _cycles, "parts": _parts}
+    makers = {
+        "events": _between_events,
+        "contacts": _by_contacts,
+        "cycles": _cycles,
+        "parts": _parts,
+    }
     for way in cuts:
         stages = makers[way](what)
         if 2 <= len(stages) <= MAX_STAGES:
@@ -87,19 +99,24 @@ def _single(borders: Sequence[float], names: Sequence[str]) -> tuple[Stage, ...]
 
 
 def _between_events(what: Cuttable) -> tuple[Stage, ...]:
-    """From one event to the next, named after both; what lies before the first and after the last too."""
+    """From one event to the next, named after both; what lies before the first and after the last
+    too.
+    """
     inside = [event for event in what.events if what.span[0] < event.time < what.span[1]]
     if not inside:
         return ()
-    labels = [f"{event.side[:1]} {event.label.replace('Foot ', '').lower()}".strip() for event in inside]
+    labels = [
+        f"{event.side[:1]} {event.label.replace('Foot ', '').lower()}".strip() for event in inside
+    ]
     borders = [what.span[0], *(event.time for event in inside), what.span[1]]
     names = [f"to {labels[0]}", *(f"{a} – {b}" for a, b in itertools.pairwise(labels))]
     return _single(borders, [*names, f"from {labels[-1]}"])
 
 
 def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
-    """Where what touches changes; all phases with the same contacts are one stage, in order of appearance.
-    What touches from the first frame to the last tells no phase from another, and is not named.
+    """Where what touches changes; all phases with the same contacts are one stage, in order of
+    appearance. What touches from the first frame to the last tells no phase from another, and is
+    not named.
     """
     if what.touching is None or not len(what.contact_names) or not what.touching.any():
         return ()
@@ -140,7 +157,9 @@ def together(names: Sequence[str], nothing: str = "no contact") -> str:
 
 
 def _steady(touching: np.ndarray, time: Array) -> list[tuple[int, int]]:
-    """Runs [first, last] of frames of the same contacts; a run too short to be one joins the one before it."""
+    """Runs [first, last] of frames of the same contacts; a run too short to be one joins the one
+    before it.
+    """
     changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=1)) + 1
     borders = [0, *changes.tolist(), len(touching)]
     runs: list[tuple[int, int]] = []
@@ -177,8 +196,8 @@ class StageMeasures:
     """What a stage is like."""
 
     stage: Stage
-    # mean, range, variance: (3,) of the center of gravity along the ground's axes [m], [m], [m^2]; range and variance
-    # are those within a phase, their means over the phases of a stage
+    # mean, range, variance: (3,) of the center of gravity along the ground's axes [m], [m], [m^2];
+    # range and variance are those within a phase, their means over the phases of a stage
     mean: Array
     range: Array
     variance: Array
@@ -186,18 +205,25 @@ class StageMeasures:
     activity: float
     peak: float
     strongest: int  # index of the muscle of the largest mean activation, -1 where none is known
-    contact: Array  # (names,) share of its time that each limb touches; empty where contacts are not known
+    # (names,) share of its time that each limb touches; empty where contacts are not known
+    contact: Array
 
 
 def measure(
-    stage: Stage, center: Series | None, activations: Series | None, time: Array, touching: np.ndarray | None
+    stage: Stage,
+    center: Series | None,
+    activations: Series | None,
+    time: Array,
+    touching: np.ndarray | None,
 ) -> StageMeasures:
     """Measures of one stage; NaN where it has no frames.
-    `center`: center of gravity (frames, 3) [m]; `activations` (frames, muscles); `time`, `touching` (frames,) and
-    (frames, limbs).
+    `center`: center of gravity (frames, 3) [m]; `activations` (frames, muscles); `time`, `touching`
+    (frames,) and (frames, limbs).
     """
     unknown = np.full(3, np.nan)
-    mean, reach, variance = unknown, unknown, unknown
+    mean = unknown
+    reach = unknown
+    variance = unknown
     if center is not None:
         parts = [center.values[Stage("", (phase,)).inside(center.time)] for phase in stage.phases]
         parts = [kept for part in parts if len(kept := part[np.isfinite(part).all(axis=1)])]
@@ -206,14 +232,31 @@ def measure(
             mean = share @ [part.mean(axis=0) for part in parts]
             reach = share @ [np.ptp(part, axis=0) for part in parts]
             variance = share @ [part.var(axis=0) for part in parts]
-    activity, peak, strongest = float("nan"), float("nan"), -1
+    activity = float("nan")
+    peak = float("nan")
+    strongest = -1
     if activations is not None and activations.names:
         rows = activations.values[stage.inside(activations.time)]
         if rows.size and np.isfinite(rows).any():
-            means = np.array([np.nanmean(row) if np.isfinite(row).any() else np.nan for row in rows.T])
-            activity, peak, strongest = float(np.nanmean(means)), float(np.nanmax(rows)), int(np.nanargmax(means))
+            means = np.array(
+                [np.nanmean(row) if np.isfinite(row).any() else np.nan for row in rows.T]
+            )
+            activity = float(np.nanmean(means))
+            peak = float(np.nanmax(rows))
+            strongest = int(np.nanargmax(means))
     contact = np.zeros(0)
     if touching is not None:
         inside = stage.inside(time)
-        contact = touching[inside].mean(axis=0) if inside.any() else np.full(touching.shape[1], np.nan)
-    return StageMeasures(stage, mean, reach, variance, activity, peak, strongest, contact)
+        contact = (
+            touching[inside].mean(axis=0) if inside.any() else np.full(touching.shape[1], np.nan)
+        )
+    return StageMeasures(
+        stage=stage,
+        mean=mean,
+        range=reach,
+        variance=variance,
+        activity=activity,
+        peak=peak,
+        strongest=strongest,
+        contact=contact,
+    )

@@ -1,4 +1,6 @@
-"""What a kind of motion is looked at for: muscles and phases of its analysis, and how models spell muscles."""
+"""What a kind of motion is looked at for: muscles and phases of its analysis, and how models spell
+muscles.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,10 @@ from myomorph.model.sides import split_side
 
 _UPPER = (
     ("Deltoid, anterior", r"(delt(oid)?_?(ant(erior)?|clav\w*|1)|delt1)"),
-    ("Deltoid, posterior", r"(delt(oid)?_?(post(erior)?|3)|delt3|delt(oideus)?_?scap(ula)?_?(post)?\w*)"),
+    (
+        "Deltoid, posterior",
+        r"(delt(oid)?_?(post(erior)?|3)|delt3|delt(oideus)?_?scap(ula)?_?(post)?\w*)",
+    ),
     ("Biceps brachii, long head", r"(bic_?(brachii_?)?l(ong|h)|biclong|bic_l|biceps_?(lh|long))"),
     ("Triceps brachii, lateral head", r"(tri_?lat|triceps_?lat(eral)?|tri_?lt)"),
     ("Brachioradialis", r"(brd|brachiorad(ialis)?|brachrad)"),
@@ -33,10 +38,12 @@ def named_muscles(
 ) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
     """The wanted muscles that a model has, right and left together, and those that it lacks.
     Parts of one muscle are members of one pair.
-    `names`: of the model's muscles; `wanted`: of `MUSCLES` or of the model; `prefix`: begins one subject's names.
+    `names`: of the model's muscles; `wanted`: of `MUSCLES` or of the model; `prefix`: begins one
+    subject's names.
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
-    pairs, lacking = [], []
+    pairs = []
+    lacking = []
     for label in wanted:
         members = with_right(spelled(bare, MUSCLES.get(label) or re.escape(split_side(label)[0])))
         if members:
@@ -59,8 +66,9 @@ def plain_words(name: str) -> str:
 Cut = Literal["events", "contacts", "cycles", "parts"]
 
 CUTS: tuple[Cut, ...] = ("events", "contacts", "cycles", "parts")
-"""Every way to cut a motion: between events, where the contact state changes, by the period of the center of gravity,
-into four equal parts."""
+"""Every way to cut a motion: between events, where the contact state changes, by the period of the
+center of gravity, into four equal parts.
+"""
 
 
 @dataclass(frozen=True)
@@ -74,35 +82,99 @@ class Preset:
     pictures: int = 9  # in the strip
 
     def __post_init__(self) -> None:
-        for kind, names, known in (("muscle", self.muscles, tuple(MUSCLES)), ("cut", self.cuts, CUTS)):
+        for kind, names, known in (
+            ("muscle", self.muscles, tuple(MUSCLES)),
+            ("cut", self.cuts, CUTS),
+        ):
             for name in names:
                 check_name(kind, name, known, f"the preset '{self.name}': the report")
 
 
-_ARM = ("Deltoid, anterior", "Deltoid, posterior", "Biceps brachii, long head", "Triceps brachii, lateral head")
-_LEG = ("Rectus femoris", "Biceps femoris, long head", "Tibialis anterior", "Gastrocnemius, lateral")
+_ARM = (
+    "Deltoid, anterior",
+    "Deltoid, posterior",
+    "Biceps brachii, long head",
+    "Triceps brachii, lateral head",
+)
+_LEG = (
+    "Rectus femoris",
+    "Biceps femoris, long head",
+    "Tibialis anterior",
+    "Gastrocnemius, lateral",
+)
 _WALK = (
-    "Gluteus maximus", "Gluteus medius", "Rectus femoris", "Vastus lateralis", "Biceps femoris, long head",
-    "Gastrocnemius, lateral", "Soleus", "Tibialis anterior",
-)  # fmt: skip
+    "Gluteus maximus",
+    "Gluteus medius",
+    "Rectus femoris",
+    "Vastus lateralis",
+    "Biceps femoris, long head",
+    "Gastrocnemius, lateral",
+    "Soleus",
+    "Tibialis anterior",
+)
 _TAP = (*_ARM, "Trapezius", "Gluteus maximus", *_LEG)
-_DRUM = (*_ARM, "Brachioradialis", "External oblique", "Tibialis anterior", "Gastrocnemius, lateral")
+_DRUM = (
+    *_ARM,
+    "Brachioradialis",
+    "External oblique",
+    "Tibialis anterior",
+    "Gastrocnemius, lateral",
+)
 _JUDO = (
-    *_ARM, "Trapezius", "Latissimus dorsi", "External oblique", "Erector spinae", "Gluteus maximus", *_LEG
-)  # fmt: skip
+    *_ARM,
+    "Trapezius",
+    "Latissimus dorsi",
+    "External oblique",
+    "Erector spinae",
+    "Gluteus maximus",
+    *_LEG,
+)
 _LIFT = (
-    "Deltoid, anterior", "Biceps brachii, long head", "Trapezius", "Latissimus dorsi", "Erector spinae",
-    "External oblique", "Gluteus maximus", "Rectus femoris", "Vastus lateralis", "Biceps femoris, long head",
-)  # fmt: skip
-_GENERAL = (*_ARM, "Trapezius", "Erector spinae", "Gluteus maximus", *_LEG[:1], "Vastus lateralis", *_LEG[1:])
+    "Deltoid, anterior",
+    "Biceps brachii, long head",
+    "Trapezius",
+    "Latissimus dorsi",
+    "Erector spinae",
+    "External oblique",
+    "Gluteus maximus",
+    "Rectus femoris",
+    "Vastus lateralis",
+    "Biceps femoris, long head",
+)
+_GENERAL = (
+    *_ARM,
+    "Trapezius",
+    "Erector spinae",
+    "Gluteus maximus",
+    *_LEG[:1],
+    "Vastus lateralis",
+    *_LEG[1:],
+)
 _ALL = (
-    Preset("taichi", "Tai Chi", (*_ARM, *_LEG), ("cycles", "contacts", "parts"), 10),
-    Preset("tap", "Tap dance", _TAP, ("events", "cycles", "parts"), 10),
-    Preset("drum", "Drum playing", _DRUM, ("events", "cycles", "parts")),
-    Preset("judo", "Judo", _JUDO, ("events", "contacts", "cycles", "parts")),
-    Preset("gait", "Gait", _WALK, ("contacts", "events", "cycles")),
-    Preset("lift", "Lifting", _LIFT, ("contacts", "events", "cycles", "parts")),
-    Preset("motion", "The motion", _GENERAL, ("events", "contacts", "cycles", "parts")),
+    Preset(
+        name="taichi",
+        title="Tai Chi",
+        muscles=(*_ARM, *_LEG),
+        cuts=("cycles", "contacts", "parts"),
+        pictures=10,
+    ),
+    Preset(
+        name="tap", title="Tap dance", muscles=_TAP, cuts=("events", "cycles", "parts"), pictures=10
+    ),
+    Preset(name="drum", title="Drum playing", muscles=_DRUM, cuts=("events", "cycles", "parts")),
+    Preset(
+        name="judo", title="Judo", muscles=_JUDO, cuts=("events", "contacts", "cycles", "parts")
+    ),
+    Preset(name="gait", title="Gait", muscles=_WALK, cuts=("contacts", "events", "cycles")),
+    Preset(
+        name="lift", title="Lifting", muscles=_LIFT, cuts=("contacts", "events", "cycles", "parts")
+    ),
+    Preset(
+        name="motion",
+        title="The motion",
+        muscles=_GENERAL,
+        cuts=("events", "contacts", "cycles", "parts"),
+    ),
 )
 PRESETS: Mapping[str, Preset] = FrozenMap({preset.name: preset for preset in _ALL})
 """By name; "motion" is for what no other fits."""
@@ -116,8 +188,9 @@ def preset_of(name: str) -> Preset:
 
 def fitting_preset(walks: bool, sources: tuple[str, ...], persons: int, holds: bool) -> Preset:
     """The preset that a recording asks for by itself.
-    `walks`: whether feet strike the ground one after the other; `sources`: where the contacts come from; `persons`:
-    subjects with muscles; `holds`: whether an object without muscles is in the recording.
+    `walks`: whether feet strike the ground one after the other; `sources`: where the contacts come
+    from; `persons`: subjects with muscles; `holds`: whether an object without muscles is in the
+    recording.
     """
     if persons > 1:
         return PRESETS["judo"]

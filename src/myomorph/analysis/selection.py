@@ -28,7 +28,10 @@ MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Rectus femoris", r"(rec(t(us)?)?_?fem(oris)?\d*|rf)"),
     ("Vastus medialis", r"(vas(tus)?_?med(ialis|ius)?\d*|vm)"),
     ("Vastus lateralis", r"(vas(tus)?_?lat(eralis)?\d*|vasti|vl)"),
-    ("Biceps femoris, long head", r"(bi?f_?(em)?_?lh|bicfem|bifemlh|bflh|hamstrings|biceps_?fem(oris)?(_?lh)?)\d*"),
+    (
+        "Biceps femoris, long head",
+        r"(bi?f_?(em)?_?lh|bicfem|bifemlh|bflh|hamstrings|biceps_?fem(oris)?(_?lh)?)\d*",
+    ),
     ("Semitendinosus", r"semi_?ten(dinosus)?"),
     ("Semimembranosus", r"semi_?mem(branosus)?"),
     ("Gastrocnemius, medial", r"(gas_?med|med_?gas|gastroc(nemius)?)\d*"),
@@ -37,17 +40,43 @@ MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Tibialis anterior", r"(tib(ialis)?_?ant(erior)?|ta)"),
     ("Peroneus longus", r"(per(oneus)?|fib(ularis)?)_?long(us)?"),
 )
-"""Muscles shown first, with the spellings of the Rajagopal, gait2392 and MyoSim families, hip to ankle."""
+"""Muscles shown first, with the spellings of the Rajagopal, gait2392 and MyoSim families, hip to
+ankle.
+"""
 OTHER_LEG_MUSCLES: tuple[str, ...] = (
-    r"gl(ut)?_?min\w*", r"tfl", r"sar(t)?", r"piri|peri|gem|quad_?fem", r"add_?(brev|long)|pect|grac",
-    r"bi?f(em)?_?sh\d*", r"vas_?int", r"tib_?post", r"per_?(brev|tert)",
+    r"gl(ut)?_?min\w*",
+    r"tfl",
+    r"sar(t)?",
+    r"piri|peri|gem|quad_?fem",
+    r"add_?(brev|long)|pect|grac",
+    r"bi?f(em)?_?sh\d*",
+    r"vas_?int",
+    r"tib_?post",
+    r"per_?(brev|tert)",
     r"(edl|ehl|fdl|fhl|ext_?(dig|hal)|flex_?(dig|hal))",
-)  # fmt: skip
+)
 COORDINATE_ORDER: tuple[str, ...] = (
-    "hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_flexion", "ankle_angle", "ankle_flexion",
-    "subtalar_angle", "lumbar_extension", "lumbar_bending", "lumbar_rotation", "arm_flex", "arm_add", "arm_rot",
-    "elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flex", "elbow_flexion", "pro_sup",
-)  # fmt: skip
+    "hip_flexion",
+    "hip_adduction",
+    "hip_rotation",
+    "knee_angle",
+    "knee_flexion",
+    "ankle_angle",
+    "ankle_flexion",
+    "subtalar_angle",
+    "lumbar_extension",
+    "lumbar_bending",
+    "lumbar_rotation",
+    "arm_flex",
+    "arm_add",
+    "arm_rot",
+    "elv_angle",
+    "shoulder_elv",
+    "shoulder_rot",
+    "elbow_flex",
+    "elbow_flexion",
+    "pro_sup",
+)
 """Coordinates shown first where a model has them; the others follow by how far they move."""
 
 
@@ -56,7 +85,8 @@ class Pair:
     """One thing on the two sides of the body, or in the middle."""
 
     label: str  # what it is called in print
-    members: Mapping[str, tuple[str, ...]]  # side ("right", "left" or "") to the names that make it up
+    # side ("right", "left" or "") to the names that make it up
+    members: Mapping[str, tuple[str, ...]]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,7 +95,9 @@ class Pair:
 
 
 def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
-    """Names paired over sides, in order; one without a side is the right of a left that answers (`DELT1_l`)."""
+    """Names paired over sides, in order; one without a side is the right of a left that answers
+    (`DELT1_l`).
+    """
     by_base: dict[str, dict[str, tuple[str, ...]]] = {}
     for name in names:
         base, side = split_side(name)
@@ -98,8 +130,9 @@ def printed(name: str) -> str:
 
 def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Coordinates between the ground and the body that carries the rest: translations, rotations.
-    They carry no muscle: what inverse dynamics finds there is what the recording leaves unexplained.
-    Both are empty where no joint to the ground translates, as in an arm fixed at the shoulder.
+    They carry no muscle: what inverse dynamics finds there is what the recording leaves
+    unexplained. Both are empty where no joint to the ground translates, as in an arm fixed at the
+    shoulder.
     """
     translations: list[str] = []
     rotations: list[str] = []
@@ -110,10 +143,14 @@ def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
         if joint.parent != GROUND and joint.parent not in free_bodies:
             continue
         axes = [axis for axis in joint.axes if axis.function.arity]
-        if any(axis.kind == "translation" for axis in axes) or (axes and joint.parent in free_bodies):
+        if any(axis.kind == "translation" for axis in axes) or (
+            axes and joint.parent in free_bodies
+        ):
             for axis in axes:
                 target = translations if axis.kind == "translation" else rotations
-                target += [name for name in axis.coordinates if name not in fixed and name not in target]
+                target += [
+                    name for name in axis.coordinates if name not in fixed and name not in target
+                ]
         if joint.parent == GROUND and model.body(joint.child).mass < 1e-6 * max(model.mass, 1e-12):
             free_bodies.add(joint.child)
     return (tuple(translations), tuple(rotations)) if translations else ((), ())
@@ -125,9 +162,16 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
     usual ones come first, then the others by how far they move.
     `ranges`: how far each coordinate moved [rad or m]; `most`: figures at most.
     """
-    left_out = {*(name for group in root_coordinates(model) for name in group), *model.dependent_coordinates}
-    free = [each.name for each in model.coordinates if each.motion == "rotational" and not each.locked]
-    moving = [name for name in free if name not in left_out and ranges.get(name, 0.0) > np.deg2rad(1.0)]
+    left_out = {
+        *(name for group in root_coordinates(model) for name in group),
+        *model.dependent_coordinates,
+    }
+    free = [
+        each.name for each in model.coordinates if each.motion == "rotational" and not each.locked
+    ]
+    moving = [
+        name for name in free if name not in left_out and ranges.get(name, 0.0) > np.deg2rad(1.0)
+    ]
 
     def rank(pair: Pair) -> tuple[int, float]:
         base = split_side(pair.names[0])[0].lower()
@@ -137,18 +181,21 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
     return tuple(sorted(pairs(moving), key=rank)[:most])
 
 
-def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: int = 16) -> tuple[Pair, ...]:
+def major_muscles(
+    names: Sequence[str], mean_force: Array | None = None, most: int = 16
+) -> tuple[Pair, ...]:
     """The muscles to show one by one, right and left together.
-    Known leg muscles where at least six are found or most are known (the parts of one muscle together);
-    otherwise, or to fill up, the muscles that pull hardest on average.
-    `names`: of the muscles; `mean_force` (muscles,) mean tension [N], or None.
+    Known leg muscles where at least six are found or most are known (the parts of one muscle
+    together); otherwise, or to fill up, the muscles that pull hardest on average. `names`: of the
+    muscles; `mean_force` (muscles,) mean tension [N], or None.
     """
     bare = {name: split_side(name) for name in names}
     known = ((label, spelled(bare, pattern)) for label, pattern in MAJOR_MUSCLES)
     chosen = [Pair(label, members) for label, members in known if members]
     taken = {name for pair in chosen for name in pair.names}
     if len(chosen) < 6 and 2 * len(taken) < len(names):
-        chosen, taken = [], set()
+        chosen = []
+        taken = set()
     rest = [pair for pair in pairs(names) if not taken & set(pair.names)]
     if mean_force is not None:
         strength = dict(zip(names, np.nan_to_num(mean_force), strict=True))
@@ -163,16 +210,28 @@ def muscle_rows(names: Sequence[str]) -> tuple[tuple[str, Indices], ...]:
     order = [pattern for _, pattern in MAJOR_MUSCLES] + list(OTHER_LEG_MUSCLES)
     # A second muscle of the same region stands beside the first: glutei together, then the rest.
     region = {pattern: float(i) for i, pattern in enumerate(order[: len(MAJOR_MUSCLES)])}
-    region |= dict(zip(OTHER_LEG_MUSCLES, (1.3, 1.5, 4.1, 1.7, 4.5, 8.5, 7.5, 14.5, 15.5, 16.0), strict=True))
+    region |= dict(
+        zip(OTHER_LEG_MUSCLES, (1.3, 1.5, 4.1, 1.7, 4.5, 8.5, 7.5, 14.5, 15.5, 16.0), strict=True)
+    )
 
     def rank(name: str) -> float:
         base = split_side(name)[0]
-        return next((region[pattern] for pattern in order if re.fullmatch(pattern, base, re.IGNORECASE)), 99.0)
+        return next(
+            (region[pattern] for pattern in order if re.fullmatch(pattern, base, re.IGNORECASE)),
+            99.0,
+        )
 
-    side_of = {name: side for pair in pairs(names) for side, members in pair.members.items() for name in members}
+    side_of = {
+        name: side
+        for pair in pairs(names)
+        for side, members in pair.members.items()
+        for name in members
+    }
     blocks = []
     for side in SIDES:
-        columns = [i for i, name in enumerate(names) if side_of.get(name, split_side(name)[1]) == side]
+        columns = [
+            i for i, name in enumerate(names) if side_of.get(name, split_side(name)[1]) == side
+        ]
         if columns:
             columns.sort(key=lambda i: rank(names[i]))
             blocks.append((side, np.array(columns, dtype=np.int64)))
@@ -194,10 +253,14 @@ class Subject:
 
 
 def subjects(model: Model) -> tuple[Subject, ...]:
-    """Subjects and objects of a model, those with muscles first; what weighs next to nothing is left out."""
+    """Subjects and objects of a model, those with muscles first; what weighs next to nothing is
+    left out.
+    """
     home: dict[str, str] = {}
     for joint in model.joints:
-        home[joint.child] = joint.child if joint.parent == GROUND else home.get(joint.parent, joint.parent)
+        home[joint.child] = (
+            joint.child if joint.parent == GROUND else home.get(joint.parent, joint.parent)
+        )
     roots = tuple(dict.fromkeys(home[body.name] for body in model.bodies if body.name in home))
     result = []
     for root in roots:
@@ -206,24 +269,33 @@ def subjects(model: Model) -> tuple[Subject, ...]:
         muscles = tuple(
             muscle.name
             for muscle in model.muscles
-            if next((home[point.body] for point in muscle.path.points if point.body in home), "") == root
+            if next((home[point.body] for point in muscle.path.points if point.body in home), "")
+            == root
         )
         if mass > MIN_SHARE * model.mass:
             prefix = _prefix((*bodies, *muscles)) if len(roots) > 1 else ""
             name = (prefix.rstrip("_") or root) if len(roots) > 1 else ""
-            result.append(Subject(name, prefix, bodies, muscles))
+            result.append(Subject(name=name, prefix=prefix, bodies=bodies, muscles=muscles))
     result.sort(key=lambda subject: not subject.muscles)
     if len(result) == 1:
-        return (Subject("", result[0].prefix, result[0].bodies, result[0].muscles),)
+        return (
+            Subject(
+                name="", prefix=result[0].prefix, bodies=result[0].bodies, muscles=result[0].muscles
+            ),
+        )
     return tuple(result)
 
 
 def _prefix(names: tuple[str, ...]) -> str:
     """What all names begin with, to the last line in it; of one name to the first."""
-    first, last = min(names), max(names)
+    first = min(names)
+    last = max(names)
     if first == last:
         return first.partition("_")[0] + "_" if "_" in first else ""
-    alike = next((i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), min(len(first), len(last)))
+    alike = next(
+        (i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b),
+        min(len(first), len(last)),
+    )
     return first[: first.rfind("_", 0, alike) + 1]
 
 

@@ -11,7 +11,17 @@ from myomorph.cli.output import said
 from myomorph.study.step.step import step_of
 from myomorph.study.trial.uncertainty_file import drawn_settings
 
-INPUTS = ("imu", "tasks", "laboratory", "loads", "emg", "contacts", "contact points", "actuators", "time")
+INPUTS = (
+    "imu",
+    "tasks",
+    "laboratory",
+    "loads",
+    "emg",
+    "contacts",
+    "contact points",
+    "actuators",
+    "time",
+)
 STEPS = tuple(map(step_of, ("ik", "id", "muscles", "tension")))
 AnalyzeInputs = flags.inputs_class(*INPUTS)
 AnalyzeOptions = flags.options_class(*(kind for step in STEPS for kind in step.options))
@@ -37,12 +47,13 @@ def analyze_command(
     prepare: bool = False,
     dry_run: bool = False,
 ) -> int:
-    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are found, and said.
+    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are
+    found, and said.
 
     Parameters
     ----------
-    recordings : recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt), or folders of
-        them, those of OpenCap and Pose2Sim too
+    recordings : recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv,
+        .txt), or folders of them, those of OpenCap and Pose2Sim too
     mass : of the subject [kg]; by default what plates weigh, where they can
     height : of the subject [m]: scales the generic model, and is held against the markers
     static : recording of standing still; by default found among or beside the recordings
@@ -62,21 +73,23 @@ def analyze_command(
     from myomorph.study.plan.plan import read_plan
 
     if not recordings:
-        raise BadData("no recording: give one or more recordings (.c3d, .trc, .mvnx, ...) or folders of them")
+        raise BadData(
+            "no recording: give one or more recordings (.c3d, .trc, .mvnx, ...) or folders of them"
+        )
     if mass is not None and not mass > 0.0:
         raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
     flags.use_threads(threads)
     request = AnalyzeRequest(
-        recordings,
-        mass,
-        height,
-        static,
-        model,
-        arms,
-        None if protocol is None else read_protocols(protocol),
-        flags.inputs_of_flags(inputs, near=True),
-        flags.settings_by_step(options, STEPS) | drawn_settings(draws, None),
-        shlex.join(["myomorph", *sys.argv[1:]]),
+        recordings=recordings,
+        mass=mass,
+        height=height,
+        static=static,
+        model=model,
+        arms=arms,
+        table=None if protocol is None else read_protocols(protocol),
+        inputs=flags.inputs_of_flags(inputs, near=True),
+        options=flags.settings_by_step(options, STEPS) | drawn_settings(draws, None),
+        command=shlex.join(["myomorph", *sys.argv[1:]]),
     )
     prepared = prepare_request(request, out)
     said("assumed:")
@@ -85,4 +98,6 @@ def analyze_command(
     said(f"study file, to be changed and run again: {prepared.study}")
     if prepare and not dry_run:
         return 0
-    return run_plan(read_plan(prepared.study), out, Running(dry_run=dry_run, workers=workers, threads=threads))
+    return run_plan(
+        read_plan(prepared.study), out, Running(dry_run=dry_run, workers=workers, threads=threads)
+    )

@@ -12,7 +12,15 @@ from myomorph.study.step.step_table import STEPS
 
 PANELS = {
     "Main job": ("demo", "analyze", "run", "report", "view"),
-    "The body": ("calibrate", "morph", "refine", "identify", "transfer", "personalize", "viscosity"),
+    "The body": (
+        "calibrate",
+        "morph",
+        "refine",
+        "identify",
+        "transfer",
+        "personalize",
+        "viscosity",
+    ),
     "The movement and its forces": ("ik", "id", "muscles", "tension", "uncertainty", "live"),
     "Files": ("info", "convert", "export", "run-tool"),
 }
@@ -39,15 +47,20 @@ COMMANDS = {
         "myomorph analyze walk1.c3d --mass 72.6 --out walk1",
     ),
     "run": Command(
-        "study", "Run a study file: subjects, models, trials and steps.", "myomorph run study.toml --out results"
+        "study",
+        "Run a study file: subjects, models, trials and steps.",
+        "myomorph run study.toml --out results",
     ),
     "run-tool": Command(
         "files",
-        "Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool.",
+        "Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or"
+        " AnalyzeTool.",
         "myomorph run-tool scale_setup.xml",
     ),
     "info": Command(
-        "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
+        "files",
+        "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.",
+        "myomorph info walk1.c3d",
     ),
     "convert": Command(
         "files",
@@ -62,13 +75,14 @@ COMMANDS = {
     "calibrate": Command(
         "calibrate",
         "Link lengths and marker positions of the body that recordings show.",
-        "myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static static.trc --mass 72.6 "
-        "--out subject.osim",
+        "myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static static.trc"
+        " --mass 72.6 --out subject.osim",
     ),
     "morph": Command(
         "morph",
         "A model's muscles in other bones: those of a subject or of another species.",
-        "myomorph morph --source generic.osim --bones scan --landmarks pairs.csv --out subject.osim",
+        "myomorph morph --source generic.osim --bones scan --landmarks pairs.csv --out"
+        " subject.osim",
     ),
     "ik": Command(
         "step_command",
@@ -78,7 +92,8 @@ COMMANDS = {
     "id": Command(
         "step_command",
         "Inverse dynamics: the generalized force of every coordinate.",
-        "myomorph id --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_torques.sto",
+        "myomorph id --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out"
+        " walk1_torques.sto",
     ),
     "muscles": Command(
         "step_command",
@@ -88,29 +103,34 @@ COMMANDS = {
     "tension": Command(
         "step_command",
         "Muscle tensions that make the joint torques with the least effort.",
-        "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
+        "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6"
+        " --out walk1_tension",
     ),
     "uncertainty": Command(
         "step_command",
         "How far errors in markers, plates, model and muscles move the results.",
-        "myomorph uncertainty --model subject.osim --motion walk1.mot --loads walk1_grf.xml --draws 200 --out walk1",
+        "myomorph uncertainty --model subject.osim --motion walk1.mot --loads walk1_grf.xml --draws"
+        " 200 --out walk1",
     ),
     "live": Command(
         "live",
-        "Joint angles, torques and muscle activations while frames arrive, from streams or a recording.",
+        "Joint angles, torques and muscle activations while frames arrive, from streams or a"
+        " recording.",
         "myomorph live --model subject.osim --markers walk1.trc --loads walk1_grf.xml --web 8080",
     ),
     "refine": Command(
         "refine",
-        "Motions, link lengths, marker positions and masses that agree with markers and force plates at once.",
-        "myomorph refine --model subject.osim --markers walk1.trc jump1.trc --loads walk1_grf.xml jump1_grf.xml "
-        "--mass 72.6 --out refined.osim",
+        "Motions, link lengths, marker positions and masses that agree with markers and force"
+        " plates at once.",
+        "myomorph refine --model subject.osim --markers walk1.trc jump1.trc --loads walk1_grf.xml"
+        " jump1_grf.xml --mass 72.6 --out refined.osim",
     ),
     "identify": Command(
         "identify",
-        "Masses, mass centers and inertias of every body from motions, their forces and the body's shape.",
-        "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml jump1.xml "
-        "--mass 72.6 --cutoff 6 --out identified.osim",
+        "Masses, mass centers and inertias of every body from motions, their forces and the body's"
+        " shape.",
+        "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml"
+        " jump1.xml --mass 72.6 --cutoff 6 --out identified.osim",
     ),
     "transfer": Command(
         "transfer",
@@ -119,18 +139,23 @@ COMMANDS = {
     ),
     "personalize": Command(
         "personalize",
-        "Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG.",
-        "myomorph personalize --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 "
-        "--out personalized.osim",
+        "Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and"
+        " EMG.",
+        "myomorph personalize --model subject.osim --motion walk1.mot --loads walk1_grf.xml"
+        " --cutoff 6 --out personalized.osim",
     ),
     "viscosity": Command(
         "viscosity",
         "Viscosity of a joint and of its muscles from a swinging limb, in vitro or relaxed.",
         "myomorph viscosity shoulder.toml --out shoulder",
     ),
-    "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
+    "report": Command(
+        "files", "Make report.html of a folder of results.", "myomorph report results"
+    ),
     "view": Command(
-        "files", "Show results in a web page: the body moves, with its muscles and forces.", "myomorph view demo"
+        "files",
+        "Show results in a web page: the body moves, with its muscles and forces.",
+        "myomorph view demo",
     ),
 }
 
@@ -147,7 +172,9 @@ def command_names() -> tuple[str, ...]:
 
 
 def new_app(everything: bool = False) -> App:
-    """The program with all its commands. `everything`: help names every option, with its whole text."""
+    """The program with all its commands. `everything`: help names every option, with its whole
+    text.
+    """
     app = App(
         name="myomorph",
         help=HELP,

@@ -51,20 +51,27 @@ def calibrate_command(
     if not markers and static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
     tables = tables_folder(out, calibrating.STEP.tables, (model,))
-    shared, settings = flags.inputs_of_flags(inputs), flags.settings_dict(options)
-    tasks, labels = shared.or_default(TasksFile).tasks, shared.or_default(Labels).labels
-    body, chosen = open_model(model), with_settings(CalibrationOptions(), settings)
+    shared = flags.inputs_of_flags(inputs)
+    settings = flags.settings_dict(options)
+    tasks = shared.or_default(TasksFile).tasks
+    labels = shared.or_default(Labels).labels
+    body = open_model(model)
+    chosen = with_settings(CalibrationOptions(), settings)
     if marker_set is not None:
         body = calibrating.with_marker_set(body, marker_set)
     if tasks is not None:
         chosen = replace(chosen, marker_weights=calibrating.task_weights(tasks, body))
     each = shared.without(TasksFile)
-    trials = tuple(TrialFiles(model, path.name, inputs=each.having(MarkersFile(path))) for path in markers)
+    trials = tuple(
+        TrialFiles(model, path.name, inputs=each.having(MarkersFile(path))) for path in markers
+    )
     files = SubjectFiles(model.stem, model, static=static, trials=trials, labels=labels)
-    subject = SubjectInputs(files, {"calibrate": settings}, model, body)
+    subject = SubjectInputs(files=files, settings={"calibrate": settings}, path=model, model=body)
     time = shared.or_default(TimeSpan).time
     recorded = (*(("markers", path) for path in markers), ("static", static))
-    sources = file_sources(("model", model), *recorded, ("marker set", marker_set), ("tasks", tasks))
+    sources = file_sources(
+        ("model", model), *recorded, ("marker set", marker_set), ("tasks", tasks)
+    )
     plain = plain_settings(chosen) | {"time": time} | ({"labels": dict(labels)} if labels else {})
     made_from = provenance_of("calibrate", sources, plain)
     calibrated = calibrating.calibrated(subject, chosen, made_from)

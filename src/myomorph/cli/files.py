@@ -1,4 +1,6 @@
-"""Commands on files and folders of results: `info`, `convert`, `export`, `report`, `run-tool` and `view`."""
+"""Commands on files and folders of results: `info`, `convert`, `export`, `report`, `run-tool` and
+`view`.
+"""
 
 from __future__ import annotations
 
@@ -54,9 +56,10 @@ def convert_command(
 
     Parameters
     ----------
-    files : recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of them
-    out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside it, .sto or .csv EMG
-        or a table, .c3d all of it; or a folder for all that there is
+    files : recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of
+        them
+    out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside
+        it, .sto or .csv EMG or a table, .c3d all of it; or a folder for all that there is
     up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
     forward : axis that the walk goes along, by right angles; kept by default
     axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
@@ -70,8 +73,11 @@ def convert_command(
 
     names = {} if labels is None else read_labels(labels)
     named = inputs_of_flags(inputs)
-    plates, time = named.or_default(LoadsFile).plates, named.or_default(TimeSpan).time
-    options = ConvertOptions(up, forward, axes, units, names, plates, time)
+    plates = named.or_default(LoadsFile).plates
+    time = named.or_default(TimeSpan).time
+    options = ConvertOptions(
+        up=up, forward=forward, axes=axes, units=units, labels=names, plates=plates, time=time
+    )
     made = convert(files, out, options)
     warn(made.notes, "'myomorph info FILE' lists those of the file")
     for path, held in made.files:
@@ -81,16 +87,22 @@ def convert_command(
 
 @documented
 def export_command(
-    source: Path, /, *, mjcf: Path | None = None, bids: Path | None = None, geometry: Path | None = None
+    source: Path,
+    /,
+    *,
+    mjcf: Path | None = None,
+    bids: Path | None = None,
+    geometry: Path | None = None,
 ) -> int:
-    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much. Or a study's
-    recordings and results as a dataset of BIDS.
+    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much.
+    Or a study's recordings and results as a dataset of BIDS.
 
     Parameters
     ----------
-    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with --bids the folder of
-        results that run or another command wrote
-    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go beside it
+    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with
+        --bids the folder of results that run or another command wrote
+    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go
+        beside it
     bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
     geometry : folder of the model's meshes; those beside its file and in Geometry there by default
     """
@@ -100,7 +112,9 @@ def export_command(
         return _mjcf(source, mjcf, geometry)
     if bids is None or mjcf is not None:
         which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
-        raise BadData(f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER")
+        raise BadData(
+            f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER"
+        )
     from myomorph.study.convert.bids_dataset import export_bids
 
     warn(export_bids(source, bids), "recordings are looked for where results name them")
@@ -114,7 +128,9 @@ def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
     from myomorph.mujoco_tools.export import write_mjcf, write_tables
 
     if mjcf.suffix.lower() != ".xml":
-        raise BadFile(mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml")
+        raise BadFile(
+            mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml"
+        )
     if geometry is not None and not geometry.is_dir():
         raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
     read = read_model(model)
@@ -135,10 +151,11 @@ def report_command(
     Parameters
     ----------
     folder : of results
-    preset : how to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it fits
+    preset : how to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it
+        fits
     times : instants to picture [s]; those of events by default
-    norms : what gait.html holds a walk against: folders of results of a control group, adults or none; by default
-        adults, for a body of their size
+    norms : what gait.html holds a walk against: folders of results of a control group, adults or
+        none; by default adults, for a body of their size
     """
     from myomorph.study.trial.reporting import report_folder
     from myomorph.viscosity.study.results import STORE, remake_report
@@ -146,7 +163,9 @@ def report_command(
     if (folder / STORE).is_file():
         paths = [remake_report(folder)]
     else:
-        paths = report_folder(folder, preset=preset, times=times, demo_model=_demo_model, norms=norms)
+        paths = report_folder(
+            folder, preset=preset, times=times, demo_model=_demo_model, norms=norms
+        )
     for path in paths:
         said(f"wrote {path}")
     return 0
@@ -154,7 +173,8 @@ def report_command(
 
 @documented
 def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
-    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool.
+    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or
+    AnalyzeTool.
 
     Parameters
     ----------
@@ -218,8 +238,8 @@ def _demo_model(name: str) -> Model:
 def _ended_by_ctrl_c() -> Iterator[threading.Event]:
     """The event that the first Ctrl-C sets; a second one interrupts.
 
-    An exception can be raised anywhere, in callbacks too whose exceptions Python prints and forgets: the program would
-    then go on.
+    An exception can be raised anywhere, in callbacks too whose exceptions Python prints and
+    forgets: the program would then go on.
     """
     ended = threading.Event()
 

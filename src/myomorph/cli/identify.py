@@ -13,7 +13,9 @@ from myomorph.live.identification import LiveOptions
 from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.subject.subject_files import BodyOptions
 
-IdentifySettings = flags.options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
+IdentifySettings = flags.options_class(
+    ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions
+)
 IdentifyInputs = flags.inputs_class("loads", "time", leave_out=("loads",))
 
 
@@ -38,7 +40,8 @@ def identify_command(
     options: IdentifySettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
-    """Masses, mass centers and inertias of every body from motions, their forces and the body's shape.
+    """Masses, mass centers and inertias of every body from motions, their forces and the body's
+    shape.
 
     Parameters
     ----------
@@ -66,17 +69,22 @@ def identify_command(
     flags.use_threads(threads)
     tables = tables_folder(out, identifying.STEP.tables, (model,))
     settings = flags.settings_dict(options)
-    shape = BodyShape(skin, landmarks, height, chest, sex, age)
+    shape = BodyShape(skin=skin, landmarks=landmarks, height=height, chest=chest, sex=sex, age=age)
     scaled = open_model(model)
     shared = flags.inputs_of_flags(inputs)
-    named, time = shared.or_default(LoadsFile), shared.or_default(TimeSpan).time
+    named = shared.or_default(LoadsFile)
+    time = shared.or_default(TimeSpan).time
     forces = with_settings(ForceOptions(), settings)
     if live:
         motions = live_motions(scaled, motion, loads, mass, time, settings)
     else:
         motions = identifying.open_motions(scaled, motion, loads, time, named=named, forces=forces)
-    motions += identifying.open_motions(scaled, check_motion, check_loads, held_out=True, named=named, forces=forces)
-    sources = identifying.input_sources(model, (*motion, *check_motion), (*loads, *check_loads), shape)
+    motions += identifying.open_motions(
+        scaled, check_motion, check_loads, held_out=True, named=named, forces=forces
+    )
+    sources = identifying.input_sources(
+        model, (*motion, *check_motion), (*loads, *check_loads), shape
+    )
     chosen = identifying.IdentifyOptions.of(settings)
     identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)
     lost = identifying.write_identified(identified, out, tables)

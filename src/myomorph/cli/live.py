@@ -15,7 +15,9 @@ from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.labels import Labels
 from myomorph.tension.tension import TensionOptions
 
-LiveSettings = flags.options_class(ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened"))
+LiveSettings = flags.options_class(
+    ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened")
+)
 LiveInputs = flags.inputs_class("labels", "imu")
 
 
@@ -42,8 +44,8 @@ def live_command(
     Parameters
     ----------
     markers : recording to play: markers (.trc, .c3d), or coordinates (.mot, .sto)
-    loads : its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot), each given to the
-        foot that is nearest. A C3D file's own plates by default
+    loads : its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot),
+        each given to the foot that is nearest. A C3D file's own plates by default
     speed : of the recording, times real time; 0 as fast as it goes
     lsl_markers : stream of markers of the Lab Streaming Layer
     lsl_imu : stream of orientations of inertial sensors; --imu plays a recording of them
@@ -59,28 +61,36 @@ def live_command(
     from myomorph.uncertainty.sources import Sources
 
     given = flags.inputs_of_flags(inputs, near=True)
-    sensors, labels = given.or_default(ImuFiles), given.or_default(Labels).labels
+    sensors = given.or_default(ImuFiles)
+    labels = given.or_default(Labels).labels
     if sum(map(bool, (markers, lsl_markers, sensors.imu, lsl_imu))) != 1:
         raise BadData(
-            "live needs either a recording (--markers FILE, --imu FILE ...) or a stream (--lsl-markers NAME, --lsl-imu "
-            "NAME)"
+            "live needs either a recording (--markers FILE, --imu FILE ...) or a stream"
+            " (--lsl-markers NAME, --lsl-imu NAME)"
         )
     if (lsl_markers or lsl_imu) and loads is not None:
         raise BadData("--loads belongs to a recording: with --lsl-markers give --lsl-forces NAME")
     if not lsl_markers and lsl_forces:
         raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
     if markers is None and labels:
-        raise BadData("--labels belongs to a recording (--markers): a stream names its channels itself")
-    frames: LiveFiles | LiveStreams | LiveSensors = LiveSensors(sensors, lsl_imu, loads, speed)
+        raise BadData(
+            "--labels belongs to a recording (--markers): a stream names its channels itself"
+        )
+    frames: LiveFiles | LiveStreams | LiveSensors = LiveSensors(
+        settings=sensors, stream=lsl_imu, loads=loads, speed=speed
+    )
     if markers is not None:
-        frames = LiveFiles(markers, loads, speed, labels)
+        frames = LiveFiles(markers=markers, loads=loads, speed=speed, labels=labels)
     elif lsl_markers:
         frames = LiveStreams(lsl_markers, lsl_forces, up)
     settings = flags.settings_dict(options)
     sizes = {} if uncertainty is None else read_sizes(uncertainty)
     drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})
     if sizes and not drawn.get("draws"):
-        raise BadData(f"--uncertainty {uncertainty} without --draws: say how many draws there are to be (--draws 40)")
+        raise BadData(
+            f"--uncertainty {uncertainty} without --draws: say how many draws there are to be"
+            " (--draws 40)"
+        )
     session = run_live_chain(
         model,
         frames,

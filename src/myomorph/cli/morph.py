@@ -46,7 +46,8 @@ def morph_command(
 
     Parameters
     ----------
-    source : model whose muscles are carried over (.osim, .xml; myo-sim:myoarm and others of that package)
+    source : model whose muscles are carried over (.osim, .xml; myo-sim:myoarm and others of that
+        package)
     out : model to write (.osim); bones, tables and report stand beside it
     bones : folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp
     landmarks : pairs of points (.csv): body, name, source_x, source_y, source_z, target_x, ... [m]
@@ -57,8 +58,10 @@ def morph_command(
     together : the bones share one frame, as a scan shows them: joints must meet
     mirror : the other side's bones, or with --target muscles, are this side's mirrored
     across : axis of ground across the source's plane of symmetry, for --mirror
-    link : a body without a bone on which muscles branch, and the bones that carry it: LINK=BONE,BONE
-    species : instead of bones: which bones correspond to those of another species, a name or .toml file
+    link : a body without a bone on which muscles branch, and the bones that carry it:
+        LINK=BONE,BONE
+    species : instead of bones: which bones correspond to those of another species, a name or .toml
+        file
     target : model of the other species' skeleton, whose joints and masses stay
     target_geometry : folder of the skeleton's meshes, where they do not lie beside it
     beside : keep the muscles that the skeleton has
@@ -70,30 +73,63 @@ def morph_command(
     from myomorph.study.trial.reporting import REPORT
 
     use_threads(threads)
-    tables = tables_folder(out, morphing.STEP.tables, (source, target, bones, geometry, target_geometry))
+    tables = tables_folder(
+        out, morphing.STEP.tables, (source, target, bones, geometry, target_geometry)
+    )
     settings = morphing.MorphSettings.of(settings_dict(options))
     if species or target is not None:
         if bones is not None or target is None:
-            raise BadData("another species takes --target SKELETON.xml (and --species TABLE), and no --bones")
+            raise BadData(
+                "another species takes --target SKELETON.xml (and --species TABLE), and no --bones"
+            )
         mine = (("landmarks", landmarks), ("together", together), ("link", link or None))
         _not_given(mine, "goes with --bones: another species' skeleton keeps its joints")
         from myomorph.study.subject.species_morphing import SpeciesFiles, species_files
 
-        files = SpeciesFiles(source, target, species or "human-mouse", geometry, target_geometry, beside)
+        files = SpeciesFiles(
+            source=source,
+            target=target,
+            species=species or "human-mouse",
+            geometry=geometry,
+            target_geometry=target_geometry,
+            beside=beside,
+        )
         files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, protocol=protocol)
         morphed, drawn = species_files(files, settings)
     elif bones is None:
-        raise BadData("expected --bones FOLDER of the target's bones, or --target with the skeleton of another species")
+        raise BadData(
+            "expected --bones FOLDER of the target's bones, or --target with the skeleton of"
+            " another species"
+        )
     else:
         _not_given(
-            (("target-geometry", target_geometry), ("beside", beside), ("protocol", protocol or None)),
+            (
+                ("target-geometry", target_geometry),
+                ("beside", beside),
+                ("protocol", protocol or None),
+            ),
             "goes with --target",
         )
-        details = (landmarks, geometry, skin, unit, mass, together, mirror, across, _links(link or []))
-        morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *details), settings), None
+        details = (
+            landmarks,
+            geometry,
+            skin,
+            unit,
+            mass,
+            together,
+            mirror,
+            across,
+            _links(link or []),
+        )
+        morphed = morphing.morph_files(MorphFiles(source, bones, *details), settings)
+        drawn = None
     lost = morphing.write_morphed(morphed, out, tables, drawn)
-    notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
-    return made(out, tables, morphing.summary(morphed), tuple(notes), f"{tables / REPORT} lists them")
+    notes = dict.fromkeys(
+        (*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost)
+    )
+    return made(
+        out, tables, morphing.summary(morphed), tuple(notes), f"{tables / REPORT} lists them"
+    )
 
 
 def _links(words: list[str]) -> Mapping[str, tuple[str, ...]]:
@@ -103,7 +139,9 @@ def _links(words: list[str]) -> Mapping[str, tuple[str, ...]]:
         name, equals, around = word.partition("=")
         bones = tuple(bone.strip() for bone in around.split(",") if bone.strip())
         if not equals or not name.strip() or len(bones) < 2:
-            raise BadData(f"--link '{word}': expected LINK=BONE,BONE with two bones or more around it")
+            raise BadData(
+                f"--link '{word}': expected LINK=BONE,BONE with two bones or more around it"
+            )
         links[name.strip()] = bones
     return FrozenMap(links)
 

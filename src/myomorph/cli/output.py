@@ -30,8 +30,12 @@ def warn(warnings: Sequence[str], where: str = LISTED) -> None:
         sys.stderr.write(f"warning: and {len(warnings) - MAX_WARNINGS} more: {where}\n")
 
 
-def made(out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], where: str = LISTED) -> int:
-    """Say what was found for a model that was written beside its tables, and warnings; the exit status."""
+def made(
+    out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], where: str = LISTED
+) -> int:
+    """Say what was found for a model that was written beside its tables, and warnings; the exit
+    status.
+    """
     warn(notes, where)
     for line in lines:
         said(line)
@@ -41,9 +45,9 @@ def made(out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], wh
 
 @contextmanager
 def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, ResultWriter]]:
-    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc` stands beside it. The
-    table's limits, where there are any, become `OUT_low` and `OUT_high`. Raises `BadFile` where `out` is a folder, its
-    folder does not exist, or its name ends otherwise.
+    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc`
+    stands beside it. The table's limits, where there are any, become `OUT_low` and `OUT_high`.
+    Raises `BadFile` where `out` is a folder, its folder does not exist, or its name ends otherwise.
     """
     check_out_file(out, Path(name).suffix)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
@@ -62,11 +66,17 @@ def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, Result
 def check_out_file(out: Path, ending: str) -> None:
     """Raise `BadFile` where a table cannot be written under this name."""
     if out.is_dir():
-        raise BadFile(out, "is a folder, but the result is a file", f"give a name that ends in {ending}")
+        raise BadFile(
+            out, "is a folder, but the result is a file", f"give a name that ends in {ending}"
+        )
     if out.suffix.lower() not in (".sto", ".mot"):
-        raise BadFile(out, f"is no name for the result: it ends in '{out.suffix}'", f"expected {ending}")
+        raise BadFile(
+            out, f"is no name for the result: it ends in '{out.suffix}'", f"expected {ending}"
+        )
     if not out.parent.is_dir():
-        raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
+        raise BadFile(
+            out, f"cannot be written: folder '{out.parent}' does not exist", "make it first"
+        )
 
 
 @contextmanager

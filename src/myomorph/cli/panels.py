@@ -1,4 +1,6 @@
-"""The help of a command: its options in panels, the ones that most users need by `--help`, all by `--help-all`."""
+"""The help of a command: its options in panels, the ones that most users need by `--help`, all by
+`--help-all`.
+"""
 
 from __future__ import annotations
 
@@ -16,68 +18,298 @@ MAX_SHOWN = 16  # A command with no more options than these shows them all by `-
 METHOD = "Method"
 PANELS = {
     "Inputs and outputs": (
-        "recordings", "study", "file", "files", "folder", "folders", "setup", "model", "motion", "markers", "out",
-        "source", "bones", "landmarks", "geometry", "skin", "to", "static", "tasks", "labels", "protocol", "template",
-        "intact", "removed", "intact-loads", "removed-loads", "mass", "height", "chest", "sex", "age", "time", "frames",
-        "check-motion", "check-loads", "loads", "bodies", "plates", "torques", "actuators", "up", "forward", "axes",
-        "units", "unit", "lsl-markers", "lsl-forces", "lsl-out", "web", "speed", "marker-set", "link", "species",
-        "target", "target-geometry", "together", "mirror", "across", "beside", "preset", "times", "port", "browser",
-        "norms", "muscle-mass", "base", "first-body", "generic", "keep-generic", "mjcf",
+        "recordings",
+        "study",
+        "file",
+        "files",
+        "folder",
+        "folders",
+        "setup",
+        "model",
+        "motion",
+        "markers",
+        "out",
+        "source",
+        "bones",
+        "landmarks",
+        "geometry",
+        "skin",
+        "to",
+        "static",
+        "tasks",
+        "labels",
+        "protocol",
+        "template",
+        "intact",
+        "removed",
+        "intact-loads",
+        "removed-loads",
+        "mass",
+        "height",
+        "chest",
+        "sex",
+        "age",
+        "time",
+        "frames",
+        "check-motion",
+        "check-loads",
+        "loads",
+        "bodies",
+        "plates",
+        "torques",
+        "actuators",
+        "up",
+        "forward",
+        "axes",
+        "units",
+        "unit",
+        "lsl-markers",
+        "lsl-forces",
+        "lsl-out",
+        "web",
+        "speed",
+        "marker-set",
+        "link",
+        "species",
+        "target",
+        "target-geometry",
+        "together",
+        "mirror",
+        "across",
+        "beside",
+        "preset",
+        "times",
+        "port",
+        "browser",
+        "norms",
+        "muscle-mass",
+        "base",
+        "first-body",
+        "generic",
+        "keep-generic",
+        "mjcf",
     ),
     "Forces and filter": (
-        "cutoff", "force-checks", "force-shift", "force-columns", "force-rate", "force-origins", "net",
-        "independent-coordinates", "filter-cutoff", "tare", "clock",
+        "cutoff",
+        "force-checks",
+        "force-shift",
+        "force-columns",
+        "force-rate",
+        "force-origins",
+        "net",
+        "independent-coordinates",
+        "filter-cutoff",
+        "tare",
+        "clock",
     ),
     "Muscles": (
-        "recruitment", "exponent", "weights", "min-activation", "passive", "viscous", "curves", "reserve", "residual",
-        "tendons", "activation-dynamics", "second-start", "joint-load", "joint-load-joints", "co-contraction",
-        "co-contraction-coordinates", "window", "sweeps", "fibers", "force", "pennation", "architecture",
+        "recruitment",
+        "exponent",
+        "weights",
+        "min-activation",
+        "passive",
+        "viscous",
+        "curves",
+        "reserve",
+        "residual",
+        "tendons",
+        "activation-dynamics",
+        "second-start",
+        "joint-load",
+        "joint-load-joints",
+        "co-contraction",
+        "co-contraction-coordinates",
+        "window",
+        "sweeps",
+        "fibers",
+        "force",
+        "pennation",
+        "architecture",
     ),
     "Contacts": (
-        "contacts", "measured", "contact-points", "formulation", "compliance", "contact-passive", "smoothness",
-        "reactions", "intervals", "find-contact", "contact-threshold",
+        "contacts",
+        "measured",
+        "contact-points",
+        "formulation",
+        "compliance",
+        "contact-passive",
+        "smoothness",
+        "reactions",
+        "intervals",
+        "find-contact",
+        "contact-threshold",
     ),
     "EMG": ("emg",),
     "Inertial sensors": ("imu",),
     "Errors and intervals": (
-        "draws", "uncertainty", "contributions", "all-frames", "draw-seed", "widened", "level", "seed",
-        "hold-out", "check",
+        "draws",
+        "uncertainty",
+        "contributions",
+        "all-frames",
+        "draw-seed",
+        "widened",
+        "level",
+        "seed",
+        "hold-out",
+        "check",
     ),
     "Running": (
-        "threads", "workers", "memory", "scheduler", "resume", "fresh", "dry-run", "prepare", "live", "max-age",
+        "threads",
+        "workers",
+        "memory",
+        "scheduler",
+        "resume",
+        "fresh",
+        "dry-run",
+        "prepare",
+        "live",
+        "max-age",
     ),
-}  # fmt: skip
-"""Panels in their order and the options that stand in each; any other option is a setting of the command's method."""
-FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}  # Panels that have all options whose first word is this.
+}
+"""Panels in their order and the options that stand in each; any other option is a setting of the
+command's method.
+"""
+# Panels that have all options whose first word is this.
+FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}
 
 FIRST = {
     "tension": (
-        "loads", "emg", "contacts", "time", "cutoff", "recruitment", "passive", "tendons", "reactions", "draws",
+        "loads",
+        "emg",
+        "contacts",
+        "time",
+        "cutoff",
+        "recruitment",
+        "passive",
+        "tendons",
+        "reactions",
+        "draws",
     ),
     "id": ("loads", "bodies", "plates", "time", "cutoff", "force-checks", "net", "draws"),
     "ik": (
-        "markers", "imu", "imu-pose", "imu-bodies", "imu-heading", "imu-mounting", "tasks", "labels", "time", "draws",
-        "mend", "root-bounds",
+        "markers",
+        "imu",
+        "imu-pose",
+        "imu-bodies",
+        "imu-heading",
+        "imu-mounting",
+        "tasks",
+        "labels",
+        "time",
+        "draws",
+        "mend",
+        "root-bounds",
     ),
     "analyze": (
-        "mass", "static", "model", "loads", "protocol", "time", "emg-muscles", "emg-side", "draws", "dry-run",
+        "mass",
+        "static",
+        "model",
+        "loads",
+        "protocol",
+        "time",
+        "emg-muscles",
+        "emg-side",
+        "draws",
+        "dry-run",
     ),
-    "calibrate": ("markers", "static", "marker-set", "tasks", "labels", "mass", "time", "symmetric", "frames"),
-    "identify": ("loads", "plates", "skin", "height", "chest", "sex", "check-motion", "check-loads", "time", "cutoff"),
-    "morph": ("landmarks", "mass", "mirror", "across", "species", "joints", "map", "clear", "balance", "fibers"),
-    "live": ("loads", "labels", "lsl-markers", "lsl-forces", "web", "lsl-out", "out", "cutoff", "recruitment", "draws"),
-    "refine": ("loads", "plates", "mass", "tasks", "labels", "time", "cutoff", "body", "masses", "check"),
-    "personalize": ("loads", "torques", "emg", "passive", "time", "cutoff", "tendons", "sides", "hold-out", "generic"),
+    "calibrate": (
+        "markers",
+        "static",
+        "marker-set",
+        "tasks",
+        "labels",
+        "mass",
+        "time",
+        "symmetric",
+        "frames",
+    ),
+    "identify": (
+        "loads",
+        "plates",
+        "skin",
+        "height",
+        "chest",
+        "sex",
+        "check-motion",
+        "check-loads",
+        "time",
+        "cutoff",
+    ),
+    "morph": (
+        "landmarks",
+        "mass",
+        "mirror",
+        "across",
+        "species",
+        "joints",
+        "map",
+        "clear",
+        "balance",
+        "fibers",
+    ),
+    "live": (
+        "loads",
+        "labels",
+        "lsl-markers",
+        "lsl-forces",
+        "web",
+        "lsl-out",
+        "out",
+        "cutoff",
+        "recruitment",
+        "draws",
+    ),
+    "refine": (
+        "loads",
+        "plates",
+        "mass",
+        "tasks",
+        "labels",
+        "time",
+        "cutoff",
+        "body",
+        "masses",
+        "check",
+    ),
+    "personalize": (
+        "loads",
+        "torques",
+        "emg",
+        "passive",
+        "time",
+        "cutoff",
+        "tendons",
+        "sides",
+        "hold-out",
+        "generic",
+    ),
     "viscosity": (
-        "model", "intact", "removed", "intact-loads", "removed-loads", "template", "time", "cutoff", "muscle-mass",
+        "model",
+        "intact",
+        "removed",
+        "intact-loads",
+        "removed-loads",
+        "template",
+        "time",
+        "cutoff",
+        "muscle-mass",
         "instruments",
     ),
     "uncertainty": (
-        "loads", "plates", "time", "draws", "contributions", "marker-noise", "placement", "plate-position", "body-mass",
+        "loads",
+        "plates",
+        "time",
+        "draws",
+        "contributions",
+        "marker-noise",
+        "placement",
+        "plate-position",
+        "body-mass",
         "joint-center",
     ),
-}  # fmt: skip
-"""The options that `--help` shows of the commands that have many, besides those that must be given."""
+}
+"""The options that `--help` shows of the commands that have many, besides those that must be given.
+"""
 
 
 def option_panel(option: str) -> str:
@@ -90,8 +322,8 @@ def option_panel(option: str) -> str:
 
 @dataclass(frozen=True)
 class PanelHelp:
-    """Cyclopts' formatter of one command's help. `command`: whose help it is; `everything`: all options with their
-    whole text, else those of `FIRST` with their first sentence.
+    """Cyclopts' formatter of one command's help. `command`: whose help it is; `everything`: all
+    options with their whole text, else those of `FIRST` with their first sentence.
     """
 
     command: str
@@ -115,7 +347,9 @@ class PanelHelp:
         DefaultFormatter().render_usage(console, options, usage)
 
     def shown(self, entries: list[HelpEntry]) -> list[HelpEntry]:
-        """The entries that are printed, without empty defaults; by their first sentence, unless all are shown."""
+        """The entries that are printed, without empty defaults; by their first sentence, unless all
+        are shown.
+        """
         whole = self.everything or len(entries) <= MAX_SHOWN
         first = FIRST.get(self.command, ())
         return [
@@ -141,4 +375,10 @@ def _name(entry: HelpEntry) -> str:
 
 def _text(entry: HelpEntry) -> str:
     """The description as written; Cyclopts keeps it as Markdown."""
-    return str(getattr(getattr(entry.description, "primary_renderable", None), "markup", entry.description or ""))
+    return str(
+        getattr(
+            getattr(entry.description, "primary_renderable", None),
+            "markup",
+            entry.description or "",
+        )
+    )

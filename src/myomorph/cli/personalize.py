@@ -29,16 +29,18 @@ def personalize_command(
     options: PersonalSettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
-    """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG.
+    """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and
+    EMG.
 
     Parameters
     ----------
     out : model to write (.osim); tables and a report go into a folder beside it
     motion : coordinates over time, one file a recording
-    torques : instead of loads: torques of inverse dynamics (.sto), one a recording, in the same order
+    torques : instead of loads: torques of inverse dynamics (.sto), one a recording, in the same
+        order
     emg : EMG, one a recording, in the same order; a channel named as a muscle
-    passive : measured passive torques (.sto): a pose a row by its coordinates, and COORDINATE_moment that resting
-        muscles apply about them, blank where not measured
+    passive : measured passive torques (.sto): a pose a row by its coordinates, and
+        COORDINATE_moment that resting muscles apply about them, blank where not measured
     generic : the model that was scaled: muscles begin with its operating ranges
     """
     from myomorph.study.inputs.reading import open_model
@@ -52,4 +54,10 @@ def personalize_command(
     personalized = personalizing.personalize_files(files, flags.settings_dict(options), scaled)
     lost = personalizing.write_personalized(personalized, out, tables)
     notes = (*personalized.found.notes, *personalized.warnings, *lost)
-    return made(out, tables, personal_lines(personalized.found), notes, f"'{tables / personalizing.NOTES}' lists them")
+    return made(
+        out,
+        tables,
+        personal_lines(personalized.found),
+        notes,
+        f"'{tables / personalizing.NOTES}' lists them",
+    )

@@ -16,16 +16,21 @@ from myomorph.model.errors import MyomorphError, UnknownName, one_line
 if TYPE_CHECKING:
     from cyclopts import App
 
-DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE = 0
+OUR_FAULT = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status. 0 done; 2 bad input, reported in one line; 1 our fault; 130
-    interrupted with Ctrl-C. `arguments`: what follows the program's name; None takes them from the process.
+    """Run the command line and return its exit status. 0 done; 2 bad input, reported in one line; 1
+    our fault; 130 interrupted with Ctrl-C. `arguments`: what follows the program's name; None takes
+    them from the process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
-    # Let names of files be printed where the terminal, or the file that it is sent to, has no such letters.
+    # Let names of files be printed where the terminal, or the file that it is sent to, has no such
+    # letters.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -48,10 +53,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         return _say(f"error: {_about_file(error)}", BAD_INPUT, debug)
     except MemoryError:
-        return _say("error: not enough memory: cut the recording with --time START END", BAD_INPUT, debug)
+        return _say(
+            "error: not enough memory: cut the recording with --time START END", BAD_INPUT, debug
+        )
     except Exception as error:
         text = f"this is a fault of Myomorph, not of your files: {type(error).__name__}: {error}; "
-        text += "please report it" + ("" if debug else ", with what the same command prints with --debug")
+        text += "please report it" + (
+            "" if debug else ", with what the same command prints with --debug"
+        )
         return _say(text, OUR_FAULT, debug)
 
 
@@ -77,7 +86,9 @@ def _run(words: list[str]) -> int:
 
 
 def _check_options(app: App, command: str, words: Sequence[str]) -> None:
-    """Raise `UnknownName` for the first word that looks like an option and is none of the command's."""
+    """Raise `UnknownName` for the first word that looks like an option and is none of the
+    command's.
+    """
     names = [name for argument in app.assemble_argument_collection() for name in argument.names]
     options = [name for name in names if name.startswith("--")]
     for word in words:
@@ -98,6 +109,7 @@ def _say(text: str, status: int, debug: bool = False) -> int:
 def _about_file(error: OSError) -> str:
     """An operating system's error as one line that names the file."""
     reason = error.strerror or str(error)
-    # Of two names the second is the one that could not be written, as where a result is open in another program.
+    # Of two names the second is the one that could not be written, as where a result is open in
+    # another program.
     name = error.filename2 if error.filename2 is not None else error.filename
     return f"{name}: {reason}" if name is not None else reason

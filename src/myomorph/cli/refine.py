@@ -11,7 +11,9 @@ from myomorph.identify.refine.options import RefineOptions
 from myomorph.store.settings import ForceOptions, with_settings
 
 RefineSettings = flags.options_class(ForceOptions, RefineOptions)
-RefineInputs = flags.inputs_class("loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",))
+RefineInputs = flags.inputs_class(
+    "loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",)
+)
 
 
 @flags.documented
@@ -26,7 +28,8 @@ def refine_command(
     options: RefineSettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
-    """Motions, link lengths, marker positions and masses that agree with markers and force plates at once.
+    """Motions, link lengths, marker positions and masses that agree with markers and force plates
+    at once.
 
     Parameters
     ----------
@@ -45,18 +48,26 @@ def refine_command(
     tables = tables_folder(out, refining.STEP.tables, (model,))
     if not markers or len(markers) != len(loads):
         raise BadData(
-            f"{len(markers)} recordings of markers and {len(loads)} files of forces: give one of each for every "
-            "recording, in the same order"
+            f"{len(markers)} recordings of markers and {len(loads)} files of forces: give one of"
+            " each for every recording, in the same order"
         )
     settings = flags.settings_dict(options)
-    forces = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
+    forces = {
+        field.name: settings.pop(field.name)
+        for field in fields(ForceOptions)
+        if field.name in settings
+    }
     shared = flags.inputs_of_flags(inputs)
     named = shared.or_default(LoadsFile)
     names = [path.stem for path in markers]
     if len(set(names)) < len(names):
         names = [f"{path.parent.name}_{path.stem}" for path in markers]
     files = [
-        TrialFiles(model, name, inputs=shared.having(MarkersFile(marker_file), replace(named, loads=load_file)))
+        TrialFiles(
+            model,
+            name,
+            inputs=shared.having(MarkersFile(marker_file), replace(named, loads=load_file)),
+        )
         for name, marker_file, load_file in zip(names, markers, loads, strict=True)
     ]
     chosen = with_settings(RefineOptions(), settings)

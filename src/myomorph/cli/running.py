@@ -1,4 +1,6 @@
-"""How commands run a study, whatever it is of: their options, workers, what is printed of each job, the exit status."""
+"""How commands run a study, whatever it is of: their options, workers, what is printed of each job,
+the exit status.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
     from myomorph.study.run.work import Graph
     from myomorph.study.workers.jobs import Workers
 
-BAD_INPUT, OUR_FAULT = 2, 1
+BAD_INPUT = 2
+OUR_FAULT = 1
 
 
 @documented
@@ -49,9 +52,19 @@ class Running:
     def begin(self) -> None:
         """Set the threads of the kernels; raise `BadData` where options exclude each other."""
         if self.resume and self.fresh:
-            raise BadData("--resume and --fresh exclude each other: one reuses what is there, the other does not")
-        if self.scheduler is not None and (self.workers, self.memory, self.threads) != (None, None, None):
-            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: set them at 'dask worker'")
+            raise BadData(
+                "--resume and --fresh exclude each other: one reuses what is there, the other"
+                " does not"
+            )
+        if self.scheduler is not None and (self.workers, self.memory, self.threads) != (
+            None,
+            None,
+            None,
+        ):
+            raise BadData(
+                "--scheduler: --workers, --memory and --threads are the cluster's: set them at"
+                " 'dask worker'"
+            )
         use_threads(self.threads)
 
     def place(self, path: Path) -> Path:

@@ -1,4 +1,6 @@
-"""The command of a step of a trial: a model and what was recorded in, a table or a folder of results out."""
+"""The command of a step of a trial: a model and what was recorded in, a table or a folder of
+results out.
+"""
 
 from __future__ import annotations
 
@@ -50,9 +52,14 @@ def step_command(name: str) -> Callable[..., int]:
     ) -> int:
         flags.use_threads(threads)
         settings = flags.inputs_of_flags(inputs)
-        files = TrialFiles(model, inputs=settings if motion is None else settings.having(Coordinates(motion)))
+        files = TrialFiles(
+            model, inputs=settings if motion is None else settings.having(Coordinates(motion))
+        )
         if files.recording is None:
-            raise BadData("no recording: give markers (--markers FILE), inertial sensors (--imu FILE ...), or both")
+            raise BadData(
+                "no recording: give markers (--markers FILE), inertial sensors (--imu FILE ...), or"
+                " both"
+            )
         drawn = drawn_settings(draws, uncertainty, workers) if own.draws else {}
         trial = open_trial(files, {name: flags.settings_dict(options), **drawn})
         results = StepResults() if begins else StepResults(recorded_poses(trial))
@@ -62,7 +69,11 @@ def step_command(name: str) -> Callable[..., int]:
                 results = run_step(part, trial, results, StepOutput(writer, folder))
         where = () if own.table else (f"the report lists them ('myomorph report {out}')",)
         warn((*results.notes, *trial.warnings), *where)
-        line = f"{step.title}: {len(results[Poses].recorded)} frames" if own.line is None else own.line(trial, results)
+        line = (
+            f"{step.title}: {len(results[Poses].recorded)} frames"
+            if own.line is None
+            else own.line(trial, results)
+        )
         limits = f"; {results[Uncertainty].summary}" if drawn else ""
         said(f"{line}{limits}; wrote {out}")
         return 0
@@ -73,7 +84,9 @@ def step_command(name: str) -> Callable[..., int]:
 
 def _sign(command: Any, step: Step[Any], parts: list[Step[Any]], begins: bool) -> None:
     """Give a command the options of its step, and no others."""
-    names = dict.fromkeys((*(("markers",) if begins else ()), *(name for part in parts for name in part.inputs)))
+    names = dict.fromkeys(
+        (*(("markers",) if begins else ()), *(name for part in parts for name in part.inputs))
+    )
     lacking = {"motion"} if begins else set()
     lacking |= set() if step.command.draws else {"draws", "uncertainty", "workers"}
     own = {
@@ -84,8 +97,13 @@ def _sign(command: Any, step: Step[Any], parts: list[Step[Any]], begins: bool) -
     }
     signed = signature(command, eval_str=True)
     parameters = [part for part in signed.parameters.values() if part.name not in lacking]
-    parameters = [part.replace(annotation=own.get(part.name, part.annotation)) for part in parameters]
-    parameters = [part.replace(default=Parameter.empty) if part.name == "motion" else part for part in parameters]
+    parameters = [
+        part.replace(annotation=own.get(part.name, part.annotation)) for part in parameters
+    ]
+    parameters = [
+        part.replace(default=Parameter.empty) if part.name == "motion" else part
+        for part in parameters
+    ]
     command.__signature__ = signed.replace(parameters=parameters)
     command.__annotations__ = {part.name: part.annotation for part in parameters} | {"return": int}
     command.__doc__ = f"{step.title[:1].upper()}{step.title[1:]}."

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Literal
 
 from myomorph.cli.options import OutFolder, Threads, documented, use_threads
 from myomorph.cli.output import said
-from myomorph.cli.running import AS_USUAL, BAD_INPUT, OUR_FAULT, Running, RunOptions, named, print_outcome, status_of
+from myomorph.cli.running import (
+    AS_USUAL,
+    BAD_INPUT,
+    OUR_FAULT,
+    Running,
+    RunOptions,
+    named,
+    print_outcome,
+    status_of,
+)
 
 if TYPE_CHECKING:
     from myomorph.store.outcome import Outcome
@@ -23,7 +32,9 @@ MAX_REMARKS = 12
 def demo_command(
     *,
     out: Path = Path("demo"),
-    study: Literal["simulated", "jump", "shoulder", "judo", "taichi", "tap", "drum", "morph"] = "simulated",
+    study: Literal[
+        "simulated", "jump", "shoulder", "judo", "taichi", "tap", "drum", "morph"
+    ] = "simulated",
     threads: Threads = None,
 ) -> int:
     """The main job on data that come with the installation, from markers to a report.
@@ -31,10 +42,10 @@ def demo_command(
     Parameters
     ----------
     out : folder to write
-    study : a simulated full-body squat with known truth, a recorded countermovement jump with markers on one leg, six
-        virtual shoulders that swing on a force plate, contacts simulated as files with a study file (two fighters, Tai
-        Chi on one plate, tap dance, a drum with microphones), or a leg's muscles transferred to bones whose deformation
-        is known
+    study : a simulated full-body squat with known truth, a recorded countermovement jump with
+        markers on one leg, six virtual shoulders that swing on a force plate, contacts simulated as
+        files with a study file (two fighters, Tai Chi on one plate, tap dance, a drum with
+        microphones), or a leg's muscles transferred to bones whose deformation is known
     """
     use_threads(threads)
     if study == "shoulder":
@@ -60,15 +71,17 @@ def demo_command(
         sys.stderr.write(f"error: {outcome.error}\n")
         return OUR_FAULT if outcome.fault else BAD_INPUT
     said(
-        f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square error "
-        f"{100 * outcome.rms:.2f} cm"
+        f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square"
+        f" error {100 * outcome.rms:.2f} cm"
     )
     said(f"report: {(out / REPORT).resolve()}")
     return 0
 
 
 def _perform(name: str, out: Path) -> int:
-    """Write the files of a simulated performance, run its study, and lay its contact forces beside the truth."""
+    """Write the files of a simulated performance, run its study, and lay its contact forces beside
+    the truth.
+    """
     from myomorph.demo.performances import ERRORS, write_errors, write_performance
     from myomorph.study.plan.plan import read_plan
     from myomorph.study.trial.reporting import REPORT
@@ -86,7 +99,8 @@ def _perform(name: str, out: Path) -> int:
 
 @documented
 def run_command(study: Path, /, *, out: OutFolder, running: RunOptions = AS_USUAL) -> int:
-    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is reused.
+    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier
+    run is reused.
 
     Parameters
     ----------
@@ -103,16 +117,23 @@ def run_plan(plan: Plan, out: Path, running: Running) -> int:
     from myomorph.study.run.job_plan import graph_of
     from myomorph.study.run.run import run_study
 
-    # Print what is remarkable about the files of a study; of many trials the first, since they are alike.
+    # Print what is remarkable about the files of a study; of many trials the first, since they are
+    # alike.
     for remark in plan.remarks[:MAX_REMARKS]:
         said(remark)
     if len(plan.remarks) > MAX_REMARKS:
-        said(f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial")
+        said(
+            f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial"
+        )
     jobs = len(plan.trials) + len(plan.together)
     if running.dry_run:
-        return running.print_dry_run(partial(graph_of, plan), out, jobs, plan.excluded, plan.conditions.names)
+        return running.print_dry_run(
+            partial(graph_of, plan), out, jobs, plan.excluded, plan.conditions.names
+        )
     hands = running.hands(jobs, out)
-    return _ended(run_study(plan, out, fresh=running.fresh, workers=hands, report=print_outcome), out)
+    return _ended(
+        run_study(plan, out, fresh=running.fresh, workers=hands, report=print_outcome), out
+    )
 
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
@@ -122,7 +143,10 @@ def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
 
     trials = [outcome for outcome in outcomes if outcome.trial]
     failed = [outcome for outcome in outcomes if outcome.error]
-    said(f"{sum(1 for trial in trials if not trial.error)} of {len(trials)} trials done; table: {out / 'results.csv'}")
+    said(
+        f"{sum(1 for trial in trials if not trial.error)} of {len(trials)} trials done; table:"
+        f" {out / 'results.csv'}"
+    )
     if not has_parquet():
         said(f"{PARQUET} is left out: pip install 'myomorph[parquet]' brings what writes it")
     full = sum(1 for trial in trials if trial.error.startswith("not run:") and FULL in trial.error)
@@ -132,6 +156,8 @@ def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
         names = [named(outcome) for outcome in failed[:MAX_REMARKS]]
         more = f" and {len(failed) - len(names)} more" if len(failed) > len(names) else ""
         said(f"failed: {', '.join(names)}{more}; why stands in results.csv and study.log")
-    if (out / PAGE).is_file() and not any(outcome.error for outcome in outcomes if not outcome.subject):
+    if (out / PAGE).is_file() and not any(
+        outcome.error for outcome in outcomes if not outcome.subject
+    ):
         said(f"page: {(out / PAGE).resolve()}")
     return status_of(outcomes)

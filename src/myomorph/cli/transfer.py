@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from myomorph.cli.options import ModelFile, Threads, documented, options_class, settings_dict, use_threads
+from myomorph.cli.options import (
+    ModelFile,
+    Threads,
+    documented,
+    options_class,
+    settings_dict,
+    use_threads,
+)
 from myomorph.cli.output import made
 from myomorph.identify.transfer_options import TransferOptions
 
@@ -28,9 +35,10 @@ def transfer_command(
     ----------
     to : model with more joints (.osim or .xml)
     out : model to write (.osim); tables go into a folder beside it
-    pose : coordinates of the subject's model (.mot or .sto) in whose first frame it stands much like the other's
-        default pose; its own default pose without
-    motion : coordinates of the subject's model over time, carried to the other: into the folder `motions` of the tables
+    pose : coordinates of the subject's model (.mot or .sto) in whose first frame it stands much
+        like the other's default pose; its own default pose without
+    motion : coordinates of the subject's model over time, carried to the other: into the folder
+        `motions` of the tables
     """
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import transferring

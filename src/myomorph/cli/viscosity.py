@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import documented, inputs_class, inputs_of_flags, options_class, settings_dict
+from myomorph.cli.options import (
+    documented,
+    inputs_class,
+    inputs_of_flags,
+    options_class,
+    settings_dict,
+)
 from myomorph.cli.output import said, warn
 from myomorph.cli.running import AS_USUAL, RunOptions, print_outcome, status_of
 from myomorph.model.errors import BadData
@@ -22,7 +28,8 @@ from myomorph.viscosity.trust.cutoff import FilterOptions
 if TYPE_CHECKING:
     from myomorph.store.outcome import Outcome
 
-MAX_NOTES = 4  # Notes of a specimen that are printed; findings come first, clocks that were set right stay out.
+# Notes of a specimen that are printed; findings come first, clocks that were set right stay out.
+MAX_NOTES = 4
 
 ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
 
@@ -51,8 +58,8 @@ def viscosity_command(
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
     running: RunOptions = AS_USUAL,
 ) -> int:
-    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles, or of a
-    relaxed living limb that is dropped.
+    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and
+    without muscles, or of a relaxed living limb that is dropped.
 
     Parameters
     ----------
@@ -64,7 +71,8 @@ def viscosity_command(
     model : model of one specimen (.osim or .xml), in place of a study
     intact : recordings with muscles intact: markers, or C3D with plates
     removed : recordings with muscles removed
-    intact_loads : forces on the base with muscles intact, in the same order; by default those beside each recording
+    intact_loads : forces on the base with muscles intact, in the same order; by default those
+        beside each recording
     removed_loads : the same with muscles removed
     base : body that is fixed to the plate; the scapula by default
     first : first body of the limb; the humerus by default
@@ -84,12 +92,18 @@ def viscosity_command(
         raise BadData("give --out, the folder to write, or --template for a study file to fill in")
     if into is not None:
         if results is None:
-            raise BadData("--into needs --results, the folder of a specimen in the results of swings")
-        for line in (*write_identified(into, read_specimen(results), out, base, first), f"wrote {out}"):
+            raise BadData(
+                "--into needs --results, the folder of a specimen in the results of swings"
+            )
+        for line in (
+            *write_identified(into, read_specimen(results), out, base, first),
+            f"wrote {out}",
+        ):
             said(line)
         return 0
     running.begin()
-    study, out = None if study is None else running.place(study), running.place(out)
+    study = None if study is None else running.place(study)
+    out = running.place(out)
     time = inputs_of_flags(inputs).or_default(TimeSpan).time
     if study is not None:
         plan = read_viscosity_plan(study)
@@ -99,7 +113,9 @@ def viscosity_command(
         for option in () if given is None else fields(given):
             if getattr(given, option.name) != option.default:
                 name = option.name.replace("_", "-")
-                raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
+                raise BadData(
+                    f"--{name} is for --model: write it into the table [options] of the study file"
+                )
     else:
         files = {"without": (removed, removed_loads), "with": (intact, intact_loads)}
         plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
@@ -119,7 +135,11 @@ def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     from myomorph.viscosity.study.results import REPORT
 
     specimens = [outcome for outcome in outcomes if outcome.subject]
-    words = "specimens and limbs" if any("relaxed" in outcome.done for outcome in specimens) else "specimens"
+    words = (
+        "specimens and limbs"
+        if any("relaxed" in outcome.done for outcome in specimens)
+        else "specimens"
+    )
     said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} {words} done")
     said(f"report: {(out / REPORT).resolve()}")
     return status_of(outcomes)
@@ -139,11 +159,15 @@ def print_specimen(outcome: Outcome) -> None:
     report = read_limb(outcome.folder) if relaxed else read_specimen(outcome.folder)
     limb = [(name, name.replace("_", " "), unit) for name, unit in UNITS.items()]
     parts = []
-    for key, label, unit in limb if relaxed else (
-        ("joint_viscosity", "joint", "Nms/rad"),
-        ("total_viscosity", "total", "Nms/rad"),
-        ("muscle_viscosity", "muscles", "Ns/m"),
-    ):  # fmt: skip
+    for key, label, unit in (
+        limb
+        if relaxed
+        else (
+            ("joint_viscosity", "joint", "Nms/rad"),
+            ("total_viscosity", "total", "Nms/rad"),
+            ("muscle_viscosity", "muscles", "Ns/m"),
+        )
+    ):
         if key in report.row:
             value = report.row[key]
             parts.append(f"{label} {value.value:.3g} ({value.low:.3g} to {value.high:.3g}) {unit}")

@@ -25,7 +25,9 @@ CLEAR = 0.8  # An episode goes to one body as a whole if it has this share of th
 
 
 def heel_and_ball(model: Model, foot: str) -> Array:
-    """Ends (2, 3) of a foot in its body's frame: its joint, and twice the way from there to its mass center [m]."""
+    """Ends (2, 3) of a foot in its body's frame: its joint, and twice the way from there to its
+    mass center [m].
+    """
     joint = next(joint for joint in model.joints if joint.child == foot)
     heel = joint.child_frame.translation
     return np.stack([heel, 2.0 * model.body(foot).mass_center - heel])
@@ -41,7 +43,8 @@ class Contact:
     # start, stop: first and last frame's time [s]
     start: float
     stop: float
-    distance: float  # mean distance of the center of pressure to the body's nearest point, weighted by force [m]
+    # mean distance of the center of pressure to the body's nearest point, weighted by force [m]
+    distance: float
     other_distance: float  # the same for the body that is second nearest, inf if there is none [m]
 
 
@@ -56,17 +59,22 @@ class Assignment:
 
 def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignment:
     """Give each plate's force to the candidate body nearest to its center of pressure.
-    Every stretch of time in which a plate is loaded goes to one body, or is cut where another body takes
-    over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet on one
-    plate at once cannot be separated by one plate: the force goes to the nearer one, with a warning.
-    `wrenches`: of plates, bodies unknown; zero force where unloaded; `positions`: candidate body to points fixed to it,
-    (frames, 3) or (frames, points, 3), on the clock of `wrenches`, NaN where unseen [m].
+    Every stretch of time in which a plate is loaded goes to one body, or is cut where another body
+    takes over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet
+    on one plate at once cannot be separated by one plate: the force goes to the nearer one, with a
+    warning. `wrenches`: of plates, bodies unknown; zero force where unloaded; `positions`:
+    candidate body to points fixed to it, (frames, 3) or (frames, points, 3), on the clock of
+    `wrenches`, NaN where unseen [m].
     """
     names = tuple(positions)
     if not names:
         raise BadData("no candidate body was given to assign the plates to")
     distances = np.stack(
-        [_distances(wrenches, np.asarray(positions[name], dtype=np.float64), name) for name in names], axis=-1
+        [
+            _distances(wrenches, np.asarray(positions[name], dtype=np.float64), name)
+            for name in names
+        ],
+        axis=-1,
     )
     frame = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1.0
     shortest = max(1, round(SHORTEST / frame))
@@ -79,7 +87,8 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
             owners = _owners(distances[start:stop, plate], size[start:stop], shortest, CLEAR)
             if owners is None:
                 warnings.append(
-                    f"no candidate body is seen while {plate_name} is loaded at {wrenches.time[start]:.2f} s"
+                    f"no candidate body is seen while {plate_name} is loaded at"
+                    f" {wrenches.time[start]:.2f} s"
                 )
                 continue
             carried[start:stop, plate] = owners
@@ -89,9 +98,9 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
                 contacts.append(contact)
                 if contact.distance > 0.6 * contact.other_distance:
                     warnings.append(
-                        f"{contact.plate} may carry two bodies from {contact.start:.2f} to {contact.stop:.2f} s: its "
-                        f"force went to '{contact.body}', {contact.distance:.2f} m away (another: "
-                        f"{contact.other_distance:.2f} m)"
+                        f"{contact.plate} may carry two bodies from {contact.start:.2f} to"
+                        f" {contact.stop:.2f} s: its force went to '{contact.body}',"
+                        f" {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)"
                     )
     return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(warnings))
 
@@ -101,8 +110,8 @@ def _distances(wrenches: Wrenches, points: Array, name: str) -> Array:
     points = points[:, None] if points.ndim == 2 else points
     if points.ndim != 3 or points.shape[0] != len(wrenches) or points.shape[2] != 3:
         raise BadData(
-            f"expected positions of '{name}' of shape ({len(wrenches)}, points, 3), but got {points.shape}: "
-            "bring them to the clock of the wrenches first"
+            f"expected positions of '{name}' of shape ({len(wrenches)}, points, 3), but got"
+            f" {points.shape}: bring them to the clock of the wrenches first"
         )
     apart = np.linalg.norm(points[:, None] - wrenches.points[:, :, None], axis=3)
     return np.where(np.isfinite(apart), apart, np.inf).min(axis=2)
@@ -142,7 +151,12 @@ def _runs(values: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 
 def _contact(
-    wrenches: Wrenches, plate: int, here: slice, distances: Array, size: Array, names: tuple[str, ...]
+    wrenches: Wrenches,
+    plate: int,
+    here: slice,
+    distances: Array,
+    size: Array,
+    names: tuple[str, ...],
 ) -> Contact:
     finite = np.isfinite(distances)
     weighted = np.where(finite, distances, 0.0) * size[:, None]
@@ -152,7 +166,14 @@ def _contact(
     others = np.delete(means, body)
     start, stop = wrenches.time[here][[0, -1]].tolist()
     other = float(others.min()) if len(others) else float("inf")
-    return Contact(wrenches.names[plate], names[body], start, stop, float(means[body]), other)
+    return Contact(
+        plate=wrenches.names[plate],
+        body=names[body],
+        start=start,
+        stop=stop,
+        distance=float(means[body]),
+        other_distance=other,
+    )
 
 
 def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...]) -> Wrenches:
@@ -166,26 +187,33 @@ def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...
     return shared_out(wrenches, parts)
 
 
-def shared_out(wrenches: Wrenches, parts: Sequence[tuple[int, str, str, NDArray[np.bool_]]]) -> Wrenches:
-    """Parts of wrenches: of each the number of its wrench, its name, its body, and when it acts (frames,)."""
+def shared_out(
+    wrenches: Wrenches, parts: Sequence[tuple[int, str, str, NDArray[np.bool_]]]
+) -> Wrenches:
+    """Parts of wrenches: of each the number of its wrench, its name, its body, and when it acts
+    (frames,).
+    """
     numbers, names, bodies, acts = zip(*parts, strict=True)
-    taken, mine = wrenches.columns(numbers), np.stack(acts, axis=1)[..., None]
-    forces, torques = (np.where(mine, values, 0.0) for values in (taken.forces, taken.torques))
+    taken = wrenches.columns(numbers)
+    mine = np.stack(acts, axis=1)[..., None]
+    forces = np.where(mine, taken.forces, 0.0)
+    torques = np.where(mine, taken.torques, 0.0)
     return replace(taken, names=names, bodies=bodies, forces=forces, torques=torques)
 
 
 LOADED = 20.0  # Force from which a plate counts as loaded [N]
 SURE = 0.2  # Force from which the center of pressure is trusted, as a share of body weight
-NEAR = 0.35  # Distance of the center of pressure to a foot's heel or ball beyond which it is nobody's [m]
+# Distance of the center of pressure to a foot's heel or ball beyond which it is nobody's [m]
+NEAR = 0.35
 
 
 class OnlineFeet:
-    """Gives the forces of plates to bodies: to the one named, else to the foot that is nearest when the load begins.
-    While the load is small, the center of pressure shows little: the foot is asked for again until the load passes
-    `SURE`, and then kept until it ends. A plate that is loaded near no foot acts on no body.
-    `plates`: names; `bodies`: that the plates act on, "" where the nearest foot is to be found. `bodies`: on which
-    forces may act, in the order of the wrenches; `nobody` (plates,) samples so far of load near no foot; `up` (3,)
-    against gravity.
+    """Gives the forces of plates to bodies: to the one named, else to the foot that is nearest when
+    the load begins. While the load is small, the center of pressure shows little: the foot is asked
+    for again until the load passes `SURE`, and then kept until it ends. A plate that is loaded near
+    no foot acts on no body. `plates`: names; `bodies`: that the plates act on, "" where the nearest
+    foot is to be found. `bodies`: on which forces may act, in the order of the wrenches; `nobody`
+    (plates,) samples so far of load near no foot; `up` (3,) against gravity.
     """
 
     def __init__(self, model: Model, plates: Sequence[str], bodies: Sequence[str]):
@@ -194,11 +222,13 @@ class OnlineFeet:
         feet = feet_of(model) if len(named) < len(bodies) else ()
         if len(named) < len(bodies) and not feet:
             raise BadData(
-                f"no body of model '{model.name}' is called a foot: give an external loads file (.xml) that names the "
-                "bodies on the plates"
+                f"no body of model '{model.name}' is called a foot: give an external loads file"
+                " (.xml) that names the bodies on the plates"
             )
         self.bodies = tuple(dict.fromkeys([*named, *feet]))
-        self._owner = np.array([self.bodies.index(body) if body else -1 for body in bodies], np.int64)
+        self._owner = np.array(
+            [self.bodies.index(body) if body else -1 for body in bodies], np.int64
+        )
         self._sure = np.zeros(len(bodies), np.bool_)
         self._sought = np.array([not body for body in bodies], np.bool_)
         self._tree = compile_tree(model)
@@ -211,8 +241,9 @@ class OnlineFeet:
 
     def given(self, wrenches: Array, coordinates: Array | None) -> Array:
         """Wrenches on the bodies.
-        `wrenches` (samples, plates, 6) moment about the ground's origin and force [N m], [N]; `coordinates`
-        (coordinates,) of the newest pose, None where there is none yet. Returns (samples, bodies, 6).
+        `wrenches` (samples, plates, 6) moment about the ground's origin and force [N m], [N];
+        `coordinates` (coordinates,) of the newest pose, None where there is none yet. Returns
+        (samples, bodies, 6).
         """
         result = np.zeros((len(wrenches), len(self.bodies), 6))
         for plate in range(len(self.plates)):
@@ -223,7 +254,8 @@ class OnlineFeet:
             loaded = force > LOADED
             for first, stop in _runs(loaded) if len(loaded) else ():
                 if not loaded[first]:
-                    self._owner[plate], self._sure[plate] = -1, False
+                    self._owner[plate] = -1
+                    self._sure[plate] = False
                     continue
                 if not self._sure[plate] and coordinates is not None:
                     most = first + int(np.argmax(force[first:stop]))
@@ -239,15 +271,20 @@ class OnlineFeet:
         return result
 
     def _nearest(self, wrench: Array, coordinates: Array) -> int:
-        """Number of the body whose heel or ball is nearest to where the force meets the floor, -1 for none."""
+        """Number of the body whose heel or ball is nearest to where the force meets the floor, -1
+        for none.
+        """
         if not np.isfinite(coordinates).all():
             return -1
-        moment, force = wrench[:3], wrench[3:]
+        moment = wrench[:3]
+        force = wrench[3:]
         lift = float(force @ self.up)
         if abs(lift) < 0.1 * LOADED:
             return -1
         poses = forward_kinematics(self._tree, np.array(coordinates, dtype=np.float64)[None])
-        ends = poses.origins[0, self._numbers][:, None] + self._ends @ poses.rotations[0, self._numbers].swapaxes(1, 2)
+        ends = poses.origins[0, self._numbers][:, None] + self._ends @ poses.rotations[
+            0, self._numbers
+        ].swapaxes(1, 2)
         # Where the moment along the floor vanishes, in the plane through the origin.
         center = np.cross(self.up, moment) / lift
         away = ends - center

@@ -20,7 +20,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 
 Unmeasured = Literal["unknown", "zero"]
-LEAST_NOISE = 1e-4  # Standard deviation of a measured component that has no noise at all, over body weight
+# Standard deviation of a measured component that has no noise at all, over body weight
+LEAST_NOISE = 1e-4
 
 
 @read_only
@@ -30,7 +31,8 @@ class FeetOnSteps:
     time: Array
     steps: tuple[Step, ...]
     sites: tuple[Site, ...]
-    # forces, moments: (frames, steps, 3) in ground, moments about the tread's middle; NaN where not measured
+    # forces, moments: (frames, steps, 3) in ground, moments about the tread's middle; NaN where not
+    # measured
     forces: Array
     moments: Array
     loaded: np.ndarray
@@ -40,11 +42,16 @@ class FeetOnSteps:
     # weight, height: of the body [N], of its center of mass over its lowest site [m]
     weight: float
     height: float
-    notes: tuple[str, ...] = ()  # loadings that nobody stands on and steps that carry several bodies, one line each
+    # loadings that nobody stands on and steps that carry several bodies, one line each
+    notes: tuple[str, ...] = ()
 
 
 def feet_on_steps(
-    model: Model, motion: Motion, sites: Sequence[Site], loads: StepLoads, options: StairOptions | None = None
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    loads: StepLoads,
+    options: StairOptions | None = None,
 ) -> FeetOnSteps:
     """Give the load of each step to the sites that stand on it.
     A site is on the step that it is nearest to, within reach, and stands there while it is slow.
@@ -64,21 +71,33 @@ def feet_on_steps(
     calm = near & slow[:, None, :]
     standing = np.where(calm.any(axis=2, keepdims=True), calm, near) & loaded[:, :, None]
     standing = _throughout(standing, loaded)
-    forces, moments = (
-        np.where(loaded[:, :, None], _interpolated(loads.time, one, motion.time), 0.0)
-        for one in (loads.forces, loads.moments)
+    forces = np.where(loaded[:, :, None], _interpolated(loads.time, loads.forces, motion.time), 0.0)
+    moments = np.where(
+        loaded[:, :, None], _interpolated(loads.time, loads.moments, motion.time), 0.0
     )
     for values, measured in ((forces, loads.forces), (moments, loads.moments)):
         values[:, np.isnan(measured).all(axis=0)] = np.nan
     notes = [*loads.notes, *_warnings(motion.time, loads.steps, sites, loaded, standing)]
     return FeetOnSteps(
-        motion.time, loads.steps, tuple(sites), forces, moments, loaded, standing, moving.places, loads.noise,
-        model.weight, moving.height, tuple(notes),
-    )  # fmt: skip
+        time=motion.time,
+        steps=loads.steps,
+        sites=tuple(sites),
+        forces=forces,
+        moments=moments,
+        loaded=loaded,
+        standing=standing,
+        places=moving.places,
+        noise=loads.noise,
+        weight=model.weight,
+        height=moving.height,
+        notes=tuple(notes),
+    )
 
 
 def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
-    """Who stands on each step through the whole of a loading: frames with nobody take those of the nearest with one."""
+    """Who stands on each step through the whole of a loading: frames with nobody take those of the
+    nearest with one.
+    """
     filled = standing.copy()
     for index in range(loaded.shape[1]):
         for start, stop in runs(loaded[:, index]):
@@ -87,7 +106,9 @@ def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:
                 frames = np.arange(start, stop)
                 after = np.clip(np.searchsorted(known, frames), 0, len(known) - 1)
                 before = np.clip(after - 1, 0, None)
-                nearest = np.where(np.abs(known[before] - frames) < np.abs(known[after] - frames), before, after)
+                nearest = np.where(
+                    np.abs(known[before] - frames) < np.abs(known[after] - frames), before, after
+                )
                 filled[start:stop, index] = standing[known[nearest], index]
     return filled
 
@@ -107,7 +128,11 @@ def _interpolated(time: Array, values: Array, at: Array) -> Array:
 
 
 def _warnings(
-    time: Array, steps: Sequence[Step], sites: Sequence[Site], loaded: np.ndarray, standing: np.ndarray
+    time: Array,
+    steps: Sequence[Step],
+    sites: Sequence[Site],
+    loaded: np.ndarray,
+    standing: np.ndarray,
 ) -> list[str]:
     result = []
     step_time = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
@@ -117,15 +142,15 @@ def _warnings(
         alone = loaded[:, number] & ~bodies.any(axis=1)
         if alone.any():
             result.append(
-                f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at {time[alone][0]:.3f} s, "
-                "with no foot near it: its force is on nobody"
+                f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at"
+                f" {time[alone][0]:.3f} s, with no foot near it: its force is on nobody"
             )
         several = bodies.sum(axis=1) > 1
         if several.any():
             who = [body for body, stood in stands.items() if stood[several].any()]
             result.append(
-                f"step '{step.name}' carries {' and '.join(who)} together for {several.sum() * step_time:.3g} s: its "
-                "force is shared"
+                f"step '{step.name}' carries {' and '.join(who)} together for"
+                f" {several.sum() * step_time:.3g} s: its force is shared"
             )
     return result
 
@@ -133,30 +158,43 @@ def _warnings(
 def _bodies_on(standing: np.ndarray, sites: Sequence[Site]) -> dict[str, np.ndarray]:
     """(frames,) whether each body stands on a step, by which of its sites (frames, sites) do."""
     bodies = dict.fromkeys(site.body for site in sites)
-    return {body: np.asarray(standing[:, [site.body == body for site in sites]].any(axis=1)) for body in bodies}
+    return {
+        body: np.asarray(standing[:, [site.body == body for site in sites]].any(axis=1))
+        for body in bodies
+    }
 
 
-def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:
+def stair_wrenches(
+    feet: FeetOnSteps, unmeasured: Unmeasured = "unknown"
+) -> tuple[Wrenches, tuple[str, ...]]:
     """External forces on bodies, for inverse dynamics, and what they leave open.
-    A force acts at the center of pressure where the cell measures moments, else where the foot is. Two bodies on a step
-    share its force so that the center of pressure is kept, or evenly where it is not known.
-    `unmeasured`: "zero" takes components that a cell does not measure for zero; with "unknown" such a step has no force
-    here: `shared_stairs` passes what is measured on to muscle tensions. Returns wrenches named `step_body`, and notes.
+    A force acts at the center of pressure where the cell measures moments, else where the foot is.
+    Two bodies on a step share its force so that the center of pressure is kept, or evenly where it
+    is not known. `unmeasured`: "zero" takes components that a cell does not measure for zero; with
+    "unknown" such a step has no force here: `shared_stairs` passes what is measured on to muscle
+    tensions. Returns wrenches named `step_body`, and notes.
     """
     notes = list(feet.notes)
     columns: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
     for number, step in enumerate(feet.steps):
-        missing = [axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, number, i]).all()]
+        missing = [
+            axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, number, i]).all()
+        ]
         if missing and unmeasured == "unknown":
             notes.append(
-                f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse dynamics goes without "
-                "it; tensions with shared contacts take the rest"
+                f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse"
+                " dynamics goes without it; tensions with shared contacts take the rest"
             )
             continue
         if missing:
-            notes.append(f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for zero")
+            notes.append(
+                f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for"
+                " zero"
+            )
         columns |= {(step.name, body): part for body, part in _parts(feet, number).items()}
-    values = np.array(list(columns.values())).reshape(-1, 3, len(feet.time), 3).transpose(1, 2, 0, 3)
+    values = (
+        np.array(list(columns.values())).reshape(-1, 3, len(feet.time), 3).transpose(1, 2, 0, 3)
+    )
     names = tuple(f"{step}_{body}" for step, body in columns)
     return Wrenches(feet.time, names, tuple(body for _, body in columns), *values), tuple(notes)
 
@@ -165,7 +203,9 @@ def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array
     """Force, point and free torque (frames, 3) of a step on each body that stands on it."""
     step = feet.steps[index]
     force = np.nan_to_num(feet.forces[:, index])
-    here = {body: on for body, on in _bodies_on(feet.standing[:, index], feet.sites).items() if on.any()}
+    here = {
+        body: on for body, on in _bodies_on(feet.standing[:, index], feet.sites).items() if on.any()
+    }
     where = {body: _place(feet, index, body) for body in here}
     center, torque = _center_of_pressure(step, force, feet.moments[:, index])
     shares = _shares(here, where, center)
@@ -179,7 +219,9 @@ def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array
 
 
 def _place(feet: FeetOnSteps, index: int, body: str) -> Array:
-    """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0 where none does."""
+    """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0
+    where none does.
+    """
     members = [site.body == body for site in feet.sites]
     on = feet.standing[:, index, members][..., None]
     mean = np.where(on, feet.places[:, members], 0.0).sum(axis=1) / np.maximum(on.sum(axis=1), 1)
@@ -192,9 +234,12 @@ def _place(feet: FeetOnSteps, index: int, body: str) -> Array:
 
 
 def _center_of_pressure(step: Step, force: Array, moment: Array) -> tuple[Array, Array]:
-    """Point (frames, 3) in ground, NaN where moments are not measured, and the free torque about it."""
+    """Point (frames, 3) in ground, NaN where moments are not measured, and the free torque about
+    it.
+    """
     rotation = step.pose.rotation
-    f, m = force @ rotation, moment @ rotation
+    f = force @ rotation
+    m = moment @ rotation
     with np.errstate(divide="ignore", invalid="ignore"):
         local = np.column_stack([-m[:, 1] / f[:, 2], m[:, 0] / f[:, 2], np.zeros(len(f))])
     half = 0.5 * np.array(step.size)
@@ -204,24 +249,33 @@ def _center_of_pressure(step: Step, force: Array, moment: Array) -> tuple[Array,
     return center, np.nan_to_num(np.where(np.isfinite(center), torque, 0.0))
 
 
-def _shares(here: dict[str, np.ndarray], where: dict[str, Array], center: Array) -> dict[str, Array]:
+def _shares(
+    here: dict[str, np.ndarray], where: dict[str, Array], center: Array
+) -> dict[str, Array]:
     """Share (frames,) of a step's force that each body has."""
     count = np.sum(list(here.values()), axis=0)
-    shares = {body: np.where(stands, 1.0 / np.maximum(count, 1), 0.0) for body, stands in here.items()}
+    shares = {
+        body: np.where(stands, 1.0 / np.maximum(count, 1), 0.0) for body, stands in here.items()
+    }
     for body, other in combinations(here, 2):
         two = here[body] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
         apart = where[other] - where[body]
         square = (apart**2).sum(axis=1)
-        along = np.clip(((center - where[body]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0)
+        along = np.clip(
+            ((center - where[body]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0
+        )
         along = np.where(square > 1e-12, along, 0.5)
-        shares[body], shares[other] = np.where(two, 1.0 - along, shares[body]), np.where(two, along, shares[other])
+        shares[body], shares[other] = (
+            np.where(two, 1.0 - along, shares[body]),
+            np.where(two, along, shares[other]),
+        )
     return shares
 
 
 def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[SharedWrench, ...]:
-    """What the cells measured, for the sites on each step together; unmeasured components stay open.
-    Frames in which other sites stand on a step make a wrench of their own, NaN in all others. Muscle tensions find the
-    rest within the friction cones of the sites (`ContactTask.measured`).
+    """What the cells measured, for the sites on each step together; unmeasured components stay
+    open. Frames in which other sites stand on a step make a wrench of their own, NaN in all others.
+    Muscle tensions find the rest within the friction cones of the sites (`ContactTask.measured`).
     `leave_out`: steps whose force is known otherwise.
     """
     results = []
@@ -229,7 +283,9 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
         if step.name in leave_out:
             continue
         frames_of = np.flatnonzero(feet.standing[:, index].any(axis=1)).tolist()
-        groups = grouped((tuple(np.flatnonzero(feet.standing[i, index]).tolist()), i) for i in frames_of)
+        groups = grouped(
+            (tuple(np.flatnonzero(feet.standing[i, index]).tolist()), i) for i in frames_of
+        )
         for number, (members, frames) in enumerate(groups.items()):
             forces, moments = np.full((2, len(feet.time), 3), np.nan)
             force = feet.forces[frames, index]
@@ -243,7 +299,16 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
             sd = max(float(feet.noise[index]), LEAST_NOISE * feet.weight)
             name = step.name if len(groups) == 1 else f"{step.name}_{number + 1}"
             sites = tuple(feet.sites[i].name for i in members)
-            results.append(SharedWrench(name, sites, forces, moments, sd, sd * 0.5 * max(step.size)))
+            results.append(
+                SharedWrench(
+                    name=name,
+                    sites=sites,
+                    forces=forces,
+                    moments=moments,
+                    force_sd=sd,
+                    moment_sd=sd * 0.5 * max(step.size),
+                )
+            )
     return tuple(results)
 
 
@@ -264,13 +329,15 @@ class Stairs:
 
 
 def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:
-    """Forces on bodies at the cells' times, as far as the motion reaches; what they leave open is in their notes."""
+    """Forces on bodies at the cells' times, as far as the motion reaches; what they leave open is
+    in their notes.
+    """
     time = stairs.loads.time
     inside = (time >= motion.time[0] - 1e-9) & (time <= motion.time[-1] + 1e-9)
     if not inside.any():
         raise BadData(
-            f"{stairs.recording}: runs from {time[0]:g} to {time[-1]:g} s, the motion from {motion.time[0]:g} to "
-            f"{motion.time[-1]:g} s: they have no time in common"
+            f"{stairs.recording}: runs from {time[0]:g} to {time[-1]:g} s, the motion from"
+            f" {motion.time[0]:g} to {motion.time[-1]:g} s: they have no time in common"
         )
     at = time[inside]
     columns = [np.interp(at, motion.time, column) for column in motion.values.T]
@@ -286,7 +353,12 @@ def stairs_contacts(paws: FeetOnSteps) -> Contacts:
         on = paws.standing[:, :, i]
         for number, step in enumerate(paws.steps):
             touches += [
-                Touch(site.name, float(paws.time[a]), float(paws.time[b - 1]), source=f"step {step.name}")
+                Touch(
+                    site.name,
+                    float(paws.time[a]),
+                    float(paws.time[b - 1]),
+                    source=f"step {step.name}",
+                )
                 for a, b in runs(on[:, number])
             ]
     return Contacts(tuple(site.name for site in paws.sites), tuple(touches))

@@ -1,4 +1,6 @@
-"""Checks of external forces against the center of mass and the standing feet: directions, mass and clock."""
+"""Checks of external forces against the center of mass and the standing feet: directions, mass and
+clock.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,13 @@ from myomorph.motion.filters import lowpass
 
 CUTOFF = 6.0  # Low-pass filter of the compared forces, of a human body [Hz]
 MASS = 0.09  # Part by which plates and model may differ in weight
-LIGHTEST, HEAVIEST = 0.4, 2.5
-"""Plates that carry a share of the model's weight beyond these carry something else than a body, or another unit."""
-SPREAD = 0.35  # How far that part may differ from frame to frame, where all of the weight is measured
+LIGHTEST = 0.4
+HEAVIEST = 2.5
+"""Plates that carry a share of the model's weight beyond these carry something else than a body, or
+another unit.
+"""
+# How far that part may differ from frame to frame, where all of the weight is measured
+SPREAD = 0.35
 
 
 class Turn(NamedTuple):
@@ -39,24 +45,31 @@ class Turn(NamedTuple):
 
 
 def balance(inspection: Inspection) -> tuple[Array, Array] | None:
-    """Measured and needed force (frames, 3), filtered alike [N]; None where the motion is too short or has gaps."""
+    """Measured and needed force (frames, 3), filtered alike [N]; None where the motion is too short
+    or has gaps.
+    """
     feet = inspection.feet
     steps = np.diff(feet.time)
     if len(feet.time) < 20 or steps.max() > 1.5 * steps.min() or not np.isfinite(feet.needed).all():
         return None
     if float(np.mean(steps)) > 0.03 or len(feet.feet) > 2:
         return None
-    rate, cutoff = 1.0 / float(np.mean(steps)), CUTOFF / np.sqrt(feet.unit)
+    rate = 1.0 / float(np.mean(steps))
+    cutoff = CUTOFF / np.sqrt(feet.unit)
     if rate < 2.5 * cutoff:
         return None
     measured = inspection.samples.forces.sum(axis=1)
-    return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(lowpass(feet.needed, rate, cutoff))
+    return np.asarray(lowpass(measured, rate, cutoff)), np.asarray(
+        lowpass(feet.needed, rate, cutoff)
+    )
 
 
 def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[np.bool_]:
     """Frames (frames,) in which the plates carry about what the center of mass needs."""
-    up, weight = inspection.feet.up, inspection.feet.model.weight
-    carried, wanted = measured @ up, needed @ up
+    up = inspection.feet.up
+    weight = inspection.feet.model.weight
+    carried = measured @ up
+    wanted = needed @ up
     inside = np.zeros(len(carried), bool)
     margin = max(2, len(carried) // 25)
     inside[margin:-margin] = True
@@ -64,7 +77,9 @@ def covered(inspection: Inspection, measured: Array, needed: Array) -> NDArray[n
 
 
 def turns(up: Array) -> list[Turn]:
-    """Turns about the vertical by right angles and reflections of horizontal axes, the one that does nothing first."""
+    """Turns about the vertical by right angles and reflections of horizontal axes, the one that
+    does nothing first.
+    """
     across = np.eye(3)[np.argsort(np.abs(up))[:2]]
     a, b = across
     both = np.outer(up, up)
@@ -91,24 +106,36 @@ def check_directions(inspection: Inspection) -> Iterator[Finding]:
     errors = _turn_errors(inspection, choices)
     forces = _turn_of_forces(inspection, choices, errors)
     points = _turn_of_points(inspection, choices, forces)
-    # Points that are turned come with forces that are, unless the center of mass shows that these are right.
+    # Points that are turned come with forces that are, unless the center of mass shows that these
+    # are right.
     if points and not forces and (errors is None or errors[points] < 1.3 * errors[0]):
         forces = points
     if forces == points == 0:
         return
-    if points and not forces and np.linalg.det(choices[points].matrix) < 0.0 and np.any(belt_velocity(inspection)):
-        # Plates of a belt that are mirrored about their own middle, not about the origin: `check_mirrors` names them.
+    if (
+        points
+        and not forces
+        and np.linalg.det(choices[points].matrix) < 0.0
+        and np.any(belt_velocity(inspection))
+    ):
+        # Plates of a belt that are mirrored about their own middle, not about the origin:
+        # `check_mirrors` names them.
         return
     what = "forces and points" if forces == points else "forces" if points == 0 else "points"
     turn = choices[forces or points]
-    numbers, change = inspection.numbers, _changed(choices[forces].matrix, choices[points].matrix)
+    numbers = inspection.numbers
+    change = _changed(choices[forces].matrix, choices[points].matrix)
     repair = Repair(
-        lambda wrenches: reduce(lambda turned, number: changed_wrenches(turned, number, change), numbers, wrenches),
+        lambda wrenches: reduce(
+            lambda turned, number: changed_wrenches(turned, number, change), numbers, wrenches
+        ),
         "they were put right",
         "give them in the axes of the motion",
     )
     names = ", ".join(map(inspection.name, numbers))
-    yield Finding(turn.kind, names, f"{what} of the plates are {turn.text} against the motion", repair=repair)
+    yield Finding(
+        turn.kind, names, f"{what} of the plates are {turn.text} against the motion", repair=repair
+    )
 
 
 def _changed(forces: Array, points: Array) -> Change:
@@ -118,7 +145,9 @@ def _changed(forces: Array, points: Array) -> Change:
 
 
 def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
-    """What horizontal forces leave, turned each way, without them last [N^2]; None where too little acts."""
+    """What horizontal forces leave, turned each way, without them last [N^2]; None where too little
+    acts.
+    """
     result = balance(inspection)
     if result is None:
         return None
@@ -128,11 +157,17 @@ def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
     if here.sum() < 15 or here.sum() * np.median(np.diff(time)) < 0.25:
         return None
     level = np.eye(3) - np.outer(inspection.feet.up, inspection.feet.up)
-    measured, needed = measured[here] @ level, needed[here] @ level
+    measured = measured[here] @ level
+    needed = needed[here] @ level
     if np.sqrt(np.mean(np.sum(measured**2, axis=1))) < 0.03 * inspection.feet.model.weight:
         return None
     turned = [measured @ choice.matrix.T for choice in choices]
-    return np.array([float(np.mean(np.sum((values - needed) ** 2, axis=1))) for values in (*turned, 0.0 * needed)])
+    return np.array(
+        [
+            float(np.mean(np.sum((values - needed) ** 2, axis=1)))
+            for values in (*turned, 0.0 * needed)
+        ]
+    )
 
 
 def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array | None) -> int:
@@ -175,12 +210,20 @@ def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, poi
     used = [number for number in inspection.numbers if inspection.weights(number).any()]
     samples = inspection.samples
     for index in used:
-        samples = changed_wrenches(samples, index, _changed(choices[forces].matrix, choices[points].matrix))
-    return float(np.mean([_own_misfit(inspection, number, samples) for number in used])) if used else 0.0
+        samples = changed_wrenches(
+            samples, index, _changed(choices[forces].matrix, choices[points].matrix)
+        )
+    return (
+        float(np.mean([_own_misfit(inspection, number, samples) for number in used]))
+        if used
+        else 0.0
+    )
 
 
 def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> float:
-    """Mean distance of the center of pressure to the foot that the force is put on, or to the nearest [m]."""
+    """Mean distance of the center of pressure to the foot that the force is put on, or to the
+    nearest [m].
+    """
     feet = inspection.feet
     owner = feet.owners.get(inspection.wrenches.bodies[number])
     distances = np.nan_to_num(feet.distances(samples.centers(feet.up)[:, [number]])[:, 0])
@@ -189,12 +232,17 @@ def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> f
 
 
 def check_mass(inspection: Inspection) -> Iterator[Finding]:
-    """The weight that the plates carry against that of the model, where all standing feet are on plates."""
+    """The weight that the plates carry against that of the model, where all standing feet are on
+    plates.
+    """
     result = balance(inspection)
     if result is None:
         return
-    up, model, time = inspection.feet.up, inspection.feet.model, inspection.feet.time
-    carried, wanted = result[0] @ up, result[1] @ up
+    up = inspection.feet.up
+    model = inspection.feet.model
+    time = inspection.feet.time
+    carried = result[0] @ up
+    wanted = result[1] @ up
     steady = supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
     margin = max(2, len(time) // 25)
     steady[:margin] = steady[-margin:] = False
@@ -203,7 +251,8 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
     ratios = carried[steady] / wanted[steady]
     low, middle, high = np.percentile(ratios, [10, 50, 90])
     ratio = float(carried[steady].sum() / wanted[steady].sum())
-    # A part of the weight that another contact carries changes; a wrong mass is the same in all frames.
+    # A part of the weight that another contact carries changes; a wrong mass is the same in all
+    # frames.
     if (
         high - low > SPREAD * middle
         or abs(ratio - middle) > 0.05
@@ -212,25 +261,29 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
     ):
         return
     text = (
-        f"the plates carry {ratio * model.mass:.1f} kg where all standing feet are on them, the model weighs "
-        f"{model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %): scale the model to the subject's mass, or check "
-        "the calibration of the plates"
+        f"the plates carry {ratio * model.mass:.1f} kg where all standing feet are on them, the"
+        f" model weighs {model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %): scale the model"
+        " to the subject's mass, or check the calibration of the plates"
     )
     yield Finding("mass", model.name, text)
 
 
-CARRIED = 0.55  # Share of the weight that walkers put on plates whenever all standing feet are on them
+# Share of the weight that walkers put on plates whenever all standing feet are on them
+CARRIED = 0.55
 SHARP_FEET = 0.4  # Part of the gliding of standing feet at no lag that may be left at the lag found
 STEPS = 4  # Steps from which standing feet alone are believed about the clock
-CLOCK, SLACK = 0.012, 0.1
-"""Lag beyond its own uncertainty from which it is named, twice the largest of clean recordings (6 ms); and the largest
-that is looked for [s]."""
+CLOCK = 0.012
+SLACK = 0.1
+"""Lag beyond its own uncertainty from which it is named, twice the largest of clean recordings (6
+ms); and the largest that is looked for [s].
+"""
 LAGS = np.arange(-SLACK, SLACK + 1e-9, 0.005)  # That are tried [s]
 CLOCK_OF_FEET = 0.033  # Lag by standing feet that is named [s]
 SHORTEST = 0.3  # Time that the center of mass must be compared for [s]
 EXPLAINED = 0.5
-"""Share of the variance of the forces that the motion has to explain: 0.74 to 0.99 in clean recordings, and 0.1 where a
-chair carries a part."""
+"""Share of the variance of the forces that the motion has to explain: 0.74 to 0.99 in clean
+recordings, and 0.1 where a chair carries a part.
+"""
 
 
 class Lag(NamedTuple):
@@ -243,7 +296,9 @@ class Lag(NamedTuple):
 
 
 def check_clock(inspection: Inspection) -> Iterator[Finding]:
-    """Plates that are late or early: by what the center of mass needs, else by the feet that glide under load."""
+    """Plates that are late or early: by what the center of mass needs, else by the feet that glide
+    under load.
+    """
     balanced = lag_of_mass(inspection)
     if balanced is not None:
         # The center of mass of a model is off in time, too, by what clean recordings show.
@@ -263,30 +318,34 @@ def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
     """Forces that are late (early where the lag is negative) [s]."""
     word = "late" if lag > 0 else "early"
     text = (
-        f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}: shift them by "
-        f"{-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the recordings"
+        f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}:"
+        f" shift them by {-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the"
+        " recordings"
     )
     return Finding("clock", ", ".join(map(inspection.name, inspection.numbers)), text)
 
 
 def lag_of_mass(inspection: Inspection) -> Lag | None:
-    """The lag at which the plates' forces accelerate the center of mass as it moves; None where they hardly do.
-    The least of the squares of F(t + lag) - m (a - g), offsets taken off, over frames in which the plates carry all
-    that the body stands on. Its standard deviation is that of a time by least squares, with as many independent
-    samples as the low-pass filter leaves.
+    """The lag at which the plates' forces accelerate the center of mass as it moves; None where
+    they hardly do. The least of the squares of F(t + lag) - m (a - g), offsets taken off, over
+    frames in which the plates carry all that the body stands on. Its standard deviation is that of
+    a time by least squares, with as many independent samples as the low-pass filter leaves.
     """
     result = balance(inspection)
     if result is None:
         return None
     core = _core(inspection)
-    # On treadmills and in flight all frames count, though stances of fast runners hardly show in the feet's motion.
+    # On treadmills and in flight all frames count, though stances of fast runners hardly show in
+    # the feet's motion.
     parts = (supported(inspection) & core, _between_steps(inspection, result[0]), core)
     lags = (_lag(inspection, *result, frames) for frames in parts)
     known = [lag for lag in lags if lag is not None and lag.explained > EXPLAINED]
     return min(known, key=lambda value: value.sd, default=None)
 
 
-def _lag(inspection: Inspection, measured: Array, needed: Array, frames: NDArray[np.bool_]) -> Lag | None:
+def _lag(
+    inspection: Inspection, measured: Array, needed: Array, frames: NDArray[np.bool_]
+) -> Lag | None:
     """The lag by some frames (frames,); None where they are too few."""
     time = inspection.feet.time
     lasts = float(frames.sum() * np.median(np.diff(time)))
@@ -324,20 +383,27 @@ def _core(inspection: Inspection) -> NDArray[np.bool_]:
 
 
 def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]:
-    """Those among them (frames,) in which the plates carry most of the weight at every lag: from step to step."""
-    time, weight = inspection.feet.time, inspection.feet.model.weight
+    """Those among them (frames,) in which the plates carry most of the weight at every lag: from
+    step to step.
+    """
+    time = inspection.feet.time
+    weight = inspection.feet.model.weight
     carries = measured @ inspection.feet.up > CARRIED * weight
     result = np.zeros(len(time), bool)
     for start, stop in runs(carries):
-        result[start:stop] = (time[start:stop] > time[start] + SLACK) & (time[start:stop] < time[stop - 1] - SLACK)
+        result[start:stop] = (time[start:stop] > time[start] + SLACK) & (
+            time[start:stop] < time[stop - 1] - SLACK
+        )
     return result & _core(inspection)
 
 
 def _gliding(inspection: Inspection, lags: Array) -> Array | None:
-    """Mean square speed of the feet at the centers of pressure at each lag, weighted by force (lags,) [m^2/s^2].
-    A foot that stands does not glide: the material point at the center of pressure is at rest.
+    """Mean square speed of the feet at the centers of pressure at each lag, weighted by force
+    (lags,) [m^2/s^2]. A foot that stands does not glide: the material point at the center of
+    pressure is at rest.
     """
-    feet, samples = inspection.feet, inspection.samples
+    feet = inspection.feet
+    samples = inspection.samples
     time = feet.time
     centers = samples.centers(feet.up)
     used = [number for number in inspection.numbers if len(inspection.episodes(number))]
@@ -345,11 +411,16 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     if steps < STEPS or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
         return None
     nearest = np.argmin(np.nan_to_num(feet.distances(centers), nan=9.0), axis=2)
-    fields = [[_field(feet, body) for body in dict.fromkeys((foot.heel, foot.toes))] for foot in feet.feet]
-    total, count = np.zeros(len(lags)), 0.0
+    fields = [
+        [_field(feet, body) for body in dict.fromkeys((foot.heel, foot.toes))] for foot in feet.feet
+    ]
+    total = np.zeros(len(lags))
+    count = 0.0
     for index in used:
         weights = inspection.weights(index)
-        frames = np.flatnonzero((weights > 0.0) & (time > time[0] + SLACK) & (time < time[-1] - SLACK))
+        frames = np.flatnonzero(
+            (weights > 0.0) & (time > time[0] + SLACK) & (time < time[-1] - SLACK)
+        )
         if not len(frames):
             continue
         speeds = np.empty((len(lags), len(frames), 3, 2))
@@ -359,11 +430,14 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
                 mine = nearest[frames, index] == number
                 for part in range(2):
                     origin, drift, spin = fields[number][min(part, len(fields[number]) - 1)]
-                    here, now = at[mine], centers[frames[mine], index]
+                    here = at[mine]
+                    now = centers[frames[mine], index]
                     reach = np.einsum("fij,fj->fi", spin[here], now - origin[here])
                     speeds[row, mine, :, part] = drift[here] + reach
         firm = weights[frames] > 0.5 * inspection.feet.model.weight
-        belt = np.median(speeds[len(lags) // 2, firm, :, 0], axis=0) if firm.sum() > 5 else np.zeros(3)
+        belt = (
+            np.median(speeds[len(lags) // 2, firm, :, 0], axis=0) if firm.sum() > 5 else np.zeros(3)
+        )
         belt = belt if np.linalg.norm(belt) > 0.3 else np.zeros(3)
         glide = np.linalg.norm(speeds - belt[None, None, :, None], axis=2).min(axis=2)
         total += (weights[frames] * np.minimum(glide, 1.5) ** 2).sum(axis=1)
@@ -375,4 +449,8 @@ def _field(feet: FootPoses, body: str) -> tuple[Array, Array, Array]:
     """Origin, velocity of the origin and angular velocity (as a matrix) of a body in all frames."""
     rotations, origins = feet.pose_of(body)
     rates = np.gradient(rotations, feet.time, axis=0)
-    return origins, np.gradient(origins, feet.time, axis=0), np.einsum("fij,fkj->fik", rates, rotations)
+    return (
+        origins,
+        np.gradient(origins, feet.time, axis=0),
+        np.einsum("fij,fkj->fik", rates, rotations),
+    )

@@ -1,4 +1,6 @@
-"""External forces beside the motion that they belong to, as checks look at them: sampled at its times, by the feet."""
+"""External forces beside the motion that they belong to, as checks look at them: sampled at its
+times, by the feet.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics, standing_poses
 from myomorph.rigid.tree import Tree, compile_tree
 
-FOOT = 0.19  # Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]
+# Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]
+FOOT = 0.19
 TIP = 1.35  # Where the sole ends, over that length
 
 
@@ -35,7 +38,8 @@ class FootPoses:
     poses: Poses
     time: Array  # (frames,) [s]
     feet: tuple[Foot, ...]  # of the model, right before left
-    owners: dict[str, int]  # body to the number of the foot that it belongs to: talus, heel bone and toes
+    # body to the number of the foot that it belongs to: talus, heel bone and toes
+    owners: dict[str, int]
 
     @property
     def unit(self) -> float:
@@ -50,7 +54,8 @@ class FootPoses:
     @cached_property
     def soles(self) -> tuple[Array, Array]:
         """Heels and tips of the soles (frames, feet, 3) [m]."""
-        heels, tips = [], []
+        heels = []
+        tips = []
         for foot in self.feet:
             pose = standing_poses(self.model)[foot.heel]
             ahead = pose.rotation.T @ foot.axes[:, 0]
@@ -70,7 +75,10 @@ class FootPoses:
         if len(self.time) < 5:
             return np.tile(-self.model.mass * np.asarray(self.model.gravity), (len(self.time), 1))
         velocity = np.gradient(self.center, self.time, axis=0)
-        return np.asarray(self.model.mass * (np.gradient(velocity, self.time, axis=0) - np.asarray(self.model.gravity)))
+        return np.asarray(
+            self.model.mass
+            * (np.gradient(velocity, self.time, axis=0) - np.asarray(self.model.gravity))
+        )
 
     def pose_of(self, body: str) -> tuple[Array, Array]:
         """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
@@ -78,15 +86,22 @@ class FootPoses:
         return self.poses.rotations[:, b], self.poses.origins[:, b]
 
     def distances(self, points: Array) -> Array:
-        """Of points (frames, points, 3) to the soles' middle lines (frames, points, feet); see `sole_distances` [m]."""
+        """Of points (frames, points, 3) to the soles' middle lines (frames, points, feet); see
+        `sole_distances` [m].
+        """
         return sole_distances(points, *self.soles, self.up)
 
 
 def sole_distances(points: Array, heels: Array, tips: Array, up: Array) -> Array:
-    """Horizontal distances (frames, points, feet) of points to lines from heels to tips (frames, feet, 3) [m]."""
+    """Horizontal distances (frames, points, feet) of points to lines from heels to tips (frames,
+    feet, 3) [m].
+    """
     level = np.eye(3) - np.outer(up, up)
-    along, reach = ((tips - heels) @ level)[:, None], (points[:, :, None] - heels[:, None]) @ level
-    share = np.clip((reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0)
+    along = ((tips - heels) @ level)[:, None]
+    reach = (points[:, :, None] - heels[:, None]) @ level
+    share = np.clip(
+        (reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0
+    )
     return np.linalg.norm(reach - share[..., None] * along, axis=3)
 
 
@@ -108,14 +123,20 @@ def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
         }
     tree = compile_tree(model)
     return FootPoses(
-        model, tree, forward_kinematics(tree, tree.coordinates_of(motion)), np.asarray(motion.time), feet, owners
+        model=model,
+        tree=tree,
+        poses=forward_kinematics(tree, tree.coordinates_of(motion)),
+        time=np.asarray(motion.time),
+        feet=feet,
+        owners=owners,
     )
 
 
 LOADED = 0.05  # Share of the weight from which a force counts as load
 SHORTEST = 0.05  # A load that is shorter is not judged [s]
 LOAD = "load in the hands"  # Kind of a finding: a force that no foot carries
-MIRRORED_PLATE, UNSURE = "mirrored plate", "wrong foot or mirrored plate"
+MIRRORED_PLATE = "mirrored plate"
+UNSURE = "wrong foot or mirrored plate"
 """Kinds of findings about plates that may be mirrored about their own middle."""
 
 Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
@@ -130,10 +151,13 @@ class ForceSamples:
     forces: Array
     points: Array
     torques: Array
-    loaded: NDArray[np.bool_]  # (frames, wrenches) forces large enough for their center of pressure to be believed
+    # (frames, wrenches) forces large enough for their center of pressure to be believed
+    loaded: NDArray[np.bool_]
 
     def centers(self, up: Array) -> Array:
-        """Where each wrench meets the height of its points without horizontal moment (frames, wrenches, 3) [m]."""
+        """Where each wrench meets the height of its points without horizontal moment (frames,
+        wrenches, 3) [m].
+        """
         lift = self.forces @ up
         firm = np.abs(lift) > 0.2 * np.linalg.norm(self.forces, axis=2)
         shift = np.cross(up, self.torques) / np.where(firm, lift, np.inf)[..., None]
@@ -141,18 +165,21 @@ class ForceSamples:
 
 
 def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
-    """The nearest samples of wrenches, 0 at times not covered; `least`: force from which one counts as loaded [N]."""
+    """The nearest samples of wrenches, 0 at times not covered; `least`: force from which one counts
+    as loaded [N].
+    """
     after = np.clip(np.searchsorted(wrenches.time, time), 1, max(len(wrenches) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(wrenches) - 1)
     nearest = np.where(time - wrenches.time[before] < wrenches.time[after] - time, before, after)
     step = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1e-3
     inside = (np.abs(wrenches.time[nearest] - time) <= max(step, 1e-6))[:, None, None]
-    forces, points, torques = (
-        np.where(inside, np.nan_to_num(one[nearest]), 0.0)
-        for one in (wrenches.forces, wrenches.points, wrenches.torques)
+    forces = np.where(inside, np.nan_to_num(wrenches.forces[nearest]), 0.0)
+    points = np.where(inside, np.nan_to_num(wrenches.points[nearest]), 0.0)
+    torques = np.where(inside, np.nan_to_num(wrenches.torques[nearest]), 0.0)
+    return ForceSamples(
+        forces=forces, points=points, torques=torques, loaded=np.linalg.norm(forces, axis=2) > least
     )
-    return ForceSamples(forces, points, torques, np.linalg.norm(forces, axis=2) > least)
 
 
 Forces = TypeVar("Forces", ForceSamples, Wrenches)
@@ -160,7 +187,9 @@ Forces = TypeVar("Forces", ForceSamples, Wrenches)
 
 def changed_wrenches(wrenches: Forces, number: int, change: Change) -> Forces:
     """Wrenches with one of them changed in all samples."""
-    parts: dict[str, Any] = {name: np.array(getattr(wrenches, name)) for name in ("forces", "points", "torques")}
+    parts: dict[str, Any] = {
+        name: np.array(getattr(wrenches, name)) for name in ("forces", "points", "torques")
+    }
     changed = change(*(part[:, number] for part in parts.values()))
     for part, other in zip(parts.values(), changed, strict=True):
         part[:, number] = other
@@ -178,7 +207,9 @@ class Inspection:
     @cached_property
     def numbers(self) -> list[int]:
         """Of the wrenches that act on a foot, or on a body that is not known yet."""
-        return [i for i, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners]
+        return [
+            i for i, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners
+        ]
 
     @cached_property
     def samples(self) -> ForceSamples:
@@ -189,7 +220,9 @@ class Inspection:
 
     @property
     def assigned(self) -> list[int]:
-        """Numbers of the forces whose foot is looked for: not those of which no foot's place is known to be right."""
+        """Numbers of the forces whose foot is looked for: not those of which no foot's place is
+        known to be right.
+        """
         others = {
             finding.place
             for finding in self.findings
@@ -203,7 +236,9 @@ class Inspection:
         return np.asarray(np.where(self.samples.loaded[:, number], size, 0.0))
 
     def misfit(self, number: int, samples: ForceSamples | None = None) -> float:
-        """Mean distance of a force's center of pressure to the nearest foot, weighted by the force [m]."""
+        """Mean distance of a force's center of pressure to the nearest foot, weighted by the force
+        [m].
+        """
         weights = self.weights(number)
         centers = (samples or self.samples).centers(self.feet.up)[:, [number]]
         distances = np.nan_to_num(self.feet.distances(centers)[:, 0].min(axis=1), nan=0.0)
@@ -236,7 +271,8 @@ def change_repair(number: int, change: Change, done: str, advice: str) -> Repair
     return Repair(partial(changed_wrenches, number=number, change=change), done, advice)
 
 
-MOVES = 0.8  # Speed against the ground of heel and tip of a human foot above which it does not stand [m/s]
+# Speed against the ground of heel and tip of a human foot above which it does not stand [m/s]
+MOVES = 0.8
 BELT = 0.3  # Speed from which on the ground under loaded feet is a belt [m/s]
 PAUSE = 0.06  # A foot that moves for a shorter time goes on standing [s]
 CARRIED = 0.6  # Share of a stance during which a plate has to carry its foot
@@ -245,7 +281,8 @@ EDGE = 0.05  # Uncertainty of the time at which a foot is put down or lifted, by
 
 def standing(inspection: Inspection) -> NDArray[np.bool_]:
     """(frames, feet) whether the heel or the tip of each sole moves as the ground does."""
-    feet, loaded = inspection.feet, inspection.samples.loaded[:, inspection.numbers].any(axis=1)
+    feet = inspection.feet
+    loaded = inspection.samples.loaded[:, inspection.numbers].any(axis=1)
     moving = []
     for points in feet.soles:
         velocity = np.gradient(points, feet.time, axis=0)
@@ -256,12 +293,16 @@ def standing(inspection: Inspection) -> NDArray[np.bool_]:
 def belt_velocity(inspection: Inspection) -> Array:
     """Velocity of the ground under loaded feet (3,), zero but on a treadmill [m/s]."""
     feet = inspection.feet
-    velocities = np.concatenate([np.gradient(points, feet.time, axis=0) for points in feet.soles], axis=1)
+    velocities = np.concatenate(
+        [np.gradient(points, feet.time, axis=0) for points in feet.soles], axis=1
+    )
     return ground_velocity(velocities, inspection.samples.loaded[:, inspection.numbers].any(axis=1))
 
 
 def ground_velocity(velocities: Array, loaded: np.ndarray | np.bool_) -> Array:
-    """The same by the slowest of some points of feet (frames, points, 3) in frames (frames,) with a load [m/s]."""
+    """The same by the slowest of some points of feet (frames, points, 3) in frames (frames,) with a
+    load [m/s].
+    """
     if not loaded.any():
         return np.zeros(3)
     speeds = np.linalg.norm(velocities, axis=2)
@@ -272,12 +313,13 @@ def ground_velocity(velocities: Array, loaded: np.ndarray | np.bool_) -> Array:
 
 def supported(inspection: Inspection) -> NDArray[np.bool_]:
     """Frames (frames,) in which every foot that stands does so on a plate, and one does.
-    A stance counts as a whole, so that the frames hardly depend on the clock of the forces; where one begins or ends
-    that no plate carries, frames around are left out.
+    A stance counts as a whole, so that the frames hardly depend on the clock of the forces; where
+    one begins or ends that no plate carries, frames around are left out.
     """
     feet = inspection.feet
     step = float(np.median(np.diff(feet.time)))
-    edge, pause = max(1, round(EDGE / step)), max(1, round(PAUSE / step))
+    edge = max(1, round(EDGE / step))
+    pause = max(1, round(PAUSE / step))
     stands = standing(inspection)
     carries = _carries(inspection)
     on_plate = np.zeros(len(feet.time), bool)
@@ -301,7 +343,9 @@ def _carries(inspection: Inspection) -> NDArray[np.bool_]:
         owner = feet.owners.get(inspection.wrenches.bodies[index])
         loaded = inspection.samples.loaded[:, index]
         for foot in range(len(feet.feet)):
-            result[:, foot] |= loaded & (nearest[:, column] == foot if owner is None else owner == foot)
+            result[:, foot] |= loaded & (
+                nearest[:, column] == foot if owner is None else owner == foot
+            )
     return result
 
 

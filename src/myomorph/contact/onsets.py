@@ -1,7 +1,8 @@
-"""Onsets in one channel of sound: when something begins to sound, to a fraction of a millisecond, and how loud.
+"""Onsets in one channel of sound: when something begins to sound, to a fraction of a millisecond,
+and how loud.
 
-An onset is where the energy in several bands rises together over what was heard before; its first arrival is the
-sample at which the variance of the signal changes (Maeda 1985).
+An onset is where the energy in several bands rises together over what was heard before; its first
+arrival is the sample at which the variance of the signal changes (Maeda 1985).
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Sound
 
 HOP = 0.001  # Step of short-time energies [s]
-AHEAD, BEHIND, APART = 0.005, 0.025, 0.001
+AHEAD = 0.005
+BEHIND = 0.025
+APART = 0.001
 """Energy of the next 5 ms is held against that of 25 ms that ended 1 ms ago [s]."""
 WINDOW = 0.006  # Time either side of an onset in which its first arrival is looked for [s]
 SLOWEST = 2000.0  # Rate down to which a signal is thinned [Hz]
-LEARNT, ORDER = 0.03, 24  # Time before that from which linear prediction is fitted [s], and its order
+LEARNT = 0.03
+ORDER = 24  # Time before that from which linear prediction is fitted [s], and its order
 QUIET = 0.005  # Time before an onset in which the loudness before is taken [s]
 BLOCK = 0.002  # Time for which one linear prediction is used [s]
 LOWEST = 50.0  # What lies below is left out [Hz]
@@ -41,7 +45,9 @@ class Onset:
 
 @read_only
 class Heard:
-    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that holds drums."""
+    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that
+    holds drums.
+    """
 
     channel: str
     # signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones only
@@ -68,10 +74,13 @@ def onsets(heard: Heard) -> tuple[Onset, ...]:
         return ()
     table = np.array([_excess(signal, rate, hops) for signal, rate in heard.levels])
     excess = table.sum(axis=0)
-    # Where nothing has been learnt yet everything is unforeseen, and at the end too little is heard.
+    # Where nothing has been learnt yet everything is unforeseen, and at the end too little is
+    # heard.
     excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
     rest = 2 * round(0.5 * REST / HOP) + 1
-    peaks = np.flatnonzero((excess > 0.0) & (excess == scipy.ndimage.maximum_filter1d(excess, rest)))
+    peaks = np.flatnonzero(
+        (excess > 0.0) & (excess == scipy.ndimage.maximum_filter1d(excess, rest))
+    )
     results: list[Onset] = []
     for peak in peaks:
         # The fastest level that shows it has the time best.
@@ -81,40 +90,52 @@ def onsets(heard: Heard) -> tuple[Onset, ...]:
             continue
         energy, background = energy_after(heard, time)
         if energy > 0.0:
-            results.append(Onset(heard.channel, time, energy, background))
+            results.append(
+                Onset(channel=heard.channel, time=time, energy=energy, background=background)
+            )
     return tuple(results)
 
 
 def energy_after(heard: Heard, time: float) -> tuple[float, float]:
     """Energy of what begins at a time, what was heard before taken off, and how much that was.
-    In the slowest level, what still rings is foreseen by linear prediction and taken off wave by wave; of what lies
-    above it, the mean power of the time `QUIET` before.
+    In the slowest level, what still rings is foreseen by linear prediction and taken off wave by
+    wave; of what lies above it, the mean power of the time `QUIET` before.
     """
-    (signal, rate), (slow, slow_rate) = heard.levels[0], heard.levels[-1]
+    (signal, rate) = heard.levels[0]
+    (slow, slow_rate) = heard.levels[-1]
     whole, before = _powers(signal, rate, time - heard.start, HEARD)
     low, low_before = _powers(slow, slow_rate, time - heard.start, HEARD)
-    first, gap = round((time - heard.start) * slow_rate), max(round(APART * slow_rate), 1)
+    first = round((time - heard.start) * slow_rate)
+    gap = max(round(APART * slow_rate), 1)
     learnt = max(int(LEARNT * slow_rate), 8 * ORDER)
     past = slow[max(first - gap - learnt, 0) : max(first - gap, 0)]
     length = min(int(HEARD * slow_rate), len(slow) - first)
     rings = _foreseen(past, gap + length)[gap:]
     new = float(np.sum((slow[first : first + length] - rings) ** 2)) / slow_rate
     # A prediction that runs away is worse than none.
-    new, low_before = (new, float(np.sum(rings**2)) / slow_rate) if new < low else (low - low_before, low_before)
+    new, low_before = (
+        (new, float(np.sum(rings**2)) / slow_rate) if new < low else (low - low_before, low_before)
+    )
     above = max(whole - low - max(before - low_before, 0.0), 0.0) if len(heard.levels) > 1 else 0.0
     return new + above, before
 
 
 def _powers(signal: Array, rate: float, since: float, length: float) -> tuple[float, float]:
-    """Energy of a stretch that begins at `since`, and that of one as long by the power of the time `QUIET` before."""
-    first, count, gap = round(since * rate), int(length * rate), max(round(0.0002 * rate), 1)
+    """Energy of a stretch that begins at `since`, and that of one as long by the power of the time
+    `QUIET` before.
+    """
+    first = round(since * rate)
+    count = int(length * rate)
+    gap = max(round(0.0002 * rate), 1)
     earlier = signal[max(first - gap - int(QUIET * rate), 0) : max(first - gap, 0)]
     before = float(np.mean(earlier**2)) * length if len(earlier) else 0.0
     return float(np.sum(signal[max(first, 0) : max(first + count, 0)] ** 2)) / rate, before
 
 
 def _foreseen(past: Array, count: int) -> Array:
-    """How a signal goes on for `count` samples by linear prediction from its past; silence where that is too short."""
+    """How a signal goes on for `count` samples by linear prediction from its past; silence where
+    that is too short.
+    """
     if len(past) < 4 * ORDER:
         return np.zeros(count)
     weights = _prediction(past)
@@ -136,8 +157,12 @@ def _excess(signal: Array, rate: float, hops: int) -> Array:
     """By how much the rise of unforeseen energy passes its threshold (hops,).
     The rise is log(energy ahead / energy behind), both with the quiet of the whole recording added.
     """
-    ahead, behind, apart, here = round(AHEAD / HOP), round(BEHIND / HOP), round(APART / HOP), np.arange(hops)
-    first, last = np.maximum(here - apart - behind, 0), np.maximum(here - apart, 0)
+    ahead = round(AHEAD / HOP)
+    behind = round(BEHIND / HOP)
+    apart = round(APART / HOP)
+    here = np.arange(hops)
+    first = np.maximum(here - apart - behind, 0)
+    last = np.maximum(here - apart, 0)
     stop = np.minimum(here + ahead, hops)
     marks = np.minimum(np.round(np.arange(hops + 1) * HOP * rate).astype(np.int64), len(signal))
     power = np.diff(np.concatenate([[0.0], np.cumsum(_innovation(signal, rate) ** 2)])[marks])
@@ -153,17 +178,22 @@ def _excess(signal: Array, rate: float, hops: int) -> Array:
 
 
 def _innovation(signal: Array, rate: float) -> Array:
-    """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT` before it.
-    Ringing drums and hum are foreseen, a new impact is not (Glover, Lazzarini and Timoney 2011).
+    """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT`
+    before it. Ringing drums and hum are foreseen, a new impact is not (Glover, Lazzarini and
+    Timoney 2011).
     """
-    block, learnt = max(int(BLOCK * rate), 1), max(int(LEARNT * rate), 8 * ORDER)
+    block = max(int(BLOCK * rate), 1)
+    learnt = max(int(LEARNT * rate), 8 * ORDER)
     count = len(signal) // block
     padded = np.concatenate([np.zeros(learnt), signal[: count * block]])
     result = np.zeros(len(signal))
     lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
-    size, window = scipy.fft.next_fast_len(learnt + ORDER + 1, real=True), np.hanning(learnt)
+    size = scipy.fft.next_fast_len(learnt + ORDER + 1, real=True)
+    window = np.hanning(learnt)
     pasts = np.lib.stride_tricks.sliding_window_view(padded, learnt)[::block]
-    reaches = np.lib.stride_tricks.sliding_window_view(padded[learnt - ORDER :], block + ORDER)[::block]
+    reaches = np.lib.stride_tricks.sliding_window_view(padded[learnt - ORDER :], block + ORDER)[
+        ::block
+    ]
     for first in range(0, count, 512):
         chunk = slice(first, min(first + 512, count))
         power = np.abs(scipy.fft.rfft(pasts[chunk] * window, size, axis=1)) ** 2
@@ -178,13 +208,17 @@ def _innovation(signal: Array, rate: float) -> Array:
 
 def _first_arrival(signal: Array, near: int, rate: float) -> int:
     """Sample at which something new begins, around the sample `near`.
-    An autoregressive model of what was heard before takes off whatever still rings (Sleeman and van Eck 1999);
-    the arrival is where the variance of the rest changes: the least k log(var before) + (n - k) log(var after).
+    An autoregressive model of what was heard before takes off whatever still rings (Sleeman and van
+    Eck 1999); the arrival is where the variance of the rest changes: the least k log(var before) +
+    (n - k) log(var after).
     """
-    reach, learnt = int(WINDOW * rate), max(int(LEARNT * rate), 8 * ORDER)
-    first, last = max(near - reach, 0), min(near + 2 * reach, len(signal))
+    reach = int(WINDOW * rate)
+    learnt = max(int(LEARNT * rate), 8 * ORDER)
+    first = max(near - reach, 0)
+    last = min(near + 2 * reach, len(signal))
     part = _unforeseen(signal[max(first - learnt, 0) : last], first - max(first - learnt, 0))
-    # What follows the loudest sample is the instrument's own ringing, and shows nothing of its beginning.
+    # What follows the loudest sample is the instrument's own ringing, and shows nothing of its
+    # beginning.
     part = part[: int(np.argmax(np.abs(part))) + 2]
     n = len(part)
     if n < 16:
@@ -192,12 +226,15 @@ def _first_arrival(signal: Array, near: int, rate: float) -> int:
     sums = np.cumsum(part**2)
     index = np.arange(4, n)
     tiny = 1e-12 * sums[-1] + 1e-300
-    before, after = sums[index - 1] / index + tiny, (sums[-1] - sums[index - 1]) / (n - index) + tiny
+    before = sums[index - 1] / index + tiny
+    after = (sums[-1] - sums[index - 1]) / (n - index) + tiny
     return first + int(index[np.argmin(index * np.log(before) + (n - index) * np.log(after))])
 
 
 def _unforeseen(signal: Array, known: int) -> Array:
-    """What the first `known` samples, continued by a linear prediction fitted to them, do not predict of the rest."""
+    """What the first `known` samples, continued by a linear prediction fitted to them, do not
+    predict of the rest.
+    """
     if known < 4 * ORDER:
         return signal[known:]
     later = np.lib.stride_tricks.sliding_window_view(signal[known - ORDER :], ORDER + 1)

@@ -22,15 +22,19 @@ class ContactPlan:
 
     feet: bool = True  # whether the soles of the model's feet are sites
     sites: tuple[Site, ...] = ()  # beside the soles
-    # of each of `sites` what determines when it touches: "always", the "motion", or the "file" of its intervals
+    # of each of `sites` what determines when it touches: "always", the "motion", or the "file" of
+    # its intervals
     when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))
-    # height of what a site rests on where that is not the floor [m], None for the lowest that it gets
+    # height of what a site rests on where that is not the floor [m], None for the lowest that it
+    # gets
     surfaces: Mapping[str, float | None] = field(default_factory=lambda: FrozenMap({}))
-    reported: Contacts | None = None  # contact intervals of a file; of the soles too where it names them
+    # contact intervals of a file; of the soles too where it names them
+    reported: Contacts | None = None
     # impacts that microphones recorded, whose forces are known by their loudness or motion
     sound: SoundPlan | None = None
-    # what measured loads are used for: "exact": they act as measured, and contacts are estimated where none was
-    # measured; "shared": each is known for the sites on it together; "hidden": not at all
+    # what measured loads are used for: "exact": they act as measured, and contacts are estimated
+    # where none was measured; "shared": each is known for the sites on it together; "hidden": not
+    # at all
     measured: Literal["exact", "shared", "hidden"] = "exact"
     # load cells of steps that show who stands on them and, together, what force they carry
     stairs: Stairs | None = None

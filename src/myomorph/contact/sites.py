@@ -1,4 +1,6 @@
-"""Where bodies touch the world: sites at the corners of every sole, of hands, seat and back, by the bodies' names."""
+"""Where bodies touch the world: sites at the corners of every sole, of hands, seat and back, by the
+bodies' names.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,12 @@ OUTLINE = {
     "toe_medial": (1.42, -0.16),
     "toe_lateral": (1.30, 0.26),
 }
-"""Corners of a sole: along it from the heel, and outwards, over the distance from the heel to the toes' joint.
+"""Corners of a sole: along it from the heel, and outwards, over the distance from the heel to the
+toes' joint.
 
-Heads of the first and fifth metatarsal, tips of the great and of the fourth toe; after the bones that models draw."""
+Heads of the first and fifth metatarsal, tips of the great and of the fourth toe; after the bones
+that models draw.
+"""
 
 HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")  # What a heel's body is called, the surest first
 BONE_DEPTH = 0.06  # How far the bones of a foot reach below its origin, over the same distance
@@ -64,11 +69,13 @@ class Foot:
 def foot_sites(
     model: Model, surfaces: Mapping[str, Surface] | None = None, options: FootOptions | None = None
 ) -> tuple[Site, ...]:
-    """Heel, ball and toes of every foot: six points at the corners of its sole, in the group of the foot.
+    """Heel, ball and toes of every foot: six points at the corners of its sole, in the group of the
+    foot.
 
-    Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they lie comes
-    from the bones' meshes where they are given, else from the joint of the toes, in the model's default
-    posture. How thick a sole is no model has: `rest_on_floor` fits that to a motion.
+    Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they
+    lie comes from the bones' meshes where they are given, else from the joint of the toes, in the
+    model's default posture. How thick a sole is no model has: `rest_on_floor` fits that to a
+    motion.
 
     Parameters
     ----------
@@ -95,50 +102,75 @@ def foot_sites(
     >>> toes = mm.model.Joint("mtp_r", "WeldJoint", "calcn_r", "toes_r", ahead, still)
     >>> model = mm.Model("foot", tuple(bodies), (ankle, toes), (), [0.0, -9.80665, 0.0])
     >>> [site.name for site in mm.contact.foot_sites(model)]
-    ['heel_medial_r', 'heel_lateral_r', 'ball_medial_r', 'ball_lateral_r', 'toe_medial_r', 'toe_lateral_r']
+    ['heel_medial_r', 'heel_lateral_r', 'ball_medial_r', 'ball_lateral_r', 'toe_medial_r',
+    'toe_lateral_r']
     """
     options = options or FootOptions()
     cone = replace(options.cone, direction=model.up)
     sites = []
     for foot in feet_of(model):
-        part, side = foot.name[:-6], foot.name[-2:]
+        part = foot.name[:-6]
+        side = foot.name[-2:]
         for label, point in _corners(model, foot, surfaces or {}, options).items():
             body = foot.toes if label.startswith("toe") else foot.heel
             local = standing_poses(model)[body].inverse().apply(point)
-            sites.append(Site(f"{part}{label}{side}", body, local[None], cone, group=foot.name))
+            sites.append(
+                Site(
+                    name=f"{part}{label}{side}",
+                    body=body,
+                    points=local[None],
+                    cone=cone,
+                    group=foot.name,
+                )
+            )
     return tuple(sites)
 
 
 def feet_of(model: Model) -> tuple[Foot, ...]:
     """The feet by the bodies' names, right before left; raises `BadData` where there is none.
-    A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis of the heel's
-    body, it is that axis, as models draw feet flat on the ground of their own frame. In a joined model the feet of each
-    part are named with what stands before its heel's name: `tori_foot_r`.
+    A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis
+    of the heel's body, it is that axis, as models draw feet flat on the ground of their own frame.
+    In a joined model the feet of each part are named with what stands before its heel's name:
+    `tori_foot_r`.
     """
-    segments, poses = segments_of(model), standing_poses(model)
+    segments = segments_of(model)
+    poses = standing_poses(model)
     by_name: dict[str, Foot] = {}
     for side, ending in (("right", "_r"), ("left", "_l")):
         bodies = [
-            body for body in model.bodies if segments[body.name].name == "foot" and segments[body.name].side == side
+            body
+            for body in model.bodies
+            if segments[body.name].name == "foot" and segments[body.name].side == side
         ]
         for pattern in HEEL:
             for heel in bodies:
                 match = re.search(pattern, heel.name, re.IGNORECASE)
                 part = "" if match is None else heel.name[: match.start()]
                 if match is not None and f"{part}foot{ending}" not in by_name:
-                    toes = [body for body in bodies if body.name.startswith(part) and "toe" in body.name.lower()]
+                    toes = [
+                        body
+                        for body in bodies
+                        if body.name.startswith(part) and "toe" in body.name.lower()
+                    ]
                     outwards = 1.0 if side == "right" else -1.0
-                    by_name[f"{part}foot{ending}"] = _foot(model, f"{part}foot{ending}", heel, toes, poses, outwards)
+                    by_name[f"{part}foot{ending}"] = _foot(
+                        model, f"{part}foot{ending}", heel, toes, poses, outwards
+                    )
     if not by_name:
         raise BadData(
-            f"no foot of model '{model.name}' is found by its bodies' names (calcn, heel, foot, toes, and a side): "
-            "name contact sites and their points yourself"
+            f"no foot of model '{model.name}' is found by its bodies' names (calcn, heel, foot,"
+            " toes, and a side): name contact sites and their points yourself"
         )
     return tuple(by_name.values())
 
 
 def _foot(
-    model: Model, name: str, heel: Body, bodies: Sequence[Body], poses: dict[str, Transform], outwards: float
+    model: Model,
+    name: str,
+    heel: Body,
+    bodies: Sequence[Body],
+    poses: dict[str, Transform],
+    outwards: float,
 ) -> Foot:
     """A foot of a heel and the first of some bodies of toes, which may be none."""
     toes = (*bodies, heel)[0]
@@ -149,27 +181,39 @@ def _foot(
     along = along - (along @ up) * up
     length = float(np.linalg.norm(along))
     if length <= 0.0:
-        raise BadData(f"body '{heel.name}' has no toes and no mass center ahead of its origin: name its sites yourself")
+        raise BadData(
+            f"body '{heel.name}' has no toes and no mass center ahead of its origin: name its sites"
+            " yourself"
+        )
     forward = _snapped(pose.rotation, along / length)
     if toes is heel:
         length *= 1.8
     axes = np.stack([forward, up, outwards * np.cross(forward, up)], axis=1)
-    return Foot(name, heel.name, toes.name, axes, pose.translation, length)
+    return Foot(
+        name=name, heel=heel.name, toes=toes.name, axes=axes, origin=pose.translation, length=length
+    )
 
 
 def _snapped(rotation: Array, direction: Array) -> Array:
     """The axis of a body that lies within 20 degrees of a direction, or the direction itself."""
     along = rotation.T @ direction
     index = int(np.argmax(np.abs(along)))
-    return np.sign(along[index]) * rotation[:, index] if abs(along[index]) > np.cos(np.radians(20.0)) else direction
+    return (
+        np.sign(along[index]) * rotation[:, index]
+        if abs(along[index]) > np.cos(np.radians(20.0))
+        else direction
+    )
 
 
-def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions) -> dict[str, Array]:
+def _corners(
+    model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions
+) -> dict[str, Array]:
     """Corners of a sole in ground, in the default posture [m]."""
     outline = {label: np.array(corners) * foot.length for label, corners in OUTLINE.items()}
     depth = BONE_DEPTH * foot.length
     bones = {
-        name: _vertices(model.body(name), surfaces, foot, standing_poses(model)) for name in (foot.heel, foot.toes)
+        name: _vertices(model.body(name), surfaces, foot, standing_poses(model))
+        for name in (foot.heel, foot.toes)
     }
     known = [bone for bone in bones.values() if len(bone)]
     if len(known) == len(bones) and known:
@@ -180,7 +224,9 @@ def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options:
     return {label: low + x * forward + z * out for label, (x, z) in outline.items()}
 
 
-def _vertices(body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: dict[str, Transform]) -> Array:
+def _vertices(
+    body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: dict[str, Transform]
+) -> Array:
     """Vertices of a body's meshes along the foot's axes, from its origin (n, 3)."""
     meshes = body_meshes(body, surfaces)
     if not meshes:
@@ -189,13 +235,20 @@ def _vertices(body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: di
 
 
 def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
-    """Corners (along, outwards) of the bones of a foot: of its rear, at the ball, and of the foremost part."""
-    x, z = vertices[:, 0], vertices[:, 2]
-    back, tip = float(x.min()), float(x.max())
+    """Corners (along, outwards) of the bones of a foot: of its rear, at the ball, and of the
+    foremost part.
+    """
+    x = vertices[:, 0]
+    z = vertices[:, 2]
+    back = float(x.min())
+    tip = float(x.max())
     heel = x < back + 0.2 * length
-    middle, half = 0.5 * (z[heel].min() + z[heel].max()), 0.35 * np.ptp(z[heel])
-    ball, toes = (x > 0.8 * length) & (x < 1.2 * length), x > length + 0.5 * (tip - length)
-    inner, outer = float(z[ball].min()), float(z[ball].max())
+    middle = 0.5 * (z[heel].min() + z[heel].max())
+    half = 0.35 * np.ptp(z[heel])
+    ball = (x > 0.8 * length) & (x < 1.2 * length)
+    toes = x > length + 0.5 * (tip - length)
+    inner = float(z[ball].min())
+    outer = float(z[ball].max())
     great = float(z[toes].min())
     return {
         "heel_medial": np.array([back, middle - half]),
@@ -208,11 +261,12 @@ def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
 
 
 def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
-    """Sites by name: `hand_r`, `hand_l` (a grip that takes force any way), `seat` and `back` (patches).
+    """Sites by name: `hand_r`, `hand_l` (a grip that takes force any way), `seat` and `back`
+    (patches).
 
-    A hand's site is its body's mass center. The seat is four points about the ischial tuberosities, placed
-    from the hip joints; the back, four points behind the thorax' mass center. Both are pushed along the body's
-    own axes, up and forwards in the default posture.
+    A hand's site is its body's mass center. The seat is four points about the ischial tuberosities,
+    placed from the hip joints; the back, four points behind the thorax' mass center. Both are
+    pushed along the body's own axes, up and forwards in the default posture.
 
     Parameters
     ----------
@@ -244,31 +298,54 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
     for name in names:
         check_name("contact site", name, SEGMENT_SITES, "body_sites")
         base = name.split("_")[0]
-        sites.append(_hand(model, name) if base == "hand" else _seat(model) if base == "seat" else _back(model))
+        sites.append(
+            _hand(model, name)
+            if base == "hand"
+            else _seat(model)
+            if base == "seat"
+            else _back(model)
+        )
     return tuple(sites)
 
 
 def _hand(model: Model, name: str) -> Site:
     side = {"r": "right", "l": "left"}.get(name[-1], "")
     segments = segments_of(model)
-    bodies = [body for body in model.bodies if segments[body.name].name == "hand" and segments[body.name].side == side]
+    bodies = [
+        body
+        for body in model.bodies
+        if segments[body.name].name == "hand" and segments[body.name].side == side
+    ]
     if not bodies:
-        raise BadData(f"model '{model.name}' has no {side} hand for site '{name}': name a body and a point yourself")
+        raise BadData(
+            f"model '{model.name}' has no {side} hand for site '{name}': name a body and a point"
+            " yourself"
+        )
     body = max(bodies, key=lambda body: body.mass)
-    return Site(name, body.name, body.mass_center[None], Cone(direction=None, grip=0.05))
+    return Site(
+        name=name,
+        body=body.name,
+        points=body.mass_center[None],
+        cone=Cone(direction=None, grip=0.05),
+    )
 
 
 def _seat(model: Model) -> Site:
-    poses, up = standing_poses(model), model.up
+    poses = standing_poses(model)
+    up = model.up
     segments = segments_of(model)
     hips = {
         segments[joint.child].side: (joint.parent, poses[joint.child].translation)
         for joint in model.joints
-        if segments[joint.child].name == "thigh" and segments.get(joint.parent)
+        if segments[joint.child].name == "thigh"
+        and segments.get(joint.parent)
         and segments[joint.parent].name != "thigh"
-    }  # fmt: skip
+    }
     if set(hips) != {"right", "left"}:
-        raise BadData(f"model '{model.name}' has no two hips to find its seat from: name a body and points yourself")
+        raise BadData(
+            f"model '{model.name}' has no two hips to find its seat from: name a body and points"
+            " yourself"
+        )
     body, right = hips["right"]
     left = hips["left"][1]
     out = right - left
@@ -276,20 +353,35 @@ def _seat(model: Model) -> Site:
     out = out / width
     forward = np.cross(up, out)
     middle = 0.5 * (right + left) - 0.45 * width * up - 0.1 * width * forward
-    points = np.array([middle + width * (0.35 * s * out + 0.15 * t * forward) for s in (1, -1) for t in (1, -1)])
+    points = np.array(
+        [middle + width * (0.35 * s * out + 0.15 * t * forward) for s in (1, -1) for t in (1, -1)]
+    )
     pose = poses[body]
-    return Site("seat", body, pose.inverse().apply(points), Cone(direction=up))
+    return Site(
+        name="seat", body=body, points=pose.inverse().apply(points), cone=Cone(direction=up)
+    )
 
 
 def _back(model: Model) -> Site:
-    segments, poses, up = segments_of(model), standing_poses(model), model.up
+    segments = segments_of(model)
+    poses = standing_poses(model)
+    up = model.up
     bodies = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
     if not bodies:
-        raise BadData(f"model '{model.name}' has no thorax for site 'back': name a body and points yourself")
-    body, foot = max(bodies, key=lambda body: body.mass), feet_of(model)[0]
+        raise BadData(
+            f"model '{model.name}' has no thorax for site 'back': name a body and points yourself"
+        )
+    body = max(bodies, key=lambda body: body.mass)
+    foot = feet_of(model)[0]
     forward = foot.axes[:, 0] - (foot.axes[:, 0] @ up) * up
     forward = forward / np.linalg.norm(forward)
-    out, pose = np.cross(forward, up), poses[body.name]
+    out = np.cross(forward, up)
+    pose = poses[body.name]
     middle = pose.apply(body.mass_center) - 0.1 * forward
     points = np.array([middle + 0.12 * s * out + 0.12 * t * up for s in (1, -1) for t in (1, -1)])
-    return Site("back", body.name, pose.inverse().apply(points), Cone(pose.rotation.T @ forward, body.name))
+    return Site(
+        name="back",
+        body=body.name,
+        points=pose.inverse().apply(points),
+        cone=Cone(pose.rotation.T @ forward, body.name),
+    )

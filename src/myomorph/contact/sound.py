@@ -1,7 +1,7 @@
 """Impacts heard by microphones: when each drum was struck, how loud, and by which site.
 
-The way from the instrument to its microphone is taken off at the speed of sound, and what one impact sends into
-several microphones is separated by how loud it is in each.
+The way from the instrument to its microphone is taken off at the speed of sound, and what one
+impact sends into several microphones is separated by how loud it is in each.
 """
 
 from __future__ import annotations
@@ -30,9 +30,13 @@ def speed_of_sound(celsius: float) -> float:
 
 SPEED = 343.0  # Of sound in air of 20 degrees C [m/s]
 TOGETHER = 0.02  # Arrivals this close may be one impact in several microphones [s]
-SOFTEST = 0.002  # Energy below which an impact of an instrument is none, as a share of its loud ones
-ECHO, ECHO_TIME = 0.03, 0.12
-"""An impact of less than this share of the energy of another of its instrument within so long [s] is its echo."""
+# Energy below which an impact of an instrument is none, as a share of its loud ones
+SOFTEST = 0.002
+ECHO = 0.03
+ECHO_TIME = 0.12
+"""An impact of less than this share of the energy of another of its instrument within so long [s]
+is its echo.
+"""
 OWN = 0.75  # Part of a channel's energy that its own instrument must explain, so that it was struck
 
 
@@ -43,14 +47,18 @@ class Instrument:
     name: str
     channel: str  # name of the microphone's channel
     distance: float = 0.0  # from the place that is struck to that microphone [m]
-    sites: tuple[str, ...] = ()  # contact sites of the body that may strike it, such as the tips of two sticks
+    # contact sites of the body that may strike it, such as the tips of two sticks
+    sites: tuple[str, ...] = ()
     # distances to microphones of other channels [m], where known: they give how loud it is there
     others: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     def __post_init__(self) -> None:
         for channel, far in {self.channel: self.distance, **self.others}.items():
             if not 0.0 <= far < 1000.0:
-                raise BadData(f"instrument '{self.name}' is {far:g} m from channel '{channel}': expected 0 to 1000 m")
+                raise BadData(
+                    f"instrument '{self.name}' is {far:g} m from channel '{channel}': expected 0 to"
+                    " 1000 m"
+                )
 
 
 @dataclass(frozen=True)
@@ -60,7 +68,8 @@ class HeardImpact:
     instrument: str
     time: float  # at the instrument, on the motion's clock [s]
     energy: float  # what its own microphone got of it [full scale^2 s]
-    confidence: float  # 0 to 1: the part of what was heard then in its microphone that is this impact
+    # 0 to 1: the part of what was heard then in its microphone that is this impact
+    confidence: float
 
 
 @dataclass(frozen=True)
@@ -73,7 +82,12 @@ class HeardImpacts:
 
     def of(self, instrument: str) -> tuple[HeardImpact, ...]:
         """Impacts on one instrument; raises `UnknownName`."""
-        index_of("instrument", instrument, tuple(instrument.name for instrument in self.instruments), "the sound")
+        index_of(
+            "instrument",
+            instrument,
+            tuple(instrument.name for instrument in self.instruments),
+            "the sound",
+        )
         return tuple(impact for impact in self.impacts if impact.instrument == instrument)
 
 
@@ -81,15 +95,22 @@ def hear_impacts(
     sound: Sound, instruments: Sequence[Instrument], speed: float = SPEED, time: Array | None = None
 ) -> HeardImpacts:
     """Impacts on every instrument, each heard once.
-    `sound`: all channels on one clock, which `sound.start` ties to the motion's; `time` (frames,) of the motion, where
-    there is one: a sound of another length is reported [s].
+    `sound`: all channels on one clock, which `sound.start` ties to the motion's; `time` (frames,)
+    of the motion, where there is one: a sound of another length is reported [s].
     """
     names = tuple(instrument.name for instrument in instruments)
     if not names or len(set(names)) != len(names):
-        raise BadData(f"instruments are named {names}: expected one or more, each with a name of its own")
+        raise BadData(
+            f"instruments are named {names}: expected one or more, each with a name of its own"
+        )
     for instrument in instruments:
         for channel in (instrument.channel, *instrument.others):
-            index_of("sound channel", channel, sound.names, f"the recording, for instrument '{instrument.name}',")
+            index_of(
+                "sound channel",
+                channel,
+                sound.names,
+                f"the recording, for instrument '{instrument.name}',",
+            )
     warnings = [*sound.warnings, *sound_faults(sound, time)]
     channels = tuple(dict.fromkeys(instrument.channel for instrument in instruments))
     heard = {name: listen(sound, name) for name in channels}
@@ -101,11 +122,15 @@ def hear_impacts(
         kept += on_it
         if not on_it:
             warnings.append(f"no impact on '{name}' was heard")
-    return HeardImpacts(tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings))
+    return HeardImpacts(
+        tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings)
+    )
 
 
 def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
-    """What is wrong with a recording: silent and clipped channels, another length than the motion's."""
+    """What is wrong with a recording: silent and clipped channels, another length than the
+    motion's.
+    """
     results = []
     for name in sound.names:
         channel = sound[name]
@@ -118,21 +143,24 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
             if flat >= 3 and abs(edge) > 0.5 * peak:
                 at = sound.start + int(np.argmax(channel == edge)) / sound.rate
                 results.append(
-                    f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at {at:.3f} s: "
-                    "energies of loud impacts are too small"
+                    f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at"
+                    f" {at:.3f} s: energies of loud impacts are too small"
                 )
                 break
     if time is not None:
-        stop, first, last = sound.start + sound.duration, float(time[0]), float(time[-1])
+        stop = sound.start + sound.duration
+        first = float(time[0])
+        last = float(time[-1])
         if stop <= first or sound.start >= last:
             raise BadData(
-                f"the sound runs from {sound.start:g} to {stop:g} s, the motion from {first:g} to {last:g} s: they "
-                "have no time in common"
+                f"the sound runs from {sound.start:g} to {stop:g} s, the motion from {first:g} to"
+                f" {last:g} s: they have no time in common"
             )
         if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
             results.append(
-                f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from {first:.3f} to {last:.3f} s: "
-                "impacts are known where both run; check the sound's start"
+                f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from"
+                f" {first:.3f} to {last:.3f} s: impacts are known where both run; check the sound's"
+                " start"
             )
     return tuple(results)
 
@@ -141,17 +169,31 @@ def contacts_heard(heard: HeardImpacts, sites: Sequence[str], duration: float = 
     """Impacts as contacts: each site touches its instrument for `duration` seconds.
     `sites`: that made each impact, as `impacts.striking_sites` finds.
     """
-    known = tuple(dict.fromkeys(name for instrument in heard.instruments for name in instrument.sites))
+    known = tuple(
+        dict.fromkeys(name for instrument in heard.instruments for name in instrument.sites)
+    )
     touches = []
     for site, impact in zip(sites, heard.impacts, strict=True):
         check_name("contact site", site, known, "the instruments")
         stop = impact.time + duration
-        touches.append(Touch(site, impact.time, stop, impact.instrument, impact.confidence, "sound"))
+        touches.append(
+            Touch(
+                site=site,
+                start=impact.time,
+                stop=stop,
+                surface=impact.instrument,
+                confidence=impact.confidence,
+                source="sound",
+            )
+        )
     return Contacts(known, tuple(touches), heard.warnings)
 
 
 def _told_apart(
-    instruments: Sequence[Instrument], arrivals: Mapping[str, Sequence[Onset]], heard: Mapping[str, Heard], speed: float
+    instruments: Sequence[Instrument],
+    arrivals: Mapping[str, Sequence[Onset]],
+    heard: Mapping[str, Heard],
+    speed: float,
 ) -> list[HeardImpact]:
     """Arrivals of all channels as impacts: those that are close in time are explained together."""
     ways = {instrument.name: instrument.distance / speed for instrument in instruments}
@@ -185,7 +227,14 @@ def _told_apart(
             time, onset = first[i]
             if scaled[i] >= OWN * max(energy[i], 1e-300) and scaled[i] >= SOFTEST * loud[i]:
                 sure = scaled[i] / (energy[i] + onset.background)
-                impacts.append(HeardImpact(instruments[i].name, time, float(scaled[i]), float(min(sure, 1.0))))
+                impacts.append(
+                    HeardImpact(
+                        instrument=instruments[i].name,
+                        time=time,
+                        energy=float(scaled[i]),
+                        confidence=float(min(sure, 1.0)),
+                    )
+                )
     return impacts
 
 
@@ -209,8 +258,8 @@ def _energies(
 
 def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
     """Energy (instruments, instruments) in microphone i of a impact on j that gives 1 in its own.
-    The median of what the louder half of the impacts that were loudest on j left in i; with fewer than four of
-    these it falls with the square of the distances, where they are known.
+    The median of what the louder half of the impacts that were loudest on j left in i; with fewer
+    than four of these it falls with the square of the distances, where they are known.
     """
     count = len(instruments)
     relative = energies / np.maximum(np.quantile(energies, 0.9, axis=0), 1e-300)

@@ -1,11 +1,13 @@
 """Stairs and ladders that measure force ([D] chapter 7): a load cell under each tread or rung.
 
-In the axes of a tread (z out of its surface) a cell measures some of force and moment about a point of its own,
+In the axes of a tread (z out of its surface) a cell measures some of force and moment about a point
+of its own,
 
     w = C (s - s_0),   F = R f,   M = R m + (R o) x F   about the middle of the tread,
 
-with C from channels s to components, R and o the cell's orientation and origin. What a cell does not measure is
-unknown, not zero. Thresholds count in body weights and in the cell's own noise: a mouse weighs a quarter of a newton.
+with C from channels s to components, R and o the cell's orientation and origin. What a cell does
+not measure is unknown, not zero. Thresholds count in body weights and in the cell's own noise: a
+mouse weighs a quarter of a newton.
 """
 
 from __future__ import annotations
@@ -31,36 +33,45 @@ class Step:
     """A tread or a rung and its load cell."""
 
     name: str
-    pose: Transform  # of the tread in ground: origin in the middle of its surface, z out of it, x and y along its edges
+    # of the tread in ground: origin in the middle of its surface, z out of it, x and y along its
+    # edges
+    pose: Transform
     size: tuple[float, float]  # extents of the surface along x and y [m]
-    # which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of `matrix`)
+    # which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of
+    # `matrix`)
     measures: tuple[str, ...]
     channels: tuple[str, ...]  # names of its channels
     # (components, channels) from channels to [N] and [N m], with cross-talk; None for one to one
     matrix: Array | None = None
     # (3,) point of the tread's frame about which the cell's moments are [m]
     origin: Array = field(default_factory=lambda: np.zeros(3))
-    sense: Literal[1, -1] = 1  # 1 where the cell gives the force on the animal, -1 where that on the step
+    # 1 where the cell gives the force on the animal, -1 where that on the step
+    sense: Literal[1, -1] = 1
 
     def __post_init__(self) -> None:
         freeze(self, origin=(3,))
         unknown = [measure for measure in self.measures if measure not in COMPONENTS]
         if unknown or len(set(self.measures)) != len(self.measures) or not self.measures:
             raise BadData(
-                f"step '{self.name}' measures {self.measures}: expected some of {', '.join(COMPONENTS)}, once each"
+                f"step '{self.name}' measures {self.measures}: expected some of"
+                f" {', '.join(COMPONENTS)}, once each"
             )
         if not all(np.isfinite(item) and item > 0.0 for item in self.size):
-            raise BadData(f"step '{self.name}' has the size {self.size}: expected two lengths above 0 m")
+            raise BadData(
+                f"step '{self.name}' has the size {self.size}: expected two lengths above 0 m"
+            )
         if self.matrix is None and len(self.channels) != len(self.measures):
             raise BadData(
-                f"step '{self.name}' measures {len(self.measures)} components by {len(self.channels)} channels: "
-                "give its matrix"
+                f"step '{self.name}' measures {len(self.measures)} components by"
+                f" {len(self.channels)} channels: give its matrix"
             )
         if self.matrix is not None:
             shape = (len(self.measures), len(self.channels))
             matrix = np.asarray(self.matrix, dtype=np.float64)
             if matrix.shape != shape:
-                raise BadData(f"the matrix of step '{self.name}' has shape {matrix.shape}: expected {shape}")
+                raise BadData(
+                    f"the matrix of step '{self.name}' has shape {matrix.shape}: expected {shape}"
+                )
             object.__setattr__(self, "matrix", frozen_array(matrix))
 
     def rotated(self, rotation: Array) -> Step:
@@ -87,8 +98,8 @@ class StairOptions:
     def __post_init__(self) -> None:
         if not 0.0 < self.unloaded <= self.loaded:
             raise BadData(
-                f"steps are loaded from {self.loaded:g} of body weight and unloaded below {self.unloaded:g}: expected "
-                "shares above 0, the second not the larger one"
+                f"steps are loaded from {self.loaded:g} of body weight and unloaded below"
+                f" {self.unloaded:g}: expected shares above 0, the second not the larger one"
             )
 
 
@@ -98,11 +109,12 @@ class StepLoads:
 
     time: Array  # (samples,) [s]
     steps: tuple[Step, ...]
-    # forces, moments: (samples, steps, 3) on the animal, moments about the tread's middle [N], [N m]; NaN where the
-    # cell does not measure them
+    # forces, moments: (samples, steps, 3) on the animal, moments about the tread's middle [N], [N
+    # m]; NaN where the cell does not measure them
     forces: Array
     moments: Array
-    pressing: Array  # (samples, steps) along the tread's normal, the part of it that is measured [N]
+    # (samples, steps) along the tread's normal, the part of it that is measured [N]
+    pressing: Array
     loaded: np.ndarray  # (samples, steps)
     noise: Array  # (steps,) standard deviation of `pressing` while nothing is on the step [N]
     notes: tuple[str, ...] = ()  # what looks wrong, one line each
@@ -112,14 +124,19 @@ def step_loads(
     steps: Sequence[Step], channels: Series, weight: float, options: StairOptions | None = None
 ) -> StepLoads:
     """Forces and moments on each step, and when it is loaded.
-    `channels` (samples, channels) as recorded; those of all steps among them; `weight`: of the body [N].
+    `channels` (samples, channels) as recorded; those of all steps among them; `weight`: of the body
+    [N].
     """
     options = options or StairOptions()
     _check(steps, channels, weight)
     notes: list[str] = []
-    count, frames = len(steps), len(channels)
-    forces, moments = np.full((frames, count, 3), np.nan), np.full((frames, count, 3), np.nan)
-    pressing, loaded, noise = np.zeros((frames, count)), np.zeros((frames, count), np.bool_), np.zeros(count)
+    count = len(steps)
+    frames = len(channels)
+    forces = np.full((frames, count, 3), np.nan)
+    moments = np.full((frames, count, 3), np.nan)
+    pressing = np.zeros((frames, count))
+    loaded = np.zeros((frames, count), np.bool_)
+    noise = np.zeros(count)
     for index, step in enumerate(steps):
         raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
         # Of force on the animal, in the cell's axes.
@@ -139,7 +156,16 @@ def step_loads(
         state = hysteresis(smooth > level, smooth < lower)
         loaded[:, index] = steady(state, channels.time, options.shortest)
         forces[:, index], moments[:, index] = _in_ground(step, components)
-    return StepLoads(channels.time, tuple(steps), forces, moments, pressing, loaded, noise, tuple(notes))
+    return StepLoads(
+        time=channels.time,
+        steps=tuple(steps),
+        forces=forces,
+        moments=moments,
+        pressing=pressing,
+        loaded=loaded,
+        noise=noise,
+        notes=tuple(notes),
+    )
 
 
 def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
@@ -149,11 +175,14 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
         raise BadData(f"the body weighs {weight:g} N: thresholds of steps need its weight")
     names = [step.name for step in steps]
     if len(set(names)) != len(names):
-        raise BadData(f"two steps are named '{next(name for name in names if names.count(name) > 1)}'")
+        raise BadData(
+            f"two steps are named '{next(name for name in names if names.count(name) > 1)}'"
+        )
     for step in steps:
         if "fz" not in step.measures:
             raise BadData(
-                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on it cannot be found"
+                f"step '{step.name}' measures {', '.join(step.measures)}, but not fz: who stands on"
+                " it cannot be found"
             )
         for channel in step.channels:
             if channel not in channels.names:
@@ -164,12 +193,15 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
 
 
 def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array:
-    """What the components read with nobody on the step: the mode of what presses least, all medians of it."""
+    """What the components read with nobody on the step: the mode of what presses least, all medians
+    of it.
+    """
     press = own[:, step.measures.index("fz")]
     known = np.isfinite(press)
     if known.sum() < 10:
         return np.zeros(own.shape[1])
-    # The half of the samples that lies closest together is the unloaded one, for a step that is mostly free.
+    # The half of the samples that lies closest together is the unloaded one, for a step that is
+    # mostly free.
     order = np.sort(press[known])
     half = max(1, len(order) // 2)
     start = int(np.argmin(order[half:] - order[: len(order) - half]))
@@ -179,7 +211,9 @@ def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array
 
 
 def _noise(values: Array) -> float:
-    """Standard deviation of the noise, from the differences of neighboring samples (median: steps do not count)."""
+    """Standard deviation of the noise, from the differences of neighboring samples (median: steps
+    do not count).
+    """
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     return float(np.median(steps) / (0.6744897501960817 * np.sqrt(2.0))) if len(steps) else 0.0
 
@@ -191,7 +225,9 @@ def _averaged(values: Array, time: Array, over: float) -> Array:
 
 
 def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
-    """Force and moment about the tread's middle (samples, 3) in ground, NaN where an axis is not measured."""
+    """Force and moment about the tread's middle (samples, 3) in ground, NaN where an axis is not
+    measured.
+    """
     known = np.array([item in step.measures for item in COMPONENTS])
     full = np.zeros((len(own), 6))
     for column, name in enumerate(step.measures):
@@ -200,9 +236,11 @@ def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
     shift = np.cross(np.eye(3), step.origin)
     moment = full[:, 3:] + full[:, :3] @ shift.T
     moment_known = known[3:] & _reached(np.abs(shift) > 0.0, known[:3])
-    force_in, moment_in = (
-        np.where(_reached(np.abs(rotation) > SQUARE, one), values @ rotation.T, np.nan)
-        for one, values in ((known[:3], full[:, :3]), (moment_known, moment))
+    force_in = np.where(
+        _reached(np.abs(rotation) > SQUARE, known[:3]), full[:, :3] @ rotation.T, np.nan
+    )
+    moment_in = np.where(
+        _reached(np.abs(rotation) > SQUARE, moment_known), moment @ rotation.T, np.nan
     )
     return force_in, moment_in
 

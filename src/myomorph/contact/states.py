@@ -1,6 +1,8 @@
-"""When sites touch: by force plates, by how sites move over the floor, or by several sources together.
+"""When sites touch: by force plates, by how sites move over the floor, or by several sources
+together.
 
-How ready a site is to carry force (its activation) follows from the same motion; so does the preferred direction.
+How ready a site is to carry force (its activation) follows from the same motion; so does the
+preferred direction.
 """
 
 from __future__ import annotations
@@ -24,8 +26,10 @@ from myomorph.rigid.tree import compile_tree
 
 Bools = NDArray[np.bool_]
 
-PLATES, KINEMATICS = "plates", "kinematics"  # Sources of contact intervals
-LASTING = 0.4  # A touch that lasts as long beside those of a more trusted source is one of its own [s]
+PLATES = "plates"
+KINEMATICS = "kinematics"  # Sources of contact intervals
+# A touch that lasts as long beside those of a more trusted source is one of its own [s]
+LASTING = 0.4
 
 
 @dataclass(frozen=True)
@@ -35,10 +39,12 @@ class ContactStateOptions:
     Attributes
     ----------
     low, high : a touch begins below the height `low` over the floor and ends above `high`
-    slow, fast : it begins at less than the speed `slow` against the floor and ends at more than `fast`
+    slow, fast : it begins at less than the speed `slow` against the floor and ends at more than
+        `fast`
     flight : share of the weight below which the body flies: nothing touches
     carried : share of the weight from which on something must touch
-    loaded, unloaded : a plate carries from this share of the weight on, until less than that is left
+    loaded, unloaded : a plate carries from this share of the weight on, until less than that is
+        left
     reach : a site that far beside a plate's center of pressure may be what stands on it
     shortest : touches and gaps that last less are taken for noise [s]
     floor : height of the floor [m], None to find it
@@ -66,11 +72,12 @@ def find_contacts(
 ) -> Contacts:
     """Which site touches when, from how the sites move, and from plates where there are any.
 
-    A site touches while it is low over the floor and slow against it, both with hysteresis. While the center of
-    mass falls freely nothing touches; while it does not, and no site is near enough, the nearest one does, with a
-    confidence of a half. The confidence of the others is the mean margin to the thresholds at which they leave. Where a
-    plate's force is given, the group whose sites are nearest to its center of pressure touches while it is
-    loaded, and does not while all plates that could carry it are unloaded.
+    A site touches while it is low over the floor and slow against it, both with hysteresis. While
+    the center of mass falls freely nothing touches; while it does not, and no site is near enough,
+    the nearest one does, with a confidence of a half. The confidence of the others is the mean
+    margin to the thresholds at which they leave. Where a plate's force is given, the group whose
+    sites are nearest to its center of pressure touches while it is loaded, and does not while all
+    plates that could carry it are unloaded.
 
     Source: ours, described and measured in docs/contacts.md.
 
@@ -109,7 +116,10 @@ def find_contacts(
 
 
 def by_kinematics(
-    moving: SiteMotion, floor: Floor, sites: Sequence[Site], options: ContactStateOptions | None = None
+    moving: SiteMotion,
+    floor: Floor,
+    sites: Sequence[Site],
+    options: ContactStateOptions | None = None,
 ) -> Contacts:
     """Touches from how sites move over the floor, and from what the center of mass needs."""
     options = options or ContactStateOptions()
@@ -120,26 +130,47 @@ def by_kinematics(
     margin = np.where(known, margin, np.inf)
     near = known & (height < options.low) & (speed < options.slow)
     touching = hysteresis(near, ~known | (margin > 1.0))
-    free = steady(np.nan_to_num(moving.carried, nan=1.0) < options.flight, moving.time, options.shortest)
+    free = steady(
+        np.nan_to_num(moving.carried, nan=1.0) < options.flight, moving.time, options.shortest
+    )
     touching[free] = False
-    touching = np.stack([steady(column, moving.time, options.shortest) for column in touching.T], axis=1)
+    touching = np.stack(
+        [steady(column, moving.time, options.shortest) for column in touching.T], axis=1
+    )
     touching[free] = False
     held_up = (moving.carried > options.carried) & ~touching.any(axis=1)
     nearest = (margin <= 1.25 * margin.min(axis=1, keepdims=True)) & (margin < 2.0)
     guessed = held_up[:, None] & nearest
     sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
     touches = touches_of(sites, touching | guessed, sure, moving.time, KINEMATICS)
-    return Contacts(tuple(site.name for site in sites), touches, _unsupported(moving, held_up & ~guessed.any(axis=1)))
+    return Contacts(
+        tuple(site.name for site in sites),
+        touches,
+        _unsupported(moving, held_up & ~guessed.any(axis=1)),
+    )
 
 
-def touches_of(sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str) -> tuple[Touch, ...]:
-    """Every run of frames in which a site touches (frames, sites), with the mean of how sure that is."""
+def touches_of(
+    sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str
+) -> tuple[Touch, ...]:
+    """Every run of frames in which a site touches (frames, sites), with the mean of how sure that
+    is.
+    """
     touches = []
     for index, site in enumerate(sites):
         for start, stop in runs(touching[:, index]):
             first, last = time[[start, stop - 1]].tolist()
             mean = float(sure[start:stop, index].mean())
-            touches.append(Touch(site.name, first, last, site.against, mean, source))
+            touches.append(
+                Touch(
+                    site=site.name,
+                    start=first,
+                    stop=last,
+                    surface=site.against,
+                    confidence=mean,
+                    source=source,
+                )
+            )
     return tuple(touches)
 
 
@@ -153,11 +184,18 @@ def _unsupported(moving: SiteMotion, lacking: Bools) -> tuple[str, ...]:
     if not spans:
         return ()
     few = ", ".join(spans[:4]) + (", ..." if len(spans) > 4 else "")
-    return (f"something carries the body at {few}, but no contact site is near the floor: is a site missing?",)
+    return (
+        (
+            f"something carries the body at {few}, but no contact site is near the floor: is a site"
+            " missing?"
+        ),
+    )
 
 
 def hysteresis(begins: Bools, ends: Bools) -> Bools:
-    """State (frames, ...) that turns on where it begins, off where it ends, and stays as it was between."""
+    """State (frames, ...) that turns on where it begins, off where it ends, and stays as it was
+    between.
+    """
     marks = np.where(ends, -1, np.where(begins, 1, 0))
     frames = np.arange(len(marks)).reshape(-1, *[1] * (marks.ndim - 1))
     last = np.maximum.accumulate(np.where(marks != 0, frames, 0), axis=0)
@@ -165,7 +203,9 @@ def hysteresis(begins: Bools, ends: Bools) -> Bools:
 
 
 def steady(state: Bools, time: Array, shortest: float) -> Bools:
-    """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the ends stay."""
+    """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the
+    ends stay.
+    """
     state = state.copy()
     for value in (False, True):
         for start, stop in runs(state == value):
@@ -176,11 +216,15 @@ def steady(state: Bools, time: Array, shortest: float) -> Bools:
 
 
 def by_plates(
-    model: Model, moving: SiteMotion, sites: Sequence[Site], plates: Wrenches, options: ContactStateOptions
+    model: Model,
+    moving: SiteMotion,
+    sites: Sequence[Site],
+    plates: Wrenches,
+    options: ContactStateOptions,
 ) -> Contacts:
     """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
-    A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
-    sites touch that are less than `high` above the lowest of them.
+    A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of
+    the group, the sites touch that are less than `high` above the lowest of them.
     """
     refuse_other_times("forces of plates", plates.time, moving.time)
     groups = list(grouped((site.group, index) for index, site in enumerate(sites)).values())
@@ -195,7 +239,9 @@ def by_plates(
         for start, stop in runs(state):
             here = slice(start, stop)
             share = load[here, None] * np.isfinite(away[here])
-            mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
+            mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(
+                share.sum(axis=0), 1e-12
+            )
             members = min(groups, key=lambda group: mean[group].min())
             if not mean[members].min() < options.reach * moving.height:
                 continue
@@ -208,8 +254,8 @@ def by_plates(
 
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
     """Touches of several sources, the most trusted first.
-    A touch is cut where one of the same site from a source before it covers it, and left out where no more than half
-    and no part of `LASTING` is left: so much the sources' times may differ.
+    A touch is cut where one of the same site from a source before it covers it, and left out where
+    no more than half and no part of `LASTING` is left: so much the sources' times may differ.
     """
     names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
     kept: list[Touch] = []
@@ -218,9 +264,15 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
         for touch in source.intervals:
             rest = _outside(touch, [item for item in before if item.site == touch.site])
             left = [piece.stop - piece.start for piece in rest]
-            if sum(left) > 0.5 * (touch.stop - touch.start) or max(left, default=0.0) > LASTING or rest == [touch]:
+            if (
+                sum(left) > 0.5 * (touch.stop - touch.start)
+                or max(left, default=0.0) > LASTING
+                or rest == [touch]
+            ):
                 kept += rest
-    return Contacts(names, tuple(kept), tuple(text for source in sources for text in source.warnings))
+    return Contacts(
+        names, tuple(kept), tuple(text for source in sources for text in source.warnings)
+    )
 
 
 def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
@@ -238,14 +290,18 @@ def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
     return parts
 
 
-PIVOT = 0.3  # Height of the virtual pivot point above the center of mass, over the height of that above the floor
+# Height of the virtual pivot point above the center of mass, over the height of that above the
+# floor
+PIVOT = 0.3
 
 
 @dataclass(frozen=True)
 class ActivationOptions:
-    """Where readiness fades. Lengths count from the height of the center of mass, speeds from sqrt(g height).
+    """Where readiness fades. Lengths count from the height of the center of mass, speeds from
+    sqrt(g height).
 
-    The defaults are, for an adult, the 40 mm and 0.8 m/s that AnyBody's template for ground forces documents.
+    The defaults are, for an adult, the 40 mm and 0.8 m/s that AnyBody's template for ground forces
+    documents.
 
     Attributes
     ----------
@@ -276,9 +332,10 @@ def contact_activations(
 
     fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0,
 
-    of the height z of a site's lowest point over the floor and its speed v against it, times how sure it is that it
-    touches: an activation that fades with height and speed, in the manner of Fluit et al. (2014) and Skals et al.
-    (2017); the curve is ours. A site on anything but the ground is as ready as it is sure to touch.
+    of the height z of a site's lowest point over the floor and its speed v against it, times how
+    sure it is that it touches: an activation that fades with height and speed, in the manner of
+    Fluit et al. (2014) and Skals et al. (2017); the curve is ours. A site on anything but the
+    ground is as ready as it is sure to touch.
 
     Parameters
     ----------
@@ -312,7 +369,10 @@ def contact_activations(
     if contacts is not None:
         missing = [name for name in names if name not in contacts.sites]
         if missing:
-            raise BadData(f"contacts say nothing of site '{missing[0]}': they are of {', '.join(contacts.sites)}")
+            raise BadData(
+                f"contacts say nothing of site '{missing[0]}': they are of"
+                f" {', '.join(contacts.sites)}"
+            )
         columns = [contacts.sites.index(name) for name in names]
         sure = contacts.states(motion.time).values[:, columns]
     walking = [index for index, site in enumerate(sites) if site.against == GROUND]
@@ -328,11 +388,15 @@ def contact_activations(
     return Series(motion.time, names, values)
 
 
-def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT) -> Array:
-    """Preferred directions of forces at sites on the ground: to a pivot above the subject's center of mass.
+def preferred_directions(
+    model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT
+) -> Array:
+    """Preferred directions of forces at sites on the ground: to a pivot above the subject's center
+    of mass.
 
-    What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground forces meet near a
-    point above the center of mass, the virtual pivot point (Maus et al. 2010): a force towards it costs least.
+    What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground
+    forces meet near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a
+    force towards it costs least.
 
     Parameters
     ----------
@@ -343,8 +407,8 @@ def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pi
 
     Returns
     -------
-    (frames, sites, 3) in ground: force across the cone's direction per force along it, 0 of a site on anything but
-    the ground, or whose cone has no direction fixed in ground
+    (frames, sites, 3) in ground: force across the cone's direction per force along it, 0 of a site
+    on anything but the ground, or whose cone has no direction fixed in ground
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""The smallest example: files of an arm with two joints and two muscles that reaches with a weight. Synthetic."""
+"""The smallest example: files of an arm with two joints and two muscles that reaches with a weight.
+Synthetic.
+"""
 
 from __future__ import annotations
 
@@ -62,17 +64,34 @@ def osim_text(mass: float = 2.0) -> str:
     ]
     return DOCUMENT.format(
         bodies="".join(BODY.format(name=name, mass=mass) for name in ("upper", "fore")),
-        joints=PIN.format(name="shoulder", coordinate="shoulder_flexion", parent="/ground", child="upper", at="0 1.4 0")
-        + PIN.format(name="elbow", coordinate="elbow_flexion", parent="/bodyset/upper", child="fore", at="0 -0.3 0"),
+        joints=PIN.format(
+            name="shoulder",
+            coordinate="shoulder_flexion",
+            parent="/ground",
+            child="upper",
+            at="0 1.4 0",
+        )
+        + PIN.format(
+            name="elbow",
+            coordinate="elbow_flexion",
+            parent="/bodyset/upper",
+            child="fore",
+            at="0 -0.3 0",
+        ),
         muscles="".join(
             MUSCLE.format(
                 name=name,
                 slack=slack,
-                points="".join(POINT.format(name=f"p{i}", body=body, at=at) for i, (body, at) in enumerate(points)),
+                points="".join(
+                    POINT.format(name=f"p{i}", body=body, at=at)
+                    for i, (body, at) in enumerate(points)
+                ),
             )
             for name, slack, points in muscles
         ),
-        markers="".join(MARKER.format(name=name, body=body, at=at) for name, (body, at) in MARKERS.items()),
+        markers="".join(
+            MARKER.format(name=name, body=body, at=at) for name, (body, at) in MARKERS.items()
+        ),
     )
 
 
@@ -80,7 +99,13 @@ def table_text(columns: dict[str, np.ndarray], degrees: str = "no") -> str:
     """A MOT file of columns, the first of them the time."""
     rows = np.column_stack(list(columns.values()))
     head = f"table\nversion=1\nnRows={len(rows)}\nnColumns={len(columns)}\ninDegrees={degrees}\nendheader\n"
-    return head + "\t".join(columns) + "\n" + "\n".join("\t".join(f"{x:.8g}" for x in row) for row in rows) + "\n"
+    return (
+        head
+        + "\t".join(columns)
+        + "\n"
+        + "\n".join("\t".join(f"{x:.8g}" for x in row) for row in rows)
+        + "\n"
+    )
 
 
 @dataclass(frozen=True)
@@ -109,7 +134,8 @@ class ExampleFiles:
 
 
 def example_files(folder: str | Path) -> ExampleFiles:
-    """Write the files of a small synthetic example into a folder: what `ik`, `id` and `tension` need.
+    """Write the files of a small synthetic example into a folder: what `ik`, `id` and `tension`
+    need.
 
     Parameters
     ----------
@@ -146,12 +172,22 @@ def example_files(folder: str | Path) -> ExampleFiles:
     time = np.arange(61) / 100.0
     angles = np.column_stack([0.3 * np.sin(6 * time), 0.8 + 0.5 * np.sin(8 * time)])
     names = ("shoulder_flexion", "elbow_flexion")
-    files.motion.write_text(table_text({"time": time, **dict(zip(names, angles.T, strict=True))}), encoding="utf-8")
+    files.motion.write_text(
+        table_text({"time": time, **dict(zip(names, angles.T, strict=True))}), encoding="utf-8"
+    )
     model = read_osim(files.model)
     write_trc(marker_positions(model, Motion(time, names, angles)), files.markers)
-    force = {f"hand_v{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, -10, 0), strict=True)}
-    point = {f"hand_p{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, 0.8, 0), strict=True)}
+    force = {
+        f"hand_v{axis}": np.full_like(time, value)
+        for axis, value in zip("xyz", (0, -10, 0), strict=True)
+    }
+    point = {
+        f"hand_p{axis}": np.full_like(time, value)
+        for axis, value in zip("xyz", (0, 0.8, 0), strict=True)
+    }
     files.forces.write_text(table_text({"time": time, **force, **point}), encoding="utf-8")
     files.loads.write_text(LOADS.format(body="fore", table=files.forces.name), encoding="utf-8")
-    files.emg.write_text(table_text({"time": time, "flexor": 0.5 + 0.4 * np.sin(8 * time)}), encoding="utf-8")
+    files.emg.write_text(
+        table_text({"time": time, "flexor": 0.5 + 0.4 * np.sin(8 * time)}), encoding="utf-8"
+    )
     return files

@@ -1,4 +1,6 @@
-"""The main job on an embedded default: from markers to a report, on data that come with the installation."""
+"""The main job on an embedded default: from markers to a report, on data that come with the
+installation.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,13 @@ from myomorph.study.inputs.truth import KnownTruth
 from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
-from myomorph.study.workers.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
+from myomorph.study.workers.ahead import (
+    TENDONS,
+    compile_ahead,
+    compile_curves,
+    compile_motion,
+    compiling,
+)
 
 DemoName = Literal["jump", "simulated"]
 DEMO_STEPS = usual_steps()
@@ -36,7 +44,8 @@ DEMO_STEPS = usual_steps()
 
 def run_demo(name: str, out: Path) -> Outcome:
     """Run the whole chain on a demo and write tables, NetCDF and `report.html` into a folder."""
-    # Making the recording needs all kernels already: on a new machine both processes compile at once.
+    # Making the recording needs all kernels already: on a new machine both processes compile at
+    # once.
     ahead = compile_ahead(DEMO_STEPS, frozenset({TENDONS}))
     try:
         if ahead.works:
@@ -50,8 +59,9 @@ def run_demo(name: str, out: Path) -> Outcome:
 
 
 def demo_trial(name: str) -> TrialInputs:
-    """A demo's recording, ready for the steps. "jump": a recorded countermovement jump (package `biomdp`) with a leg
-    model (package `myo-sim`); "simulated": a full-body squat that the project simulates, with known truth.
+    """A demo's recording, ready for the steps. "jump": a recorded countermovement jump (package
+    `biomdp`) with a leg model (package `myo-sim`); "simulated": a full-body squat that the project
+    simulates, with known truth.
     """
     if name == "jump":
         return _jump_trial()
@@ -93,7 +103,8 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
 
     Parameters
     ----------
-    name : "jump", a countermovement jump that was recorded; "simulated", a squat that the project simulates
+    name : "jump", a countermovement jump that was recorded; "simulated", a squat that the project
+        simulates
 
     Returns
     -------
@@ -118,16 +129,21 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
     trial = demo_trial(name)
     markers = trial.recording.markers
     assert markers is not None
-    span, truth = trial.inputs.get(TimeSpan), trial.get(KnownTruth)
+    span = trial.inputs.get(TimeSpan)
+    truth = trial.get(KnownTruth)
     return DemoRecording(
-        trial.model,
-        markers,
-        trial.options[InverseKinematicsOptions],
-        trial.inputs[ExternalLoads].of(Motion(markers.time, (), np.zeros((len(markers), 0)))),
-        (float(markers.time[0]), float(markers.time[-1])) if span is None or span.time is None else span.time,
-        trial.options[Differentiation].cutoff or 0.0,
-        FrozenMap({}) if truth is None else truth.series,
-        (*trial.notes.real, *trial.notes.assumed, *trial.notes.simulated),
+        model=trial.model,
+        markers=markers,
+        kinematics=trial.options[InverseKinematicsOptions],
+        wrenches=trial.inputs[ExternalLoads].of(
+            Motion(markers.time, (), np.zeros((len(markers), 0)))
+        ),
+        window=(float(markers.time[0]), float(markers.time[-1]))
+        if span is None or span.time is None
+        else span.time,
+        cutoff=trial.options[Differentiation].cutoff or 0.0,
+        truth=FrozenMap({}) if truth is None else truth.series,
+        notes=(*trial.notes.real, *trial.notes.assumed, *trial.notes.simulated),
     )
 
 
@@ -145,12 +161,17 @@ def _jump_trial() -> TrialInputs:
     from myomorph.simulate.jump import jump_study
 
     jump = jump_study()
-    weights = {name: weight for name, weight in jump.marker_weights.items() if name in jump.markers.names}
+    weights = {
+        name: weight for name, weight in jump.marker_weights.items() if name in jump.markers.names
+    }
     return TrialInputs(
         name="countermovement jump",
         subject="jumper",
         model=jump.model,
-        options=OptionSet(InverseKinematicsOptions(marker_weights=FrozenMap(weights)), Differentiation(jump.cutoff)),
+        options=OptionSet(
+            InverseKinematicsOptions(marker_weights=FrozenMap(weights)),
+            Differentiation(jump.cutoff),
+        ),
         inputs=ByType(
             Recording(Trial(jump.markers, jump.trial.plates, events=jump.events)),
             ExternalLoads(lambda motion: jump.wrenches),
@@ -160,7 +181,11 @@ def _jump_trial() -> TrialInputs:
         ),
         notes=TrialNotes(jump.real, jump.assumed),
         sources=(
-            value_source("model", "demo:jump", *(np.append(body.mass_center, body.mass) for body in jump.model.bodies)),
+            value_source(
+                "model",
+                "demo:jump",
+                *(np.append(body.mass_center, body.mass) for body in jump.model.bodies),
+            ),
             file_source("recording", jump.source),
         ),
     )

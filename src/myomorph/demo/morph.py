@@ -1,6 +1,8 @@
-"""`demo --study morph`: the muscles of a leg carried into bones whose deformation is known, and how far they miss.
+"""`demo --study morph`: the muscles of a leg carried into bones whose deformation is known, and how
+far they miss.
 
-The bones are the left ones of `myo-sim`, mirrored to the right and deformed by one smooth field; nobody was scanned.
+The bones are the left ones of `myo-sim`, mirrored to the right and deformed by one smooth field;
+nobody was scanned.
 """
 
 from __future__ import annotations
@@ -18,7 +20,14 @@ from myomorph.model.paths import PathPoint
 from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import PARTS, check_morph
 from myomorph.morph.checks.moment_arms import COUNT, compare_moment_arms, compared_coordinates
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapKind, MapOptions, PointMap, fit_map
+from myomorph.morph.maps.fields import (
+    BoneMap,
+    FeaturePoints,
+    MapKind,
+    MapOptions,
+    PointMap,
+    fit_map,
+)
 from myomorph.morph.maps.linear import AffineMap, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.model import morph_model
@@ -44,49 +53,76 @@ class MorphErrors:
     points: tuple[tuple[str, str, str], ...]  # owner, name and body of the muscles' fixed points
     distances: Mapping[str, Array]  # (points,) by method [m]
     joints: Mapping[str, float]  # distance of each joint's center in its child from the truth [m]
-    arms: Mapping[str, Array]  # by method, root mean square over the range of the error of each moment arm [m]
+    # by method, root mean square over the range of the error of each moment arm [m]
+    arms: Mapping[str, Array]
     pairs: tuple[tuple[str, str], ...]  # muscle and coordinate of each of these
 
 
 def axis_scaling(landmarks: FeaturePoints) -> AffineMap:
     """Each axis scaled by how far landmarks spread along it, as generic models are scaled."""
-    middle, goal = landmarks.source.mean(axis=0), landmarks.target.mean(axis=0)
+    middle = landmarks.source.mean(axis=0)
+    goal = landmarks.target.mean(axis=0)
     factors = landmarks.target.std(axis=0) / landmarks.source.std(axis=0)
     return AffineMap(np.diag(factors), goal - factors * middle)
 
 
-def morph_errors(morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping[str, FeaturePoints]) -> MorphErrors:
-    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation of bodies."""
-    fixed = {(m.name, p.name) for m in morph.source.muscles for p in m.path.points if isinstance(p, PathPoint)}
-    points = [point for point in morph.points if (point.owner, point.name) in fixed and point.body in truth]
-    bodies, source = [point.body for point in points], np.array([point.source for point in points])
+def morph_errors(
+    morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping[str, FeaturePoints]
+) -> MorphErrors:
+    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation
+    of bodies.
+    """
+    fixed = {
+        (m.name, p.name)
+        for m in morph.source.muscles
+        for p in m.path.points
+        if isinstance(p, PathPoint)
+    }
+    points = [
+        point
+        for point in morph.points
+        if (point.owner, point.name) in fixed and point.body in truth
+    ]
+    bodies = [point.body for point in points]
+    source = np.array([point.source for point in points])
     true = _carried(truth, bodies, source)
     methods = _methods(morph, landmarks)
-    distances = {name: np.linalg.norm(_carried(by, bodies, source) - true, axis=1) for name, by in methods.items()}
+    distances = {
+        name: np.linalg.norm(_carried(by, bodies, source) - true, axis=1)
+        for name, by in methods.items()
+    }
     distances[WRITTEN] = np.linalg.norm(np.array([point.target for point in points]) - true, axis=1)
     scaled = next(iter(methods))
     arms, pairs = _arm_errors(morph, truth, {scaled: methods[scaled]})
     return MorphErrors(
-        tuple((point.owner, point.name, point.body) for point in points),
-        distances,
-        _joint_errors(morph, truth),
-        arms,
-        pairs,
+        points=tuple((point.owner, point.name, point.body) for point in points),
+        distances=distances,
+        joints=_joint_errors(morph, truth),
+        arms=arms,
+        pairs=pairs,
     )
 
 
-def _methods(morph: Morph, landmarks: Mapping[str, FeaturePoints]) -> dict[str, Mapping[str, PointMap]]:
+def _methods(
+    morph: Morph, landmarks: Mapping[str, FeaturePoints]
+) -> dict[str, Mapping[str, PointMap]]:
     """Maps by body, by method; scaling first."""
     count = max(len(landmark) for landmark in landmarks.values())
     result: dict[str, Mapping[str, PointMap]] = {
-        f"scaling, {count} landmarks": {body: axis_scaling(landmark) for body, landmark in landmarks.items()}
+        f"scaling, {count} landmarks": {
+            body: axis_scaling(landmark) for body, landmark in landmarks.items()
+        }
     }
     kinds: dict[MapKind, str] = {"affine": "affine", "rbf": "RBF", "ssd": "SSD"}
     for kind, name in kinds.items():
-        maps = {body: fit_map(landmark, MapOptions(map=kind)) for body, landmark in landmarks.items()}
+        maps = {
+            body: fit_map(landmark, MapOptions(map=kind)) for body, landmark in landmarks.items()
+        }
         result[f"{name}, {count} landmarks"] = maps
     for kind, name in DENSE.items():
-        result[name] = {body: fit_map(_features(morph.bones[body]), MapOptions(map=kind)) for body in landmarks}
+        result[name] = {
+            body: fit_map(_features(morph.bones[body]), MapOptions(map=kind)) for body in landmarks
+        }
     return result
 
 
@@ -97,7 +133,8 @@ def _features(bone: BoneMap) -> FeaturePoints:
 
 
 def _carried(maps: Mapping[str, PointMap], bodies: list[str], points: Array) -> Array:
-    result, owner = np.empty_like(points), np.array(bodies)
+    result = np.empty_like(points)
+    owner = np.array(bodies)
     for body in set(bodies):
         result[owner == body] = maps[body].apply(points[owner == body])
     return result
@@ -120,12 +157,18 @@ def _arm_errors(
     """Errors of moment arms against the model that the truth itself carries, and what they are of."""
     exact = MorphOptions(surface_within=0.0, joints="mapped")
     true = morph_model(morph.source, _bones(morph, truth), exact).model
-    models = {name: morph_model(morph.source, _bones(morph, by), exact).model for name, by in others.items()}
-    errors, pairs = {}, []
+    models = {
+        name: morph_model(morph.source, _bones(morph, by), exact).model
+        for name, by in others.items()
+    }
+    errors = {}
+    pairs = []
     for name, model in {**models, WRITTEN: morph.model}.items():
         tables = compare_moment_arms(true, model, compared_coordinates(true, model))
         turning = [table for table in tables if table.kind == "rotational"]
-        errors[name] = np.concatenate([np.sqrt(np.mean((arm.target - arm.source) ** 2, axis=0)) for arm in turning])
+        errors[name] = np.concatenate(
+            [np.sqrt(np.mean((arm.target - arm.source) ** 2, axis=0)) for arm in turning]
+        )
         pairs = [(muscle, arm.pair.source) for arm in turning for muscle in arm.muscles]
     return errors, tuple(pairs)
 
@@ -138,7 +181,15 @@ def _bones(morph: Morph, maps: Mapping[str, PointMap]) -> dict[str, BoneMap]:
         if surface is None:
             raise BadData(f"the source has no bone of '{body}'")
         whole = procrustes(surface.vertices, map_.apply(surface.vertices), True)
-        result[body] = BoneMap(body, body, map_, whole, "given", surface, None)
+        result[body] = BoneMap(
+            body=body,
+            target_body=body,
+            map=map_,
+            whole=whole,
+            basis="given",
+            source=surface,
+            target=None,
+        )
     return result
 
 
@@ -148,30 +199,51 @@ def error_section(morph_errors: MorphErrors) -> Section:
     owner = np.array([body for _, _, body in morph_errors.points])
     shown = [name for name in morph_errors.distances if not name.startswith("affine")]
     medians = [
-        np.array([1e3 * float(np.median(morph_errors.distances[name][owner == body])) for body in bodies])
+        np.array(
+            [1e3 * float(np.median(morph_errors.distances[name][owner == body])) for body in bodies]
+        )
         for name in shown
     ]
     styles = STYLES[: len(shown)]
-    plot = dot_plot("Median error of the muscle points on each bone", "mm", bodies, medians, styles, shown, 880)
+    plot = dot_plot(
+        "Median error of the muscle points on each bone", "mm", bodies, medians, styles, shown, 880
+    )
     lead = (
-        f"{len(morph_errors.points)} points of muscles, each where a map puts it, against where the known "
-        f"deformation puts "
-        f"it. “{WRITTEN.capitalize()}” is the model of this page: the dense map, then points near a surface put back "
-        "onto it, and via points brought out of bones. Moment arms are held against those of the model that the known "
-        "deformation itself carries; joint centers against where it puts the source's."
+        f"{len(morph_errors.points)} points of muscles, each where a map puts it, against where the"
+        f" known deformation puts it. “{WRITTEN.capitalize()}” is the model of this page: the dense"
+        " map, then points near a surface put back onto it, and via points brought out of bones."
+        " Moment arms are held against those of the model that the known deformation itself"
+        " carries; joint centers against where it puts the source's."
     )
     head = ("Method", "Median [mm]", "Mean [mm]", "95 % [mm]", "Worst [mm]")
     grids = (
-        Grid(head, tuple(_row(name, distance) for name, distance in morph_errors.distances.items()),
-             "Error of the muscle points"),
-        Grid(head, tuple(_row(name, arm) for name, arm in morph_errors.arms.items()),
-             f"Error of {len(morph_errors.pairs)} moment arms, root mean square over the range of the coordinate"),
-        Grid(("Joint", "Error [mm]"), tuple((name, number(1e3 * joint)) for name, joint in morph_errors.joints.items()),
-             "Error of the joint centers in the child's frame"),
+        Grid(
+            head,
+            tuple(_row(name, distance) for name, distance in morph_errors.distances.items()),
+            "Error of the muscle points",
+        ),
+        Grid(
+            head,
+            tuple(_row(name, arm) for name, arm in morph_errors.arms.items()),
+            f"Error of {len(morph_errors.pairs)} moment arms, root mean square over the range of"
+            " the coordinate",
+        ),
+        Grid(
+            ("Joint", "Error [mm]"),
+            tuple((name, number(1e3 * joint)) for name, joint in morph_errors.joints.items()),
+            "Error of the joint centers in the child's frame",
+        ),
         _worst_points(morph_errors),
-    )  # fmt: skip
+    )
     legend = tuple(zip(styles, shown, strict=True))
-    return Section("errors", "Error against the truth", lead, legend, (Figure(plot, "full"),), grids)
+    return Section(
+        key="errors",
+        title="Error against the truth",
+        lead=lead,
+        legend=legend,
+        figures=(Figure(plot, "full"),),
+        grids=grids,
+    )
 
 
 def _row(name: str, errors: Array) -> tuple[str, ...]:
@@ -183,7 +255,12 @@ def _worst_points(morph_errors: MorphErrors, most: int = 10) -> Grid:
     written = morph_errors.distances[WRITTEN]
     order = np.argsort(-written)[:most]
     rows = tuple((*morph_errors.points[i], number(1e3 * float(written[i]))) for i in order)
-    return Grid(("Muscle", "Point", "Bone", "Error [mm]"), rows, f"The {len(rows)} worst points as written", True)
+    return Grid(
+        head=("Muscle", "Point", "Bone", "Error [mm]"),
+        rows=rows,
+        title=f"The {len(rows)} worst points as written",
+        folded=True,
+    )
 
 
 RESULT = "leg.osim"
@@ -201,7 +278,9 @@ class MorphDemo:
 
 
 def run_morph_demo(out: Path) -> MorphDemo:
-    """Carry the leg's muscles into the deformed bones and write the model, its errors, bones, tables and a report."""
+    """Carry the leg's muscles into the deformed bones and write the model, its errors, bones,
+    tables and a report.
+    """
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.study.trial.reporting import REPORT
 
@@ -211,13 +290,20 @@ def run_morph_demo(out: Path) -> MorphDemo:
     settings = MorphSettings()
     bones = map_bones(model, ours, theirs, pairs, settings)
     with progress("muscles", 2 * (COUNT + 1), "postures") as advance:
-        morph = morph_model(model, bones, settings.morph, name="leg in deformed bones", progress=advance)
+        morph = morph_model(
+            model, bones, settings.morph, name="leg in deformed bones", progress=advance
+        )
     with progress("checks", PARTS, "parts") as advance:
         checks = check_morph(morph, progress=advance)
     with progress("intervals", DRAWS, "models") as advance:
         checks = with_arm_intervals(morph, checks, advance)
     source = value_source("model", "demo:morph", *(point.source for point in morph.points))
-    morphed = Morphed(morph, checks, provenance_of("morph", (source,), settings.plain()), ())
+    morphed = Morphed(
+        morph=morph,
+        checks=checks,
+        provenance=provenance_of("morph", (source,), settings.plain()),
+        warnings=(),
+    )
     errors = morph_errors(morph, truth, pairs)
     page = morph_page(
         morph,
@@ -230,7 +316,7 @@ def run_morph_demo(out: Path) -> MorphDemo:
     tables = tables_folder(out / RESULT, STEP.tables)
     write_morphed(morphed, out / RESULT, tables, page=page)
     _write_errors(errors, out / ERRORS)
-    return MorphDemo(morphed, truth, errors, tables / REPORT)
+    return MorphDemo(morphed=morphed, truth=truth, errors=errors, report=tables / REPORT)
 
 
 def _notes() -> tuple[Note, ...]:
@@ -238,14 +324,16 @@ def _notes() -> tuple[Note, ...]:
     return (
         Note(
             "simulated",
-            "The target's bones are synthetic: the left bones of myo-sim mirrored to the right, stretched by "
-            f"{stretch} along the axes of the ground and bent by three waves of {1e3 * deformed_leg.AMPLITUDE:g} mm. "
-            "Where every muscle point truly is follows from that field.",
+            "The target's bones are synthetic: the left bones of myo-sim mirrored to the right,"
+            f" stretched by {stretch} along the axes of the ground and bent by three waves of"
+            f" {1e3 * deformed_leg.AMPLITUDE:g} mm. Where every muscle point truly is follows from"
+            " that field.",
         ),
         Note(
             "simulated",
-            f"{deformed_leg.LANDMARKS} landmarks a bone, picked in the target with a standard deviation of "
-            f"{1e3 * deformed_leg.PICKED:g} mm an axis; the target's triangles are not the source's.",
+            f"{deformed_leg.LANDMARKS} landmarks a bone, picked in the target with a standard"
+            f" deviation of {1e3 * deformed_leg.PICKED:g} mm an axis; the target's triangles are"
+            " not the source's.",
         ),
     )
 
@@ -255,13 +343,16 @@ def _write_errors(errors: MorphErrors, path: Path) -> None:
         writer = csv.writer(stream)
         writer.writerow(("muscle", "point", "body", *(f"{name} [m]" for name in errors.distances)))
         for i, names in enumerate(errors.points):
-            writer.writerow((*names, *(f"{distance[i]:.6g}" for distance in errors.distances.values())))
+            writer.writerow(
+                (*names, *(f"{distance[i]:.6g}" for distance in errors.distances.values()))
+            )
 
 
 def summary(morph_demo: MorphDemo) -> list[str]:
     """What the command says: errors by method, and how many warnings."""
     lines = [
-        f"error of {len(morph_demo.errors.points)} muscle points against the known deformation, median and worst [mm]:"
+        f"error of {len(morph_demo.errors.points)} muscle points against the known deformation,"
+        " median and worst [mm]:"
     ]
     lines += [
         f"  {name:<24} {1e3 * float(np.median(distance)):5.1f} {1e3 * float(distance.max()):5.1f}"

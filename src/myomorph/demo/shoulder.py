@@ -1,4 +1,6 @@
-"""The example study of [S]: six virtual shoulders as a laboratory would hand them over, with their truth beside."""
+"""The example study of [S]: six virtual shoulders as a laboratory would hand them over, with their
+truth beside.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,15 @@ from myomorph.model.arrays import Array
 from myomorph.model.spatial import Transform
 from myomorph.simulate import laboratory
 from myomorph.simulate.limb import BaseLoad, specimen_mjcf
-from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
+from myomorph.simulate.shoulder import (
+    BASE,
+    FIRST,
+    FURTHER,
+    PLATE,
+    VirtualSpecimen,
+    arm_model,
+    virtual_specimen,
+)
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.viscosity.cohort import SPECIMENS
@@ -20,16 +30,25 @@ from myomorph.viscosity.study.plan import read_viscosity_plan
 from myomorph.viscosity.study.run import run_viscosity
 from myomorph.viscosity.trust.moment_arms import OFFSET
 
-STUDY, RECORDINGS = "shoulder.toml", "recordings"
-SECONDS, TRIALS = 10.0, 3
-WHOLE = 1  # The specimen that is handed over raw: C3D of a plate whose place is wrong, pushes of a rod on it, and a CT.
+STUDY = "shoulder.toml"
+RECORDINGS = "recordings"
+SECONDS = 10.0
+TRIALS = 3
+# The specimen that is handed over raw: C3D of a plate whose place is wrong, pushes of a rod on it,
+# and a CT.
+WHOLE = 1
 WORKERS = 2
-SCAPULA, LOADED = 0.25, (-0.05, -0.03, -0.06)  # Mass of the bone on the plate [kg]; center of what stays on it [m].
-ARM_OFFSET = 0.0014  # `arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m].
+SCAPULA = 0.25
+# Mass of the bone on the plate [kg]; center of what stays on it [m].
+LOADED = (-0.05, -0.03, -0.06)
+# `arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m].
+ARM_OFFSET = 0.0014
 
 
 def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcome]:
-    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`."""
+    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and
+    `report.html`.
+    """
     return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 
 
@@ -51,7 +70,8 @@ def write_shoulder_study(
     numbers : of the specimens, 1 to 6
     seconds, trials : length [s] and number of the releases of each condition
     raw : those that come as C3D files of a plate that lies elsewhere, with pushes of a rod and a CT
-    full_size : muscles of the model's size, with the viscosity that gives the total one of the table
+    full_size : muscles of the model's size, with the viscosity that gives the total one of the
+        table
     modelled : bones of the model out of those of a raw specimen, as in `write_scans`
 
     Returns
@@ -76,7 +96,11 @@ def write_shoulder_study(
 
         def made(number: int) -> str:
             specimen = virtual_specimen(
-                number, seconds=seconds, trials=trials, full_size=full_size, loads=base_loads(number)
+                number,
+                seconds=seconds,
+                trials=trials,
+                full_size=full_size,
+                loads=base_loads(number),
             )
             table = _write_specimen(specimen, folder, number in raw, modelled)
             advance(1.0)
@@ -91,13 +115,17 @@ def write_shoulder_study(
 
 
 def base_loads(number: int) -> tuple[BaseLoad, BaseLoad]:
-    """Of a specimen: its scapula, and the muscles that were weighed but do not swing by [S] table II."""
+    """Of a specimen: its scapula, and the muscles that were weighed but do not swing by [S] table
+    II.
+    """
     row = SPECIMENS[number - 1]
     stays = row.measured_muscle_mass - row.estimated_muscle_mass
     return BaseLoad(SCAPULA, LOADED), BaseLoad(SCAPULA + stays, LOADED)
 
 
-def _write_specimen(made: VirtualSpecimen, folder: Path, raw: bool, modelled: Callable[[Array], Array] | None) -> str:
+def _write_specimen(
+    made: VirtualSpecimen, folder: Path, raw: bool, modelled: Callable[[Array], Array] | None
+) -> str:
     """Write a specimen's files; its table of the study file."""
     number = made.published.name
     place = folder / f"specimen_{number}"
@@ -105,9 +133,11 @@ def _write_specimen(made: VirtualSpecimen, folder: Path, raw: bool, modelled: Ca
     (place / "model.xml").write_text(specimen_mjcf(made.specimen), encoding="utf-8")
     trials = (*made.without.trials, *made.intact.trials)
     if raw:
-        ending, more = "c3d", _write_laboratory(made, trials, place, modelled)
+        ending = "c3d"
+        more = _write_laboratory(made, trials, place, modelled)
     else:
-        ending, more = "trc", ""
+        ending = "trc"
+        more = ""
         for trial in trials:
             laboratory.write_recording(trial, place / trial.name.replace(" ", "_"))
     bones = ", ".join(f'"{bone}"' for bone in FURTHER)
@@ -132,7 +162,9 @@ def _write_laboratory(
     place: Path,
     modelled: Callable[[Array], Array] | None,
 ) -> str:
-    """Write a specimen's swings as C3D of a plate that lies elsewhere than they say, a rod's pushes and a CT."""
+    """Write a specimen's swings as C3D of a plate that lies elsewhere than they say, a rod's pushes
+    and a CT.
+    """
     random = np.random.default_rng(int(made.published.name))
     center = made.specimen.stand.apply(made.specimen.center)
     plate = laboratory.VirtualPlate(Transform(np.eye(3), center + PLATE), random)
@@ -143,7 +175,8 @@ def _write_laboratory(
     tip = next(iter(laboratory.ROD.values()))
     return (
         f"ct = {laboratory.write_scans(made.specimen, place, random, modelled)}\n"
-        f'plate = {{ placements = ["{place.name}/rod.c3d"], markers = [{names}], axis = [{names}], tip = {tip} }}\n'
+        f'plate = {{ placements = ["{place.name}/rod.c3d"], markers = [{names}], axis = [{names}],'
+        f" tip = {tip} }}\n"
     )
 
 
@@ -167,31 +200,47 @@ def _pairs(values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in values.items())
 
 
-def _head(seconds: float, trials: int, noise: laboratory.Noise, raw: Sequence[int], full_size: bool) -> str:
+def _head(
+    seconds: float, trials: int, noise: laboratory.Noise, raw: Sequence[int], full_size: bool
+) -> str:
     lines = [
-        f"Everything: six virtual arms (bones and muscles of MyoArm, package myo-sim) with the masses, mass centers "
-        f"and viscosities of the paper's tables I and II, released {trials} times for {seconds:g} s without muscles "
-        "and as often with them, in MuJoCo; nobody was measured.",
-        f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces {noise.force:g} N, "
-        f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up "
-        "to 40 ms and 50 millionths apart.",
-        f"The base carries {SCAPULA:g} kg of bone, which was weighed, and with muscles what the table weighs of them "
-        "but does not see swing, which was not: masses with muscles are ranges.",
+        (
+            "Everything: six virtual arms (bones and muscles of MyoArm, package myo-sim) with the"
+            " masses, mass centers and viscosities of the paper's tables I and II, released"
+            f" {trials} times for {seconds:g} s without muscles and as often with them, in MuJoCo;"
+            " nobody was measured."
+        ),
+        (
+            f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces"
+            f" {noise.force:g} N, moments {noise.force * noise.lever:g} N m about the plate's"
+            " origin; the clocks of plate and markers are up to 40 ms and 50 millionths apart."
+        ),
+        (
+            f"The base carries {SCAPULA:g} kg of bone, which was weighed, and with muscles what the"
+            " table weighs of them but does not see swing, which was not: masses with muscles are"
+            " ranges."
+        ),
     ]
     if raw:
         lines.append(
-            f"Raw is specimen {', '.join(f'{number:02d}' for number in raw)}: C3D of a plate that lies up to 1.5 "
-            "degrees and "
-            "8 mm an axis off its place in the file, pushes of a rod with two markers on it, and a CT of bones and "
-            "clusters with 0.2 mm of noise and points picked 0.5 mm off."
+            f"Raw is specimen {', '.join(f'{number:02d}' for number in raw)}: C3D of a plate that"
+            " lies up to 1.5 degrees and 8 mm an axis off its place in the file, pushes of a rod"
+            " with two markers on it, and a CT of bones and clusters with 0.2 mm of noise and"
+            " points picked 0.5 mm off."
         )
     options = ""
     if not full_size:
         lines += [
-            "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. "
-            "Each specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total "
-            "viscosity over the true swing is that of table II.",
-            f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for {1000 * OFFSET:.1f} mm.",
+            (
+                "The tables' viscosities cannot all hold with muscles of full size: they imply"
+                " moment arms of 2 to 4 mm. Each specimen's muscles are therefore scaled about the"
+                " joint's center, by 0.1 to 0.2, until the total viscosity over the true swing is"
+                " that of table II."
+            ),
+            (
+                f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for"
+                f" {1000 * OFFSET:.1f} mm."
+            ),
         ]
         options = f"\n[options.moment_arms]\noffset = {ARM_OFFSET}\n"
     quoted = ",\n".join(f'  "{line}"' for line in lines)

@@ -32,18 +32,24 @@ class BaseParameters:
     """
 
     bodies: tuple[str, ...]  # names
-    columns: np.ndarray  # (n,) the standard parameter that each base parameter is named after, 10 body + parameter
-    combination: Array  # (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
+    # (n,) the standard parameter that each base parameter is named after, 10 body + parameter
+    columns: np.ndarray
+    # (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
+    combination: Array
     names: tuple[str, ...]  # such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
     never: tuple[str, ...]  # standard parameters that no motion shows at all, such as "toes_r I_xx"
     held: Mapping[str, float]  # coordinates that do not move, with their values [rad or m]
     rank: int  # number by random states, which is n
-    # (n, k) combinations of base parameters that show as constants only, so that a force plate that was tared with the
-    # body on it hides them; none where the base moves freely
+    # (n, k) combinations of base parameters that show as constants only, so that a force plate that
+    # was tared with the body on it hides them; none where the base moves freely
     tared: Array
 
     def __post_init__(self) -> None:
-        checked_array(self.combination, (len(self.columns), 10 * len(self.bodies)), "combination of base parameters")
+        checked_array(
+            self.combination,
+            (len(self.columns), 10 * len(self.bodies)),
+            "combination of base parameters",
+        )
         checked_array(self.tared, (len(self.columns), "constants"), "tared base parameters")
         object.__setattr__(self, "held", FrozenMap(dict(self.held)))
 
@@ -60,10 +66,14 @@ class BaseParameters:
         return self.combination @ np.asarray(parameters).ravel()
 
     def describe(self, i: int, most: int | None = None) -> str:
-        """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it short."""
+        """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it
+        short.
+        """
         column = int(self.columns[i])
         row = self.combination[i] * SCALE[np.arange(self.combination.shape[1]) % 10]
-        others = [int(j) for j in np.argsort(-np.abs(row), kind="stable") if row[j] != 0.0 and j != column]
+        others = [
+            int(j) for j in np.argsort(-np.abs(row), kind="stable") if row[j] != 0.0 and j != column
+        ]
         text = self._term(column)
         for j in others[:most]:
             factor = self.combination[i, j]
@@ -76,13 +86,15 @@ class BaseParameters:
         return f"{self.bodies[column // 10]} {PARAMETERS[column % 10]}"
 
 
-def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float] | None = None) -> BaseParameters:
+def base_parameters(
+    model: Model, fixed: bool = False, held: Mapping[str, float] | None = None
+) -> BaseParameters:
     """The base parameters of a model, from its tree and checked on random states.
-    The null space of the tree (`tree_null_space`) goes first; what is then still dependent on random
-    states, which happens where the base cannot move freely, is found by QR with column pivoting.
-    `fixed`: the base does not move, as on a force plate that it is bolted to: its joint to the ground stands at its
-    default or held value; `held`: coordinates that do not move, with their values [rad or m]; by default the locked
-    ones.
+    The null space of the tree (`tree_null_space`) goes first; what is then still dependent on
+    random states, which happens where the base cannot move freely, is found by QR with column
+    pivoting. `fixed`: the base does not move, as on a force plate that it is bolted to: its joint
+    to the ground stands at its default or held value; `held`: coordinates that do not move, with
+    their values [rad or m]; by default the locked ones.
     """
     still = held_values(model, held)
     if fixed:
@@ -91,13 +103,20 @@ def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float]
     size = 10 * len(model.bodies)
     left = np.setdiff1d(np.arange(size), tree.dependent)
     rest = numerical_null_space(model, still, left)
-    whole = NullSpace(np.hstack([tree.vectors, rest.vectors]), np.concatenate([tree.dependent, rest.dependent]))
+    whole = NullSpace(
+        np.hstack([tree.vectors, rest.vectors]), np.concatenate([tree.dependent, rest.dependent])
+    )
     columns = np.setdiff1d(np.arange(size), whole.dependent)
     if not len(columns):
-        raise BadModel(f"no motion of model '{model.name}' shows any inertial parameter: is gravity zero, is all held?")
+        raise BadModel(
+            f"no motion of model '{model.name}' shows any inertial parameter: is gravity zero, is"
+            " all held?"
+        )
     combination = np.zeros((len(columns), size))
     combination[np.arange(len(columns)), columns] = 1.0
-    combination[:, whole.dependent] = -whole.vectors[columns] @ np.linalg.inv(whole.vectors[whole.dependent])
+    combination[:, whole.dependent] = -whole.vectors[columns] @ np.linalg.inv(
+        whole.vectors[whole.dependent]
+    )
     largest = np.abs(combination * SCALE[np.arange(size) % 10]).max(axis=1, keepdims=True)
     combination[np.abs(combination) * SCALE[np.arange(size) % 10] < 1e-10 * largest] = 0.0
     bare = BaseParameters(
@@ -106,7 +125,8 @@ def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float]
         combination=combination,
         names=(),
         never=tuple(
-            f"{model.body_names[j // 10]} {PARAMETERS[j % 10]}" for j in np.flatnonzero(~combination.any(axis=0))
+            f"{model.body_names[j // 10]} {PARAMETERS[j % 10]}"
+            for j in np.flatnonzero(~combination.any(axis=0))
         ),
         held=still,
         rank=len(columns),
@@ -118,7 +138,9 @@ def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float]
 
 def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Array:
     """(n, k) combinations whose wrench about a point of the ground never changes."""
-    rows = base_regressor(model, random_states(model, held, frames=64 + len(columns) // 3, seed=1), np.zeros(3))
+    rows = base_regressor(
+        model, random_states(model, held, frames=64 + len(columns) // 3, seed=1), np.zeros(3)
+    )
     rows = (rows - rows.mean(axis=0))[:, :, columns].reshape(-1, len(columns))
     scale = SCALE[columns % 10]
     R, order = scipy.linalg.qr(rows * scale, mode="r", pivoting=True)
@@ -132,7 +154,9 @@ def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Arra
 
 def root_coordinates(model: Model) -> tuple[str, ...]:
     """The coordinates of joints to the ground."""
-    return tuple(name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates)
+    return tuple(
+        name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates
+    )
 
 
 def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dict[str, float]:
@@ -145,11 +169,19 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
         name = coordinate.name
         if not coordinate.locked and name not in roots:
             continue
-        values = [motion[name] if name in motion.names else np.array([coordinate.default]) for motion in motions]
-        seen = np.concatenate([value[np.isfinite(value)] for value in values] or [np.array([coordinate.default])])
+        values = [
+            motion[name] if name in motion.names else np.array([coordinate.default])
+            for motion in motions
+        ]
+        seen = np.concatenate(
+            [value[np.isfinite(value)] for value in values] or [np.array([coordinate.default])]
+        )
         reach = np.ptp(seen) if len(seen) else 0.0
         if name in roots and reach > 1e-6:
-            raise BadData(f"the base is given as fixed, but '{name}' moves by {reach:.3g}: identify it as a free one")
+            raise BadData(
+                f"the base is given as fixed, but '{name}' moves by {reach:.3g}: identify it as a"
+                " free one"
+            )
         if len(seen) and reach < 1e-6:
             held[name] = float(np.median(seen))
     return held
@@ -161,14 +193,17 @@ def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, 
     result: dict[str, float] = {}
     for b, name in enumerate(model.body_names):
         on_link = base.owners == b
-        result[name] = float(levels[on_link].mean()) if on_link.any() else result.get(parents[name], 0.0)
+        result[name] = (
+            float(levels[on_link].mean()) if on_link.any() else result.get(parents[name], 0.0)
+        )
     return result
 
 
 def parameter_sizes(model: Model) -> Array:
-    """(bodies, 10) how large a body's parameters are, to tell what is known well [kg, kg m, kg m^2].
-    m, m l, m l^2 with the model's own mass and radius of gyration about the body's origin, at least
-    0.5 % of the whole mass and a tenth of the largest radius, because some bodies only join two others.
+    """(bodies, 10) how large a body's parameters are, to tell what is known well [kg, kg m, kg
+    m^2]. m, m l, m l^2 with the model's own mass and radius of gyration about the body's origin, at
+    least 0.5 % of the whole mass and a tenth of the largest radius, because some bodies only join
+    two others.
     """
     table = inertial_parameters(model)
     mass = table[:, 0]
@@ -181,5 +216,7 @@ def parameter_sizes(model: Model) -> Array:
 
 
 def base_sizes(model: Model, base: BaseParameters) -> Array:
-    """(n,) how large the base parameters are, the root of the sum of squares of what they lump together."""
+    """(n,) how large the base parameters are, the root of the sum of squares of what they lump
+    together.
+    """
     return np.sqrt(np.square(base.combination) @ np.square(parameter_sizes(model).ravel()))

@@ -1,8 +1,10 @@
-"""Recordings as rows [Y_B, constants, measured wrench], folded block by block into triangular factors R x = z.
+"""Recordings as rows [Y_B, constants, measured wrench], folded block by block into triangular
+factors R x = z.
 
-R^T R is the information. R of a QR decomposition goes on growing: [R; rows] is reduced to a new R by Householder
-reflections, a few rows at a time and without BLAS. For six rows at a time the compiled loops are as fast as LAPACK's,
-and its threads, which disturb work beside them, are not needed.
+R^T R is the information. R of a QR decomposition goes on growing: [R; rows] is reduced to a new R
+by Householder reflections, a few rows at a time and without BLAS. For six rows at a time the
+compiled loops are as fast as LAPACK's, and its threads, which disturb work beside them, are not
+needed.
 """
 
 from __future__ import annotations
@@ -23,21 +25,35 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
-from myomorph.rigid.regressor import BLOCK, base_regressor, base_wrench, regressor_blocks, sum_of_wrenches
+from myomorph.rigid.regressor import (
+    BLOCK,
+    base_regressor,
+    base_wrench,
+    regressor_blocks,
+    sum_of_wrenches,
+)
 
 FILTER_REACH = 3.0  # How far a filter's ends reach, times 1 / cutoff, until rounding
 MIN_RUN = 8  # Frames in a row that are filtered
-CONSTANTS = 6  # A constant moment about the ground's origin and a constant force, as a plate's tare leaves
-UNWANTED, UNSEEN, UNMEASURED = "left out by the user", "motion missing", "force missing"
+# A constant moment about the ground's origin and a constant force, as a plate's tare leaves
+CONSTANTS = 6
+UNWANTED = "left out by the user"
+UNSEEN = "motion missing"
+UNMEASURED = "force missing"
 
 
 @kernel
 def fold(R, rows):
-    """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in place.
-    `rows` is used up.
+    """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in
+    place. `rows` is used up.
     """
     for j in range(R.shape[0]):
-        x0, x1, x2, x3, x4, x5 = rows[0, j], rows[1, j], rows[2, j], rows[3, j], rows[4, j], rows[5, j]
+        x0 = rows[0, j]
+        x1 = rows[1, j]
+        x2 = rows[2, j]
+        x3 = rows[3, j]
+        x4 = rows[4, j]
+        x5 = rows[5, j]
         square = x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4 + x5 * x5
         if square == 0.0:
             continue
@@ -46,15 +62,31 @@ def fold(R, rows):
         new = -length if diagonal > 0.0 else length
         factor = (new - diagonal) / new
         scale = 1.0 / (diagonal - new)
-        x0, x1, x2, x3, x4, x5 = x0 * scale, x1 * scale, x2 * scale, x3 * scale, x4 * scale, x5 * scale
+        x0 = x0 * scale
+        x1 = x1 * scale
+        x2 = x2 * scale
+        x3 = x3 * scale
+        x4 = x4 * scale
+        x5 = x5 * scale
         R[j, j] = new
-        # Views that start at 0: only so does the compiler take several columns at a time, three times faster.
+        # Views that start at 0: only so does the compiler take several columns at a time, three
+        # times faster.
         r = R[j, j + 1 :]
-        b0, b1, b2 = rows[0, j + 1 :], rows[1, j + 1 :], rows[2, j + 1 :]
-        b3, b4, b5 = rows[3, j + 1 :], rows[4, j + 1 :], rows[5, j + 1 :]
+        b0 = rows[0, j + 1 :]
+        b1 = rows[1, j + 1 :]
+        b2 = rows[2, j + 1 :]
+        b3 = rows[3, j + 1 :]
+        b4 = rows[4, j + 1 :]
+        b5 = rows[5, j + 1 :]
         for row in range(r.shape[0]):
             w = factor * (
-                r[row] + x0 * b0[row] + x1 * b1[row] + x2 * b2[row] + x3 * b3[row] + x4 * b4[row] + x5 * b5[row]
+                r[row]
+                + x0 * b0[row]
+                + x1 * b1[row]
+                + x2 * b2[row]
+                + x3 * b3[row]
+                + x4 * b4[row]
+                + x5 * b5[row]
             )
             r[row] -= w
             b0[row] -= w * x0
@@ -67,7 +99,9 @@ def fold(R, rows):
 
 @kernel
 def fold_rows(R, new, rows):
-    """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used up."""
+    """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used
+    up.
+    """
     for first in range(0, new.shape[0], 6):
         rows[:] = 0.0
         for index in range(min(6, new.shape[0] - first)):
@@ -78,8 +112,8 @@ def fold_rows(R, new, rows):
 @kernel
 def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
     """Turn row i of the base wrench in some frames into a factor (n + 7, n + 7), in place.
-    `Y`, `constants`, `wrench` (frames, 6, 10 bodies), (frames, 6, 6), (frames, 6); `columns` (n,) those of Y that
-    count; `used`: the frames that count; `rows` (6, n + 7), used up.
+    `Y`, `constants`, `wrench` (frames, 6, 10 bodies), (frames, 6, 6), (frames, 6); `columns` (n,)
+    those of Y that count; `used`: the frames that count; `rows` (6, n + 7), used up.
     """
     n = columns.shape[0]
     for first in range(0, used.shape[0], 6):
@@ -99,15 +133,19 @@ def absorb(factor: Array, rows: Array) -> Array:
     `factor` (k, k) upper triangular; `rows` (m, k); leading zeros of a row cost nothing.
     """
     triangle = np.array(factor, dtype=np.float64, order="C")
-    fold_rows(triangle, np.array(rows, dtype=np.float64, order="C"), np.empty((6, triangle.shape[1])))
+    fold_rows(
+        triangle, np.array(rows, dtype=np.float64, order="C"), np.empty((6, triangle.shape[1]))
+    )
     return triangle
 
 
 def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
     """Triangular system (R, z) of data [R, z] (n, n + 1) and independent priors of n parameters.
-    A factor (unknowns, unknowns + 1) with more unknowns than the prior knows has those last; they stay without one.
+    A factor (unknowns, unknowns + 1) with more unknowns than the prior knows has those last; they
+    stay without one.
     """
-    unknowns, n = len(factor), len(mean)
+    unknowns = len(factor)
+    n = len(mean)
     whole = np.zeros((unknowns + 1, unknowns + 1))
     whole[:unknowns] = factor
     rows = np.zeros((n, unknowns + 1))
@@ -143,15 +181,16 @@ class Solution:
         size = len(self.z)
         if n == size:
             return self.R, self.z
-        # With the others first, their rows can be left out: they can be met for any value of the rest.
+        # With the others first, their rows can be left out: they can be met for any value of the
+        # rest.
         order = np.concatenate([np.arange(n, size), np.arange(n)])
         turned = absorb(np.zeros((size + 1, size + 1)), np.column_stack([self.R[:, order], self.z]))
         return turned[size - n : size, size - n : size], turned[size - n : size, size]
 
 
 def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
-    """Weigh triangular factors (m, k + 1, k + 1) by the noise (m,) of their rows, with a prior on the first n unknowns.
-    `mean`, `sd` (n,) of the prior.
+    """Weigh triangular factors (m, k + 1, k + 1) by the noise (m,) of their rows, with a prior on
+    the first n unknowns. `mean`, `sd` (n,) of the prior.
     """
     size = factors.shape[2] - 1
     data = np.zeros((size + 1, size + 1))
@@ -159,7 +198,9 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
         data = absorb(data, factor / noise)
     R, z = with_prior(data[:size], mean, sd)
     estimate = scipy.linalg.solve_triangular(R, z)
-    return Solution(data[:size, :size], data[:size, size], estimate, row_lengths_of_inverse(R))
+    return Solution(
+        R=data[:size, :size], z=data[:size, size], solution=estimate, sd=row_lengths_of_inverse(R)
+    )
 
 
 def row_lengths_of_inverse(R: Array) -> Array:
@@ -178,8 +219,9 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
 @read_only
 class Finer:
     """A motion and its forces with little filter: what they make is filtered after it is made.
-    A filter of angles and one of forces do not agree: what turns pulls by the square of its rate, which is faster than
-    the angle. Rows and forces that pass the same filter afterwards do (Gautier 1997).
+    A filter of angles and one of forces do not agree: what turns pulls by the square of its rate,
+    which is faster than the angle. Rows and forces that pass the same filter afterwards do (Gautier
+    1997).
     """
 
     motion: Motion  # with velocities and accelerations
@@ -187,7 +229,9 @@ class Finer:
     cutoff: float  # of the filter for rows and forces [Hz]
 
     def passed(self, values: Array) -> Array:
-        """What the filter leaves of values (frames, ...), each unbroken run of finite frames by itself."""
+        """What the filter leaves of values (frames, ...), each unbroken run of finite frames by
+        itself.
+        """
         flat = values.reshape(len(values), -1)
         result = np.full(flat.shape, np.nan)
         rate = 1.0 / float(np.median(np.diff(self.motion.time)))
@@ -206,7 +250,8 @@ class Recording:
     motion : with velocities and accelerations, through the same filter as the forces
     wrenches : every external force; NaN where one is missing
     use : (frames,) which frames count, e.g. those with both feet on plates; all where None
-    finer : the same frames with little filter, from which masses are identified; None where nothing was filtered
+    finer : the same frames with little filter, from which masses are identified; None where nothing
+        was filtered
     """
 
     motion: Motion
@@ -220,7 +265,9 @@ class Recording:
 
     def moved(self, change: Callable[[Motion], Motion]) -> Recording:
         """The recording with another motion, with both filters."""
-        finer = None if self.finer is None else replace(self.finer, motion=change(self.finer.motion))
+        finer = (
+            None if self.finer is None else replace(self.finer, motion=change(self.finer.motion))
+        )
         return replace(self, motion=change(self.motion), finer=finer)
 
     @property
@@ -230,7 +277,9 @@ class Recording:
         return 1.0 if self.finer is None else max(1.0, 0.5 * rate / self.finer.cutoff)
 
     def rows(self, model: Model) -> Iterator[tuple[slice, Array, Array]]:
-        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6) about the base."""
+        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6)
+        about the base.
+        """
         finer = self.finer
         if finer is None:
             measured = base_wrench(model, self.motion, self.wrenches)
@@ -249,7 +298,9 @@ class Recording:
             yield slice(start, stop), passed[:, :, :-1], passed[:, :, -1]
 
     def missing(self, model: Model, parameters: Array) -> Array:
-        """(frames, 6) wrench about the base that parameters (bodies, 10) need beyond the measured one [N m], [N]."""
+        """(frames, 6) wrench about the base that parameters (bodies, 10) need beyond the measured
+        one [N m], [N].
+        """
         source = self if self.finer is None else self.finer
         blocks = regressor_blocks(model, source.motion)
         needed = np.concatenate([block.rows @ parameters.ravel() for block in blocks])
@@ -261,7 +312,8 @@ class Recording:
 class Rows:
     """What all frames say, condensed."""
 
-    factors: Array  # (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the wrench
+    # (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the wrench
+    factors: Array
     frames: int  # that were used
     left_out: dict[str, int]  # number of frames left out, by reason
 
@@ -281,7 +333,9 @@ class Rows:
     def mean_force(self) -> Array:
         """(3,) of what was measured [N]."""
         # The columns of constants hold a one in every row of their own force.
-        mean: Array = np.array([self.factors[3 + i, :, -4 + i] @ self.factors[3 + i, :, -1] for i in range(3)])
+        mean: Array = np.array(
+            [self.factors[3 + i, :, -4 + i] @ self.factors[3 + i, :, -1] for i in range(3)]
+        )
         return mean / self.frames
 
     def rms(self, solution: Array) -> Array:
@@ -307,7 +361,11 @@ def gather(
     for recording in recordings:
         total = _measured(model, recording)
         for part in regressor_blocks(model, recording.motion, reference, block):
-            wanted = np.ones(len(part.rows), bool) if recording.use is None else np.asarray(recording.use)[part.frames]
+            wanted = (
+                np.ones(len(part.rows), bool)
+                if recording.use is None
+                else np.asarray(recording.use)[part.frames]
+            )
             # A sum, because a missing coordinate shows in it and costs no copy.
             moving = np.isfinite(part.rows.sum(axis=(1, 2)))
             pushed = np.isfinite(total[part.frames]).all(axis=1)
@@ -323,7 +381,8 @@ def gather(
             if not frames:
                 _check_base(part.rows[used[0]], base)
             frames += len(used)
-            wrench, constants = _about(total[part.frames], part.reference), _constants(part.reference)
+            wrench = _about(total[part.frames], part.reference)
+            constants = _constants(part.reference)
             _fold(factors, part.rows, base.columns, constants, wrench, used)
     if not frames:
         reasons = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
@@ -346,7 +405,9 @@ def residuals(
     for recording in recordings:
         residual = _measured(model, recording)
         for part in regressor_blocks(model, recording.motion, reference, block):
-            residual[part.frames] = _about(residual[part.frames], part.reference) - part.rows @ parameters
+            residual[part.frames] = (
+                _about(residual[part.frames], part.reference) - part.rows @ parameters
+            )
         if recording.use is not None:
             residual[~np.asarray(recording.use, bool)] = np.nan
         left.append(residual)
@@ -355,15 +416,18 @@ def residuals(
 
 def correlation_times(left: Sequence[Array]) -> Array:
     """(6,) frames that make one independent sample: 1 + 2 sum of autocorrelations, by Geyer's rule.
-    Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical Science
-    7(4):473). Frames that are left out count as zeros, which takes nothing from the lags' mean.
+    Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical
+    Science 7(4):473). Frames that are left out count as zeros, which takes nothing from the lags'
+    mean.
     """
     longest = max(len(lags) for lags in left)
     covariance = np.zeros((longest, 6))
     for lags in left:
         values = np.where(np.isfinite(lags), lags, 0.0)
         spectrum = np.fft.rfft(values, 2 * len(values), axis=0)
-        covariance[: len(values)] += np.fft.irfft(np.abs(spectrum) ** 2, 2 * len(values), axis=0)[: len(values)]
+        covariance[: len(values)] += np.fft.irfft(np.abs(spectrum) ** 2, 2 * len(values), axis=0)[
+            : len(values)
+        ]
     pairs = longest // 2
     if not pairs:
         return np.ones(6)
@@ -375,7 +439,9 @@ def correlation_times(left: Sequence[Array]) -> Array:
 
 def _measured(model: Model, recording: Recording) -> Array:
     """(frames, 6) measured moment about the ground's origin and force."""
-    return sum_of_wrenches(model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3)))
+    return sum_of_wrenches(
+        model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3))
+    )
 
 
 def _about(total: Array, points: Array) -> Array:
@@ -391,7 +457,9 @@ def _constants(points: Array) -> Array:
     return rows
 
 
-def _fold(factors: Array, Y: Array, columns: np.ndarray, constants: Array, wrench: Array, used: np.ndarray) -> None:
+def _fold(
+    factors: Array, Y: Array, columns: np.ndarray, constants: Array, wrench: Array, used: np.ndarray
+) -> None:
     """Fold frames into the factor of each row of the wrench, the rows shared among the cores."""
     # A copy, because a kernel is compiled anew for an array that is read-only.
     chosen = columns.copy()
@@ -408,6 +476,7 @@ def _check_base(rows: Array, base: BaseParameters) -> None:
     difference = np.abs(rows - rows[:, base.columns] @ base.combination).max()
     if difference > 1e-6 * np.abs(rows).max():
         raise BadData(
-            "these base parameters do not fit the motion: coordinates that they hold still move or rest at other "
-            f"values ({', '.join(list(base.held)[:4]) or 'none held'}); let fit_base make them"
+            "these base parameters do not fit the motion: coordinates that they hold still move or"
+            f" rest at other values ({', '.join(list(base.held)[:4]) or 'none held'}); let fit_base"
+            " make them"
         )

@@ -1,4 +1,6 @@
-"""What no motion can tell apart: inertial parameters that may move from a body to its parent unseen."""
+"""What no motion can tell apart: inertial parameters that may move from a body to its parent
+unseen.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,10 @@ from myomorph.rigid.regressor import base_regressor
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
 LENGTH = 0.3  # Typical size of a segment, so that masses, first moments and inertias compare [m]
-SCALE = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])  # Size of the ten parameters of a body of 1 kg
-TOLERANCE = 1e-9  # Singular values below this share of the largest are zero: poses are exact to about 1e-14
+# Size of the ten parameters of a body of 1 kg
+SCALE = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])
+# Singular values below this share of the largest are zero: poses are exact to about 1e-14
+TOLERANCE = 1e-9
 _PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
 """Masses go to the parent rather than first moments, and those rather than inertias."""
 
@@ -28,9 +32,10 @@ class NullSpace(NamedTuple):
     """Changes of the inertial parameters that no base wrench shows."""
 
     vectors: Array  # (10 bodies, k) a basis; vectors[dependent] is invertible
-    dependent: np.ndarray  # (k,) the standard parameters that are left out, their part given to others
-    # by random states, the smallest pivot that counts and the largest that does not, relative to the largest of all;
-    # the tolerance lies between
+    # (k,) the standard parameters that are left out, their part given to others
+    dependent: np.ndarray
+    # by random states, the smallest pivot that counts and the largest that does not, relative to
+    # the largest of all; the tolerance lies between
     gap: tuple[float, float] = (1.0, 0.0)
 
 
@@ -43,18 +48,22 @@ class Cluster(NamedTuple):
 
 def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> NullSpace:
     """Null space of the base rows from the tree alone: a direct sum over the joints.
-    Parameters v of a body may go to its parent where the parent cannot tell them from its own: L(X) v is the same in
-    every configuration X of the joint, and the joint's own velocity S gives v no momentum, M(v) S = 0. For a hinge
-    these are 3 (a rod on the axis), for a slide 6, for a ball joint 1, for a weld 10. Joints that share coordinates
-    through couplers are one cluster, whose bodies are taken together. The sum is the whole null space where the base is
-    free to move; where it is not, more is hidden (`base_parameters` finds that from random states).
-    `held`: coordinates that do not move, with their values; by default those that are locked, at theirs.
+    Parameters v of a body may go to its parent where the parent cannot tell them from its own: L(X)
+    v is the same in every configuration X of the joint, and the joint's own velocity S gives v no
+    momentum, M(v) S = 0. For a hinge these are 3 (a rod on the axis), for a slide 6, for a ball
+    joint 1, for a weld 10. Joints that share coordinates through couplers are one cluster, whose
+    bodies are taken together. The sum is the whole null space where the base is free to move; where
+    it is not, more is hidden (`base_parameters` finds that from random states). `held`: coordinates
+    that do not move, with their values; by default those that are locked, at theirs.
     """
     tree = compile_tree(model)
     fixed = held_values(model, held)
     together = clusters(tree, fixed)
-    moving = random_states(model, fixed, frames=24 + 4 * max(len(cluster.bodies) for cluster in together))
-    c, cdot = np.array(moving.values), np.array(moving.velocities)
+    moving = random_states(
+        model, fixed, frames=24 + 4 * max(len(cluster.bodies) for cluster in together)
+    )
+    c = np.array(moving.values)
+    cdot = np.array(moving.velocities)
     poses = forward_kinematics(tree, c)
     twists = _twists(poses, cdot)
     vectors: list[Array] = []
@@ -85,15 +94,17 @@ def numerical_null_space(
     tolerance: float = TOLERANCE,
 ) -> NullSpace:
     """Null space of the base rows from random states, by QR with column pivoting.
-    `held`: as in `tree_null_space`; `columns`: the standard parameters to look at; all by default; `tolerance`:
-    diagonal entries of R below this share of the largest are zero, columns scaled to length 1.
+    `held`: as in `tree_null_space`; `columns`: the standard parameters to look at; all by default;
+    `tolerance`: diagonal entries of R below this share of the largest are zero, columns scaled to
+    length 1.
     """
     size = 10 * len(model.bodies)
     looked_at = np.arange(size) if columns is None else np.asarray(columns)
     states = random_states(model, held_values(model, held), frames=64 + len(looked_at) // 3)
     rows = base_regressor(model, states).reshape(-1, size)[:, looked_at]
     length = np.linalg.norm(rows, axis=0)
-    # A column that is nothing but rounding (the inertia of a body that never turns) must not be scaled up.
+    # A column that is nothing but rounding (the inertia of a body that never turns) must not be
+    # scaled up.
     silent = length <= tolerance * (length / SCALE[looked_at % 10]).max() * SCALE[looked_at % 10]
     length[silent] = np.inf
     R, order = scipy.linalg.qr(rows / length, mode="r", pivoting=True, overwrite_a=True)
@@ -101,7 +112,9 @@ def numerical_null_space(
     rank = int(np.sum(diagonal > tolerance * diagonal[0]))
     vectors = np.zeros((size, len(looked_at) - rank))
     length[silent] = 1.0
-    vectors[looked_at[order[:rank]]] = -np.linalg.solve(R[:rank, :rank], R[:rank, rank:]) / length[order[:rank], None]
+    vectors[looked_at[order[:rank]]] = (
+        -np.linalg.solve(R[:rank, :rank], R[:rank, rank:]) / length[order[:rank], None]
+    )
     vectors[looked_at[order[rank:]]] = np.diag(1.0 / length[order[rank:]])
     relative = np.append(diagonal, 0.0) / max(diagonal[0], 1e-300)
     gap = (float(relative[rank - 1]) if rank else 1.0, float(relative[rank]))
@@ -111,7 +124,11 @@ def numerical_null_space(
 def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, float]:
     """Coordinates that do not move, with their values; by default the locked ones."""
     if held is None:
-        return {coordinate.name: coordinate.default for coordinate in model.coordinates if coordinate.locked}
+        return {
+            coordinate.name: coordinate.default
+            for coordinate in model.coordinates
+            if coordinate.locked
+        }
     for name in held:
         index_of("coordinate", name, model.coordinate_names)
     return dict(held)
@@ -130,13 +147,22 @@ def random_states(model: Model, held: Mapping[str, float], frames: int, seed: in
         low = max(coordinate.range[0], coordinate.default - reach)
         high = min(coordinate.range[1], coordinate.default + reach)
         if not low < high:
-            low, high = coordinate.default - 0.1 * reach, coordinate.default + 0.1 * reach
+            low = coordinate.default - 0.1 * reach
+            high = coordinate.default + 0.1 * reach
         values[:, j] = rng.uniform(low, high, frames)
         if coordinate.name in held:
-            values[:, j], velocities[:, j], accelerations[:, j] = held[coordinate.name], 0.0, 0.0
+            values[:, j] = held[coordinate.name]
+            velocities[:, j] = 0.0
+            accelerations[:, j] = 0.0
     couple_frames(tree.arrays, values)
     couple_rates_frames(tree.arrays, values, velocities, accelerations)
-    return Motion(np.arange(float(frames)), model.coordinate_names, values, velocities, accelerations)
+    return Motion(
+        time=np.arange(float(frames)),
+        names=model.coordinate_names,
+        values=values,
+        velocities=velocities,
+        accelerations=accelerations,
+    )
 
 
 def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
@@ -145,7 +171,8 @@ def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
     moved_by = _moving_coordinates(tree, held)
     groups: list[tuple[set[int], set[int]]] = []
     for b in range(1, len(parent)):
-        bodies, coordinates = {b}, set(moved_by[b])
+        bodies = {b}
+        coordinates = set(moved_by[b])
         while True:
             between, _ = _hanging(bodies, parent)
             joined = [group for group in groups if group[0] & between or group[1] & coordinates]
@@ -177,10 +204,13 @@ def _hanging(bodies: set[int], parent: np.ndarray) -> tuple[set[int], int]:
 
 def _moving_coordinates(tree: Tree, held: Mapping[str, float]) -> list[set[int]]:
     """For every body, the independent coordinates that move its joint."""
-    arrays, names = tree.arrays, tree.model.coordinate_names
+    arrays = tree.arrays
+    names = tree.model.coordinate_names
     sources: dict[int, set[int]] = {j: {j} for j in range(len(names))}
     for coupler, dependent in enumerate(arrays.coupler_coordinate):
-        sources[int(dependent)] = set().union(*(sources[int(j)] for j in arrays.coupler_source[coupler] if j >= 0))
+        sources[int(dependent)] = set().union(
+            *(sources[int(j)] for j in arrays.coupler_source[coupler] if j >= 0)
+        )
     moved: list[set[int]] = [set() for _ in arrays.parent]
     for coupler, b in enumerate(arrays.axis_body):
         for j in arrays.axis_coordinate[coupler]:
@@ -190,7 +220,9 @@ def _moving_coordinates(tree: Tree, held: Mapping[str, float]) -> list[set[int]]
 
 
 def _twists(poses: Poses, cdot: Array) -> Array:
-    """(frames, axes, 6) what each axis adds to the twist of the bodies beyond it, about the ground's origin."""
+    """(frames, axes, 6) what each axis adds to the twist of the bodies beyond it, about the
+    ground's origin.
+    """
     arrays = poses.tree.arrays
     speeds = np.zeros(poses.axis_slopes.shape[:2])
     for s in range(2):
@@ -204,10 +236,14 @@ def _twists(poses: Poses, cdot: Array) -> Array:
 
 
 def _cluster_null_space(poses: Poses, twists: Array, cluster: Cluster) -> tuple[Array, Array]:
-    """Vectors (10 cluster bodies, k) that may go to the ancestor, and (10, k) what the ancestor receives."""
-    tree, a = poses.tree, cluster.ancestor
+    """Vectors (10 cluster bodies, k) that may go to the ancestor, and (10, k) what the ancestor
+    receives.
+    """
+    tree = poses.tree
+    a = cluster.ancestor
     back = poses.rotations[:, a].transpose(0, 2, 1)
-    moved, momenta = [], []
+    moved = []
+    momenta = []
     for b in cluster.bodies:
         rotation = back @ poses.rotations[:, b]
         origin = np.einsum("fij,fj->fi", back, poses.origins[:, b] - poses.origins[:, a])
@@ -218,7 +254,8 @@ def _cluster_null_space(poses: Poses, twists: Array, cluster: Cluster) -> tuple[
         linear = twist[:, 3:] + np.cross(twist[:, :3], poses.origins[:, a])
         velocity = np.concatenate([_turned(back, twist[:, :3]), _turned(back, linear)], axis=1)
         momenta.append(momentum_rows(velocity) @ moved[-1])
-    L, P = np.concatenate(moved, axis=2), np.concatenate(momenta, axis=2)
+    L = np.concatenate(moved, axis=2)
+    P = np.concatenate(momenta, axis=2)
     conditions = np.concatenate([(L[1:] - L[:1]) / SCALE[:, None], P[1:] / LENGTH], axis=1)
     scale = np.tile(SCALE, len(cluster.bodies))
     conditions = conditions.reshape(-1, len(scale)) * scale
@@ -235,8 +272,12 @@ def _turned(rotations: Array, vectors: Array) -> Array:
 
 
 def _nicest(vectors: Array) -> np.ndarray:
-    """Rows of vectors (10 n, k) that make an invertible matrix, masses before moments before inertias."""
-    scaled = (vectors / np.tile(SCALE, len(vectors) // 10)[:, None]) * np.tile(_PREFERENCE, len(vectors) // 10)[:, None]
+    """Rows of vectors (10 n, k) that make an invertible matrix, masses before moments before
+    inertias.
+    """
+    scaled = (vectors / np.tile(SCALE, len(vectors) // 10)[:, None]) * np.tile(
+        _PREFERENCE, len(vectors) // 10
+    )[:, None]
     _, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
     return np.sort(order[: vectors.shape[1]])
 
@@ -246,7 +287,9 @@ def parameters_in_parent(rotation: Array, origin: Array) -> Array:
     `rotation`, `origin` (..., 3, 3), (..., 3) pose of the child in the parent [m].
     """
     pose = np.zeros((*rotation.shape[:-2], 4, 4))
-    pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = rotation, origin, 1.0
+    pose[..., :3, :3] = rotation
+    pose[..., :3, 3] = origin
+    pose[..., 3, 3] = 1.0
     unit = pseudo_inertias(np.eye(10))
     moved = np.einsum("...ij,njk,...lk->...nil", pose, unit, pose)
     return np.ascontiguousarray(np.swapaxes(parameters_of(moved), -1, -2))
@@ -254,9 +297,11 @@ def parameters_in_parent(rotation: Array, origin: Array) -> Array:
 
 def momentum_rows(twist: Array) -> Array:
     """(..., 6, 10) angular momentum about the origin and linear momentum of unit parameters.
-    l = I w + h x v,  p = m v + w x h, for a twist (..., 6) of angular velocity w and velocity v of the origin.
+    l = I w + h x v,  p = m v + w x h, for a twist (..., 6) of angular velocity w and velocity v of
+    the origin.
     """
-    w, v = twist[..., :3], twist[..., 3:]
+    w = twist[..., :3]
+    v = twist[..., 3:]
     rows = np.zeros((*twist.shape[:-1], 6, 10))
     for axis, e in enumerate(np.eye(3)):
         rows[..., :3, 1 + axis] = np.cross(e, v)

@@ -1,4 +1,6 @@
-"""Identification while motion and forces arrive: filter, derivatives, regressor and one more frame of the estimate."""
+"""Identification while motion and forces arrive: filter, derivatives, regressor and one more frame
+of the estimate.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.identify.base_parameters import BaseParameters, base_parameters
-from myomorph.identify.recordings import MISSING_WEIGHT, NO_FORCE, NO_MOTION, UNLOADED, UNMEASURED, WINDOW
+from myomorph.identify.recordings import (
+    MISSING_WEIGHT,
+    NO_FORCE,
+    NO_MOTION,
+    UNLOADED,
+    UNMEASURED,
+    WINDOW,
+)
 from myomorph.identify.sequential import NOISE, Proposal, SequentialFit, SequentialState
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -55,9 +64,9 @@ class OnlineState:
 
 class OnlineIdentification:
     """Takes coordinates and total external wrenches as they come; see `OnlineOptions`.
-    `rate`: of the motion's frames [Hz]; `force_rate`: of the forces' samples [Hz]; `mass`: of the subject, to tell
-    contacts beside the plates; the model's by default [kg]; `held`: coordinates that do not move, with their values; by
-    default the locked ones.
+    `rate`: of the motion's frames [Hz]; `force_rate`: of the forces' samples [Hz]; `mass`: of the
+    subject, to tell contacts beside the plates; the model's by default [kg]; `held`: coordinates
+    that do not move, with their values; by default the locked ones.
     """
 
     def __init__(
@@ -110,14 +119,24 @@ class OnlineIdentification:
         self._settle()
 
     def push_force(self, time: float, wrench: Array) -> None:
-        """Add a sample of the total external wrench (6,): moment about the ground's origin [N m], force [N]."""
+        """Add a sample of the total external wrench (6,): moment about the ground's origin [N m],
+        force [N].
+        """
         self._force.push(time, wrench)
         if self._force.full:
             self._forces.append((self._force.time, self._force.filtered[0]))
 
     def warm_up(self) -> None:
-        """Do everything once without effect, so that nothing is compiled when the first frame comes."""
-        still = Motion(np.zeros(1), (), np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)))
+        """Do everything once without effect, so that nothing is compiled when the first frame
+        comes.
+        """
+        still = Motion(
+            time=np.zeros(1),
+            names=(),
+            values=np.zeros((1, 0)),
+            velocities=np.zeros((1, 0)),
+            accelerations=np.zeros((1, 0)),
+        )
         rows = next(regressor_blocks(self.model, still)).rows[0]
         scratch = SequentialFit(self.model, self.base, self.sigma)
         scratch.update(rows, rows @ self._parameters)
@@ -156,7 +175,9 @@ class OnlineIdentification:
             self._fold(time, filtered, np.full(6, np.nan) if wrench is None else wrench)
 
     def _force_at(self, time: float) -> Array | None:
-        """(6,) filtered wrench at a time, between its neighbours; None where they are not there (yet)."""
+        """(6,) filtered wrench at a time, between its neighbours; None where they are not there
+        (yet).
+        """
         forces = self._forces
         # Frames come in order: what lies before the last two samples up to this frame is done with.
         while len(forces) > 1 and forces[1][0] <= time:
@@ -180,9 +201,16 @@ class OnlineIdentification:
             self.left_out[NO_FORCE] += 1
             return
         values, velocities, accelerations = filtered[:, None]
-        motion = Motion(np.array([time]), self.model.coordinate_names, values, velocities, accelerations)
+        motion = Motion(
+            time=np.array([time]),
+            names=self.model.coordinate_names,
+            values=values,
+            velocities=velocities,
+            accelerations=accelerations,
+        )
         block = next(regressor_blocks(self.model, motion))
-        rows, reference = block.rows[0], block.reference[0]
+        rows = block.rows[0]
+        reference = block.reference[0]
         at_base = np.concatenate([wrench[:3] - np.cross(reference, wrench[3:]), wrench[3:]])
         self._missing.append(float((rows[3:] @ self._parameters - at_base[3:]) @ self._up))
         if abs(np.mean(self._missing)) > self.options.missing * self._weight:
@@ -195,11 +223,17 @@ class OnlineIdentification:
 
 def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
     """(..., 6) moment about the ground's origin [N m] and force [N] of wrenches (..., wrenches, 3).
-    A plate with less than `UNLOADED` may have no point of application; a loaded one without makes the total NaN.
+    A plate with less than `UNLOADED` may have no point of application; a loaded one without makes
+    the total NaN.
     """
-    forces, points, torques = (np.asarray(values, dtype=np.float64) for values in (forces, points, torques))
+    forces = np.asarray(forces, dtype=np.float64)
+    points = np.asarray(points, dtype=np.float64)
+    torques = np.asarray(torques, dtype=np.float64)
     if not forces.shape == points.shape == torques.shape or forces.shape[-1] != 3:
-        raise BadData(f"expected wrenches (..., 3), but got {forces.shape}, {points.shape} and {torques.shape}")
+        raise BadData(
+            f"expected wrenches (..., 3), but got {forces.shape}, {points.shape} and"
+            f" {torques.shape}"
+        )
     idle = np.linalg.norm(forces, axis=-1, keepdims=True) < UNLOADED
     moments = np.cross(np.where(idle & np.isnan(points), 0.0, points), forces) + torques
     return np.concatenate([moments.sum(axis=-2), forces.sum(axis=-2)], axis=-1)

@@ -1,14 +1,15 @@
-"""Inertial parameters that some positive distribution of mass can have: a linear matrix inequality for each link.
+"""Inertial parameters that some positive distribution of mass can have: a linear matrix inequality
+for each link.
 
     minimise  1/2 |b - A phi|^2 + 1/2 d(phi, phi_ref)^2 / sd^2
     subject to  P(phi_i) >= margin P(phi_ref_i),  sum_i m_i = mass (where given)
 
 with the pseudo-inertia P of `model.inertia.pseudo_inertias`, positive definite just where a body of
-positive mass exists (Wensing, Kim, Slotine 2018). With P_ref = L L^T every link's change is written as
-E = L^-1 (P - P_ref) L^-T, so that the inequality is I + E >= margin I and the distance
-|E|^2 = tr((P_ref^-1 (P - P_ref))^2), which does not depend on the frame or the units (the constant
-pull-back of Lee, Wensing, Park 2020, IEEE Transactions on Robotics 36(2):348; the second-order term of their
-entropic divergence too).
+positive mass exists (Wensing, Kim, Slotine 2018). With P_ref = L L^T every link's change is written
+as E = L^-1 (P - P_ref) L^-T, so that the inequality is I + E >= margin I and the distance |E|^2 =
+tr((P_ref^-1 (P - P_ref))^2), which does not depend on the frame or the units (the constant
+pull-back of Lee, Wensing, Park 2020, IEEE Transactions on Robotics 36(2):348; the second-order term
+of their entropic divergence too).
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ SMALLEST_SHARE = 1e-6  # A link of less than this share of the whole mass stays 
 class PseudoInertiaOptions:
     """Settings of `solve_pseudo_inertia` and `solve_ridge`."""
 
-    # relative standard deviation of a link's mass that the prior amounts to; a mass center then has mass_sd k / sqrt(2)
-    # along an axis of radius of gyration k, a second moment of mass mass_sd of itself
+    # relative standard deviation of a link's mass that the prior amounts to; a mass center then has
+    # mass_sd k / sqrt(2) along an axis of radius of gyration k, a second moment of mass mass_sd of
+    # itself
     mass_sd: float = 0.15
     margin: float = 1e-3  # least eigenvalue of P(phi_i), relative to its reference
     tolerance: float = 1e-8  # of the solver's residuals and gap
@@ -41,9 +43,14 @@ class PseudoInertiaOptions:
     def __post_init__(self) -> None:
         for name in ("mass_sd", "tolerance"):
             if not getattr(self, name) > 0.0:
-                raise BadData(f"{name} of the pseudo-inertia problem is {getattr(self, name):g}: expected above 0")
+                raise BadData(
+                    f"{name} of the pseudo-inertia problem is {getattr(self, name):g}: expected"
+                    " above 0"
+                )
         if not 0.0 <= self.margin < 1.0:
-            raise BadData(f"the margin of the pseudo-inertia is {self.margin:g}: expected from 0 to below 1")
+            raise BadData(
+                f"the margin of the pseudo-inertia is {self.margin:g}: expected from 0 to below 1"
+            )
 
 
 @read_only
@@ -52,9 +59,11 @@ class PseudoInertiaFit:
 
     parameters: Array  # (links, 10) in [D] order
     misfit: float  # |b - A phi|^2 of the solution
-    # (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where kept
+    # (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where
+    # kept
     smallest: Array
-    kept: np.ndarray  # (links,) links that stayed at their reference because they have hardly any mass
+    # (links,) links that stayed at their reference because they have hardly any mass
+    kept: np.ndarray
     status: str  # the solver's word
     converged: bool  # whether the solver proved the optimum
     residual: float  # greatest of the solver's primal and dual residuals
@@ -63,16 +72,24 @@ class PseudoInertiaFit:
 
 
 def solve_pseudo_inertia(
-    A: Array, b: Array, reference: Array, *, mass: float | None = None, options: PseudoInertiaOptions | None = None
+    A: Array,
+    b: Array,
+    reference: Array,
+    *,
+    mass: float | None = None,
+    options: PseudoInertiaOptions | None = None,
 ) -> PseudoInertiaFit:
     """Physically possible parameters that meet measured ones and stay near a reference.
-    `A` (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`); `reference` (links, 10)
-    parameters before anything is measured; those of massless links are kept; `mass`: total [kg], or None.
+    `A` (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`);
+    `reference` (links, 10) parameters before anything is measured; those of massless links are
+    kept; `mass`: total [kg], or None.
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     free = _least_squares(problem, mass)
     # Changes that keep every inequality are the optimum with them too.
-    if (1.0 + np.linalg.eigvalsh(symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin).all():
+    if (
+        1.0 + np.linalg.eigvalsh(symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin
+    ).all():
         return problem.fit(free)
     for residuals in (False, True):
         solution = _solve(problem, mass, residuals)
@@ -82,17 +99,24 @@ def solve_pseudo_inertia(
 
 
 def solve_ridge(
-    A: Array, b: Array, reference: Array, *, mass: float | None = None, options: PseudoInertiaOptions | None = None
+    A: Array,
+    b: Array,
+    reference: Array,
+    *,
+    mass: float | None = None,
+    options: PseudoInertiaOptions | None = None,
 ) -> PseudoInertiaFit:
-    """The same problem without the inequalities: least squares that may give parameters no body can have."""
+    """The same problem without the inequalities: least squares that may give parameters no body can
+    have.
+    """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     return problem.fit(_least_squares(problem, mass))
 
 
 def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
-    """(links, 10) parameters whose links with mass are bodies: a principal second moment of mass about the mass
-    center that is below m gyration^2 is lifted to it, everything else stays.
-    A few mass points in a plane, and inertias that somebody rounded, are references of no body.
+    """(links, 10) parameters whose links with mass are bodies: a principal second moment of mass
+    about the mass center that is below m gyration^2 is lifted to it, everything else stays. A few
+    mass points in a plane, and inertias that somebody rounded, are references of no body.
     """
     repaired = np.array(reference, dtype=np.float64)
     for row, P in zip(repaired, pseudo_inertias(repaired), strict=True):
@@ -108,7 +132,9 @@ def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
 
 @dataclass(eq=False)
 class _Changes:
-    """The problem in the changes E of the moved links, ten scaled entries each, counted from the reference."""
+    """The problem in the changes E of the moved links, ten scaled entries each, counted from the
+    reference.
+    """
 
     A: Array
     b: Array
@@ -123,8 +149,12 @@ class _Changes:
     options: PseudoInertiaOptions
 
     @staticmethod
-    def of(A: Array, b: Array, reference: Array, mass: float | None, options: PseudoInertiaOptions) -> _Changes:
-        A, b, reference = np.asarray(A, float), np.asarray(b, float), np.array(reference, float)
+    def of(
+        A: Array, b: Array, reference: Array, mass: float | None, options: PseudoInertiaOptions
+    ) -> _Changes:
+        A = np.asarray(A, float)
+        b = np.asarray(b, float)
+        reference = np.array(reference, float)
         if reference.ndim != 2 or reference.shape[1] != 10 or A.shape != (len(b), reference.size):
             raise BadData(
                 "expected A (rows, 10 links), b (rows,) and a reference (links, 10), "
@@ -141,21 +171,36 @@ class _Changes:
         if len(least) and least.min() < 1e-9:
             worst = moved[int(least.argmin())]
             raise BadData(
-                f"the reference of link {worst} is of no body: its pseudo-inertia is not positive definite; "
-                "give it an inertia that a body of its mass can have, or pass it through `possible_reference`"
+                f"the reference of link {worst} is of no body: its pseudo-inertia is not positive"
+                " definite; give it an inertia that a body of its mass can have, or pass it"
+                " through `possible_reference`"
             )
         basis = tangents(reference[moved])
         by_link = A.reshape(len(A), len(reference), 10)[:, moved]
-        reduced = np.einsum("rli,lij->rlj", by_link, basis, optimize=True).reshape(len(A), 10 * len(moved))
+        reduced = np.einsum("rli,lij->rlj", by_link, basis, optimize=True).reshape(
+            len(A), 10 * len(moved)
+        )
         total = basis[:, 0].ravel()
         return _Changes(
-            reduced, b - A @ reference.ravel(), A, b, reference, moved, basis,
-            np.eye(10 * len(moved)) / options.mass_sd**2, total,
-            0.0 if mass is None else mass - reference[:, 0].sum(), options,
-        )  # fmt: skip
+            reduced,
+            b - A @ reference.ravel(),
+            A,
+            b,
+            reference,
+            moved,
+            basis,
+            np.eye(10 * len(moved)) / options.mass_sd**2,
+            total,
+            0.0 if mass is None else mass - reference[:, 0].sum(),
+            options,
+        )
 
-    def fit(self, x: Array, default_solution: clarabel.DefaultSolution | None = None) -> PseudoInertiaFit:
-        """The fit of changes x (10 moved links,), and how the solver found them where it was needed."""
+    def fit(
+        self, x: Array, default_solution: clarabel.DefaultSolution | None = None
+    ) -> PseudoInertiaFit:
+        """The fit of changes x (10 moved links,), and how the solver found them where it was
+        needed.
+        """
         changes = x.reshape(-1, 10)
         parameters = self.reference.copy()
         parameters[self.moved] += np.einsum("lij,lj->li", self.basis, changes)
@@ -171,42 +216,60 @@ class _Changes:
             kept=kept,
             status="closed form" if default_solution is None else str(default_solution.status),
             converged=default_solution is None or str(default_solution.status) == "Solved",
-            residual=0.0 if default_solution is None else float(max(default_solution.r_prim, default_solution.r_dual)),
+            residual=(
+                0.0
+                if default_solution is None
+                else float(max(default_solution.r_prim, default_solution.r_dual))
+            ),
             iterations=0 if default_solution is None else int(default_solution.iterations),
             options=self.options,
         )
 
 
 def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.DefaultSolution:
-    """The conic program by Clarabel: right - rows x in the cones, those of the total mass and the pseudo-inertias.
-    With `residuals` the rows' misses are variables of their own, which squares no condition number but
-    takes ten times longer: for measurements that no body near the reference can meet.
+    """The conic program by Clarabel: right - rows x in the cones, those of the total mass and the
+    pseudo-inertias. With `residuals` the rows' misses are variables of their own, which squares no
+    condition number but takes ten times longer: for measurements that no body near the reference
+    can meet.
     """
-    n, links = problem.A.shape[1], len(problem.moved)
-    rows, cones = -scipy.sparse.eye_array(n), [clarabel.PSDTriangleConeT(4)] * links
+    n = problem.A.shape[1]
+    links = len(problem.moved)
+    rows = -scipy.sparse.eye_array(n)
+    cones = [clarabel.PSDTriangleConeT(4)] * links
     right = np.tile([1.0 - problem.options.margin if i == j else 0.0 for i, j in TRIANGLE], links)
     if mass is not None:
         rows = scipy.sparse.vstack([scipy.sparse.csr_array(problem.total[None]), rows])
         cones = [clarabel.ZeroConeT(1), *cones]
         right = np.append(problem.lacking, right)
     if residuals:
-        A, b = problem.A, problem.b
+        A = problem.A
+        b = problem.b
         if len(A) > n:
             Q, A = np.linalg.qr(A)
             b = Q.T @ b
         misses = scipy.sparse.hstack([scipy.sparse.csr_array(A), -scipy.sparse.eye_array(len(A))])
-        rows = scipy.sparse.vstack([misses, scipy.sparse.hstack([rows, scipy.sparse.csr_array((len(right), len(A)))])])
-        right, cones = np.concatenate([b, right]), [clarabel.ZeroConeT(len(A)), *cones]
-        H, linear = scipy.sparse.block_diag([problem.prior, scipy.sparse.eye_array(len(A))]), np.zeros(n + len(A))
+        rows = scipy.sparse.vstack(
+            [misses, scipy.sparse.hstack([rows, scipy.sparse.csr_array((len(right), len(A)))])]
+        )
+        right = np.concatenate([b, right])
+        cones = [clarabel.ZeroConeT(len(A)), *cones]
+        H = scipy.sparse.block_diag([problem.prior, scipy.sparse.eye_array(len(A))])
+        linear = np.zeros(n + len(A))
     else:
         full = problem.A.T @ problem.A + problem.prior
         scale = 1.0 / np.diagonal(full).mean()
-        H, linear = scipy.sparse.csc_array(scale * full), -scale * (problem.A.T @ problem.b)
+        H = scipy.sparse.csc_array(scale * full)
+        linear = -scale * (problem.A.T @ problem.b)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
     return clarabel.DefaultSolver(
-        scipy.sparse.csc_matrix(scipy.sparse.triu(H)), linear, scipy.sparse.csc_matrix(rows), right, cones, settings
+        scipy.sparse.csc_matrix(scipy.sparse.triu(H)),
+        linear,
+        scipy.sparse.csc_matrix(rows),
+        right,
+        cones,
+        settings,
     ).solve()
 
 
@@ -216,11 +279,14 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
     n = len(root)
     rows = np.block([[problem.A, problem.b[:, None]], [root, np.zeros((n, 1))]])
     factor = scipy.linalg.qr(rows, mode="r")[0]
-    R, right = factor[:n, :n], factor[:n, n]
+    R = factor[:n, :n]
+    right = factor[:n, n]
     x: Array = scipy.linalg.solve_triangular(R, right)
     if mass is not None:
         # The least change of the total in the metric of the problem: (R^T R)^-1 total.
-        toward = scipy.linalg.solve_triangular(R, scipy.linalg.solve_triangular(R, problem.total, trans="T"))
+        toward = scipy.linalg.solve_triangular(
+            R, scipy.linalg.solve_triangular(R, problem.total, trans="T")
+        )
         x = x + toward * ((problem.lacking - problem.total @ x) / (problem.total @ toward))
     return x
 
@@ -229,11 +295,17 @@ def symmetric(entries: Array) -> Array:
     """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
     matrices = np.zeros((*entries.shape[:-1], 4, 4))
     for q, (i, j) in enumerate(TRIANGLE):
-        matrices[..., i, j] = matrices[..., j, i] = entries[..., q] * (1.0 if i == j else np.sqrt(0.5))
+        matrices[..., i, j] = matrices[..., j, i] = entries[..., q] * (
+            1.0 if i == j else np.sqrt(0.5)
+        )
     return matrices
 
 
 def tangents(parameters: Array) -> Array:
-    """(links, 10, 10) derivative of parameters (links, 10) in the scaled triangles of E, P = L (I + E) L^T."""
+    """(links, 10, 10) derivative of parameters (links, 10) in the scaled triangles of E, P = L (I +
+    E) L^T.
+    """
     L = np.linalg.cholesky(pseudo_inertias(parameters))
-    return np.moveaxis(parameters_of(L[:, None] @ symmetric(np.eye(10)) @ np.swapaxes(L, 1, 2)[:, None]), 1, 2)
+    return np.moveaxis(
+        parameters_of(L[:, None] @ symmetric(np.eye(10)) @ np.swapaxes(L, 1, 2)[:, None]), 1, 2
+    )

@@ -1,4 +1,6 @@
-"""Which frames of a recording tell about the body: whole forces, no contact that no plate measures, no filter edge."""
+"""Which frames of a recording tell about the body: whole forces, no contact that no plate measures,
+no filter edge.
+"""
 
 from __future__ import annotations
 
@@ -31,13 +33,20 @@ WINDOW = 0.2  # Time over which force must be missing to count as a contact besi
 MISSING_WEIGHT = 0.15  # Share of the body's weight that must be missing
 UNLOADED = 20.0  # Force under which a center of pressure may be unknown [N]
 FLIGHT = 0.05  # Share of the body's weight under which nothing touches
-MASS_TOLERANCE = 0.03  # Share of the body's weight by which plates and stated mass may differ without a word
+# Share of the body's weight by which plates and stated mass may differ without a word
+MASS_TOLERANCE = 0.03
 REACH = 0.75
-"""How far a filter's ends and gaps reach, times 1 / cutoff: nearer, motion and forces disagree by more than noise."""
+"""How far a filter's ends and gaps reach, times 1 / cutoff: nearer, motion and forces disagree by
+more than noise.
+"""
 MAX_FORCE_DISTANCE = 0.25
-"""Distance of forces from where they should act, over the body's extent from its base, that no masses explain."""
-FINER = 3.0  # Cutoff, over that of the recording, of the motion whose rows are filtered after they are made
-MIN_ROTATION = 0.1  # Largest turn of any body against the base over which a motion counts as standing still [rad]
+"""Distance of forces from where they should act, over the body's extent from its base, that no
+masses explain.
+"""
+# Cutoff, over that of the recording, of the motion whose rows are filtered after they are made
+FINER = 3.0
+# Largest turn of any body against the base over which a motion counts as standing still [rad]
+MIN_ROTATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -100,9 +109,9 @@ def usable(
 ) -> Usable:
     """Motion and forces through the same filter on one clock, and the frames that can be used.
 
-    A contact beside the plates shows in the vertical force that the motion needs, by the model's masses
-    brought to `mass`, less the one measured: where its mean over `WINDOW` passes `MISSING_WEIGHT` of
-    the body's weight, and half that window around, the frames are left out.
+    A contact beside the plates shows in the vertical force that the motion needs, by the model's
+    masses brought to `mass`, less the one measured: where its mean over `WINDOW` passes
+    `MISSING_WEIGHT` of the body's weight, and half that window around, the frames are left out.
 
     Parameters
     ----------
@@ -145,8 +154,11 @@ def usable(
     common = _in_common(name, whole, wrenches)
     lacking = _lacking(wrenches)
     if lacking.all():
-        raise BadData(f"{name}: the forces hold no finite value: give the file that the plates wrote")
-    filled, finer = _filled(wrenches, lacking), None
+        raise BadData(
+            f"{name}: the forces hold no finite value: give the file that the plates wrote"
+        )
+    filled = _filled(wrenches, lacking)
+    finer = None
     at = resample_wrenches(filled, common.time, options.cutoff)
     if options.cutoff is not None:
         little = FINER * options.cutoff
@@ -156,12 +168,17 @@ def usable(
     margin = 0.0 if options.cutoff is None else REACH / options.cutoff
     wanted = needed_wrench(model, common) * (mass / model.mass)
     recorded = base_wrench(model, common, at)
-    needed, measured = _up(model, wanted), _up(model, recorded)
+    needed = _up(model, wanted)
+    measured = _up(model, recorded)
     weight = mass * float(np.linalg.norm(model.gravity))
     marks = {
         NO_MOTION: ~np.isfinite(needed),
         NO_FORCE: _near(common.time, wrenches.time[lacking], margin),
-        EDGE: _near(common.time, _ends(motion, wrenches), margin) if margin else np.zeros(len(common), bool),
+        EDGE: (
+            _near(common.time, _ends(motion, wrenches), margin)
+            if margin
+            else np.zeros(len(common), bool)
+        ),
     }
     so_far = ~np.any(list(marks.values()), axis=0)
     if not so_far.any():
@@ -177,17 +194,17 @@ def usable(
     say = use if use.any() else _best_carried(common.time, needed, measured, known)
     weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
     note = (
-        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a plate's zero or "
-        "gain is off, a load is carried, or the mass is wrong"
+        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a"
+        " plate's zero or gain is off, a load is carried, or the mass is wrong"
     )
     return Usable(
-        Recording(common, at, use, finer),
-        FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
-        frames,
-        int(flight.sum()),
-        float(weighs),
-        name,
-        (note,) if abs(weighs / mass - 1.0) > MASS_TOLERANCE else (),
+        recording=Recording(motion=common, wrenches=at, use=use, finer=finer),
+        left_out=FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
+        frames=frames,
+        flight=int(flight.sum()),
+        weighs=float(weighs),
+        name=name,
+        notes=(note,) if abs(weighs / mass - 1.0) > MASS_TOLERANCE else (),
     )
 
 
@@ -196,8 +213,8 @@ def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
     within = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
     if within.sum() < 2:
         raise BadData(
-            f"{name}: motion ({motion.time[0]:g} to {motion.time[-1]:g} s) and forces ({wrenches.time[0]:g} to "
-            f"{wrenches.time[-1]:g} s) have no time in common"
+            f"{name}: motion ({motion.time[0]:g} to {motion.time[-1]:g} s) and forces"
+            f" ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s) have no time in common"
         )
     return cut(motion, float(motion.time[within][0]), float(motion.time[within][-1]))
 
@@ -207,27 +224,39 @@ def all_left_out(recordings: tuple[Usable, ...]) -> Mapping[str, int]:
     return sum((Counter(recording.left_out) for recording in recordings), Counter[str]())
 
 
-def check_excited(model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None) -> None:
-    """Raise `BadData` where all recordings together are too short, or the body does not move in them."""
+def check_excited(
+    model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None
+) -> None:
+    """Raise `BadData` where all recordings together are too short, or the body does not move in
+    them.
+    """
     options = options or RecordingOptions()
-    seconds = sum(float(recording.use.sum()) * _step(recording.recording.motion.time) for recording in recordings)
+    seconds = sum(
+        float(recording.use.sum()) * _step(recording.recording.motion.time)
+        for recording in recordings
+    )
     if seconds < options.min_duration:
-        counts, total = all_left_out(recordings), sum(recording.frames for recording in recordings)
+        counts = all_left_out(recordings)
+        total = sum(recording.frames for recording in recordings)
         raise BadData(
-            f"{seconds:.2g} s of motion can be used, fewer than {options.min_duration:g}: of {total} frames "
-            f"{_listed(counts) or 'none'} are left out; record more steps on the plates, or choose another --time"
+            f"{seconds:.2g} s of motion can be used, fewer than {options.min_duration:g}: of"
+            f" {total} frames {_listed(counts) or 'none'} are left out; record more steps on the"
+            " plates, or choose another --time"
             + "".join(f"; {note}" for recording in recordings for note in recording.notes)
         )
     turn = max(_largest_turn(model, recording.recording) for recording in recordings)
     if turn < MIN_ROTATION:
         raise BadData(
-            f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees against the "
-            f"'{model.body_names[0]}' in {seconds:.2g} s; masses show only while limbs and trunk move"
+            f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees"
+            f" against the '{model.body_names[0]}' in {seconds:.2g} s; masses show only while limbs"
+            " and trunk move"
         )
 
 
 def needed_wrench(model: Model, motion: Motion) -> Array:
-    """(frames, 6) moment about the base and force that the motion needs with the model's own masses [N m], [N]."""
+    """(frames, 6) moment about the base and force that the motion needs with the model's own masses
+    [N m], [N].
+    """
     parameters = inertial_parameters(model).ravel()
     return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
 
@@ -251,10 +280,14 @@ def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
     """Missing samples held at the next known one, so that a filter can pass over them."""
     if not lacking.any():
         return wrenches
-    known, samples = np.flatnonzero(~lacking), np.arange(len(lacking))
+    known = np.flatnonzero(~lacking)
+    samples = np.arange(len(lacking))
     index = known[np.searchsorted(known, samples).clip(max=len(known) - 1)]
     return replace(
-        wrenches, forces=wrenches.forces[index], points=wrenches.points[index], torques=wrenches.torques[index]
+        wrenches,
+        forces=wrenches.forces[index],
+        points=wrenches.points[index],
+        torques=wrenches.torques[index],
     )
 
 
@@ -263,15 +296,20 @@ def _near(time: Array, places: Array, margin: float) -> np.ndarray:
     if len(places) == 0:
         return np.zeros(len(time), bool)
     after = np.searchsorted(places, time).clip(max=len(places) - 1)
-    nearest = np.minimum(np.abs(places[after] - time), np.abs(places[(after - 1).clip(min=0)] - time))
+    nearest = np.minimum(
+        np.abs(places[after] - time), np.abs(places[(after - 1).clip(min=0)] - time)
+    )
     return nearest <= margin + 0.5 * _step(time)
 
 
 def _ends(motion: Motion, wrenches: Wrenches) -> Array:
     """Times at which motion or forces begin or end, gaps included, ascending [s]."""
     seen = np.concatenate([[False], np.isfinite(motion.values).all(axis=1), [False]])
-    first, after = np.flatnonzero(~seen[:-1] & seen[1:]), np.flatnonzero(seen[:-1] & ~seen[1:])
-    return np.sort(np.concatenate([motion.time[first], motion.time[after - 1], wrenches.time[[0, -1]]]))
+    first = np.flatnonzero(~seen[:-1] & seen[1:])
+    after = np.flatnonzero(seen[:-1] & ~seen[1:])
+    return np.sort(
+        np.concatenate([motion.time[first], motion.time[after - 1], wrenches.time[[0, -1]]])
+    )
 
 
 def _step(time: Array) -> float:
@@ -284,38 +322,53 @@ def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> N
     if lacking.mean() < 0.5 * weight or lacking.std() > MISSING_WEIGHT * weight:
         return
     raise BadData(
-        f"{name}: the plates measure {measured.mean():.0f} N on average where the body needs {needed.mean():.0f}: "
-        "they were set to zero (tared) with the load on them, or nothing stands on them; record again with empty "
-        "plates at the start, or add the missing weight to the forces"
+        f"{name}: the plates measure {measured.mean():.0f} N on average where the body needs"
+        f" {needed.mean():.0f}: they were set to zero (tared) with the load on them, or nothing"
+        " stands on them; record again with empty plates at the start, or add the missing weight"
+        " to the forces"
     )
 
 
-def _refuse_elsewhere(name: str, model: Model, motion: Motion, missing: Array, weight: float, use: np.ndarray) -> None:
+def _refuse_elsewhere(
+    name: str, model: Model, motion: Motion, missing: Array, weight: float, use: np.ndarray
+) -> None:
     """Forces so far from the body that they are another recording's, or in another frame."""
     if not use.any():
         return
     arm = float(np.median(np.linalg.norm(missing[use], axis=1))) / weight
     tree = compile_tree(model)
-    origins = forward_kinematics(tree, tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]).origins[0, 1:]
+    origins = forward_kinematics(
+        tree, tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]
+    ).origins[0, 1:]
     size = float(np.linalg.norm(origins - origins[0], axis=1).max())
     if arm > MAX_FORCE_DISTANCE * size:
         raise BadData(
-            f"{name}: the forces act {arm:.2f} m from where the body of this motion could stand on them: do they "
-            "belong to this recording, and have motion and forces the same ground and clock?"
+            f"{name}: the forces act {arm:.2f} m from where the body of this motion could stand on"
+            " them: do they belong to this recording, and have motion and forces the same ground"
+            " and clock?"
         )
 
 
 def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -> np.ndarray:
-    """(frames,) whether so much force lacks for so long that something beside the plates must carry the body."""
+    """(frames,) whether so much force lacks for so long that something beside the plates must carry
+    the body.
+    """
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     share = np.where(known, lacking / weight, 0.0)
     counted = scipy.ndimage.uniform_filter1d(known.astype(np.float64), frames)
     mean = scipy.ndimage.uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
-    return scipy.ndimage.binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
+    return (
+        scipy.ndimage.binary_dilation(
+            known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)
+        )
+        & known
+    )
 
 
 def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
-    """(frames,) the tenth of the known frames around which the plates carry most of what the body needs."""
+    """(frames,) the tenth of the known frames around which the plates carry most of what the body
+    needs.
+    """
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     carried = scipy.ndimage.uniform_filter1d(np.where(known, measured, 0.0), frames)
     weighed = scipy.ndimage.uniform_filter1d(np.where(known, needed, 1.0), frames)

@@ -35,8 +35,11 @@ from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertia
 from myomorph.model.model import Model
 from myomorph.model.soft_tissue import SoftTissue
 
-GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
-MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.6, 0.003
+GENERIC = "generic, scaled"
+SHAPE = "shape only"
+CONIC = "identified, pseudo-inertia"
+MAX_MASS_CHANGE = 0.6
+MIN_MASS_SHARE = 0.003
 """Change of a link's mass, of itself, that is reported; and the share of the body under which a
 link does not count.
 """
@@ -91,11 +94,13 @@ class IdentificationOptions:
         weighed = (self.weight_phi, self.weight_rho, self.point_floor, self.keep_mass)
         if self.prior != "paper" and weighed != (1.0, 1.0, 1e-3, True):
             raise BadData(
-                "weight_phi, weight_rho, point_floor and keep_mass are of prior 'paper': give it with them"
+                "weight_phi, weight_rho, point_floor and keep_mass are of prior 'paper': give it"
+                " with them"
             )
         if self.prior == "paper" and (self.method != "points" or self.mass_sd is not None):
             raise BadData(
-                "prior 'paper' is of mass points and has no mass_sd: give it with method 'points' alone"
+                "prior 'paper' is of mass points and has no mass_sd: give it with method 'points'"
+                " alone"
             )
         if not 0.0 <= self.motion_sd < 0.2:
             raise BadData(
@@ -496,23 +501,33 @@ def _verdict(unseen: Unseen, taken: bool) -> tuple[str, ...]:
     """A line where identified masses do not predict what was not used, first of all notes."""
     if not len(unseen.frames):
         return (
-            "the recording is too short to hold parts of it out: whether the masses predict anything is unknown",
+            (
+                "the recording is too short to hold parts of it out: whether the masses predict"
+                " anything is unknown"
+            ),
         )
     where = f"on {unseen.what}: {unseen.words}"
     cause = "the motion is too short or too uniform, or forces and motion do not belong together"
     if unseen.worse and taken:
         return (
-            f"identified masses predict no better than the generic model {where}; {cause}; taken all the same",
+            (
+                f"identified masses predict no better than the generic model {where}; {cause};"
+                " taken all the same"
+            ),
         )
     if unseen.worse:
         return (
-            f"the generic model's masses are kept, identified ones predict no better than the generic model {where}; "
+            "the generic model's masses are kept, identified ones predict no better than the"
+            f" generic model {where}; "
             f'{cause}; if_worse = "identified" takes them',
         )
     if not unseen.losses:
         return ()
     return (
-        f"identified masses predict worse than the generic model in the {', the '.join(unseen.losses[:3])}",
+        (
+            "identified masses predict worse than the generic model in the"
+            f" {', the '.join(unseen.losses[:3])}"
+        ),
     )
 
 
@@ -560,7 +575,9 @@ def _far_from_shape(model: Model, masses: Array, shape: Array, mass_sd: float) -
         for i in worst
     )
     return (
-        f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed}; faults of the motion that "
-        f"return with every step may be in them: record the movements named, or hold masses with a mass_sd below "
-        f"{mass_sd:g}",
+        (
+            f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed};"
+            " faults of the motion that return with every step may be in them: record the"
+            f" movements named, or hold masses with a mass_sd below {mass_sd:g}"
+        ),
     )

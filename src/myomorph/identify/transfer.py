@@ -1,8 +1,10 @@
-"""A calibrated model's lengths, markers and masses given to a model with more joints ([D] 3.2.1, step 5).
+"""A calibrated model's lengths, markers and masses given to a model with more joints ([D] 3.2.1,
+step 5).
 
-Both models are cut into the same regions. The higher model's bodies are scaled until the joint centers
-of its regions lie as far from each other as in the lower model, and it is posed so that they coincide; in
-that pose markers keep their place in space, and the masses of each region are spread over its bodies.
+Both models are cut into the same regions. The higher model's bodies are scaled until the joint
+centers of its regions lie as far from each other as in the lower model, and it is posed so that
+they coincide; in that pose markers keep their place in space, and the masses of each region are
+spread over its bodies.
 """
 
 from __future__ import annotations
@@ -12,7 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.identify.body.center_fit import CenterFit, LengthMatch, between_grounds, first_frame, hinge_cues
+from myomorph.identify.body.center_fit import (
+    CenterFit,
+    LengthMatch,
+    between_grounds,
+    first_frame,
+    hinge_cues,
+)
 from myomorph.identify.body.points import Links, links_of
 from myomorph.identify.body.regions import Region, Standing, regions_of, spread, spread_mass
 from myomorph.identify.transfer_options import TransferOptions
@@ -38,7 +46,8 @@ class MassMatch:
     region : of the body
     lower_bodies, higher_bodies : bodies of the region in the simpler and in the richer model
     mass : of the lower model's bodies [kg]
-    mass_error, center_error, inertia_error : of the sum of the higher model's bodies [kg], [m], [kg m^2]
+    mass_error, center_error, inertia_error : of the sum of the higher model's bodies [kg], [m], [kg
+        m^2]
     largest_shift : of a body's mass center by the spreading [m]
     note : why mass center and inertia are not reproduced, "" where they are
     """
@@ -67,10 +76,12 @@ class Transfer:
     lower_pose, higher_pose : one frame each, in which the joint centers coincide
     rotation : (3, 3) from the lower model's ground axes to the higher's
     factors : (3,) scale factors of the higher model's bodies
-    joint_shifts : how far each joint had to be moved in its inner body, which scaling and posing left [m]
+    joint_shifts : how far each joint had to be moved in its inner body, which scaling and posing
+        left [m]
     joint_errors : distance of each pair of corresponding joint centers that is left [m]
     without_center : joint centers that only one of the models has
-    without_counterpart : bodies of regions that the other model lacks; they follow the region they hang on
+    without_counterpart : bodies of regions that the other model lacks; they follow the region they
+        hang on
     """
 
     model: Model
@@ -96,16 +107,17 @@ def transfer(
 ) -> Transfer:
     """Give a model with more joints the lengths, marker places and masses of one with fewer.
 
-    Lengths: a region with two joint centers is scaled evenly in all directions, so that their distance is the lower
-    model's; the pelvis and the torso, which have three or more, along the axes of their bodies, one factor an axis for
-    all of them, as evenly as their distances allow: the chain of the spine shares the length of the trunk. Head, hands
-    and toes, which have one, take the mean factor of the region they hang on.
+    Lengths: a region with two joint centers is scaled evenly in all directions, so that their
+    distance is the lower model's; the pelvis and the torso, which have three or more, along the
+    axes of their bodies, one factor an axis for all of them, as evenly as their distances allow:
+    the chain of the spine shares the length of the trunk. Head, hands and toes, which have one,
+    take the mean factor of the region they hang on.
 
-    Markers: they are fixed to the body on which the higher model has a marker of that name, or of the
-    same name as the lower model's body, or to that of the region whose bone is nearest.
+    Markers: they are fixed to the body on which the higher model has a marker of that name, or of
+    the same name as the lower model's body, or to that of the region whose bone is nearest.
 
-    Masses: see `mass_map.spread`. A region that one model lacks (a head that is part of the torso) counts to the
-    one it hangs on.
+    Masses: see `mass_map.spread`. A region that one model lacks (a head that is part of the torso)
+    counts to the one it hangs on.
 
     Source: [D], chapter 3; see docs/identification.md.
 
@@ -114,8 +126,8 @@ def transfer(
     lower : calibrated and identified
     higher : with more joints; its masses and lengths are the generic ones
     options : which markers and masses are carried over; see `TransferOptions`
-    pose : of the lower model, its first frame; by default its default pose, which should be much like the
-        higher model's
+    pose : of the lower model, its first frame; by default its default pose, which should be much
+        like the higher model's
     path_lengths : see `scale`; None leaves the muscles' fibers and tendons as they are
 
     Returns
@@ -151,26 +163,40 @@ def transfer(
     rotation = between_grounds(ours, generic, shared)
     targets = {key: rotation @ ours.places[key] for key in shared}
     cues = hinge_cues(ours, generic, shared, rotation)
-    fit = CenterFit(skeleton(higher), generic.regions, {key: generic.centers[key] for key in shared}, targets, cues)
+    fit = CenterFit(
+        skeleton(higher),
+        generic.regions,
+        {key: generic.centers[key] for key in shared},
+        targets,
+        cues,
+    )
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
     theirs = Standing(_scaled(higher, shifted, factors, path_lengths), higher_pose, generic.regions)
     model, masses = _with_masses(ours, theirs, rotation)
     markers, notes = _markers(ours, theirs, rotation, options)
-    places, both = theirs.places, (ours.regions, generic.regions)
+    places = theirs.places
+    both = (ours.regions, generic.regions)
     return Transfer(
-        replace(model, markers=markers),
-        ours.pose,
-        higher_pose,
-        rotation,
-        FrozenMap(factors),
-        FrozenMap(shifts),
-        FrozenMap({key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}),
-        fit.lengths(places),
-        masses,
-        tuple(sorted(set(ours.centers) ^ set(generic.centers))),
-        tuple(name for table in both for name, region in table.items() if region not in _common(ours, generic)),
-        tuple(notes),
+        model=replace(model, markers=markers),
+        lower_pose=ours.pose,
+        higher_pose=higher_pose,
+        rotation=rotation,
+        factors=FrozenMap(factors),
+        joint_shifts=FrozenMap(shifts),
+        joint_errors=FrozenMap(
+            {key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}
+        ),
+        lengths=fit.lengths(places),
+        masses=masses,
+        without_center=tuple(sorted(set(ours.centers) ^ set(generic.centers))),
+        without_counterpart=tuple(
+            name
+            for table in both
+            for name, region in table.items()
+            if region not in _common(ours, generic)
+        ),
+        notes=tuple(notes),
     )
 
 
@@ -183,54 +209,78 @@ def _shared_centers(lower: Standing, higher: Standing) -> tuple[str, ...]:
     shared = tuple(key for key in lower.centers if key in higher.centers)
     if len(shared) < MIN_CENTERS:
         raise BadData(
-            f"models '{lower.model.name}' and '{higher.model.name}' have only {len(shared)} joint centers in common "
-            f"({', '.join(shared) or 'none'}): expected at least {MIN_CENTERS}"
+            f"models '{lower.model.name}' and '{higher.model.name}' have only {len(shared)} joint"
+            f" centers in common ({', '.join(shared) or 'none'}): expected at least {MIN_CENTERS}"
         )
     return shared
 
 
 def _scaled(
-    unscaled: Model, shifted: Model, factors: Mapping[str, Array], path_lengths: Callable[[Model], Array] | None
+    unscaled: Model,
+    shifted: Model,
+    factors: Mapping[str, Array],
+    path_lengths: Callable[[Model], Array] | None,
 ) -> Model:
-    """The model with its joints shifted, scaled; muscles keep the ratios they have in the model as given."""
+    """The model with its joints shifted, scaled; muscles keep the ratios they have in the model as
+    given.
+    """
     if path_lengths is None or not unscaled.muscles:
         return scale(shifted, factors)
     before = path_lengths(unscaled)
-    return scale(shifted, factors, path_lengths=lambda model: before if model is shifted else path_lengths(model))
+    return scale(
+        shifted,
+        factors,
+        path_lengths=lambda model: before if model is shifted else path_lengths(model),
+    )
 
 
-def _with_masses(lower: Standing, higher: Standing, rotation: Array) -> tuple[Model, tuple[MassMatch, ...]]:
+def _with_masses(
+    lower: Standing, higher: Standing, rotation: Array
+) -> tuple[Model, tuple[MassMatch, ...]]:
     """The higher model with each region's mass, mass center and inertia of the lower, and how well."""
-    turn, model = np.eye(4), higher.model
+    turn = np.eye(4)
+    model = higher.model
     turn[:3, :3] = rotation
-    wanted, masses = turn @ lower.pseudo_inertias() @ turn.T, higher.pseudo_inertias()
+    wanted = turn @ lower.pseudo_inertias() @ turn.T
+    masses = higher.pseudo_inertias()
     both = lower, higher
-    heavy = [{region for body, region in side.regions.items() if side.model.body(body).mass > 0.0} for side in both]
+    heavy = [
+        {region for body, region in side.regions.items() if side.model.body(body).mass > 0.0}
+        for side in both
+    ]
     common = heavy[0] & heavy[1]
-    members = [[common_region(side.regions[name], common) for name in side.model.body_names] for side in both]
+    members = [
+        [common_region(side.regions[name], common) for name in side.model.body_names]
+        for side in both
+    ]
     spread_ = masses.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
         theirs, ours = (np.flatnonzero([other == region for other in some]) for some in members)
         target = wanted[theirs].sum(axis=0)
         try:
-            spread_[ours], note = spread(masses[ours], target), ""
+            spread_[ours] = spread(masses[ours], target)
+            note = ""
         except BadData as error:
-            spread_[ours], note = spread_mass(masses[ours], target), f"only mass and mass center: {error}"
+            spread_[ours] = spread_mass(masses[ours], target)
+            note = f"only mass and mass center: {error}"
         total = spread_[ours].sum(axis=0)
         heavy_ours = ours[masses[ours, 3, 3] > 0.0]
-        before, after = (table[heavy_ours, :3, 3] / table[heavy_ours, 3, 3, None] for table in (masses, spread_))
+        before = masses[heavy_ours, :3, 3] / masses[heavy_ours, 3, 3, None]
+        after = spread_[heavy_ours, :3, 3] / spread_[heavy_ours, 3, 3, None]
         matches.append(
             MassMatch(
-                region,
-                tuple(lower.model.body_names[i] for i in theirs),
-                tuple(model.body_names[i] for i in ours),
-                float(target[3, 3]),
-                float(abs(total[3, 3] - target[3, 3])),
-                float(np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3])),
-                float(np.abs(total[:3, :3] - target[:3, :3]).max()),
-                float(np.linalg.norm(after - before, axis=1).max(initial=0.0)),
-                note,
+                region=region,
+                lower_bodies=tuple(lower.model.body_names[i] for i in theirs),
+                higher_bodies=tuple(model.body_names[i] for i in ours),
+                mass=float(target[3, 3]),
+                mass_error=float(abs(total[3, 3] - target[3, 3])),
+                center_error=float(
+                    np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3])
+                ),
+                inertia_error=float(np.abs(total[:3, :3] - target[:3, :3]).max()),
+                largest_shift=float(np.linalg.norm(after - before, axis=1).max(initial=0.0)),
+                note=note,
             )
         )
     back = np.linalg.inv(np.array(list(higher.frames.values())))
@@ -254,10 +304,12 @@ def _markers(
     lower: Standing, higher: Standing, rotation: Array, options: TransferOptions
 ) -> tuple[tuple[Marker, ...], list[str]]:
     """The lower model's markers at the same places in space, on bodies of the higher."""
-    links, common = links_of(higher.model, higher.pose), _common(lower, higher)
+    links = links_of(higher.model, higher.pose)
+    common = _common(lower, higher)
     counted = {name: common_region(region, common) for name, region in higher.regions.items()}
     body_of = {marker.name: marker.body for marker in higher.model.markers}
-    placed, notes = [], []
+    placed = []
+    notes = []
     for marker in lower.model.markers:
         if marker.body not in lower.regions:
             notes.append(f"marker '{marker.name}' is on the ground: it is left out")
@@ -268,7 +320,14 @@ def _markers(
         body = body_of.get(marker.name, marker.body)
         if body not in inside:
             body = _nearest(place, links, inside)
-        placed.append(Marker(marker.name, body, higher.in_body(body, place), marker.fixed))
+        placed.append(
+            Marker(
+                name=marker.name,
+                body=body,
+                location=higher.in_body(body, place),
+                fixed=marker.fixed,
+            )
+        )
     if options.keep_markers:
         taken = {marker.name for marker in placed}
         placed += [marker for marker in higher.model.markers if marker.name not in taken]
@@ -278,7 +337,8 @@ def _markers(
 def _nearest(place: Array, links: Links, names: Sequence[str]) -> str:
     """The body of those named whose bone is nearest to a place."""
     wanted = np.isin(links.bone_links, [links.names.index(name) for name in names])
-    start, end = links.bones[wanted, 0], links.bones[wanted, 1]
+    start = links.bones[wanted, 0]
+    end = links.bones[wanted, 1]
     along = end - start
     length = np.maximum((along**2).sum(axis=1), 1e-18)
     share = np.clip(((place - start) * along).sum(axis=1) / length, 0.0, 1.0)

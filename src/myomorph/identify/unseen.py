@@ -83,8 +83,12 @@ class Unseen:
     @property
     def words(self) -> str:
         """Both misfits, for a line of output."""
-        identified, generic = self.rms(self.identified), self.rms(self.generic)
-        return f"{identified[1]:.1f} N, {identified[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)"
+        identified = self.rms(self.identified)
+        generic = self.rms(self.generic)
+        return (
+            f"{identified[1]:.1f} N, {identified[0]:.1f} N m (generic {generic[1]:.1f} N,"
+            f" {generic[0]:.1f} N m)"
+        )
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -96,7 +100,8 @@ class Unseen:
             for kind, unit, j in (("force", "N", 1), ("moment", "N m", 0)):
                 if row[j] > WORSE:
                     lost.append(
-                        f"{kind} of {name} {self.identified[i, j]:.1f} {unit} (generic {self.generic[i, j]:.1f})"
+                        f"{kind} of {name} {self.identified[i, j]:.1f} {unit} (generic"
+                        f" {self.generic[i, j]:.1f})"
                     )
         return tuple(lost)
 
@@ -115,10 +120,8 @@ class Paper:
     ) -> MassPointFit:
         """Masses of points from all parts, or from some."""
         base: BaseParameters = parts.base
-        mean, spread = (
-            base.of(inertial_parameters(self.model)),
-            100.0 * base_sizes(self.model, base),
-        )
+        mean = base.of(inertial_parameters(self.model))
+        spread = 100.0 * base_sizes(self.model, base)
         estimate = (parts if others is None else parts.only(others)).estimate(noise, mean, spread)
         return solve_mass_points(
             points, base.combination, estimate, mass=self.mass, options=self.options
@@ -158,7 +161,7 @@ class Strength:
         if self.method == "points":
             return solve_mass_points(
                 self.points, A, b, mass=mass, options=MassPointOptions(mass_sd=sd)
-            ).parameters  # fmt: skip
+            ).parameters
         shape = possible_reference(self.points.parameters(self.points.reference))
         return solve_pseudo_inertia(
             A, b, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=sd)
@@ -237,9 +240,12 @@ def unseen_parts(
     parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts
 ) -> Unseen:
     """Every fold predicted by what was fitted, and chosen, without it."""
-    identified, generic, frames = [], [], []
+    identified = []
+    generic = []
+    frames = []
     for fold in parts.names:
-        rest, left_out = parts.only(parts.without(fold)), parts.fold(fold)
+        rest = parts.only(parts.without(fold))
+        left_out = parts.fold(fold)
         if len(rest.names) < 2:
             continue
         noise, _, sd = strength.choose(rest)
@@ -249,9 +255,12 @@ def unseen_parts(
     several = len(names) > 1
     what = "recordings held out in turn" if several else "parts of the recording held out in turn"
     return Unseen(
-        np.reshape(identified, (-1, 2)), np.reshape(generic, (-1, 2)), np.array(frames, int), what,
-        names if several and len(frames) == len(names) else (),
-    )  # fmt: skip
+        identified=np.reshape(identified, (-1, 2)),
+        generic=np.reshape(generic, (-1, 2)),
+        frames=np.array(frames, int),
+        what=what,
+        names=names if several and len(frames) == len(names) else (),
+    )
 
 
 def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:

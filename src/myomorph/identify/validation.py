@@ -1,4 +1,6 @@
-"""How far to trust inertial parameters: motions held out of the fit, and whether every link can be a body."""
+"""How far to trust inertial parameters: motions held out of the fit, and whether every link can be
+a body.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,24 @@ from myomorph.model.model import Model
 from myomorph.model.soft_tissue import SoftTissue
 from myomorph.rigid.regressor import base_wrench
 
-Inside = Callable[[Array], np.ndarray]  # Points (points, 3) in ground [m] -> (points,) whether each is inside the body
+# Points (points, 3) in ground [m] -> (points,) whether each is inside the body
+Inside = Callable[[Array], np.ndarray]
 
 COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")
 """Of a wrench, in the order of its arrays: moment [N m], then force [N]."""
-ROUNDING = 1e-9  # How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it
+# How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it
+ROUNDING = 1e-9
 
 
 @read_only
 class CrossValidation:
-    """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3."""
+    """The base wrench on a motion that identification did not see, by several models, [D] figure
+    3.3.
+    """
 
     time: Array  # (frames,) [s]
-    measured: Array  # (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
+    # (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
+    measured: Array
     predicted: Mapping[str, Array]  # (frames, 6) by name
     weight: float  # of the body [N]
 
@@ -49,8 +56,9 @@ class CrossValidation:
         return np.array([np.sqrt(np.mean(np.square(half).sum(axis=1))) for half in halves])
 
     def table(self) -> Mapping[str, Mapping[str, Array]]:
-        """By name: mean error of the six components, its mean absolute value, RMS, peak, and RMS over body weight [%].
-        The percentage of a moment is of body weight times 1 m. A model without a frame to compare is left out.
+        """By name: mean error of the six components, its mean absolute value, RMS, peak, and RMS
+        over body weight [%]. The percentage of a moment is of body weight times 1 m. A model
+        without a frame to compare is left out.
         """
         result = {}
         for name, error in self.errors.items():
@@ -68,18 +76,23 @@ class CrossValidation:
 
 
 def cross_validate(
-    models: Mapping[str, Model], recording: Recording, tissues: Mapping[str, SoftTissue] | None = None
+    models: Mapping[str, Model],
+    recording: Recording,
+    tissues: Mapping[str, SoftTissue] | None = None,
 ) -> CrossValidation:
     """Measured and predicted base wrench of models that share their bodies and joints.
-    `recording`: motion with derivatives and wrenches through the same filter, on the same clock; `tissues`: of models
-    whose masses are for a motion without it, by name.
+    `recording`: motion with derivatives and wrenches through the same filter, on the same clock;
+    `tissues`: of models whose masses are for a motion without it, by name.
     """
     if not models:
         raise BadData("cross-validation needs at least one model")
     first_model = next(iter(models.values()))
     for name, other in models.items():
         if other.body_names != first_model.body_names:
-            raise BadData(f"model '{name}' has other bodies than the rest: cross-validate models of one skeleton")
+            raise BadData(
+                f"model '{name}' has other bodies than the rest: cross-validate models of one"
+                " skeleton"
+            )
     measured = base_wrench(first_model, recording.motion, recording.wrenches)
     if recording.use is not None:
         measured[~np.asarray(recording.use)] = np.nan
@@ -87,12 +100,14 @@ def cross_validate(
     for name, model in models.items():
         tissue = (tissues or {}).get(name)
         moved = recording if tissue is None else recording.moved(tissue.of)
-        predicted[name] = frozen_array(measured + moved.missing(first_model, inertial_parameters(model)))
+        predicted[name] = frozen_array(
+            measured + moved.missing(first_model, inertial_parameters(model))
+        )
     return CrossValidation(
-        recording.motion.time,
-        frozen_array(measured),
-        FrozenMap(predicted),
-        first_model.mass * float(np.linalg.norm(first_model.gravity)),
+        time=recording.motion.time,
+        measured=frozen_array(measured),
+        predicted=FrozenMap(predicted),
+        weight=first_model.mass * float(np.linalg.norm(first_model.gravity)),
     )
 
 
@@ -103,8 +118,8 @@ class LinkConsistency:
     name: str  # of the link
     mass: float  # [kg]
     center: Array  # (3,) mass center in the link's frame [m]; NaN without mass
-    # (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body of positive mass has none
-    # below 0, which is the triangle inequality of the moments of inertia
+    # (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body of
+    # positive mass has none below 0, which is the triangle inequality of the moments of inertia
     second_moments: Array
     moments: Array  # (3,) principal moments of inertia about the mass center, ascending [kg m^2]
     eigenvalues: Array  # (4,) of the pseudo-inertia in the link's frame, ascending
@@ -150,20 +165,31 @@ class Consistency:
         rest = f"; {massless} without mass" if massless else ""
         if self.ok:
             checked = sum(link.inside is not None for link in self.links)
-            where = f", {checked} mass centers inside the body" if checked else ", mass centers not checked"
+            where = (
+                f", {checked} mass centers inside the body"
+                if checked
+                else ", mass centers not checked"
+            )
             return f"all {len(self.links)} links are physically possible{where}{rest}"
         named = "; ".join(f"'{link.name}': {', '.join(link.faults)}" for link in self.faulty[:3])
         more = f"; and {len(self.faulty) - 3} more" if len(self.faulty) > 3 else ""
-        return f"{len(self.faulty)} of {len(self.links)} links are not those of a body: {named}{more}{rest}"
+        return (
+            f"{len(self.faulty)} of {len(self.links)} links are not those of a body:"
+            f" {named}{more}{rest}"
+        )
 
 
 def consistency(
-    names: Sequence[str], parameters: ArrayLike, *, points: MassPoints | None = None, inside: Inside | None = None
+    names: Sequence[str],
+    parameters: ArrayLike,
+    *,
+    points: MassPoints | None = None,
+    inside: Inside | None = None,
 ) -> Consistency:
-    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body. `names`,
-    `parameters` (links, 10) in [D] order; `points`: with the links' poses, to tell mass centers in ground: one counts
-    as inside within a cell of the grid of a mass point, or where `inside` tells that points in ground are inside the
-    skin.
+    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body.
+    `names`, `parameters` (links, 10) in [D] order; `points`: with the links' poses, to tell mass
+    centers in ground: one counts as inside within a cell of the grid of a mass point, or where
+    `inside` tells that points in ground are inside the skin.
     """
     table = np.asarray(parameters, float)
     if table.shape != (len(names), 10) or not np.isfinite(table).all():
@@ -173,13 +199,20 @@ def consistency(
     if points is not None and len(weighty):
         links = points.links
         if links.names != tuple(names):
-            raise BadData(f"parameters are of other links, or in another order, than points: {names} and {links.names}")
+            raise BadData(
+                f"parameters are of other links, or in another order, than points: {names} and"
+                f" {links.names}"
+            )
         test = inside or _near(points)
         centers = table[weighty, 1:4] / table[weighty, :1]
         ground = links.origins[weighty] + np.einsum("lij,lj->li", links.rotations[weighty], centers)
         for i, result in zip(weighty, test(ground), strict=True):
             within[i] = bool(result)
-    return Consistency(tuple(_link(*link) for link in zip(names, table, pseudo_inertias(table), within, strict=True)))
+    return Consistency(
+        tuple(
+            _link(*link) for link in zip(names, table, pseudo_inertias(table), within, strict=True)
+        )
+    )
 
 
 def _near(points: MassPoints) -> Inside:
@@ -193,7 +226,8 @@ def _near(points: MassPoints) -> Inside:
 
 
 def _link(name: str, row: Array, P: Array, inside: bool | None) -> LinkConsistency:
-    mass, eigenvalues = float(row[0]), np.linalg.eigvalsh(P)
+    mass = float(row[0])
+    eigenvalues = np.linalg.eigvalsh(P)
     faults = []
     if mass > 0.0:
         center = row[1:4] / mass
@@ -201,11 +235,14 @@ def _link(name: str, row: Array, P: Array, inside: bool | None) -> LinkConsisten
         second = np.linalg.eigvalsh(around)
         size = max(np.trace(P[:3, :3]), 0.0)
         if second[0] < -ROUNDING * size:
-            faults.append(f"no mass can have these moments of inertia (second moment {second[0]:.3g} kg m2)")
+            faults.append(
+                f"no mass can have these moments of inertia (second moment {second[0]:.3g} kg m2)"
+            )
         if inside is False:
             faults.append("mass center outside the body")
     else:
-        center, second = np.full(3, np.nan), np.full(3, np.nan)
+        center = np.full(3, np.nan)
+        second = np.full(3, np.nan)
         if mass < 0.0:
             faults.append(f"mass {mass:.4g} kg")
         elif row.any():

@@ -1,4 +1,6 @@
-"""Recorded channels as named columns over time: C3D analog, MOT and STO tables, tables of spreadsheets."""
+"""Recorded channels as named columns over time: C3D analog, MOT and STO tables, tables of
+spreadsheets.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,10 @@ from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Series, Table
 
-HINT = "expected a line of column names, 'time' among them, then rows of numbers between commas, semicolons or tabs"
+HINT = (
+    "expected a line of column names, 'time' among them, then rows of numbers between commas,"
+    " semicolons or tabs"
+)
 TIMES = ("time", "t", "seconds", "second", "sec", "timestamp")
 HEADING_LINES = 50  # Lines in which the one of the names is looked for.
 
@@ -29,18 +34,25 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
 
         analog = read_c3d(path).analog
         if analog is None:
-            raise BadFile(path, "holds no analog channels", "export the load cells' channels with it")
+            raise BadFile(
+                path, "holds no analog channels", "export the load cells' channels with it"
+            )
         return analog
     if ending in (".mot", ".sto"):
         return read_sto(path)
     if ending not in (".csv", ".tsv", ".txt"):
-        raise BadFile(path, f"holds no channels: its name ends in '{ending}'", "expected .c3d, .csv, .mot or .sto")
+        raise BadFile(
+            path,
+            f"holds no channels: its name ends in '{ending}'",
+            "expected .c3d, .csv, .mot or .sto",
+        )
     return read_csv_table(path)
 
 
 def read_csv_table(path: Path) -> Table:
-    """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so. With semicolons between
-    cells a comma is a decimal point. Lines before the one of the names are passed over.
+    """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so. With
+    semicolons between cells a comma is a decimal point. Lines before the one of the names are
+    passed over.
     """
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip()]
     mark, names, start = _heading(lines, path)
@@ -51,13 +63,21 @@ def read_csv_table(path: Path) -> Table:
     if not len(values):
         raise BadFile(path, "has no row of numbers", HINT)
     clock = next(index for index, name in enumerate(names) if _word(name) in TIMES)
-    time = values[:, clock] * (1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[clock].lower()) else 1.0)
+    time = values[:, clock] * (
+        1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[clock].lower()) else 1.0
+    )
     if not rising(time).all():
-        raise BadFile(path, "its times do not rise from row to row", "sort the rows, and fill gaps in their column")
+        raise BadFile(
+            path,
+            "its times do not rise from row to row",
+            "sort the rows, and fill gaps in their column",
+        )
     notes: list[str] = []
     kept = [index for index, name in enumerate(names) if name and index != clock]
     titles = unique_names([names[index] for index in kept], "column", notes)
-    return Table(time, titles, values[:, kept], facts=FrozenMap({}), warnings=tuple(notes), source=str(path))
+    return Table(
+        time, titles, values[:, kept], facts=FrozenMap({}), warnings=tuple(notes), source=str(path)
+    )
 
 
 def _heading(lines: list[str], path: Path) -> tuple[str, list[str], int]:
@@ -83,4 +103,12 @@ def _row(line: str, mark: str, width: int, number: int, path: Path) -> list[floa
 
 def _word(name: str) -> str:
     """A name without its unit, in small letters."""
-    return name.lower().split("[")[0].split("(")[0].strip().removesuffix("_s").removesuffix("_ms").strip("_ \ufeff")
+    return (
+        name.lower()
+        .split("[")[0]
+        .split("(")[0]
+        .strip()
+        .removesuffix("_s")
+        .removesuffix("_ms")
+        .strip("_ \ufeff")
+    )

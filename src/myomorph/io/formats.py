@@ -1,4 +1,6 @@
-"""Files of models and of recordings, told apart by their names: the one place where formats are registered."""
+"""Files of models and of recordings, told apart by their names: the one place where formats are
+registered.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ class Format:
 
     name: str  # of the kind, in a few words
     endings: tuple[str, ...]  # of the names of such files, in small letters
-    reader: str  # "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
+    # "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
+    reader: str
 
     def read(self, path: Path) -> Any:
         """What a file of this kind holds; raises what its reader raises."""
@@ -34,7 +37,9 @@ MODELS: tuple[Format, ...] = (
 """Each reader gives a `Model`."""
 
 COMPOSED = "myo-sim:"
-"""Before the name of a model that the package `myo-sim` composes, where a file's path may stand: `myo-sim:myoarm`."""
+"""Before the name of a model that the package `myo-sim` composes, where a file's path may stand:
+`myo-sim:myoarm`.
+"""
 
 TRIALS: tuple[Format, ...] = (
     Format("TRC markers", (".trc",), "myomorph.io.trc:read_trc"),
@@ -68,7 +73,8 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
     Parameters
     ----------
-    path : of the file (.osim, .xml of MuJoCo, ...), or a model of the package `myo-sim` by name ("myo-sim:myoarm")
+    path : of the file (.osim, .xml of MuJoCo, ...), or a model of the package `myo-sim` by name
+        ("myo-sim:myoarm")
 
     Returns
     -------
@@ -90,7 +96,9 @@ def read_model(path: str | os.PathLike[str]) -> Model:
     if is_composed(path):
         kind = Format("model of myo-sim", (), "myomorph.io.mjcf.read:composed_model")
     if kind is None:
-        raise BadFile(path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml")
+        raise BadFile(
+            path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml"
+        )
     return kind.read(Path(path))
 
 
@@ -99,7 +107,11 @@ def read_trial(path: str | os.PathLike[str]) -> Trial:
     kind = trial_format(path)
     if kind is None:
         expected = ", ".join(ending for kind in TRIALS for ending in kind.endings)
-        raise BadFile(path, f"does not hold markers: its name ends in '{_ending(path)}'", f"expected {expected}")
+        raise BadFile(
+            path,
+            f"does not hold markers: its name ends in '{_ending(path)}'",
+            f"expected {expected}",
+        )
     return kind.read(Path(path))
 
 

@@ -1,4 +1,6 @@
-"""How many frames a recording has and at what rate, from its first bytes: for plans, without reading it whole."""
+"""How many frames a recording has and at what rate, from its first bytes: for plans, without
+reading it whole.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,13 @@ from myomorph.io.parsing.text import number_or_nan
 from myomorph.io.trc import trc_head
 from myomorph.model.errors import BadFile, MyomorphError
 
-HEAD = 1 << 18  # Bytes that hold the header of any recording, long lists of C3D parameters included.
+# Bytes that hold the header of any recording, long lists of C3D parameters included.
+HEAD = 1 << 18
 HALF = 0.49  # Part of a frame by which times may be off, since they are rounded.
-ROWS, SHARE = 50, 0.1
-"""Rows whose times tell the rate; how far the length of a file may be from what its header claims."""
+ROWS = 50
+SHARE = 0.1
+"""Rows whose times tell the rate; how far the length of a file may be from what its header claims.
+"""
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,9 @@ class FrameCount:
 
 
 def count_frames(path: str | os.PathLike[str]) -> FrameCount:
-    """What the header of a recording says; nothing where it is damaged, or tells it only at its end."""
+    """What the header of a recording says; nothing where it is damaged, or tells it only at its
+    end.
+    """
     path = Path(path)
     try:
         with path.open("rb") as stream:
@@ -68,7 +75,9 @@ def _told(frames: float, rate: float, start: float = float("nan")) -> FrameCount
 
 
 def _trc(head: bytes, path: Path) -> FrameCount:
-    """By the header, unless the file is too short or too long for it; the rate by the column of times."""
+    """By the header, unless the file is too short or too long for it; the rate by the column of
+    times.
+    """
     text = head.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     facts, start = trc_head(text, path)
     rows = text[start:].split("\n")
@@ -78,11 +87,19 @@ def _trc(head: bytes, path: Path) -> FrameCount:
     whole = path.stat().st_size * len(text) / len(head) - start
     frames = whole / (sum(map(len, rows)) / len(rows) + 1.0)
     count = number_or_nan(facts.get("NumFrames", ""))
-    times = np.array([number_or_nan(row.replace(",", " ").split()[1]) for row in rows[:ROWS] if len(row.split()) > 1])
+    times = np.array(
+        [
+            number_or_nan(row.replace(",", " ").split()[1])
+            for row in rows[:ROWS]
+            if len(row.split()) > 1
+        ]
+    )
     start_time = times[0] if len(times) else float("nan")
     span = times[-1] - times[0] if len(times) > 1 else 0.0
     rate = (len(times) - 1) / span if span > 0.0 else number_or_nan(facts.get("DataRate", ""))
-    return _told(count if abs(frames - count) < SHARE * frames + 2.0 else round(frames), rate, start_time)
+    return _told(
+        count if abs(frames - count) < SHARE * frames + 2.0 else round(frames), rate, start_time
+    )
 
 
 def _keypoints(path: Path) -> FrameCount:

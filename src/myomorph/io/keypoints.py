@@ -1,4 +1,6 @@
-"""Three-dimensional keypoints of markerless cameras: HDF5 files with a dataset `tracks`, names beside it."""
+"""Three-dimensional keypoints of markerless cameras: HDF5 files with a dataset `tracks`, names
+beside it.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, point
 class KeypointNames:
     """What a file of names says of the points of a recording."""
 
-    names: tuple[str, ...] = ()  # of the points, in the order of the recording; () where not specified
+    # of the points, in the order of the recording; () where not specified
+    names: tuple[str, ...] = ()
     # point to the body of a model it belongs to
     bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     # point to where it lies on that body (3,) [m]
@@ -47,15 +50,20 @@ class KeypointNames:
 
 
 def read_keypoints(
-    path: str | os.PathLike[str], names: Sequence[str] = (), units: str = "", rate: float | None = None, animal: int = 0
+    path: str | os.PathLike[str],
+    names: Sequence[str] = (),
+    units: str = "",
+    rate: float | None = None,
+    animal: int = 0,
 ) -> Trial:
     """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
 
-    What is not specified here is taken from the file itself (`node_names`, attributes `units` and `rate`), then from
-    the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of its folder with
-    so many names, which the warnings report. `names`: of the points, in order; `units`: "m", "cm", "mm" or "in";
-    `rate`: frames per second [Hz]; where nothing states it, times are frame numbers, with a warning; `animal`: which
-    one, where the file holds several.
+    What is not specified here is taken from the file itself (`node_names`, attributes `units` and
+    `rate`), then from the file of names beside it: the recording's own name with .yaml, .json or
+    .txt, or the only file of its folder with so many names, which the warnings report. `names`: of
+    the points, in order; `units`: "m", "cm", "mm" or "in"; `rate`: frames per second [Hz]; where
+    nothing states it, times are frame numbers, with a warning; `animal`: which one, where the file
+    holds several.
     """
     path = Path(path)
     if units and units not in UNITS:
@@ -72,26 +80,45 @@ def read_keypoints(
         rate = other.rate if header.rate is None else header.rate
         header = replace(header, names=header.names or other.names, unit=unit, rate=rate)
     if not header.names:
-        raise BadFile(path, f"does not name its {tracks.shape[1]} points", f"name them in {path.stem}.txt, one a line")
+        raise BadFile(
+            path,
+            f"does not name its {tracks.shape[1]} points",
+            f"name them in {path.stem}.txt, one a line",
+        )
     if len(header.names) != tracks.shape[1]:
-        raise BadFile(path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT)
+        raise BadFile(
+            path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT
+        )
     if header.unit is None:
-        raise BadFile(path, "does not state its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
+        raise BadFile(
+            path, "does not state its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml"
+        )
     if header.rate is None:
-        notes.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
+        notes.append(
+            "no frame rate is specified: times are frame numbers; put 'rate: HZ' into"
+            f" {path.stem}.yaml"
+        )
     elif not 0.0 < header.rate < 1e6:
-        raise BadFile(path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second")
+        raise BadFile(
+            path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second"
+        )
     values = without_far_away(header.unit * tracks, notes)
     facts = {
         "unit of length": f"{header.unit:g} m",
         "point rate": "not specified" if header.rate is None else f"{header.rate:g} Hz",
     }
-    markers = Markers(np.arange(len(values)) / (header.rate or 1.0), unique_names(header.names, "point", notes), values)
+    markers = Markers(
+        np.arange(len(values)) / (header.rate or 1.0),
+        unique_names(header.names, "point", notes),
+        values,
+    )
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
 
 def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:
-    """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of them."""
+    """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of
+    them.
+    """
     # Brings h5py: loaded only where it is needed.
     import h5py
 
@@ -108,26 +135,50 @@ def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointN
             if len(shape) == 3 and shape[-1] == 3:
                 shape = (shape[0], 1, *shape[1:])
             if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
-                flat = " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
-                raise BadFile(path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT)
+                flat = (
+                    " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
+                )
+                raise BadFile(
+                    path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT
+                )
             if math.prod(shape) > MAX_VALUES or 0 in shape:
-                raise BadFile(path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT)
+                raise BadFile(
+                    path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT
+                )
             if not 0 <= animal < shape[1]:
-                raise BadFile(path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0")
+                raise BadFile(
+                    path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0"
+                )
             if shape[1] > 1:
                 notes.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
             values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
             stored = _own_facts(file, tracks)
-    except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError) as error:
-        raise BadFile(path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT) from None
+    except (
+        OSError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+        KeyError,
+        AttributeError,
+        MemoryError,
+    ) as error:
+        raise BadFile(
+            path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT
+        ) from None
     return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), stored
 
 
 def _check_hdf5(path: Path) -> None:
-    """Raise `BadFile` where the library crashes or hangs on a file; what it says of one, the reader meets itself."""
+    """Raise `BadFile` where the library crashes or hangs on a file; what it says of one, the reader
+    meets itself.
+    """
     outcome = run_guarded(f"{__name__}:_read_all", [path.resolve()], seconds_for(path), MEMORY)
     if outcome.status == "hung":
-        raise BadFile(path, f"cannot be read as HDF5 (the library {outcome.message})", f"is it damaged? {HINT}")
+        raise BadFile(
+            path,
+            f"cannot be read as HDF5 (the library {outcome.message})",
+            f"is it damaged? {HINT}",
+        )
     if outcome.status == "failed":
         raise BadFile(path, f"cannot be read as HDF5 ({outcome.message[:120]})", HINT)
 
@@ -153,7 +204,9 @@ def _own_facts(file: Any, tracks: Any) -> KeypointNames:
     names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
     if len(names) > MAX_NAMES:
         raise ValueError(f"it holds {len(names)} node_names")
-    texts = tuple(name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names)
+    texts = tuple(
+        name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names
+    )
     unit = facts.get("units", "")
     unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
     rate = next((float(facts[key]) for key in RATE_KEYS if key in facts), None)
@@ -162,7 +215,9 @@ def _own_facts(file: Any, tracks: Any) -> KeypointNames:
 
 def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
     """What the file of names beside a recording tells."""
-    named = next((file for file in (path.with_suffix(ending) for ending in ENDINGS) if file.is_file()), None)
+    named = next(
+        (file for file in (path.with_suffix(ending) for ending in ENDINGS) if file.is_file()), None
+    )
     if named is not None:
         return read_keypoint_names(named)
     fitting = []
@@ -187,9 +242,10 @@ def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
 
 
 def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
-    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a name a line. Of YAML
-    and JSON the keys are names, bodies, offsets [m], units and rate; those of stac-mjx are understood too (KP_NAMES,
-    KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS, MOCAP_SCALE_FACTOR).
+    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a
+    name a line. Of YAML and JSON the keys are names, bodies, offsets [m], units and rate; those of
+    stac-mjx are understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS,
+    MOCAP_SCALE_FACTOR).
     """
     path = Path(path)
     try:
@@ -207,22 +263,29 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     if not isinstance(content, dict):
         raise BadFile(path, "holds no names of points", "expected a list, or a table with 'names'")
     names = _first(content, NAME_KEYS) or ()
-    bodies, offsets = _first(content, BODY_KEYS) or {}, _first(content, OFFSET_KEYS) or {}
-    if not isinstance(names, (list, tuple)) or not isinstance(bodies, dict) or not isinstance(offsets, dict):
+    bodies = _first(content, BODY_KEYS) or {}
+    offsets = _first(content, OFFSET_KEYS) or {}
+    if (
+        not isinstance(names, (list, tuple))
+        or not isinstance(bodies, dict)
+        or not isinstance(offsets, dict)
+    ):
         raise BadFile(path, "its 'names' are no list, or its 'bodies' or 'offsets' no table")
     try:
         scale, rate = content.get("MOCAP_SCALE_FACTOR"), _first(content, RATE_KEYS)
         unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
         places = {_text(name): _three(offset) for name, offset in offsets.items()}
         return KeypointNames(
-            tuple(_text(name) for name in names),
-            FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
-            FrozenMap(places),
-            unit,
-            None if rate is None else float(rate),
+            names=tuple(_text(name) for name in names),
+            bodies=FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
+            offsets=FrozenMap(places),
+            unit=unit,
+            rate=None if rate is None else float(rate),
         )
     except (TypeError, ValueError) as error:
-        raise BadFile(path, f"holds what is no name or number where one belongs ({error})") from None
+        raise BadFile(
+            path, f"holds what is no name or number where one belongs ({error})"
+        ) from None
 
 
 def _parsed(text: str, path: Path) -> Any:

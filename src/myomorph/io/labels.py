@@ -11,14 +11,17 @@ from pathlib import Path
 from myomorph.io.parsing.text import file_text
 from myomorph.model.errors import BadFile
 
-HINT = 'expected lines of "recorded,model" (.csv) or of recorded = "model" (.toml); an empty name drops a marker'
+HINT = (
+    'expected lines of "recorded,model" (.csv) or of recorded = "model" (.toml); an empty name'
+    " drops a marker"
+)
 HEADINGS = ("label", "labels", "recorded", "recording", "from", "name")
 
 
 def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Recorded label to the model's marker, "" where the marker is to be left out. A CSV file has two columns
-    (separated by comma, semicolon or tab), with a heading or without, and lines that begin with # are remarks. A TOML
-    file has a line for each label, alone or in a table `[labels]`.
+    """Recorded label to the model's marker, "" where the marker is to be left out. A CSV file has
+    two columns (separated by comma, semicolon or tab), with a heading or without, and lines that
+    begin with # are remarks. A TOML file has a line for each label, alone or in a table `[labels]`.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -38,12 +41,16 @@ def _from_toml(path: Path, text: str) -> dict[str, str]:
         raise BadFile(path, f"is not TOML: {error}", HINT) from None
     table = read.get("labels", read)
     if not isinstance(table, dict) or not all(isinstance(name, str) for name in table.values()):
-        raise BadFile(path, "holds something else than names", HINT + "; labels with dots in quotes")
+        raise BadFile(
+            path, "holds something else than names", HINT + "; labels with dots in quotes"
+        )
     return {label.strip(): name.strip() for label, name in table.items()}
 
 
 def _from_csv(path: Path, text: str) -> dict[str, str]:
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    lines = [
+        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not lines:
         return {}
     sign = max(",;\t", key=lines[0].count)

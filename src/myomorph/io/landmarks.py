@@ -1,7 +1,8 @@
-"""Landmarks of bones: tables of pairs, tables of points, 3D Slicer's markups, JSON, OpenSim's markers and stations.
+"""Landmarks of bones: tables of pairs, tables of points, 3D Slicer's markups, JSON, OpenSim's
+markers and stations.
 
-`read_landmark_pairs` gives plain values (`model.landmarks.LandmarkPairs`), since readers know only the nouns of
-`model`; `study` makes feature points of them.
+`read_landmark_pairs` gives plain values (`model.landmarks.LandmarkPairs`), since readers know only
+the nouns of `model`; `study` makes feature points of them.
 """
 
 from __future__ import annotations
@@ -27,45 +28,63 @@ from myomorph.model.landmarks import LandmarkPairs
 
 LARGEST = 64 * 1024 * 1024
 LONGEST = 200  # Letters of a column's name in which a unit is looked for.
-UNITS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001}
+UNITS = {
+    "m": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "metre": 1.0,
+    "metres": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+}
 SIDES = ("source", "target")
 PAIR_COLUMNS = ("body", "name", *(f"{side}_{axis}" for side in SIDES for axis in "xyz"))
 POINT_COLUMNS = ("name", "x", "y", "z")
 ENDINGS = (".csv", ".tsv", ".txt", ".fcsv", ".json", ".osim", ".xml")
 
-_WITH_UNIT = re.compile(r"^(?P<name>.*?)[ _]*(?:[\[(](?P<in>\w+)[\])]|(?<=[xyz])[ _](?P<after>cm|mm|m))$")
-_HEADLESS = re.compile(r"[^,;\t]+([,;\t]\s*[-+.\d][-+.\deE]*\s*){3}")  # A first line that is a point already.
+_WITH_UNIT = re.compile(
+    r"^(?P<name>.*?)[ _]*(?:[\[(](?P<in>\w+)[\])]|(?<=[xyz])[ _](?P<after>cm|mm|m))$"
+)
+# A first line that is a point already.
+_HEADLESS = re.compile(r"[^,;\t]+([,;\t]\s*[-+.\d][-+.\deE]*\s*){3}")
 _SLICER_NAMES = {"label": "name"}
 _IN_MILLIMETERS = "# Markups fiducial file"
 
 
 def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs]:
-    """Landmarks of two skeletons, by body of the source. A table with the columns `body, name, source_x, source_y,
-    source_z, target_x, target_y, target_z`, in any order and case, separated by commas, semicolons or tabs; in meters
-    unless a column says otherwise (`source_x [mm]`). Source points are in the source body's frame, target points in the
-    frame of the target's bone.
+    """Landmarks of two skeletons, by body of the source. A table with the columns `body, name,
+    source_x, source_y, source_z, target_x, target_y, target_z`, in any order and case, separated by
+    commas, semicolons or tabs; in meters unless a column says otherwise (`source_x [mm]`). Source
+    points are in the source body's frame, target points in the frame of the target's bone.
     """
     path = Path(path)
     table = _table(path, PAIR_COLUMNS)
     pairs: dict[str, dict[str, Array]] = {}
     for line in table.lines:
-        body, name = line.cells["body"], line.cells["name"]
+        body = line.cells["body"]
+        name = line.cells["name"]
         if not body or not name:
             table.wrong(line, f"has no {'name' if body else 'body'}", "every landmark needs both")
             continue
         sides = [table.point(line, f"{side}_", f"'{name}' of '{body}'", side) for side in SIDES]
         known = pairs.setdefault(body, {})
         if name in known:
-            table.wrong(line, f"names landmark '{name}' of '{body}' again", "each may stand there once")
+            table.wrong(
+                line, f"names landmark '{name}' of '{body}' again", "each may stand there once"
+            )
         known[name] = np.array(sides)
     table.done()
-    return {body: LandmarkPairs(tuple(pair), *np.stack(list(pair.values()), axis=1)) for body, pair in pairs.items()}
+    return {
+        body: LandmarkPairs(tuple(pair), *np.stack(list(pair.values()), axis=1))
+        for body, pair in pairs.items()
+    }
 
 
 def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Array]:
-    """Landmarks (3,) of one bone by name [m]. `path`: a table (`name, x, y, z`), 3D Slicer's markups (`.json`,
-    `.fcsv`), JSON (`{"name": [x, y, z]}`), an OpenSim model or MarkerSet; see `read_body_landmarks` for units and
-    frames; `body`: whose landmarks, where a file has those of several bodies.
+    """Landmarks (3,) of one bone by name [m]. `path`: a table (`name, x, y, z`), 3D Slicer's
+    markups (`.json`, `.fcsv`), JSON (`{"name": [x, y, z]}`), an OpenSim model or MarkerSet; see
+    `read_body_landmarks` for units and frames; `body`: whose landmarks, where a file has those of
+    several bodies.
     """
     body_landmarks = read_body_landmarks(path)
     if body:
@@ -74,7 +93,9 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
         return body_landmarks[body] if body in body_landmarks else body_landmarks[""]
     if len(body_landmarks) > 1:
         raise BadFile(
-            path, f"has landmarks of {len(body_landmarks)} bodies", f"say which: {quoted(sorted(body_landmarks))}"
+            path,
+            f"has landmarks of {len(body_landmarks)} bodies",
+            f"say which: {quoted(sorted(body_landmarks))}",
         )
     return next(iter(body_landmarks.values()))
 
@@ -82,10 +103,11 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
 def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Array]]:
     """Landmarks (3,) by body and name [m]; the body is "" where the file names none.
 
-    Tables (an optional column `body`, then `name, x, y, z`) and JSON are in meters unless they say otherwise: a column
-    `x [mm]`, a key `"units": "mm"`. 3D Slicer's markups are in millimeters unless they say otherwise; their axes stay
-    as the file has them (LPS or RAS), so the bone must be saved in the same. OpenSim's markers and stations come in
-    the frames of their bodies; a MarkerSet without a model in the frames that it names.
+    Tables (an optional column `body`, then `name, x, y, z`) and JSON are in meters unless they say
+    otherwise: a column `x [mm]`, a key `"units": "mm"`. 3D Slicer's markups are in millimeters
+    unless they say otherwise; their axes stay as the file has them (LPS or RAS), so the bone must
+    be saved in the same. OpenSim's markers and stations come in the frames of their bodies; a
+    MarkerSet without a model in the frames that it names.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -96,7 +118,11 @@ def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Arr
     elif ending in ENDINGS:
         result = _points(path)
     else:
-        raise BadFile(path, f"is no file of landmarks: its name ends in '{ending}'", f"expected {', '.join(ENDINGS)}")
+        raise BadFile(
+            path,
+            f"is no file of landmarks: its name ends in '{ending}'",
+            f"expected {', '.join(ENDINGS)}",
+        )
     if not any(result.values()):
         raise BadFile(path, "holds no landmarks")
     return result
@@ -112,7 +138,9 @@ class _Table:
     """Lines of a table whose header is known, and what is wrong with them."""
 
     def __init__(self, path: Path, lines: Sequence[_Line], factors: Mapping[str, float]):
-        self.path, self.lines, self.factors = path, lines, factors
+        self.path = path
+        self.lines = lines
+        self.factors = factors
         self._wrong: list[tuple[str, str]] = []
 
     def wrong(self, line: _Line, problem: str, hint: str) -> None:
@@ -127,7 +155,9 @@ class _Table:
             try:
                 values.append(self.factors[prefix + axis] * number(text))
             except ValueError:
-                self.wrong(line, f"has '{text[:40]}' for {prefix}{axis} of {whose}", "expected a number")
+                self.wrong(
+                    line, f"has '{text[:40]}' for {prefix}{axis} of {whose}", "expected a number"
+                )
                 return np.zeros(3)
         what = f"{side} point" if side else "place"
         if np.isnan(values).all():
@@ -143,7 +173,9 @@ class _Table:
         if self._wrong:
             problem, hint = self._wrong[0]
             more = len(self._wrong) - 1
-            raise BadFile(self.path, problem + (f" ({more} more lines are wrong too)" if more else ""), hint)
+            raise BadFile(
+                self.path, problem + (f" ({more} more lines are wrong too)" if more else ""), hint
+            )
 
 
 def _text(path: Path, hint: str) -> str:
@@ -164,12 +196,15 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
         if columns == POINT_COLUMNS and _HEADLESS.fullmatch(rows[0][1]):
             header = max(",;\t", key=rows[0][1].count).join(columns)
         else:
-            header, rows = rows[0][1], rows[1:]
+            header = rows[0][1]
+            rows = rows[1:]
     delimiter = max(",;\t", key=header.count)
     names, factors = _columns(_cells(path, header, delimiter), 0.001 if slicer else 1.0)
     missing = [name for name in columns if name not in names]
     if missing:
-        raise BadFile(path, f"has no column {quoted(missing)}: its header is {quoted(names, 10)}", hint)
+        raise BadFile(
+            path, f"has no column {quoted(missing)}: its header is {quoted(names, 10)}", hint
+        )
     twice = [name for name in (*columns, *optional) if names.count(name) > 1]
     if twice:
         raise BadFile(path, f"has the column {quoted(twice)} twice", hint)
@@ -178,7 +213,9 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
         cells = _cells(path, row, delimiter)
         if any(cells[len(names) :]):
             hint = "is a decimal comma in it? Write points, or separate cells by semicolons"
-            raise BadFile(path, f"line {line} has {len(cells)} cells, but the header {len(names)}", hint)
+            raise BadFile(
+                path, f"line {line} has {len(cells)} cells, but the header {len(names)}", hint
+            )
         cells += [""] * (len(names) - len(cells))
         lines.append(_Line(line, dict(zip(names, cells, strict=False))))
     return _Table(path, lines, dict(zip(names, factors, strict=True)))
@@ -193,7 +230,8 @@ def _cells(path: Path, row: str, delimiter: str) -> list[str]:
 
 def _columns(cells: Sequence[str], factor: float) -> tuple[list[str], list[float]]:
     """Names in small letters, and how many meters one of each is."""
-    names, factors = [], []
+    names = []
+    factors = []
     for cell in cells:
         name = cell.lower()
         unit = _WITH_UNIT.match(name) if len(name) <= LONGEST else None
@@ -206,7 +244,10 @@ def _columns(cells: Sequence[str], factor: float) -> tuple[list[str], list[float
 
 def _slicer_header(rows: Sequence[tuple[int, str]]) -> str:
     """The header that 3D Slicer writes as a comment, its label under our name for it."""
-    header = next((row.split("=", 1)[1] for _, row in rows if row.replace(" ", "").startswith("#columns=")), "")
+    header = next(
+        (row.split("=", 1)[1] for _, row in rows if row.replace(" ", "").startswith("#columns=")),
+        "",
+    )
     cells = [_SLICER_NAMES.get(cell.strip(), cell.strip()) for cell in header.split(",")]
     return ",".join(cells) if header else ""
 
@@ -215,7 +256,8 @@ def _points(path: Path) -> dict[str, dict[str, Array]]:
     table = _table(path, POINT_COLUMNS, ("body",))
     result: dict[str, dict[str, Array]] = {}
     for line in table.lines:
-        name, body = line.cells["name"], line.cells.get("body", "")
+        name = line.cells["name"]
+        body = line.cells.get("body", "")
         if not name:
             table.wrong(line, "has no name", "every landmark needs one")
             continue
@@ -228,7 +270,10 @@ def _points(path: Path) -> dict[str, dict[str, Array]]:
 
 
 def _from_json(path: Path) -> dict[str, dict[str, Array]]:
-    hint = 'expected {"name": [x, y, z], ...}, {"body": {"name": [x, y, z], ...}}, or 3D Slicer\'s markups'
+    hint = (
+        'expected {"name": [x, y, z], ...}, {"body": {"name": [x, y, z], ...}}, or 3D Slicer\'s'
+        " markups"
+    )
     text = _text(path, hint)
 
     def unique(items: list[tuple[str, object]]) -> dict[str, object]:
@@ -251,12 +296,17 @@ def _from_json(path: Path) -> dict[str, dict[str, Array]]:
     if not isinstance(inner, dict):
         raise BadFile(path, "its 'landmarks' are no table", hint)
     if not isinstance(unit, str) or unit.lower() not in UNITS:
-        raise BadFile(path, f"has units '{unit}'", f"expected one of {quoted(list(UNITS))}, in {hint[9:]}")
+        raise BadFile(
+            path, f"has units '{unit}'", f"expected one of {quoted(list(UNITS))}, in {hint[9:]}"
+        )
     factor = UNITS[unit.lower()]
     result: dict[str, dict[str, Array]] = {}
     for name, value in inner.items():
         if isinstance(value, dict):
-            result[name] = {landmark: _place(path, landmark, place, factor, hint) for landmark, place in value.items()}
+            result[name] = {
+                landmark: _place(path, landmark, place, factor, hint)
+                for landmark, place in value.items()
+            }
         else:
             result.setdefault("", {})[name] = _place(path, name, value, factor, hint)
     return result
@@ -271,22 +321,36 @@ def _markups(path: Path, markups: object) -> dict[str, Array]:
             raise BadFile(path, "has control points that are no list", hint)
         unit = str(markup.get("coordinateUnits", "mm")).lower() if points else "mm"
         if unit not in UNITS:
-            raise BadFile(path, f"has coordinates in '{unit}'", f"expected one of {quoted(list(UNITS))}")
+            raise BadFile(
+                path, f"has coordinates in '{unit}'", f"expected one of {quoted(list(UNITS))}"
+            )
         for point in points:
             name = str(point.get("label", "")) if isinstance(point, dict) else ""
             if not name or name in result:
-                raise BadFile(path, f"names point '{name}' twice" if name else "has a point without a label", hint)
+                raise BadFile(
+                    path,
+                    f"names point '{name}' twice" if name else "has a point without a label",
+                    hint,
+                )
             if point.get("positionStatus", "defined") not in ("defined", "preview"):
-                raise BadFile(path, f"point '{name}' has no place yet", "place it in 3D Slicer, or delete it")
+                raise BadFile(
+                    path, f"point '{name}' has no place yet", "place it in 3D Slicer, or delete it"
+                )
             result[name] = _place(path, name, point.get("position"), UNITS[unit], hint)
     return result
 
 
 def _place(path: Path, name: str, value: object, factor: float, hint: str) -> Array:
-    numbers = value if isinstance(value, list) and all(type(number) in (int, float) for number in value) else []
+    numbers = (
+        value
+        if isinstance(value, list) and all(type(number) in (int, float) for number in value)
+        else []
+    )
     # Beyond this an integer has no float, and nothing is a place.
     if len(numbers) != 3 or not all(abs(number) < 1e12 for number in numbers):
-        raise BadFile(path, f"landmark '{name}' is {str(value)[:40]}", f"expected three numbers: {hint}")
+        raise BadFile(
+            path, f"landmark '{name}' is {str(value)[:40]}", f"expected three numbers: {hint}"
+        )
     return frozen_array(factor * np.array(numbers, dtype=np.float64))
 
 
@@ -296,9 +360,14 @@ def _stations(path: Path) -> dict[str, dict[str, Array]]:
     if node.kind == "Model":
         placed = Frames(node).stations()
     else:
-        placed = [(marker.name, holder_of(marker), marker.vector("location")) for marker in named_markers(node)]
+        placed = [
+            (marker.name, holder_of(marker), marker.vector("location"))
+            for marker in named_markers(node)
+        ]
     for name, body, location in placed:
         if name in result.setdefault(body, {}):
-            raise BadFile(path, f"names landmark '{name}' of '{body}' twice", "each may stand there once")
+            raise BadFile(
+                path, f"names landmark '{name}' of '{body}' twice", "each may stand there once"
+            )
         result[body][name] = frozen_array(location)
     return result

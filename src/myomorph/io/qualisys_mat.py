@@ -1,4 +1,6 @@
-"""MATLAB exports of Qualisys Track Manager (version 5 files, one structure a recording): marker trajectories."""
+"""MATLAB exports of Qualisys Track Manager (version 5 files, one structure a recording): marker
+trajectories.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,10 @@ FRAGMENT = "unidentified_"
 
 
 def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
-    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at frame 1. QTM writes
-    millimetres and, unless set otherwise, z upwards. `unidentified`: trajectories without a label become markers named
-    `unidentified_1`, ...; else only their number and duration are reported.
+    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at
+    frame 1. QTM writes millimetres and, unless set otherwise, z upwards. `unidentified`:
+    trajectories without a label become markers named `unidentified_1`, ...; else only their number
+    and duration are reported.
     """
     path = Path(path)
     _check(path)
@@ -45,22 +48,39 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     values = _positions(labelled, path, "labelled")
     # Labels; a single one is no array.
     value = _field(labelled, "Labels")
-    labels = [] if value is None else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
+    labels = (
+        []
+        if value is None
+        else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
+    )
     if len(labels) != len(values):
-        raise BadFile(path, f"has {len(labels)} labels for {len(values)} labelled trajectories", HINT)
+        raise BadFile(
+            path, f"has {len(labels)} labels for {len(values)} labelled trajectories", HINT
+        )
     fragments = _positions(_field(trajectories, "Unidentified"), path, "unidentified")
     frames = values.shape[1] if len(values) else fragments.shape[1]
     if len(fragments) and fragments.shape[1] != frames:
-        raise BadFile(path, f"has {frames} frames with a label and {fragments.shape[1]} without", HINT)
+        raise BadFile(
+            path, f"has {frames} frames with a label and {fragments.shape[1]} without", HINT
+        )
     announced = _number(recording, "Frames")
     if np.isfinite(announced) and announced != frames:
         notes.append(f"the file announces {announced:.0f} frames, but holds {frames}")
-    facts = {"maker": "Qualisys Track Manager", "recording": name, "unit of length": "mm", "point rate": f"{rate:g} Hz"}
+    facts = {
+        "maker": "Qualisys Track Manager",
+        "recording": name,
+        "unit of length": "mm",
+        "point rate": f"{rate:g} Hz",
+    }
     if len(fragments):
         seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
         lasting = f"together {seen.sum():.1f} s, the longest {seen.max():.2f} s"
         facts["unidentified fragments"] = f"{len(fragments)}, {lasting}"
-    unread = [part for part in ("Analog", "Force", "EMG", "RigidBodies") if _field(recording, part) is not None]
+    unread = [
+        part
+        for part in ("Analog", "Force", "EMG", "RigidBodies")
+        if _field(recording, part) is not None
+    ]
     if unread:
         notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
     if unidentified:
@@ -83,7 +103,8 @@ def _check(path: Path) -> None:
     if len(head) < HEADER or head[126:128] not in (b"IM", b"MI"):
         raise BadFile(path, "is not a MATLAB file of version 5", HINT)
     order = "<" if head[126:128] == b"IM" else ">"
-    at, unpacked = HEADER, 0
+    at = HEADER
+    unpacked = 0
     while at < len(data):
         tag = bytes(data[at : at + 8])
         kind, size = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, LARGEST)
@@ -97,7 +118,9 @@ def _check(path: Path) -> None:
 
 def _unpacked(data: np.ndarray, path: Path) -> int:
     """How many bytes a compressed element holds; counting ends beyond `LARGEST`."""
-    stream, size, rest = zlib.decompressobj(), 0, bytes(data)
+    stream = zlib.decompressobj()
+    size = 0
+    rest = bytes(data)
     try:
         while rest and size <= LARGEST and not stream.eof:
             size += len(stream.decompress(rest, STEP))
@@ -111,7 +134,9 @@ def _recording(path: Path) -> tuple[str, Any]:
     """The first structure with trajectories, and its name."""
     # Brings SciPy: loaded only where it is needed.
     try:
-        content = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
+        content = scipy.io.loadmat(
+            path, struct_as_record=False, squeeze_me=True, chars_as_strings=True
+        )
     except Exception as error:  # a damaged file makes the reader fail in many ways
         raise BadFile(path, f"is damaged ({' '.join(str(error).split())[:120]})", HINT) from None
     names = [name for name in content if not name.startswith("__")]
@@ -119,7 +144,9 @@ def _recording(path: Path) -> tuple[str, Any]:
         if _field(content[name], "Trajectories") is not None:
             return name, content[name]
     held = quoted(names) or "nothing"
-    raise BadFile(path, f"holds {held}, but no Qualisys recording (a structure with Trajectories)", HINT)
+    raise BadFile(
+        path, f"holds {held}, but no Qualisys recording (a structure with Trajectories)", HINT
+    )
 
 
 def _field(structure: Any, name: str) -> Any:

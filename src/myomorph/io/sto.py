@@ -25,7 +25,10 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Table
 
-HINT = "give a table that OpenSim writes (.sto or .mot): a header, a line 'endheader', column names, numbers"
+HINT = (
+    "give a table that OpenSim writes (.sto or .mot): a header, a line 'endheader', column names,"
+    " numbers"
+)
 HEADER_LINES = 300
 KEYS = ("nRows", "nColumns", "inDegrees", "DataType", "version", "DataRate", "OpenSimVersion")
 SUFFIXES = {"vec3": 3, "quaternion": 4, "spatialvec": 6, "vec6": 6}
@@ -35,8 +38,8 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     """Read an STO or MOT file as a table in the file's own units.
 
     Knows OpenSim's header (`nRows`, `nColumns`, `inDegrees`, `DataType`) and SIMM's (`datacolumns`,
-    `datarows`), tabs, spaces or commas between cells, blank cells (NaN), names that occur twice, and
-    row counts that do not hold. What had to be mended is in `Table.warnings`.
+    `datarows`), tabs, spaces or commas between cells, blank cells (NaN), names that occur twice,
+    and row counts that do not hold. What had to be mended is in `Table.warnings`.
 
     Source: Seth et al. 2018, OpenSim's storage files.
 
@@ -69,7 +72,9 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     labels = [cell.strip().strip('"') for cell in split_cells(names_line, delimiter)]
     if not any(labels):
         raise BadFile(path, "there is no line of column names after 'endheader'", HINT)
-    found_values, names = _numbers(body, labels, delimiter, facts.get("DataType", "double").lower(), notes, path)
+    found_values, names = _numbers(
+        body, labels, delimiter, facts.get("DataType", "double").lower(), notes, path
+    )
     time, values = _rows(found_values, names, notes, path)
     _check_counts(facts, values.shape, notes)
     return Table(
@@ -88,13 +93,18 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
     notes: list[str] = []
     end = re.search(r'^[ \t"]*endheader[ \t",]*\r?$', text[: 1 << 20], re.IGNORECASE | re.MULTILINE)
     if end is not None:
-        header, after = text[: end.start()], end.end()
+        header = text[: end.start()]
+        after = end.end()
     else:
         start = re.search(r'^[ \t"]*time\b.*$', text[: 1 << 16], re.IGNORECASE | re.MULTILINE)
         if start is None:
             raise BadFile(path, "has neither a line 'endheader' nor a column 'time'", HINT)
-        header, after = text[: start.start()], start.start()
-        notes.append("the header has no line 'endheader': the line that begins with 'time' was taken for the columns")
+        header = text[: start.start()]
+        after = start.start()
+        notes.append(
+            "the header has no line 'endheader': the line that begins with 'time' was taken for the"
+            " columns"
+        )
     facts: dict[str, str] = {}
     stated: bool | None = None
     for number, raw in enumerate(header.splitlines()[:HEADER_LINES]):
@@ -102,7 +112,9 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
         old = re.match(r"(name|datacolumns|datarows|otherdata|range)\s+(.*)", line, re.IGNORECASE)
         if "=" in line:
             key, _, value = line.partition("=")
-            known = next((name for name in KEYS if name.lower() == key.strip().lower()), key.strip())
+            known = next(
+                (name for name in KEYS if name.lower() == key.strip().lower()), key.strip()
+            )
             facts[known] = value.strip()
             if known == "inDegrees":
                 stated = value.strip().lower() in ("yes", "y", "true", "1")
@@ -128,7 +140,8 @@ def _numbers(
     if width and "," in first and delimiter != ",":
         index, *columns = labels
         labels = [index] + [f"{name}_{part + 1}" for name in columns for part in range(width)]
-        body, delimiter = body.replace(",", "\t"), "\t"
+        body = body.replace(",", "\t")
+        delimiter = "\t"
     named = [label for label in labels if label]
     quick = quick_numbers(body, delimiter, len(named))
     if quick is not None:
@@ -140,11 +153,16 @@ def _numbers(
         labels = named
     elif len(cells) != len(labels) and first.strip():
         if len(first.split()) == len(named):
-            labels, delimiter = named, None
+            labels = named
+            delimiter = None
         elif len(cells) > len(labels) and len(cells) < len(labels) + 3:
             notes.append(f"{len(cells) - len(labels)} columns without a name were left out")
         else:
-            raise BadFile(path, f"has {len(labels)} column names, but {len(cells)} numbers in its first row", HINT)
+            raise BadFile(
+                path,
+                f"has {len(labels)} column names, but {len(cells)} numbers in its first row",
+                HINT,
+            )
     names = [label or f"unnamed_{column}" for column, label in enumerate(labels)]
     return parse_cells(body, len(names), delimiter, notes, path, HINT), names
 
@@ -154,17 +172,26 @@ def _rows(table: Array, names: Sequence[str], notes: list[str], path: Path) -> t
     if names[0].lower() not in ("time", "t", "times"):
         notes.append(f"the first column '{names[0]}' was taken for the time")
     if not len(table):
-        raise BadFile(path, "has column names, but no row of numbers", "the recording may have stopped before it began")
+        raise BadFile(
+            path,
+            "has column names, but no row of numbers",
+            "the recording may have stopped before it began",
+        )
     keep = rising(table[:, 0])
     if not keep.any():
         raise BadFile(path, "its first column holds no time that is a number", HINT)
     if not keep.all():
-        notes.append(f"{np.count_nonzero(~keep)} rows were left out because their time does not increase")
+        notes.append(
+            f"{np.count_nonzero(~keep)} rows were left out because their time does not increase"
+        )
     table = table[keep]
     values = table[:, 1:]
     if np.isinf(values).any():
         worst = names[1 + int(np.argmax(np.isinf(values).sum(axis=0)))]
-        notes.append(f"{np.count_nonzero(np.isinf(values))} infinite values were made NaN (most in '{worst}')")
+        notes.append(
+            f"{np.count_nonzero(np.isinf(values))} infinite values were made NaN (most in"
+            f" '{worst}')"
+        )
         values = np.where(np.isinf(values), np.nan, values)
     return table[:, 0], values
 
@@ -207,31 +234,38 @@ def write_sto(table: Table, path: str | os.PathLike[str]) -> None:
     [10.0, 12.0]
     """
     if table.values.ndim != 2:
-        raise BadData(f"expected values (rows, columns) to write to {path}, but got {table.values.shape}")
+        raise BadData(
+            f"expected values (rows, columns) to write to {path}, but got {table.values.shape}"
+        )
     rows, columns = table.values.shape
     title = table.facts.get("name") or Path(path).stem
     header = (
         f"{title}\nversion=1\nnRows={rows}\nnColumns={columns + 1}\nDataType=double\n"
-        f"inDegrees={'yes' if table.in_degrees else 'no'}\nendheader\n" + "\t".join(("time", *table.names)) + "\n"
+        f"inDegrees={'yes' if table.in_degrees else 'no'}\nendheader\n"
+        + "\t".join(("time", *table.names))
+        + "\n"
     )
     line = "%.10g" + "\t%.10g" * columns + "\n"
     with written(path) as stream:
         stream.write(header)
         for start in range(0, rows, 512):
-            block = np.column_stack((table.time[start : start + 512], table.values[start : start + 512]))
+            block = np.column_stack(
+                (table.time[start : start + 512], table.values[start : start + 512])
+            )
             stream.write("".join([line % tuple(row) for row in block.tolist()]))
 
 
 def motion_from_table(table: Table, model: Model) -> Motion:
-    """Coordinates over time [rad or m] from a table of angles, for the coordinates of `model`. Columns are found as
-    `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`; speeds (`.../speed`, `hip_flexion_r_u`) and
-    other columns are left out. Degrees become radians for rotational coordinates only, as OpenSim does.
+    """Coordinates over time [rad or m] from a table of angles, for the coordinates of `model`.
+    Columns are found as `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`;
+    speeds (`.../speed`, `hip_flexion_r_u`) and other columns are left out. Degrees become radians
+    for rotational coordinates only, as OpenSim does.
     """
     columns = coordinate_columns(table.names, model)
     if not columns:
         raise BadData(
-            f"{table.source or 'the table'}: no coordinate of '{model.name}' in its columns {quoted(table.names)}; "
-            f"the model has {quoted(model.coordinate_names)}"
+            f"{table.source or 'the table'}: no coordinate of '{model.name}' in its columns"
+            f" {quoted(table.names)}; the model has {quoted(model.coordinate_names)}"
         )
     names = [name for name in model.coordinate_names if name in columns]
     factors = np.array([_factor(model, name, table.in_degrees) for name in names])
@@ -254,10 +288,14 @@ def coordinate_columns(names: Sequence[str], model: Model) -> dict[str, int]:
 
 
 def table_from_motion(motion: Motion, model: Model, degrees: bool = True) -> Table:
-    """A table of coordinates as OpenSim's inverse kinematics writes it: degrees and metres, or radians."""
+    """A table of coordinates as OpenSim's inverse kinematics writes it: degrees and metres, or
+    radians.
+    """
     factors = np.array([1.0 / _factor(model, name, degrees) for name in motion.names])
     facts = FrozenMap({"name": "Coordinates"})
-    return Table(motion.time, motion.names, motion.values * factors, in_degrees=degrees, facts=facts)
+    return Table(
+        motion.time, motion.names, motion.values * factors, in_degrees=degrees, facts=facts
+    )
 
 
 def _factor(model: Model, name: str, degrees: bool) -> float:

@@ -26,19 +26,37 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Markers, Trial
 
-HINT = "give a TRC file: 'DataRate ... Units' and its values, 'Frame# Time' and marker names, numbers"
-METERS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "mm": 1e-3, "millimeters": 1e-3, "cm": 1e-2, "dm": 1e-1, "in": 0.0254}
+HINT = (
+    "give a TRC file: 'DataRate ... Units' and its values, 'Frame# Time' and marker names, numbers"
+)
+METERS = {
+    "m": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "mm": 1e-3,
+    "millimeters": 1e-3,
+    "cm": 1e-2,
+    "dm": 1e-1,
+    "in": 0.0254,
+}
 FIELDS = (
-    "DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame", "OrigNumFrames",
-)  # fmt: skip
+    "DataRate",
+    "CameraRate",
+    "NumFrames",
+    "NumMarkers",
+    "Units",
+    "OrigDataRate",
+    "OrigDataStartFrame",
+    "OrigNumFrames",
+)
 HEADER_LINES = 30
 
 
 def read_trc(path: str | os.PathLike[str]) -> Trial:
-    """Read a TRC file: markers in metres, a hidden one as NaN, with the header's facts and warnings. Takes header
-    values that are shifted by extra tabs, blanks and every spelling of NaN for hidden markers, exact (0, 0, 0) for
-    hidden markers, rows that end early, names without columns and columns without names, commas for tabs, and counts
-    that do not hold.
+    """Read a TRC file: markers in metres, a hidden one as NaN, with the header's facts and
+    warnings. Takes header values that are shifted by extra tabs, blanks and every spelling of NaN
+    for hidden markers, exact (0, 0, 0) for hidden markers, rows that end early, names without
+    columns and columns without names, commas for tabs, and counts that do not hold.
     """
     path = Path(path)
     text = file_text(path, HINT)
@@ -54,7 +72,10 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     time, table = _clock(table, facts, path, notes)
     values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
     values = without_far_away(_hidden(values, labels, notes) * _unit(facts, values, notes), notes)
-    for key, have, what in (("NumFrames", len(time), "frames"), ("NumMarkers", len(labels), "markers")):
+    for key, have, what in (
+        ("NumFrames", len(time), "frames"),
+        ("NumMarkers", len(labels), "markers"),
+    ):
         stated = facts.get(key, "")
         if stated.isdigit() and int(stated) != have:
             notes.append(f"the header says {stated} {what}, the file has {have}")
@@ -63,15 +84,20 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
 
 
 def trc_head(text: str, path: Path) -> tuple[dict[str, str], int]:
-    """What the first lines of a TRC file say of it, and where its numbers begin; raises `BadFile` where it is none."""
+    """What the first lines of a TRC file say of it, and where its numbers begin; raises `BadFile`
+    where it is none.
+    """
     facts, _, start, _ = _header(text, path, [])
     return facts, start
 
 
-def _header(text: str, path: Path, notes: list[str]) -> tuple[dict[str, str], list[str], int, str | None]:
+def _header(
+    text: str, path: Path, notes: list[str]
+) -> tuple[dict[str, str], list[str], int, str | None]:
     """Facts, cells of the line of names, where the numbers begin, and the delimiter of cells."""
     facts: dict[str, str] = {}
-    start, line = 0, ""
+    start = 0
+    line = ""
     for _ in range(HEADER_LINES):
         line, start = line_from(text, start)
         first = line.replace(",", " ").split()[:1]
@@ -108,7 +134,9 @@ def _header_values(keys: str, values: str) -> dict[str, str]:
     return facts
 
 
-def _table(text: str, start: int, named: int, delimiter: str | None, path: Path, notes: list[str]) -> tuple[Array, int]:
+def _table(
+    text: str, start: int, named: int, delimiter: str | None, path: Path, notes: list[str]
+) -> tuple[Array, int]:
     """Values (frames, columns) with frame number and time first, NaN where a cell is blank."""
     body = text[start:]
     columns = 2 + 3 * named
@@ -120,10 +148,16 @@ def _table(text: str, start: int, named: int, delimiter: str | None, path: Path,
         delimiter = None
     lines = [line for line in body.split("\n") if line.strip(" \t,")]
     if not lines:
-        raise BadFile(path, "has marker names, but no frame", "the recording may have stopped before it began")
+        raise BadFile(
+            path, "has marker names, but no frame", "the recording may have stopped before it began"
+        )
     rows = [split_cells(line.rstrip(" \t,"), delimiter) for line in lines]
     width = max(len(row) for row in rows)
-    if not body.endswith("\n") and len(rows) > 1 and len(rows[-1]) < len(split_cells(lines[-2], delimiter)):
+    if (
+        not body.endswith("\n")
+        and len(rows) > 1
+        and len(rows[-1]) < len(split_cells(lines[-2], delimiter))
+    ):
         rows.pop()
         notes.append("the last row ends too early and was left out: the file may have been cut off")
     columns = max(columns, width) if named == 0 else columns
@@ -138,7 +172,9 @@ def _table(text: str, start: int, named: int, delimiter: str | None, path: Path,
         except ValueError:
             bad[index] = True
     if bad.any():
-        notes.append(f"{np.count_nonzero(bad)} rows were left out because they hold text instead of numbers")
+        notes.append(
+            f"{np.count_nonzero(bad)} rows were left out because they hold text instead of numbers"
+        )
     if bad.all():
         raise BadFile(path, "has marker names, but no frame of numbers", HINT)
     return table[~bad], columns
@@ -155,9 +191,12 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
     return [cells[3 * slot] for slot in range(places[-1] + 1)]
 
 
-def _clock(table: Array, facts: Mapping[str, str], path: Path, notes: list[str]) -> tuple[Array, Array]:
+def _clock(
+    table: Array, facts: Mapping[str, str], path: Path, notes: list[str]
+) -> tuple[Array, Array]:
     """Time (frames,) and the rows that belong to it."""
-    frame, time = table[:, 0], table[:, 1]
+    frame = table[:, 0]
+    time = table[:, 1]
     rate = number_or_nan(facts.get("DataRate", ""))
     keep = rising(time)
     if keep.all():
@@ -167,11 +206,16 @@ def _clock(table: Array, facts: Mapping[str, str], path: Path, notes: list[str])
         zero = time[known][0] - (frame[known][0] - frame[0]) / rate if known.any() else 0.0
         counted = zero + (frame - frame[0]) / rate
         if not known.any() or np.all(np.abs(counted - time)[known] <= 1.0 / rate + 1e-3):
-            notes.append("the time column repeats or is blank: time was counted from frame numbers and DataRate")
+            notes.append(
+                "the time column repeats or is blank: time was counted from frame numbers and"
+                " DataRate"
+            )
             return counted, table
     if not keep.any():
         raise BadFile(path, "its time column holds no number", HINT)
-    notes.append(f"{np.count_nonzero(~keep)} frames were left out because their time does not increase")
+    notes.append(
+        f"{np.count_nonzero(~keep)} frames were left out because their time does not increase"
+    )
     return time[keep], table[keep]
 
 
@@ -181,7 +225,10 @@ def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
     zero = np.all(values == 0.0, axis=2)
     if zero.any():
         worst = names[int(np.argmax(zero.sum(axis=0)))]
-        notes.append(f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0): taken as hidden (most of '{worst}')")
+        notes.append(
+            f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0): taken as hidden (most of"
+            f" '{worst}')"
+        )
     hidden = zero | np.isnan(values).any(axis=2)
     return np.where(hidden[:, :, None], np.nan, values)
 
@@ -193,7 +240,9 @@ def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
         return METERS[stated]
     size = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
     guess = "mm" if size > 20.0 else "m"
-    notes.append(f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}")
+    notes.append(
+        f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}"
+    )
     return METERS[guess]
 
 
@@ -229,7 +278,11 @@ def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm")
     with written(path) as stream:
         stream.write(f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}\n" + "\t".join(FIELDS) + "\n")
         stream.write(f"{rate}\t{rate}\t{frames}\t{count}\t{units}\t{rate}\t1\t{frames}\n")
-        stream.write("Frame#\tTime\t" + "".join(f"{name}\t\t\t" for name in markers.names).rstrip("\t") + "\n")
+        stream.write(
+            "Frame#\tTime\t"
+            + "".join(f"{name}\t\t\t" for name in markers.names).rstrip("\t")
+            + "\n"
+        )
         stream.write(f"\t{labels}\n\n")
         flat = (markers.values / METERS[units]).reshape(frames, 3 * count)
         for frame in range(frames):

@@ -18,8 +18,11 @@ MAX_CHANNELS = 256
 RATES = (1_000, 1_000_000)
 HINT = "expected a RIFF/WAVE file: export the recording as WAV, PCM or float"
 
-UNFINISHED = (0, 0xFFFFFFFF)  # Sizes of samples that a recorder leaves which is switched off while it writes.
-_INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
+# Sizes of samples that a recorder leaves which is switched off while it writes.
+UNFINISHED = (0, 0xFFFFFFFF)
+_INTEGER = 1
+_FLOAT = 3
+_EXTENSIBLE = 0xFFFE
 _CODECS = {2: "ADPCM", 6: "A-law", 7: "mu-law", 17: "IMA ADPCM", 85: "MP3"}
 _KINDS = {(_INTEGER, 8), (_INTEGER, 16), (_INTEGER, 24), (_INTEGER, 32), (_FLOAT, 32), (_FLOAT, 64)}
 
@@ -40,9 +43,9 @@ class _Format:
 
 
 def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
-    """Read a WAV file; channels are named "1", "2", ... as the recorder's inputs. A file whose header promises more
-    than it holds (a recording that was cut off) is read as far as it goes, with a warning. `start`: time of the first
-    sample on the motion's clock [s].
+    """Read a WAV file; channels are named "1", "2", ... as the recorder's inputs. A file whose
+    header promises more than it holds (a recording that was cut off) is read as far as it goes,
+    with a warning. `start`: time of the first sample on the motion's clock [s].
     """
     path = Path(path)
     data = mapped_bytes(path)
@@ -54,17 +57,31 @@ def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
     there = min(promised, len(data) - first)
     count = there // facts.frame
     if there < promised:
-        warnings.append(f"the file ends after {count / facts.rate:.3f} of {promised / facts.frame / facts.rate:.3f} s")
+        warnings.append(
+            f"the file ends after {count / facts.rate:.3f} of"
+            f" {promised / facts.frame / facts.rate:.3f} s"
+        )
     if count == 0:
         raise BadFile(path, "holds no samples", HINT)
     if 4 * count * facts.channels > LARGEST:
-        raise BadFile(path, f"holds {count} samples of {facts.channels} channels, too many to read at once", "cut it")
+        raise BadFile(
+            path,
+            f"holds {count} samples of {facts.channels} channels, too many to read at once",
+            "cut it",
+        )
     samples = _decoded(data[first : first + count * facts.frame], facts)
     if not np.isfinite(samples).all():
         warnings.append("some samples are not finite; taken as silence")
         samples = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
     names = tuple(str(index + 1) for index in range(facts.channels))
-    return Sound(float(facts.rate), names, samples, start, tuple(warnings), str(path))
+    return Sound(
+        rate=float(facts.rate),
+        names=names,
+        samples=samples,
+        start=start,
+        warnings=tuple(warnings),
+        source=str(path),
+    )
 
 
 def _chunks(data: np.ndarray, path: Path) -> tuple[_Format, int, int]:
@@ -117,5 +134,7 @@ def _decoded(raw: np.ndarray, facts: _Format) -> np.ndarray:
         wide[:, 1:] = raw.reshape(-1, 3)
         values = wide.view("<i4")[:, 0].astype(np.float32) / np.float32(1 << 31)
     else:
-        values = raw.view(f"<i{facts.bits // 8}").astype(np.float32) / np.float32(1 << (facts.bits - 1))
+        values = raw.view(f"<i{facts.bits // 8}").astype(np.float32) / np.float32(
+            1 << (facts.bits - 1)
+        )
     return values.reshape(-1, facts.channels)

@@ -1,4 +1,6 @@
-"""The chain while frames arrive: pose, torques and tensions of one frame from what has come until then."""
+"""The chain while frames arrive: pose, torques and tensions of one frame from what has come until
+then.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,13 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
-from myomorph.motion.online import BLEND, OnlineKinematics, OnlineOrientations, SteadyFrame, SteadyKinematics
+from myomorph.motion.online import (
+    BLEND,
+    OnlineKinematics,
+    OnlineOrientations,
+    SteadyFrame,
+    SteadyKinematics,
+)
 from myomorph.motion.sensors.mounting import SensorMounting
 from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.tension.dual import MISSING, OPTIMAL
@@ -66,28 +74,40 @@ class ChainFrame:
     seen: int  # markers that are
     owed: float  # jump that is still to be given back, as of `SteadyFrame`
     state: int  # index into `STATES`
-    limits: FrameLimits | None = None  # of coordinates, torques and tensions, None where unknown or not asked for
+    # of coordinates, torques and tensions, None where unknown or not asked for
+    limits: FrameLimits | None = None
 
 
 class Poses:
-    """The pose of each frame: inverse kinematics of its markers (`marker_names`: those that model and source share) or
-    of its sensors, whose mounting is known, or its coordinates as they come. `blend`: time constant with which the jump
-    of a lost or found marker is given back [s].
+    """The pose of each frame: inverse kinematics of its markers (`marker_names`: those that model
+    and source share) or of its sensors, whose mounting is known, or its coordinates as they come.
+    `blend`: time constant with which the jump of a lost or found marker is given back [s].
     """
 
     def __init__(
-        self, model: Model, source: Source, blend: float | None = None, mounting: SensorMounting | None = None
+        self,
+        model: Model,
+        source: Source,
+        blend: float | None = None,
+        mounting: SensorMounting | None = None,
     ):
-        self._model, self._names, self._blend, self._mounting = model, source.names, blend, mounting
+        self._model = model
+        self._names = source.names
+        self._blend = blend
+        self._mounting = mounting
         self._rest = np.array([coordinate.default for coordinate in model.coordinates])
         self._kinematics = self._solver() if source.markers or mounting is not None else None
         self._path = OnlineFootPath(model) if mounting is not None and root_places(model) else None
         self.marker_names = () if self._kinematics is None else self._kinematics.marker_names
         self._columns = list[int]()
         if mounting is not None:
-            self._columns = [index_of("sensor", name, source.names, "the source") for name in mounting.sensors]
+            self._columns = [
+                index_of("sensor", name, source.names, "the source") for name in mounting.sensors
+            ]
         elif not source.markers:
-            self._columns = [index_of("coordinate", name, model.coordinate_names) for name in source.names]
+            self._columns = [
+                index_of("coordinate", name, model.coordinate_names) for name in source.names
+            ]
 
     def _solver(self) -> SteadyKinematics | OnlineKinematics:
         if self._mounting is not None:
@@ -114,28 +134,39 @@ class Poses:
         solver.solve(0.01, positions)
 
     def solve(self, time: float, row: Array) -> SteadyFrame:
-        """Pose of a frame: markers (markers, 3) [m], quaternions (sensors, 4), or coordinates of the source's names."""
+        """Pose of a frame: markers (markers, 3) [m], quaternions (sensors, 4), or coordinates of
+        the source's names.
+        """
         if isinstance(self._kinematics, OnlineOrientations):
             quaternions = row[self._columns]
             coordinates, _ = self._kinematics.solve(time, quaternions)
             seen = int(np.isfinite(quaternions).all(axis=1).sum())
             placed = coordinates if self._path is None else self._path.placed(coordinates)
-            return SteadyFrame(placed, float("nan"), seen, False, 0.0)
+            return SteadyFrame(
+                coordinates=placed, error=float("nan"), seen=seen, held=False, owed=0.0
+            )
         if isinstance(self._kinematics, SteadyKinematics):
             return self._kinematics.solve(time, row)
         if self._kinematics is not None:
             coordinates, error = self._kinematics.solve(time, row)
-            return SteadyFrame(coordinates, error, int(np.isfinite(row).all(axis=1).sum()), False, 0.0)
+            return SteadyFrame(
+                coordinates=coordinates,
+                error=error,
+                seen=int(np.isfinite(row).all(axis=1).sum()),
+                held=False,
+                owed=0.0,
+            )
         pose = self._rest.copy()
         pose[self._columns] = row
-        return SteadyFrame(pose, float("nan"), 0, False, 0.0)
+        return SteadyFrame(coordinates=pose, error=float("nan"), seen=0, held=False, owed=0.0)
 
 
 class LiveChain:
-    """From markers and forces to coordinates, torques, activations. `filter_delay`: how much older torques and tensions
-    are than their frame [s]; `max_age`: frames older than that are dropped [s]; `bodies`: that external forces act on;
-    `limits`: how limits of results are drawn, with errors of the sizes `sources`; None for no limits; `mounting`: of
-    the source's inertial sensors, None for none.
+    """From markers and forces to coordinates, torques, activations. `filter_delay`: how much older
+    torques and tensions are than their frame [s]; `max_age`: frames older than that are dropped
+    [s]; `bodies`: that external forces act on; `limits`: how limits of results are drawn, with
+    errors of the sizes `sources`; None for no limits; `mounting`: of the source's inertial sensors,
+    None for none.
     """
 
     def __init__(
@@ -148,7 +179,8 @@ class LiveChain:
         sources: Sources | None = None,
         mounting: SensorMounting | None = None,
     ):
-        self.model, self.options = model, options or ChainOptions()
+        self.model = model
+        self.options = options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
         self.filter_delay, self.max_age = self.filter.delay, self.options.max_age
         self.poses = Poses(model, source, self.options.blend, mounting)
@@ -165,22 +197,43 @@ class LiveChain:
         self._pose: Array | None = None
         self._unknown = -np.inf
         self._rest = np.array([coordinate.default for coordinate in model.coordinates])
-        nothing, no_reserves = np.full(len(model.muscles), np.nan), np.full(len(self.actuators), np.nan)
+        nothing = np.full(len(model.muscles), np.nan)
+        no_reserves = np.full(len(self.actuators), np.nan)
         no_torques = np.full(len(self.tension.rows), np.nan)
-        self._unshared = TensionFrame(nothing, nothing, no_reserves, no_torques, MISSING, float("nan"))
+        self._unshared = TensionFrame(
+            activations=nothing,
+            forces=nothing,
+            reserves=no_reserves,
+            balanced=no_torques,
+            status=MISSING,
+            equilibrium_residual=float("nan"),
+        )
         self._names = source.names if source.markers else None
         self.limits: LiveLimits | None = None
         if limits is not None and limits.draws and mounting is not None:
-            raise BadData("limits while frames arrive are of markers and coordinates: ik --imu FILE --draws has those")
+            raise BadData(
+                "limits while frames arrive are of markers and coordinates: ik --imu FILE --draws"
+                " has those"
+            )
         if limits is not None and limits.draws:
-            arguments = (self._names, self.bodies, self.filter, source.rate, self.feet.up, limits, sources, tension)
+            arguments = (
+                self._names,
+                self.bodies,
+                self.filter,
+                source.rate,
+                self.feet.up,
+                limits,
+                sources,
+                tension,
+            )
             self.limits = LiveLimits(model, *arguments)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is assumed, and how long plates were loaded near no foot so far, one line each."""
         missed = tuple(
-            f"plate '{name}' was loaded for {count / self._force_rate:.2f} s near no foot: that force was left out"
+            f"plate '{name}' was loaded for {count / self._force_rate:.2f} s near no foot: that"
+            " force was left out"
             for name, count in zip(self.feet.plates, self.feet.nobody.tolist(), strict=True)
             if count > 0.02 * self._force_rate
         )
@@ -193,11 +246,16 @@ class LiveChain:
         return (f"no external forces: what carries '{floating[0].child}' {text}", *missed)
 
     def warm_up(self) -> None:
-        """Compute everything once on the default pose, so that nothing is compiled when the first frame comes."""
+        """Compute everything once on the default pose, so that nothing is compiled when the first
+        frame comes.
+        """
         self.poses.warm_up()
         if self._force_rate:
             self.feet.given(np.zeros((1, len(self.feet.plates), 6)), None)
-        for stream, width in ((self._motion, len(self._rest)), (self._forces, 6 * len(self.bodies))):
+        for stream, width in (
+            (self._motion, len(self._rest)),
+            (self._forces, 6 * len(self.bodies)),
+        ):
             stream.push(np.array([0.0, 0.01]), np.zeros((2, width)))
             stream.at(10.0)
             stream.forget()
@@ -206,9 +264,19 @@ class LiveChain:
         self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
         if self.limits is not None:
             row = np.full((len(self._names or ()), 3), np.nan)
-            motion, loads = np.zeros((4, len(self._rest))), np.zeros((3, len(self.bodies), 6))
+            motion = np.zeros((4, len(self._rest)))
+            loads = np.zeros((3, len(self.bodies), 6))
             motion[0] = self._rest
-            self.limits.warm_up(Instant(0.0, self._rest.copy(), row, motion, loads, np.zeros(0)))
+            self.limits.warm_up(
+                Instant(
+                    time=0.0,
+                    pose=self._rest.copy(),
+                    row=row,
+                    motion=motion,
+                    loads=loads,
+                    result=np.zeros(0),
+                )
+            )
 
     @property
     def newest_force(self) -> float:
@@ -243,7 +311,9 @@ class LiveChain:
         return placed.reshape(-1, 6) if np.isfinite(placed).all() else None
 
     def frame(self, time: float, row: Array) -> ChainFrame:
-        """One frame: markers (markers, 3) [m], or coordinates (coordinates,) of the source's names [rad or m]."""
+        """One frame: markers (markers, 3) [m], or coordinates (coordinates,) of the source's names
+        [rad or m].
+        """
         steady = self.poses.solve(time, row)
         pose = steady.coordinates
         self._motion.push(np.array([time]), pose[None])
@@ -258,8 +328,11 @@ class LiveChain:
         if state == SOLVED:
             torques = self.dynamics.solve(value, velocity, acceleration, wrenches).copy()
             # Values of coordinates that follow others are those of the filtered leaders.
-            value, velocity = self.dynamics.coordinates[0], self.dynamics.rates[0]
-            shared = self.tension.solve(self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques)
+            value = self.dynamics.coordinates[0]
+            velocity = self.dynamics.rates[0]
+            shared = self.tension.solve(
+                self.dynamics.coordinates, self.dynamics.rates, self.dynamics.torques
+            )
             state = SOLVED if shared.status == OPTIMAL else UNSOLVED
         limits = None
         if self.limits is not None and state in (SOLVED, SETTLING):
@@ -270,11 +343,30 @@ class LiveChain:
                 if self._force_rate:
                     loads[:] = self._forces.at(time).reshape(loads.shape)
                 derivatives = self._motion.derivatives(time)
-                self.limits.offer(Instant(time, pose.copy(), np.array(row), derivatives, loads, result))
+                self.limits.offer(
+                    Instant(
+                        time=time,
+                        pose=pose.copy(),
+                        row=np.array(row),
+                        motion=derivatives,
+                        loads=loads,
+                        result=result,
+                    )
+                )
         return ChainFrame(
-            time, pose, value.copy(), velocity.copy(), torques, shared, wrenches,
-            steady.error, steady.seen, steady.owed, state, limits,
-        )  # fmt: skip
+            time=time,
+            pose=pose,
+            coordinates=value.copy(),
+            velocities=velocity.copy(),
+            torques=torques,
+            tension=shared,
+            wrenches=wrenches,
+            error=steady.error,
+            seen=steady.seen,
+            owed=steady.owed,
+            state=state,
+            limits=limits,
+        )
 
     def idle(self) -> bool:
         """Draw limits."""

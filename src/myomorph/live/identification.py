@@ -1,4 +1,6 @@
-"""`identify --live`: frames arrive, the body takes color, and the subject is asked to move what shows most."""
+"""`identify --live`: frames arrive, the body takes color, and the subject is asked to move what
+shows most.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,8 @@ class LiveResult:
     frames: int
     seconds: float
     busy: float  # time spent on frames, without displays and waiting [s]
-    marker_rms: float = float("nan")  # root mean square marker error of all frames, nan without markers [m]
+    # root mean square marker error of all frames, nan without markers [m]
+    marker_rms: float = float("nan")
 
     @property
     def frames_per_second(self) -> float:
@@ -78,9 +81,14 @@ class LiveResult:
         fit = self.state.fit
         weakest = fit.least
         line = f"{self.frames} frames in {self.seconds:.1f} s, {fit.frames} used"
-        line += "".join(f"; {count} left out: {reason}" for reason, count in self.state.left_out.items())
+        line += "".join(
+            f"; {count} left out: {reason}" for reason, count in self.state.left_out.items()
+        )
         line += f"; markers {1000 * self.marker_rms:.1f} mm" if np.isfinite(self.marker_rms) else ""
-        line += f"; identified {100 * fit.progress:.0f} %, least '{weakest}' {100 * fit.link_levels[weakest]:.0f} %"
+        line += (
+            f"; identified {100 * fit.progress:.0f} %, least '{weakest}'"
+            f" {100 * fit.link_levels[weakest]:.0f} %"
+        )
         return line + f"; kept up with {self.frames_per_second:.0f} frames a second"
 
 
@@ -94,18 +102,28 @@ class IdentificationFrame:
 
 
 class LiveIdentification:
-    """Steps of the loop that fold every frame into an estimate, and keep what came. No frame is dropped, and none waits
-    (`max_age` and `newest_force` are infinite), since the estimate itself waits for forces.
+    """Steps of the loop that fold every frame into an estimate, and keep what came. No frame is
+    dropped, and none waits (`max_age` and `newest_force` are infinite), since the estimate itself
+    waits for forces.
     """
 
     max_age = newest_force = float("inf")
     notes: tuple[str, ...] = ()
 
-    def __init__(self, model: Model, source: Source, mass: float | None = None, options: OnlineOptions | None = None):
+    def __init__(
+        self,
+        model: Model,
+        source: Source,
+        mass: float | None = None,
+        options: OnlineOptions | None = None,
+    ):
         played = source.played if isinstance(source, Replay) else None
         held = held_in(model, [played]) if isinstance(played, Motion) else None
-        self.model, self.poses = model, Poses(model, source)
-        self.estimate = OnlineIdentification(model, source.rate, source.force_rate, mass, options, held)
+        self.model = model
+        self.poses = Poses(model, source)
+        self.estimate = OnlineIdentification(
+            model, source.rate, source.force_rate, mass, options, held
+        )
         self.filter_delay = self.estimate.delay
         self._frames: list[IdentificationFrame] = []
         self._forces: list[tuple[Array, Array]] = []
@@ -121,13 +139,17 @@ class LiveIdentification:
         self.poses.warm_up()
 
     def push_forces(self, time: Array, wrenches: Array) -> None:
-        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m], [N]."""
+        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m],
+        [N].
+        """
         totals = wrenches.sum(axis=1)
         self._forces.append((time, totals))
         self._waiting.extend(zip(time.tolist(), totals, strict=True))
 
     def frame(self, time: float, row: Array) -> IdentificationFrame:
-        """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+        """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or
+        m].
+        """
         self._pass_on_forces(time)
         identification_frame = IdentificationFrame(time, self.poses.solve(time, row))
         self._frames.append(identification_frame)
@@ -146,19 +168,43 @@ class LiveIdentification:
 
     def result(self, seconds: float, busy: float) -> LiveResult:
         """What the session ends with; raises `BadData` where no frame could be used."""
-        state, frames = self.estimate.state(), self._frames
+        state = self.estimate.state()
+        frames = self._frames
         if not state.fit.frames:
             left = ", ".join(f"{count} {reason}" for reason, count in state.left_out.items())
-            raise BadData(f"none of the {len(frames)} frames that came can be used: {left or 'too few for the filter'}")
+            raise BadData(
+                f"none of the {len(frames)} frames that came can be used:"
+                f" {left or 'too few for the filter'}"
+            )
         errors = np.array([frame.pose.error for frame in frames])
         errors = errors[np.isfinite(errors)]
         rms = float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan")
-        times, poses = (np.array(parts) for parts in zip(*((f.time, f.pose.coordinates) for f in frames), strict=True))
+        times, poses = (
+            np.array(parts)
+            for parts in zip(*((f.time, f.pose.coordinates) for f in frames), strict=True)
+        )
         motion = Motion(times, self.model.coordinate_names, poses)
         time, totals = (np.concatenate(parts) for parts in zip(*self._forces, strict=True))
-        base, zero = self.model.body_names[0], np.zeros((len(time), 1, 3))
-        wrenches = Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3])
-        return LiveResult(self.estimate, state, motion, wrenches, len(frames), seconds, busy, rms)
+        base = self.model.body_names[0]
+        zero = np.zeros((len(time), 1, 3))
+        wrenches = Wrenches(
+            time=time,
+            names=("all",),
+            bodies=(base,),
+            forces=totals[:, None, 3:],
+            points=zero,
+            torques=totals[:, None, :3],
+        )
+        return LiveResult(
+            identification=self.estimate,
+            state=state,
+            motion=motion,
+            wrenches=wrenches,
+            frames=len(frames),
+            seconds=seconds,
+            busy=busy,
+            marker_rms=rms,
+        )
 
 
 def identify_frames(
@@ -172,7 +218,8 @@ def identify_frames(
     """Take frames from a source until it is done."""
     # As in the loop: the matrices are small, before it and after it too.
     with threadpool_limits(limits=1, user_api="blas"):
-        steps, delays = LiveIdentification(model, source, mass, online), Delays()
+        steps = LiveIdentification(model, source, mass, online)
+        delays = Delays()
         looks = Looks(steps.estimate, source, displays)
         session = follow(steps, source, late=[looks] if displays else [], delays=delays)
         if session.interrupted and source.duration is not None:
@@ -186,8 +233,12 @@ class Looks:
     """Lets displays look at the estimate every now and then."""
 
     def __init__(self, estimate: OnlineIdentification, source: Source, displays: Sequence[Display]):
-        self._estimate, self._source, self._displays = estimate, source, displays
-        self._first, self._looked, self._pause = float("nan"), clock.monotonic(), INTERVAL
+        self._estimate = estimate
+        self._source = source
+        self._displays = displays
+        self._first = float("nan")
+        self._looked = clock.monotonic()
+        self._pause = INTERVAL
 
     def put(self, frame: IdentificationFrame, markers: Array) -> None:
         """Show a frame's pose, and the estimate where the last look is some time ago."""
@@ -198,7 +249,9 @@ class Looks:
                 display.pose(frame.pose.coordinates, markers if self._source.markers else None)
         start = clock.monotonic()
         if start - self._looked >= self._pause:
-            self.show(frame.time, max(self._source.age(frame.time), 0.0) if self._source.speed else 0.0)
+            self.show(
+                frame.time, max(self._source.age(frame.time), 0.0) if self._source.speed else 0.0
+            )
             self._looked = clock.monotonic()
             # A look that takes long is taken less often, so that frames are never held up by it.
             self._pause = max(INTERVAL, (self._looked - start) / SHARE)
@@ -207,7 +260,8 @@ class Looks:
         """Show the estimate at the time of a frame that came so late [s]."""
         if not self._displays:
             return
-        state, at = self._estimate.state(), Clock(time - self._first, self._source.duration, late)
+        state = self._estimate.state()
+        at = Clock(time - self._first, self._source.duration, late)
         for display in self._displays:
             display.show(state, at)
 
@@ -222,7 +276,9 @@ def run_live(
     surfaces: Mapping[str, Surface] | None = None,
     terminal: bool = True,
 ) -> LiveResult:
-    """Identify while frames arrive (of streams where no recording is given), and show it, where there is a terminal."""
+    """Identify while frames arrive (of streams where no recording is given), and show it, where
+    there is a terminal.
+    """
     live = live or LiveOptions()
     source = source_of(recording, live)
     displays: list[Display] = []
@@ -249,7 +305,10 @@ def source_of(recording: LiveRecording | None, live: LiveOptions) -> Source:
     if live.lsl_markers or live.lsl_forces:
         raise BadData("streams need both --lsl-markers NAME and --lsl-forces NAME")
     if recording is None:
-        raise BadData("--live needs a recording (--motion and --loads) or streams (--lsl-markers and --lsl-forces)")
+        raise BadData(
+            "--live needs a recording (--motion and --loads) or streams (--lsl-markers and"
+            " --lsl-forces)"
+        )
     return Replay(recording.motion, recording.wrenches, live.speed)
 
 
@@ -261,11 +320,15 @@ def live_motions(
     time: tuple[float, float] | None,
     settings: Mapping[str, Any],
 ) -> list[SubjectMotion]:
-    """Motions as they arrive, shown while they do, from recordings one after the other or from streams."""
+    """Motions as they arrive, shown while they do, from recordings one after the other or from
+    streams.
+    """
     live = with_settings(LiveOptions(), settings)
     online = with_settings(OnlineOptions(), settings)
     run = partial(run_live, model, mass=mass, live=live, online=online, surfaces=_surfaces(model))
-    opened = [] if live.lsl_markers or live.lsl_forces else open_motions(model, motions, loads, time)
+    opened = (
+        [] if live.lsl_markers or live.lsl_forces else open_motions(model, motions, loads, time)
+    )
     if not opened:
         # Streams; where none are named either, this says so.
         result = run()

@@ -1,8 +1,10 @@
-"""Limits of what `live` gives: its chain on inputs drawn with errors, computed while the next frame is awaited.
+"""Limits of what `live` gives: its chain on inputs drawn with errors, computed while the next frame
+is awaited.
 
-As the step `uncertainty`, frame by frame and to first order in the pose: errors of markers, placement and joints move
-the pose by the derivatives of inverse kinematics, go through the filter of the poses, and what follows is computed in
-full for every draw. How far limits lie from the result changes slowly: a few rounds of draws a second are enough.
+As the step `uncertainty`, frame by frame and to first order in the pose: errors of markers,
+placement and joints move the pose by the derivatives of inverse kinematics, go through the filter
+of the poses, and what follows is computed in full for every draw. How far limits lie from the
+result changes slowly: a few rounds of draws a second are enough.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ from myomorph.uncertainty.online_errors import AngleErrors, MarkerErrors, Online
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import FACTORS, LEVEL, NOT_NEGATIVE
 
-TABLES = ("coordinates", "torques", "activations", "forces")  # What has limits, in the order of a row.
+# What has limits, in the order of a row.
+TABLES = ("coordinates", "torques", "activations", "forces")
 NEAR = 0.1  # Third derivatives of poses no further apart than this give the fourth [s].
 STALE = 0.25  # Limits that were found longer ago are not given [s].
 
@@ -39,10 +42,11 @@ class LimitOptions:
 
     Attributes
     ----------
-    draws : inputs drawn with errors, between whose results limits of 90 % lie; 0 for no limits. 40 fit into the time
-        that two cores leave beside 80 muscles at 100 frames a second
+    draws : inputs drawn with errors, between whose results limits of 90 % lie; 0 for no limits. 40
+        fit into the time that two cores leave beside 80 muscles at 100 frames a second
     draw_seed : other random numbers for another one
-    widened : widen limits by the factors that simulated recordings with other errors than assumed ask for
+    widened : widen limits by the factors that simulated recordings with other errors than assumed
+        ask for
     """
 
     draws: int = 0
@@ -79,9 +83,10 @@ class Instant:
 
 
 class LiveLimits:
-    """Draws of the chain beside the frames. `factors`: by which limits of each table are wider than those of the draws;
-    `tried`, `failed`: drawn frames, and how many of these had no solution; `missed`: frames with results for which no
-    limits were known in time; `up`: (3,) against gravity.
+    """Draws of the chain beside the frames. `factors`: by which limits of each table are wider than
+    those of the draws; `tried`, `failed`: drawn frames, and how many of these had no solution;
+    `missed`: frames with results for which no limits were known in time; `up`: (3,) against
+    gravity.
     """
 
     def __init__(
@@ -105,11 +110,13 @@ class LiveLimits:
         self._inputs = OnlineInputs(draws, bodies, filter.delay, up)
         self._errors: MarkerErrors | AngleErrors
         if names is not None or model.markers:
-            trees, thinned = [draw.tree for draw in self._drawn], min(rate, POSES) / rate
+            trees = [draw.tree for draw in self._drawn]
+            thinned = min(rate, POSES) / rate
             self._errors = MarkerErrors(model, trees, draws, names, POSES, thinned)
         else:
             self._errors = AngleErrors(model, draws, POSES)
-        self._n, self._muscles = len(model.coordinates), len(model.muscles)
+        self._n = len(model.coordinates)
+        self._muscles = len(model.muscles)
         self._ends = np.cumsum([0, self._n, self._n, self._muscles, self._muscles])
         self._stream = CausalStream(filter, options.draws * self._n)
         self._job: Iterator[None] | None = None
@@ -123,9 +130,14 @@ class LiveLimits:
         """What is wrong with the limits, one line each."""
         notes = []
         if self.failed > 0.02 * self.tried:
-            notes.append(f"limits: {self.failed} of {self.tried} drawn frames have no solution: they are too narrow")
+            notes.append(
+                f"limits: {self.failed} of {self.tried} drawn frames have no solution: they are too"
+                " narrow"
+            )
         if self.missed:
-            notes.append(f"limits: none were ready in time for {self.missed} frames: take fewer --draws")
+            notes.append(
+                f"limits: none were ready in time for {self.missed} frames: take fewer --draws"
+            )
         return tuple(notes)
 
     def warm_up(self, instant: Instant) -> None:
@@ -178,17 +190,25 @@ class LiveLimits:
         return FrameLimits(*parts)
 
     def _work(self, instant: Instant) -> Iterator[None]:
-        """Errors of the pose, and where it is due, all that follows from them; stops between parts of the work."""
-        fourth, limits = self._fourth(instant.time, instant.motion[3]), np.empty((self._count, self._n))
+        """Errors of the pose, and where it is due, all that follows from them; stops between parts
+        of the work.
+        """
+        fourth = self._fourth(instant.time, instant.motion[3])
+        limits = np.empty((self._count, self._n))
         yield from self._errors.fill(instant.time, instant.pose, instant.row, limits)
         self._stream.push(np.array([instant.time]), limits.reshape(1, -1))
-        waits = instant.time - self._round < 1.0 / TENSIONS - 1e-6 or not self._stream.settled(instant.time)
+        waits = instant.time - self._round < 1.0 / TENSIONS - 1e-6 or not self._stream.settled(
+            instant.time
+        )
         if waits or not np.isfinite(instant.result).all():
             return
         self._round = instant.time
         errors = self._stream.at(instant.time).reshape(3, self._count, self._n)
-        motion = self._inputs.motion(np.concatenate([instant.motion, fourth[None]])) + np.swapaxes(errors, 0, 1)
-        loads, rows = self._inputs.loads(instant.loads), np.empty((self._count, int(self._ends[-1])))
+        motion = self._inputs.motion(np.concatenate([instant.motion, fourth[None]])) + np.swapaxes(
+            errors, 0, 1
+        )
+        loads = self._inputs.loads(instant.loads)
+        rows = np.empty((self._count, int(self._ends[-1])))
         for index, draw in enumerate(self._drawn):
             yield
             draw.fill(motion[index], loads[index], rows[index])
@@ -200,19 +220,25 @@ class LiveLimits:
             self._found = instant.time, self._limits(rows[known] - instant.result)
 
     def _fourth(self, time: float, third: Array) -> Array:
-        """(coordinates,) fourth derivative by the change of the third since the pose before. The filter's own equation
-        has it too, but passes on what lines between frames leave of the recorded motion.
+        """(coordinates,) fourth derivative by the change of the third since the pose before. The
+        filter's own equation has it too, but passes on what lines between frames leave of the
+        recorded motion.
         """
-        (then, before), self._before = self._before, (time, third)
+        then, before = self._before
+        self._before = (time, third)
         gap = time - then
         return (third - before) / gap if 0.0 < gap < NEAR else np.zeros_like(third)
 
     def _limits(self, apart: Array) -> Array:
-        """(3, columns) how far limits lie from the result, its standard deviation, of its errors (draws, columns)."""
+        """(3, columns) how far limits lie from the result, its standard deviation, of its errors
+        (draws, columns).
+        """
         low, high = np.quantile(apart, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
         for factor, a, b in zip(self.factors.values(), self._ends, self._ends[1:], strict=False):
-            middle, half = 0.5 * (low[a:b] + high[a:b]), 0.5 * factor * (high[a:b] - low[a:b])
-            low[a:b], high[a:b] = middle - half, middle + half
+            middle = 0.5 * (low[a:b] + high[a:b])
+            half = 0.5 * factor * (high[a:b] - low[a:b])
+            low[a:b] = middle - half
+            high[a:b] = middle + half
         return np.stack([low, high, apart.std(axis=0, ddof=1)])
 
 
@@ -223,14 +249,20 @@ class _Drawn:
         drawn = drawn_subject(model, draw)
         self.tree = compile_tree(drawn)
         self._dynamics = OnlineDynamics(drawn, bodies)
-        self._tension = OnlineTension(drawn, drawn_criterion(tension, draw) if draw.sources.criterion else tension)
+        self._tension = OnlineTension(
+            drawn, drawn_criterion(tension, draw) if draw.sources.criterion else tension
+        )
 
     def fill(self, motion: Array, loads: Array, row: Array) -> None:
-        """Fill a row (columns,) with the results of a motion (3, coordinates); NaN without a solution."""
+        """Fill a row (columns,) with the results of a motion (3, coordinates); NaN without a
+        solution.
+        """
         solver = self._dynamics
         torques = solver.solve(motion[0], motion[1], motion[2], loads)
         shared = self._tension.solve(solver.coordinates, solver.rates, solver.torques)
         if shared.status == OPTIMAL:
-            row[:] = np.concatenate([solver.coordinates[0], torques, shared.activations, shared.forces])
+            row[:] = np.concatenate(
+                [solver.coordinates[0], torques, shared.activations, shared.forces]
+            )
         else:
             row[:] = np.nan

@@ -1,7 +1,7 @@
 """The loop of everything that works while frames arrive, and how late its results are.
 
-A loop takes frames from a source, lets steps compute each of them, and gives the results to outputs. `live` and
-`identify --live` are two kinds of steps.
+A loop takes frames from a source, lets steps compute each of them, and gives the results to
+outputs. `live` and `identify --live` are two kinds of steps.
 """
 
 from __future__ import annotations
@@ -71,10 +71,14 @@ class Steps(Protocol[FrameOut]):
         """Compute once without effect, so that nothing is compiled when the first frame comes."""
 
     def push_forces(self, time: Array, wrenches: Array) -> None:
-        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m], [N]."""
+        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m],
+        [N].
+        """
 
     def frame(self, time: float, row: Array) -> FrameOut:
-        """Compute one frame: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+        """Compute one frame: markers (markers, 3) [m], or coordinates of the source's names [rad or
+        m].
+        """
 
     def idle(self) -> bool:
         """Do a little of what may wait until no frame does; whether any of it is left."""
@@ -101,23 +105,31 @@ class Spread:
         known = values[np.isfinite(values)]
         if not len(known):
             return Spread(float("nan"), float("nan"), float("nan"))
-        return Spread(float(np.median(known)), float(np.percentile(known, 99.0)), float(known.max()))
+        return Spread(
+            float(np.median(known)), float(np.percentile(known, 99.0)), float(known.max())
+        )
 
     def summary(self) -> str:
         """In milliseconds."""
-        return f"median {1e3 * self.median:.2f} ms, 99 % {1e3 * self.late:.2f} ms, worst {1e3 * self.worst:.1f} ms"
+        return (
+            f"median {1e3 * self.median:.2f} ms, 99 % {1e3 * self.late:.2f} ms, worst"
+            f" {1e3 * self.worst:.1f} ms"
+        )
 
 
 class Delays:
-    """Times of every frame, 40 bytes each. `dropped`: frames that came and were left out because newer ones waited."""
+    """Times of every frame, 40 bytes each. `dropped`: frames that came and were left out because
+    newer ones waited.
+    """
 
     def __init__(self) -> None:
         self._rows = array("d")
         self.dropped = 0
 
     def add(self, time: float, taken: float, age: float, busy: float, state: int) -> None:
-        """One frame. `time`: of the frame [s]; `taken`, `age`: how long after it was there it was taken, and its result
-        given out; nan where nobody knows [s]; `busy`: what its computation took [s]; `state`: index into `STATES`.
+        """One frame. `time`: of the frame [s]; `taken`, `age`: how long after it was there it was
+        taken, and its result given out; nan where nobody knows [s]; `busy`: what its computation
+        took [s]; `state`: index into `STATES`.
         """
         self._rows.extend((time, taken, age, busy, state))
 
@@ -140,7 +152,9 @@ class Delays:
         return Spread.of(self.table[:, 3])
 
     def recent(self, frames: int) -> Spread:
-        """`end_to_end` of the newest frames, or the computation alone where nobody knows when they were there."""
+        """`end_to_end` of the newest frames, or the computation alone where nobody knows when they
+        were there.
+        """
         newest = np.array(self._rows[-5 * frames :]).reshape(-1, 5)
         return Spread.of(newest[:, 2] if np.isfinite(newest[:, 2]).any() else newest[:, 3])
 
@@ -166,7 +180,10 @@ class LiveSession:
         counts = {STATES[state]: count for state, count in delays.states().items()}
         solved = counts.pop("solved", 0)
         left = "".join(f", {count} {name}" for name, count in counts.items())
-        lines = [f"{len(delays)} frames in {self.seconds:.1f} s, {delays.dropped} dropped: {solved} solved{left}"]
+        lines = [
+            f"{len(delays)} frames in {self.seconds:.1f} s, {delays.dropped} dropped: {solved}"
+            f" solved{left}"
+        ]
         known = delays.end_to_end
         if np.isfinite(known.median):
             filtered = f"the filter's delay of {self.filter_delay:.4f} s apart"
@@ -183,9 +200,9 @@ def follow(
     delays: Delays | None = None,
     now: Callable[[], float] = clock.perf_counter,
 ) -> LiveSession:
-    """Take frames from a source until it is done, or Ctrl-C is pressed. `outputs`: what a result must have reached
-    before it counts as given out; `late`: what it reaches after that; `delays`: to be filled, where another looks at
-    them.
+    """Take frames from a source until it is done, or Ctrl-C is pressed. `outputs`: what a result
+    must have reached before it counts as given out; `late`: what it reaches after that; `delays`:
+    to be filled, where another looks at them.
     """
     delays = Delays() if delays is None else delays
     interrupted = False
@@ -204,12 +221,20 @@ def follow(
             seconds = now() - began
     if not len(delays):
         raise BadData("no frame came")
-    return LiveSession(delays, steps.filter_delay, seconds, steps.notes, interrupted)
+    return LiveSession(
+        delays=delays,
+        filter_delay=steps.filter_delay,
+        seconds=seconds,
+        notes=steps.notes,
+        interrupted=interrupted,
+    )
 
 
 @contextmanager
 def uncollected_past() -> Iterator[None]:
-    """What is alive now is no garbage: collections that look through it all take as long as several frames."""
+    """What is alive now is no garbage: collections that look through it all take as long as several
+    frames.
+    """
     gc.collect()
     gc.freeze()
     try:
@@ -241,7 +266,9 @@ def _follow(
             pushing += now() - start
             for time, row in zip(arrived.motion_time.tolist(), arrived.motion, strict=True):
                 waiting.append((time, row, source.age(time)))
-        while clocked and waiting and source.age(waiting[0][0]) > steps.max_age and len(waiting) > 1:
+        while (
+            clocked and waiting and source.age(waiting[0][0]) > steps.max_age and len(waiting) > 1
+        ):
             waiting.popleft()
             delays.dropped += 1
         if not waiting:

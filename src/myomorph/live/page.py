@@ -20,7 +20,8 @@ from myomorph.model.surface import Surface
 from myomorph.viewer.live_page import ChainViewer, Shown
 
 DRAWN = 30.0  # Frames a second that the page is sent [Hz].
-START = 120.0  # Longest time that the page may take to start, compilation on a new machine included [s].
+# Longest time that the page may take to start, compilation on a new machine included [s].
+START = 120.0
 LOOK = 200  # Frames that the delay on the page is of.
 
 
@@ -28,9 +29,15 @@ class LivePage:
     """A page that shows the newest frame and its delays."""
 
     def __init__(
-        self, model: Model, chain: LiveChain, surfaces: Mapping[str, Surface] | None, port: int, delays: Delays
+        self,
+        model: Model,
+        chain: LiveChain,
+        surfaces: Mapping[str, Surface] | None,
+        port: int,
+        delays: Delays,
     ):
-        self._delays, self._filter_delay = delays, chain.filter.delay
+        self._delays = delays
+        self._filter_delay = chain.filter.delay
         self._markers = len(chain.poses.marker_names)
         self._pipe: Connection
         context = multiprocessing.get_context("spawn")
@@ -44,7 +51,8 @@ class LivePage:
             self._process.join()
             raise answer
         self.port = answer
-        self._ready, self._drawn = True, 0.0
+        self._ready = True
+        self._drawn = 0.0
 
     def _answer(self, timeout: float) -> int | MyomorphError:
         try:
@@ -53,7 +61,9 @@ class LivePage:
         except (EOFError, OSError):
             pass
         self._process.terminate()
-        return MyomorphError(f"the page's process did not start (exit status {self._process.exitcode})")
+        return MyomorphError(
+            f"the page's process did not start (exit status {self._process.exitcode})"
+        )
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Send a frame, unless the page still draws another; a page that is gone is left."""
@@ -66,7 +76,8 @@ class LivePage:
                 self._ready = True
             if self._ready:
                 self._pipe.send(self._shown(frame, markers))
-                self._ready, self._drawn = False, now
+                self._ready = False
+                self._drawn = now
         except (EOFError, OSError):
             self._drawn = np.inf
 
@@ -81,9 +92,17 @@ class LivePage:
         if self._markers:
             facts["Markers"] = f"{frame.seen} of {self._markers}, {1e3 * frame.error:.0f} mm"
         places = np.array(markers) if self._markers else np.zeros((0, 3))
-        state, shared = "" if frame.state == SOLVED else STATES[frame.state], frame.tension
+        state = "" if frame.state == SOLVED else STATES[frame.state]
+        shared = frame.tension
         limits = () if frame.limits is None else (frame.limits.torques[:2], frame.limits.forces[:2])
-        arrays = frame.pose, shared.activations, shared.forces, frame.torques, frame.wrenches, places
+        arrays = (
+            frame.pose,
+            shared.activations,
+            shared.forces,
+            frame.torques,
+            frame.wrenches,
+            places,
+        )
         return Shown(*arrays, state, facts, *limits)
 
     def close(self) -> None:
@@ -99,7 +118,9 @@ class LivePage:
         self._pipe.close()
 
 
-def _serve(pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port: int, wrenches: int) -> None:
+def _serve(
+    pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port: int, wrenches: int
+) -> None:
     """The page's process: draw what comes, until nothing more does."""
     # The process that computes goes first where both want the same core.
     with contextlib.suppress(psutil.Error, OSError):

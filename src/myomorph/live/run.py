@@ -1,4 +1,6 @@
-"""`live`: from files or streams to a page, a stream, and a folder of tables, one result file and delays."""
+"""`live`: from files or streams to a page, a stream, and a folder of tables, one result file and
+delays.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,14 @@ from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
 from myomorph.motion.sensors.mounting import SensorMounting, with_orientations
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.store import stored as store
-from myomorph.store.results import STORED, file_source, new_result, provenance_of, value_source, whole_folder
+from myomorph.store.results import (
+    STORED,
+    file_source,
+    new_result,
+    provenance_of,
+    value_source,
+    whole_folder,
+)
 from myomorph.store.settings import plain_settings
 from myomorph.store.uncertainty_store import put_uncertainty
 from myomorph.study.inputs import reading
@@ -65,9 +74,9 @@ class LiveStreams:
 
 @dataclass(frozen=True)
 class LiveSensors:
-    """Inertial sensors of files that are played, or of a stream (`stream`, its name). Their mounting and headings are
-    found on a recording that begins with the calibration pose (`settings.imu_pose`), walking behind it where headings
-    are not named.
+    """Inertial sensors of files that are played, or of a stream (`stream`, its name). Their
+    mounting and headings are found on a recording that begins with the calibration pose
+    (`settings.imu_pose`), walking behind it where headings are not named.
     """
 
     settings: ImuFiles
@@ -95,13 +104,18 @@ def run_live_chain(
     limits: LimitOptions | None = None,
     sources: Sources | None = None,
 ) -> LiveSession:
-    """Follow a recording or streams until they end. `limits`: how limits of results are drawn, with errors of the sizes
-    in `sources`; None for no limits; `said`: called with a line for every place where results can be seen.
+    """Follow a recording or streams until they end. `limits`: how limits of results are drawn, with
+    errors of the sizes in `sources`; None for no limits; `said`: called with a line for every place
+    where results can be seen.
     """
     outputs = outputs or LiveOutputs()
     opened = reading.open_model(model)
     reading.has_mass(opened, "live")
-    mounting = sensor_mounting(opened, live_files.settings) if isinstance(live_files, LiveSensors) else None
+    mounting = (
+        sensor_mounting(opened, live_files.settings)
+        if isinstance(live_files, LiveSensors)
+        else None
+    )
     source, read = open_source(opened, live_files)
     chain = LiveChain(opened, source, options, tension, limits, sources, mounting)
     delays = Delays()
@@ -132,11 +146,25 @@ def run_live_chain(
 def sensor_mounting(model: Model, settings: ImuFiles) -> SensorMounting:
     """How sensors are mounted, by the recording of their calibration."""
     if not settings.imu_pose:
-        needed = "a recording that begins with the model's default pose, then walking or --imu-heading"
+        needed = (
+            "a recording that begins with the model's default pose, then walking or --imu-heading"
+        )
         raise BadData(f"live sensors need their calibration, --imu-pose FILE: {needed}")
-    bodies = FrozenMap({name: "" if body.lower() in NONE else body for name, body in settings.imu_bodies.items()})
-    pose, heading = read_inertial(settings.imu_pose), settings.imu_heading
-    return sensor_kinematics(model, SensorRecording(pose, bodies, None, settings.imu_pose_time, heading)).mounting
+    bodies = FrozenMap(
+        {name: "" if body.lower() in NONE else body for name, body in settings.imu_bodies.items()}
+    )
+    pose = read_inertial(settings.imu_pose)
+    heading = settings.imu_heading
+    return sensor_kinematics(
+        model,
+        SensorRecording(
+            sensors=pose,
+            bodies=bodies,
+            pose=None,
+            pose_time=settings.imu_pose_time,
+            headings=heading,
+        ),
+    ).mounting
 
 
 def _played_sensors(model: Model, live: LiveSensors) -> tuple[Source, tuple[Input, ...]]:
@@ -144,7 +172,10 @@ def _played_sensors(model: Model, live: LiveSensors) -> tuple[Source, tuple[Inpu
     files = live.settings.imu
     recorded = read_inertial(files)
     if recorded.orientations is None and recorded.magnetic_fields is None:
-        missing = "neither orientations nor magnetic fields: headings would not be those of the calibration"
+        missing = (
+            "neither orientations nor magnetic fields: headings would not be those of the"
+            " calibration"
+        )
         raise BadData(f"{recorded.source}: holds {missing}")
     still = Motion(recorded.time[:1], (), np.zeros((1, 0)))
     wrenches = None if live.loads is None else read_forces_of(model, live.loads, still)
@@ -153,7 +184,9 @@ def _played_sensors(model: Model, live: LiveSensors) -> tuple[Source, tuple[Inpu
     return Replay(with_orientations(recorded, causal=True), wrenches, live.speed), tuple(named)
 
 
-def open_source(model: Model, live_files: LiveFiles | LiveStreams | LiveSensors) -> tuple[Source, tuple[Input, ...]]:
+def open_source(
+    model: Model, live_files: LiveFiles | LiveStreams | LiveSensors
+) -> tuple[Source, tuple[Input, ...]]:
     """Frames to come, and what provenance says of them."""
     if isinstance(live_files, LiveSensors):
         if not live_files.stream:
@@ -168,17 +201,22 @@ def open_source(model: Model, live_files: LiveFiles | LiveStreams | LiveSensors)
         streams = LabStreams(live_files.markers, live_files.forces, turn=turn)
         names = [name for name in (live_files.markers, live_files.forces) if name]
         return streams, tuple(value_source("stream", name, name) for name in names)
-    series, wrenches = open_recording(model, live_files.markers, live_files.loads, labels=live_files.labels)
+    series, wrenches = open_recording(
+        model, live_files.markers, live_files.loads, labels=live_files.labels
+    )
     inputs = [file_source("markers", live_files.markers)]
     if live_files.loads:
         inputs.append(file_source("loads", live_files.loads))
     if live_files.labels:
-        inputs.append(value_source("markers", "labels of markers", sorted(live_files.labels.items())))
+        inputs.append(
+            value_source("markers", "labels of markers", sorted(live_files.labels.items()))
+        )
     return Replay(series, wrenches, live_files.speed), tuple(inputs)
 
 
 STEP = "live"
-MUSCLES = {"activations": "activations", "forces": "muscle_forces"}  # Tables of muscles, and their files.
+# Tables of muscles, and their files.
+MUSCLES = {"activations": "activations", "forces": "muscle_forces"}
 UNITS = {"coordinates": "rad or m", "torques": "N m or N", "activations": "1", "forces": "N"}
 BLOCK = 256  # Frames that are written at once.
 
@@ -187,14 +225,27 @@ class LiveRecord:
     """Keeps every frame in a folder while the session runs, and writes the results at its end."""
 
     def __init__(self, chain: LiveChain, folder: Path):
-        self._chain, self._folder = chain, folder
+        self._chain = chain
+        self._folder = folder
         model = chain.model
-        n, muscles = len(model.coordinates), len(model.muscles)
+        n = len(model.coordinates)
+        muscles = len(model.muscles)
         widths = {
-            "time": 1, "coordinates": n, "velocities": n, "torques": n, "activations": muscles, "forces": muscles,
-            "reserves": len(chain.actuators), "balanced": len(chain.tension.rows), "wrenches": 6 * len(chain.bodies),
-            "residual": 1, "status": 1, "error": 1, "seen": 1, "remaining": 1,
-        }  # fmt: skip
+            "time": 1,
+            "coordinates": n,
+            "velocities": n,
+            "torques": n,
+            "activations": muscles,
+            "forces": muscles,
+            "reserves": len(chain.actuators),
+            "balanced": len(chain.tension.rows),
+            "wrenches": 6 * len(chain.bodies),
+            "residual": 1,
+            "status": 1,
+            "error": 1,
+            "seen": 1,
+            "remaining": 1,
+        }
         if chain.limits is not None:
             widths |= {f"{name}_limits": 3 * widths[name] for name in TABLES}
         ends = np.cumsum([0, *widths.values()])
@@ -207,18 +258,35 @@ class LiveRecord:
     def __enter__(self) -> LiveRecord:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
         self.close()
         self._path.unlink(missing_ok=True)
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Keep one frame."""
-        row, shared = self._rows[self._filled], frame.tension
+        row = self._rows[self._filled]
+        shared = frame.tension
         values = (
-            frame.time, frame.coordinates, frame.velocities, frame.torques, shared.activations, shared.forces,
-            shared.reserves, shared.balanced, frame.wrenches.ravel(), shared.equilibrium_residual, shared.status,
-            frame.error, frame.seen, frame.owed,
-        )  # fmt: skip
+            frame.time,
+            frame.coordinates,
+            frame.velocities,
+            frame.torques,
+            shared.activations,
+            shared.forces,
+            shared.reserves,
+            shared.balanced,
+            frame.wrenches.ravel(),
+            shared.equilibrium_residual,
+            shared.status,
+            frame.error,
+            frame.seen,
+            frame.owed,
+        )
         for part, value in zip(self._part.values(), values, strict=False):
             row[part] = value
         if self._chain.limits is not None:
@@ -239,7 +307,9 @@ class LiveRecord:
             self._flush()
             self._file.close()
 
-    def write(self, session: LiveSession, sources: Iterable[Input], tension: TensionOptions | None) -> None:
+    def write(
+        self, session: LiveSession, sources: Iterable[Input], tension: TensionOptions | None
+    ) -> None:
         """Write tables, `live.nc`, `delays.csv` and `session.json`."""
         self.close()
         rows = np.fromfile(self._path, dtype=np.float64).reshape(-1, self._rows.shape[1])
@@ -250,37 +320,65 @@ class LiveRecord:
             self._write_results(session, rows[known], sources, tension or TensionOptions())
 
     def _write_delays(self, session: LiveSession, rows: Array) -> None:
-        delays, markers = session.delays, rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
+        delays = session.delays
+        markers = rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
         head = "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,remaining_jump"
         lines = (
             f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
             f"{1e3 * error:.3f},{remaining:.3g}"
-            for (time, waiting, age, busy, state), (seen, error, remaining) in zip(delays.table, markers, strict=True)
+            for (time, waiting, age, busy, state), (seen, error, remaining) in zip(
+                delays.table, markers, strict=True
+            )
         )
-        (self._folder / "delays.csv").write_text("\n".join([head, *lines, ""]), encoding="utf-8", newline="\n")
+        (self._folder / "delays.csv").write_text(
+            "\n".join([head, *lines, ""]), encoding="utf-8", newline="\n"
+        )
         spread = {}
-        for name, delay in (("from_frame_to_result", delays.end_to_end), ("computation", delays.busy)):
+        for name, delay in (
+            ("from_frame_to_result", delays.end_to_end),
+            ("computation", delays.busy),
+        ):
             times = {"median": delay.median, "percentile_99": delay.late, "worst": delay.worst}
-            rounded = {key: round(1e3 * time, 4) if np.isfinite(time) else None for key, time in times.items()}
+            rounded = {
+                key: round(1e3 * time, 4) if np.isfinite(time) else None
+                for key, time in times.items()
+            }
             spread[f"{name}_ms"] = rounded
         facts = {
-            "frames": len(delays), "dropped": delays.dropped, "seconds": round(session.seconds, 3),
+            "frames": len(delays),
+            "dropped": delays.dropped,
+            "seconds": round(session.seconds, 3),
             "states": {STATES[state]: count for state, count in delays.states().items()},
-            "filter_delay_s": round(session.filter_delay, 6), **spread, "notes": list(session.notes),
-        }  # fmt: skip
-        (self._folder / "session.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+            "filter_delay_s": round(session.filter_delay, 6),
+            **spread,
+            "notes": list(session.notes),
+        }
+        (self._folder / "session.json").write_text(
+            json.dumps(facts, indent=1) + "\n", encoding="utf-8"
+        )
 
     def _write_results(
         self, session: LiveSession, rows: Array, sources: Iterable[Input], options: TensionOptions
     ) -> None:
-        chain, folder, part = self._chain, self._folder, self._part
-        model, time = chain.model, rows[:, 0] - session.filter_delay
-        motion = Motion(time, model.coordinate_names, rows[:, part["coordinates"]], rows[:, part["velocities"]])
+        chain = self._chain
+        folder = self._folder
+        part = self._part
+        model = chain.model
+        time = rows[:, 0] - session.filter_delay
+        motion = Motion(
+            time=time,
+            names=model.coordinate_names,
+            values=rows[:, part["coordinates"]],
+            velocities=rows[:, part["velocities"]],
+        )
         torques = Series(time, model.coordinate_names, rows[:, part["torques"]])
         tension = self._tension(time, rows, options)
         write_sto(table_from_motion(motion, model), folder / "coordinates.mot")
         write_sto(torque_table(torques, model), folder / "torques.sto")
-        for name, values in (("activations", tension.activations), ("muscle_forces", tension.forces)):
+        for name, values in (
+            ("activations", tension.activations),
+            ("muscle_forces", tension.forces),
+        ):
             facts = FrozenMap({"name": name.replace("_", " ")})
             write_sto(Table(time, tension.muscles, values, facts=facts), folder / f"{name}.sto")
         with new_result(folder / f"{STEP}{STORED}", STEP) as writer:
@@ -289,17 +387,24 @@ class LiveRecord:
             store.put_derivatives(writer, motion, model)
             store.put_torques(writer, torques, self._wrenches(time, rows))
             acts = {actuator.name: actuator.coordinate for actuator in model.actuators}
-            store.put_tension(writer, tension, tuple(acts.get(name, "") for name in tension.reserve_names))
+            store.put_tension(
+                writer, tension, tuple(acts.get(name, "") for name in tension.reserve_names)
+            )
             writer.fact("trial", STEP)
             if chain.limits is not None:
                 put_uncertainty(writer, self._limits(time, rows), UNITS)
 
     def _limits(self, time: Array, rows: Array) -> Uncertainty:
         """Limits of all tables, written beside them."""
-        drawn, spreads = self._chain.limits, dict[str, Spread]()
+        drawn = self._chain.limits
+        spreads = dict[str, Spread]()
         assert drawn is not None
         for name in TABLES:
-            names = self._chain.tension.muscles if name in MUSCLES else self._chain.model.coordinate_names
+            names = (
+                self._chain.tension.muscles
+                if name in MUSCLES
+                else self._chain.model.coordinate_names
+            )
             parts = rows[:, self._part[f"{name}_limits"]].reshape(len(rows), 3, len(names))
             spreads[name] = Spread(time, names, *(np.array(parts[:, index]) for index in range(3)))
             for end, values in (("low", parts[:, 0]), ("high", parts[:, 1])):
@@ -316,12 +421,25 @@ class LiveRecord:
         write_sto(table, self._folder / f"{MUSCLES.get(name, name)}_{end}{ending}")
 
     def _tension(self, time: Array, rows: Array, options: TensionOptions) -> Tension:
-        solver, kept = self._chain.tension, {name: np.array(rows[:, part]) for name, part in self._part.items()}
+        solver = self._chain.tension
+        kept = {name: np.array(rows[:, part]) for name, part in self._part.items()}
         return Tension(
-            np.array(time), solver.muscles, kept["activations"], kept["forces"], solver.actuators, kept["reserves"],
-            solver.rows, kept["balanced"], kept["residual"][:, 0], kept["status"][:, 0].astype(np.int8),
-            np.zeros(len(rows), np.int64), np.array(solver.lower), np.array(solver.upper), (), options,
-        )  # fmt: skip
+            time=np.array(time),
+            muscles=solver.muscles,
+            activations=kept["activations"],
+            forces=kept["forces"],
+            reserve_names=solver.actuators,
+            reserves=kept["reserves"],
+            coordinates=solver.rows,
+            torques=kept["balanced"],
+            equilibrium_residual=kept["residual"][:, 0],
+            status=kept["status"][:, 0].astype(np.int8),
+            iterations=np.zeros(len(rows), np.int64),
+            lower=np.array(solver.lower),
+            upper=np.array(solver.upper),
+            overstretched=(),
+            options=options,
+        )
 
     def _wrenches(self, time: Array, rows: Array) -> Wrenches | None:
         """External forces where they meet the floor."""
@@ -329,8 +447,19 @@ class LiveRecord:
         if not bodies:
             return None
         each = rows[:, self._part["wrenches"]].reshape(len(rows), len(bodies), 6)
-        moments, forces, up = each[..., :3], each[..., 3:], self._chain.feet.up
+        moments = each[..., :3]
+        forces = each[..., 3:]
+        up = self._chain.feet.up
         lift = forces @ up
         acts = np.abs(lift) > 1.0
-        points = np.where(acts[..., None], np.cross(up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0)
-        return Wrenches(time, bodies, bodies, forces, points, moments - np.cross(points, forces))
+        points = np.where(
+            acts[..., None], np.cross(up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0
+        )
+        return Wrenches(
+            time=time,
+            names=bodies,
+            bodies=bodies,
+            forces=forces,
+            points=points,
+            torques=moments - np.cross(points, forces),
+        )

@@ -28,11 +28,12 @@ CHUNK = 0.05  # Time that a recording played as fast as it goes gives at once [s
 class Arrived:
     """What came since the last look."""
 
-    # motion_time, motion: (frames,) [s] and (frames, coordinates), (frames, markers, 3) [m] or (frames, sensors, 4)
+    # motion_time, motion: (frames,) [s] and (frames, coordinates), (frames, markers, 3) [m] or
+    # (frames, sensors, 4)
     motion_time: Array
     motion: Array
-    # force_time, forces: (samples,) [s] and (samples, plates, 6) moment about the ground's origin and force of each
-    # plate [N m], [N]
+    # force_time, forces: (samples,) [s] and (samples, plates, 6) moment about the ground's origin
+    # and force of each plate [N m], [N]
     force_time: Array
     forces: Array
 
@@ -66,7 +67,9 @@ class Source(Protocol):
 
 
 class Replay:
-    """A recording and external forces in ground that are played, at `speed` times real time, 0 as fast as it goes."""
+    """A recording and external forces in ground that are played, at `speed` times real time, 0 as
+    fast as it goes.
+    """
 
     def __init__(
         self,
@@ -76,18 +79,27 @@ class Replay:
         now: Callable[[], float] = clock.perf_counter,
     ):
         if not (speed >= 0.0 and np.isfinite(speed)):
-            raise BadData(f"speed {speed:g}: expected 1 for real time, more for faster, 0 for as fast as it goes")
+            raise BadData(
+                f"speed {speed:g}: expected 1 for real time, more for faster, 0 for as fast as it"
+                " goes"
+            )
         if len(motion) < 2 or (wrenches is not None and len(wrenches) < 2):
             samples = "" if wrenches is None else f" and {len(wrenches)} samples of force"
             raise BadData(f"{len(motion)} frames{samples} cannot be played: two are needed")
-        self.names, self.markers, self.rate = motion.names, isinstance(motion, Markers), motion.rate
+        self.names = motion.names
+        self.markers = isinstance(motion, Markers)
+        self.rate = motion.rate
         values = motion.orientations if isinstance(motion, InertialSensors) else motion.values
         assert values is not None
-        self.played, self._time, self._motion = motion, motion.time, values
-        first, last = float(motion.time[0]), float(motion.time[-1])
+        self.played = motion
+        self._time = motion.time
+        self._motion = values
+        first = float(motion.time[0])
+        last = float(motion.time[-1])
         self._take_forces(wrenches, first, last)
         self.duration: float | None = last - first
-        self.speed, self._now = speed, now
+        self.speed = speed
+        self._now = now
         self._began: float | None = None
         self._frame = 0
         # Forces begin a little earlier, so that their filter is filled when the motion's is.
@@ -96,7 +108,9 @@ class Replay:
     def _take_forces(self, wrenches: Wrenches | None, first: float, last: float) -> None:
         self.plates: tuple[str, ...] = ()
         self.bodies: tuple[str, ...] = ()
-        self.force_rate, self._force_time, self._forces = 0.0, np.zeros(0), np.zeros((0, 0, 6))
+        self.force_rate = 0.0
+        self._force_time = np.zeros(0)
+        self._forces = np.zeros((0, 0, 6))
         if wrenches is None:
             return
         if wrenches.time[0] > last or wrenches.time[-1] < first:
@@ -107,7 +121,10 @@ class Replay:
         self.bodies = tuple(wrenches.bodies[i] for i in outside)
         self.force_rate = Series(wrenches.time, (), np.zeros((len(wrenches), 0))).rate
         self._force_time = wrenches.time
-        parts = (values[:, outside, None] for values in (wrenches.forces, wrenches.points, wrenches.torques))
+        parts = (
+            values[:, outside, None]
+            for values in (wrenches.forces, wrenches.points, wrenches.torques)
+        )
         self._forces = total_wrench(*parts)
 
     @property
@@ -128,7 +145,12 @@ class Replay:
         self._frame, self._sample = max(frames.stop, self._frame), max(samples.stop, self._sample)
         if self.done:
             samples = slice(samples.start, len(self._force_time))
-        return Arrived(self._time[frames], self._motion[frames], self._force_time[samples], self._forces[samples])
+        return Arrived(
+            motion_time=self._time[frames],
+            motion=self._motion[frames],
+            force_time=self._force_time[samples],
+            forces=self._forces[samples],
+        )
 
     def wait(self, most: float) -> None:
         """Sleep until the time of the next frame."""
@@ -156,9 +178,9 @@ def open_recording(
     time: tuple[float, float] | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> LiveRecording:
-    """Files to play: markers (.trc, .c3d) or coordinates (.mot, .sto), and an external loads file, or a table of
-    plates; None for the plates of a C3D file, or for no forces. `labels`: what the model calls markers that the
-    recording calls otherwise, "" for those to leave out.
+    """Files to play: markers (.trc, .c3d) or coordinates (.mot, .sto), and an external loads file,
+    or a table of plates; None for the plates of a C3D file, or for no forces. `labels`: what the
+    model calls markers that the recording calls otherwise, "" for those to leave out.
     """
     series: Markers | Motion
     wrenches: Wrenches | None = None
@@ -166,7 +188,9 @@ def open_recording(
         series = posed = reading.read_motion(motion, model)
     else:
         reading.check_labels(labels or {}, model)
-        trial = reading.fitted_to(model, reading.with_labels(reading.read_recording(motion), labels or {}))
+        trial = reading.fitted_to(
+            model, reading.with_labels(reading.read_recording(motion), labels or {})
+        )
         assert trial.markers is not None
         series = trial.markers
         posed = Motion(series.time[:1], (), np.zeros((1, 0)))
@@ -179,5 +203,7 @@ def open_recording(
 
 
 def read_forces_of(model: Model, loads: Path, posed: Motion) -> Wrenches:
-    """The forces of a table of plates or of external loads; `posed` moves bodies in whose frames these are."""
+    """The forces of a table of plates or of external loads; `posed` moves bodies in whose frames
+    these are.
+    """
     return force_table(loads) if loads.suffix.lower() in TABLES else read_loads(loads, model, posed)

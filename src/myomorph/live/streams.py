@@ -1,4 +1,6 @@
-"""Streams of the Lab Streaming Layer: what comes in, what its channels mean, and results that go out."""
+"""Streams of the Lab Streaming Layer: what comes in, what its channels mean, and results that go
+out.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +20,29 @@ from myomorph.model.errors import BadData, MyomorphError, UnknownName
 _AXIS = re.compile(r"^(.*?)[ _.:-]?([wxyz])$", re.IGNORECASE)
 _FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)
 _UNITS: Mapping[str, float] = {
-    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
-    "mm": 1e-3, "millimeter": 1e-3, "millimeters": 1e-3, "millimetre": 1e-3, "millimetres": 1e-3,
-    "cm": 1e-2, "centimeter": 1e-2, "centimeters": 1e-2,
-}  # fmt: skip
+    "m": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "metre": 1.0,
+    "metres": 1.0,
+    "": 1.0,
+    "mm": 1e-3,
+    "millimeter": 1e-3,
+    "millimeters": 1e-3,
+    "millimetre": 1e-3,
+    "millimetres": 1e-3,
+    "cm": 1e-2,
+    "centimeter": 1e-2,
+    "centimeters": 1e-2,
+}
 
 
 def marker_channels(
     labels: Sequence[str], units: Sequence[str], axes: str = "xyz"
 ) -> tuple[tuple[str, ...], np.ndarray, float]:
-    """Names of markers, (markers, 3) channels, the factor to metres; of sensors, with axes wxyz, the same."""
+    """Names of markers, (markers, 3) channels, the factor to metres; of sensors, with axes wxyz,
+    the same.
+    """
     kind = "markers" if axes == "xyz" else "sensors"
     channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
@@ -35,41 +50,54 @@ def marker_channels(
         if match and match[1]:
             channels.setdefault(match[1], {})[match[2].lower()] = i
     if not channels:
-        expected, has = ", ".join(f"NAME_{axis}" for axis in axes), ", ".join(labels[:6]) or "without labels"
+        expected = ", ".join(f"NAME_{axis}" for axis in axes)
+        has = ", ".join(labels[:6]) or "without labels"
         raise BadData(f"the {kind}' stream has channels {has}: expected {expected} for each")
     for name, axis_channels in channels.items():
         if set(axis_channels) != set(axes):
             has = ", ".join(sorted(axis_channels))
-            raise BadData(f"'{name}' of the {kind}' stream has only {has}: expected {', '.join(axes)}")
+            raise BadData(
+                f"'{name}' of the {kind}' stream has only {has}: expected {', '.join(axes)}"
+            )
     columns = np.array([[of_axis[axis] for axis in axes] for of_axis in channels.values()])
     if kind == "sensors":
         return tuple(channels), columns, 1.0
     used = {units[i].strip().lower() for i in columns.ravel()}
     if len(used) != 1 or not used <= set(_UNITS):
-        raise BadData(f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm")
+        raise BadData(
+            f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm"
+        )
     return tuple(channels), columns, _UNITS[used.pop()]
 
 
-def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of plates, and a function from samples (samples, channels) to their wrenches (samples, plates, 6). Wrenches
-    are moments about the ground's origin [N m] and forces [N].
+def force_channels(
+    labels: Sequence[str], units: Sequence[str]
+) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of plates, and a function from samples (samples, channels) to their wrenches (samples,
+    plates, 6). Wrenches are moments about the ground's origin [N m] and forces [N].
     """
     plate_channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
         match = _FORCE.match(label)
         if match:
             plate_channels.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
-    wanted = {"fpt": {a + b for a in "fpt" for b in "xyz"}, "fm": {a + b for a in "fm" for b in "xyz"}}
+    wanted = {
+        "fpt": {a + b for a in "fpt" for b in "xyz"},
+        "fm": {a + b for a in "fm" for b in "xyz"},
+    }
     plates: list[tuple[str, np.ndarray, float]] = []
     for name, channels in plate_channels.items():
         kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
         if not kind:
-            has, expected = ", ".join(sorted(channels)), "Fx..Fz, Px..Pz, Tx..Tz, or Fx..Fz, Mx..Mz"
+            has = ", ".join(sorted(channels))
+            expected = "Fx..Fz, Px..Pz, Tx..Tz, or Fx..Fz, Mx..Mz"
             raise BadData(f"plate '{name}' of the forces' stream has {has}: expected {expected}")
         unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
         if unit not in _UNITS:
             raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
-        plates.append((kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit]))
+        plates.append(
+            (kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit])
+        )
     if not plates:
         has = ", ".join(labels[:6]) or "without labels"
         raise BadData(f"the forces' stream has channels {has}: expected NAME_Fx ... NAME_Tz")
@@ -81,7 +109,9 @@ def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[s
             if kind == "fm":
                 result[:, plate] = np.concatenate([parts[:, 1], parts[:, 0]], axis=1)
             else:
-                result[:, plate] = total_wrench(parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2])
+                result[:, plate] = total_wrench(
+                    parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2]
+                )
         return result
 
     return tuple(plate_channels), each
@@ -95,13 +125,15 @@ RATE_ERROR = 0.2  # Share by which a stream's samples may come faster or slower 
 class LabStreams:
     """Markers and forces that other programs send over the Lab Streaming Layer.
 
-    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . : -` or a space before
-    the axis), in the unit that the channels name (m where none), NaN while hidden. The forces' stream has either nine
-    channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of application [m]), NAME_Tx Ty Tz
-    (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz (moment about the laboratory's origin [N m]).
-    Both are in the model's ground axes. `turn`: (3, 3) rows are the ground's axes in the laboratory; `library`:
-    `pylsl`, or something that behaves like it; `orientations`: the stream is of inertial sensors, four channels each,
-    NAME_w, NAME_x, NAME_y, NAME_z, quaternions to an earth whose z axis points up.
+    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . :
+        -` or a space before
+    the axis), in the unit that the channels name (m where none), NaN while hidden. The forces'
+    stream has either nine channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz
+    (point of application [m]), NAME_Tx Ty Tz (free torque about it [N m]), or six, NAME_Fx Fy Fz
+    and NAME_Mx My Mz (moment about the laboratory's origin [N m]). Both are in the model's ground
+    axes. `turn`: (3, 3) rows are the ground's axes in the laboratory; `library`: `pylsl`, or
+    something that behaves like it; `orientations`: the stream is of inertial sensors, four channels
+    each, NAME_w, NAME_x, NAME_y, NAME_z, quaternions to an earth whose z axis points up.
     """
 
     duration: float | None = None
@@ -120,7 +152,8 @@ class LabStreams:
         self._lsl = lsl = library or streaming_library()
         self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
         self._markers = _Stream(lsl, markers, "sensors" if orientations else "markers", wait)
-        (labels, units), axes = self._markers.channels, "wxyz" if orientations else "xyz"
+        (labels, units) = self._markers.channels
+        axes = "wxyz" if orientations else "xyz"
         self.names, self._columns, self._scale = marker_channels(labels, units, axes)
         self.rate = self._markers.rate
         self._forces: _Stream | None = None
@@ -140,7 +173,8 @@ class LabStreams:
 
     def take(self) -> Arrived:
         """Everything that came since the last call."""
-        force_time, wrenches = np.zeros(0), np.zeros((0, len(self.plates), 6))
+        force_time = np.zeros(0)
+        wrenches = np.zeros((0, len(self.plates), 6))
         if self._forces is not None:
             force_time, samples = self._forces.pulled()
             if len(samples):
@@ -148,11 +182,17 @@ class LabStreams:
         time, rows = self._markers.pulled()
         if len(time) or self._last is None:
             self._last = clock.monotonic()
-        positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, *self._columns.shape))
+        positions = (
+            rows[:, self._columns] * self._scale
+            if len(rows)
+            else np.zeros((0, *self._columns.shape))
+        )
         if self._turn is not None:
             positions = positions @ self._turn.T
-            wrenches = np.concatenate([wrenches[..., :3] @ self._turn.T, wrenches[..., 3:] @ self._turn.T], axis=-1)
-        return Arrived(time, positions, force_time, wrenches)
+            wrenches = np.concatenate(
+                [wrenches[..., :3] @ self._turn.T, wrenches[..., 3:] @ self._turn.T], axis=-1
+            )
+        return Arrived(motion_time=time, motion=positions, force_time=force_time, forces=wrenches)
 
     def wait(self, most: float) -> None:
         """Sleep until the markers' stream sends."""
@@ -186,23 +226,31 @@ class _Stream:
         try:
             self._inlet = lsl.StreamInlet(streams[0], processing_flags=flags)
             info = self._inlet.info(wait)
-            # What the first sample would wait for: the connection, and a first look at the sender's clock.
+            # What the first sample would wait for: the connection, and a first look at the sender's
+            # clock.
             self._inlet.open_stream(wait)
             self._inlet.time_correction(wait)
         except RuntimeError as error:
             cause = str(error) or type(error).__name__
-            raise BadData(f"stream '{name}' is announced but does not answer ({cause}): restart its sender") from None
-        self.name, self.rate = name, float(info.nominal_srate())
+            raise BadData(
+                f"stream '{name}' is announced but does not answer ({cause}): restart its sender"
+            ) from None
+        self.name = name
+        self.rate = float(info.nominal_srate())
         if self.rate <= 0.0:
-            raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
-        labels, units = list[str](), list[str]()
+            raise BadData(
+                f"stream '{name}' has no rate: its sender must name one (samples per second)"
+            )
+        labels = list[str]()
+        units = list[str]()
         channel = info.desc().child("channels").child("channel")
         for _ in range(info.channel_count()):
             labels.append(channel.child_value("label"))
             units.append(channel.child_value("unit"))
             channel = channel.next_sibling("channel")
         self.channels = labels, units
-        self._first, self._count = float("nan"), 0
+        self._first = float("nan")
+        self._count = 0
         self._early: tuple[list[float], float] | None = None
 
     def wait(self, most: float) -> None:
@@ -216,7 +264,8 @@ class _Stream:
         """Times (samples,) [s] and samples (samples, channels) since the last call."""
         samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
         if self._early is not None:
-            samples, times = [self._early[0], *samples], [self._early[1], *times]
+            samples = [self._early[0], *samples]
+            times = [self._early[1], *times]
             self._early = None
         if self._count == 0 and times:
             self._first = times[0]
@@ -224,34 +273,49 @@ class _Stream:
         span = times[-1] - self._first if times else 0.0
         if span > 1.0 and abs((self._count - 1) / span / self.rate - 1.0) > RATE_ERROR:
             rates = f"{self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}"
-            raise BadData(f"stream '{self.name}' says {rates}: correct the rate that its sender names")
+            raise BadData(
+                f"stream '{self.name}' says {rates}: correct the rate that its sender names"
+            )
         return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
 
 
 class LabOutlet:
     """One stream of three groups of channels: coordinates, torques, activations.
 
-    A row is of one instant, which its time stamp names: the frame's own less the filter's delay. Channels are labelled
-    by the names of coordinates, the same with `_moment` or `_force`, and the names of muscles, and have units. What is
-    unknown is NaN. Of a stream, time stamps are those of its sender on this machine's clock; of a recording that is
-    played, those at which its frames were due. With limits, all channels come twice more, as `..._low` and `..._high`.
+    A row is of one instant, which its time stamp names: the frame's own less the filter's delay.
+    Channels are labelled by the names of coordinates, the same with `_moment` or `_force`, and the
+    names of muscles, and have units. What is unknown is NaN. Of a stream, time stamps are those of
+    its sender on this machine's clock; of a recording that is played, those at which its frames
+    were due. With limits, all channels come twice more, as `..._low` and `..._high`.
     """
 
     def __init__(self, name: str, chain: LiveChain, source: Source, library: Any = None):
         self._lsl = lsl = library or streaming_library()
         self._delay = chain.filter.delay
         model = chain.model
-        turns = {coordinate.name: coordinate.motion == "rotational" for coordinate in model.coordinates}
+        turns = {
+            coordinate.name: coordinate.motion == "rotational" for coordinate in model.coordinates
+        }
         channels = [(label, "rad" if turn else "m", "Angle") for label, turn in turns.items()]
         torques = {True: ("moment", "N m"), False: ("force", "N")}
-        channels += [(f"{label}_{torques[turn][0]}", torques[turn][1], "Torque") for label, turn in turns.items()]
+        channels += [
+            (f"{label}_{torques[turn][0]}", torques[turn][1], "Torque")
+            for label, turn in turns.items()
+        ]
         channels += [(muscle, "1", "Activation") for muscle in chain.tension.muscles]
-        self._results, self._limited = len(channels), chain.limits is not None
+        self._results = len(channels)
+        self._limited = chain.limits is not None
         if self._limited:
             results = tuple(channels)
-            channels += [(f"{name}_{end}", unit, kind) for end in ("low", "high") for name, unit, kind in results]
+            channels += [
+                (f"{name}_{end}", unit, kind)
+                for end in ("low", "high")
+                for name, unit, kind in results
+            ]
         try:
-            info = lsl.StreamInfo(name, "Biomechanics", len(channels), source.rate, "double64", f"myomorph-{name}")
+            info = lsl.StreamInfo(
+                name, "Biomechanics", len(channels), source.rate, "double64", f"myomorph-{name}"
+            )
             described = info.desc().append_child("channels")
             for label, unit, kind in channels:
                 channel = described.append_child("channel")
@@ -261,7 +325,8 @@ class LabOutlet:
             self._outlet = lsl.StreamOutlet(info)
         except RuntimeError as error:
             raise MyomorphError(f"stream '{name}' cannot be sent: {error}") from None
-        self._source, self._row = source, np.empty(len(channels))
+        self._source = source
+        self._row = np.empty(len(channels))
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Send one frame."""

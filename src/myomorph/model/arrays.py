@@ -24,7 +24,8 @@ _Value = TypeVar("_Value")
 
 def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str) -> Array:
     """`values` as a contiguous float64 array, copied only where it has to be.
-    `shape`: wanted size of each dimension; a word, e.g. "frames", stands for any size; `name`: for the message.
+    `shape`: wanted size of each dimension; a word, e.g. "frames", stands for any size; `name`: for
+    the message.
     """
     array = np.ascontiguousarray(values, dtype=np.float64)
     fits = np.ndim(values) == len(shape) and all(
@@ -39,7 +40,8 @@ def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str) ->
 def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
     """Read-only float64 copy of `values`, checked against `shape` (-1 matches anything)."""
     array = np.array(values, dtype=np.float64)
-    # Most often the shape is the one wanted, to the letter: thousands of small transforms are made for every model.
+    # Most often the shape is the one wanted, to the letter: thousands of small transforms are made
+    # for every model.
     if (
         shape is not None
         and array.shape != shape
@@ -54,7 +56,9 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Arr
 
 
 def freeze(value: object, **shapes: tuple[int, ...] | None) -> None:
-    """Fields of a frozen value as read-only arrays of some shape, in its `__post_init__`; what is None stays so."""
+    """Fields of a frozen value as read-only arrays of some shape, in its `__post_init__`; what is
+    None stays so.
+    """
     for name, shape in shapes.items():
         field = getattr(value, name)
         if field is not None:
@@ -78,15 +82,22 @@ def runs(flags: np.ndarray) -> list[tuple[int, int]]:
 
 @dataclass_transform(eq_default=False, frozen_default=True, field_specifiers=(dataclasses.field,))
 def read_only(cls: _Class) -> _Class:
-    """Class decorator: a frozen dataclass, compared by identity, the arrays of whose fields are read-only, too.
+    """Class decorator: a frozen dataclass, compared by identity, the arrays of whose fields are
+    read-only, too.
 
-    What is a dataclass already (`@read_only` above `@dataclass(...)` with other options) stays as it is otherwise.
-    Each array, also in tuples and mappings, becomes a read-only view of itself, without a copy: when an object is made,
-    by `dataclasses.replace`, and when it is unpickled or copied. A class derived from such a one needs the decorator
-    itself. Kernels are compiled anew for read-only arrays: what they take as it is stays without.
+    What is a dataclass already (`@read_only` above `@dataclass(...)` with other options) stays as
+    it is otherwise. Each array, also in tuples and mappings, becomes a read-only view of itself,
+    without a copy: when an object is made, by `dataclasses.replace`, and when it is unpickled or
+    copied. A class derived from such a one needs the decorator itself. Kernels are compiled anew
+    for read-only arrays: what they take as it is stays without.
     """
-    kind: Any = cls if "__dataclass_fields__" in vars(cls) else dataclasses.dataclass(frozen=True, eq=False)(cls)
-    made, restored = kind.__init__, getattr(cls, "__setstate__", None)
+    kind: Any = (
+        cls
+        if "__dataclass_fields__" in vars(cls)
+        else dataclasses.dataclass(frozen=True, eq=False)(cls)
+    )
+    made = kind.__init__
+    restored = getattr(cls, "__setstate__", None)
 
     @wraps(made)
     def initialize(self: Any, *args: Any, **options: Any) -> None:
@@ -97,19 +108,22 @@ def read_only(cls: _Class) -> _Class:
         if restored is not None:
             restored(self, state)
         else:
-            # Without a method of its own, a class with slots is given (what has no slot, what has one).
+            # Without a method of its own, a class with slots is given (what has no slot, what has
+            # one).
             for part in state if isinstance(state, tuple) else (state,):
                 for name, value in (part or {}).items():
                     object.__setattr__(self, name, value)
         _lock(self)
 
-    kind.__init__, kind.__setstate__, kind._arrays_are_read_only = initialize, restore, True
+    kind.__init__ = initialize
+    kind.__setstate__ = restore
+    kind._arrays_are_read_only = True
     return kind
 
 
 def changed(value: _Value, **fields: Any) -> _Value:
-    """`dataclasses.replace` without the checks of the class, where fields are surely right: ten times as fast.
-    `fields`: arrays among them have been made for this alone; they become read-only.
+    """`dataclasses.replace` without the checks of the class, where fields are surely right: ten
+    times as fast. `fields`: arrays among them have been made for this alone; they become read-only.
     """
     made = object.__new__(type(value))
     for field in fields.values():
@@ -121,7 +135,9 @@ def changed(value: _Value, **fields: Any) -> _Value:
 
 @cache
 def _may_hold_arrays(kind: Any) -> tuple[str, ...]:
-    """Fields of a class but for names and plain numbers: of these, what is made for every frame may have hundreds."""
+    """Fields of a class but for names and plain numbers: of these, what is made for every frame may
+    have hundreds.
+    """
     fields: dict[str, Any] = kind.__dataclass_fields__
     return tuple(name for name, field in fields.items() if not PLAIN.fullmatch(str(field.type)))
 
@@ -160,13 +176,21 @@ def _locked_tuple(value: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def _locked_mapping(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
     entries = {key: _locked(item) for key, item in value.items()}
-    return value if all(entry is value[key] for key, entry in entries.items()) else FrozenMap(entries)
+    return (
+        value if all(entry is value[key] for key, entry in entries.items()) else FrozenMap(entries)
+    )
 
 
 @cache
 def _change_of(kind: type) -> Callable[[Any], Any] | None:
-    """What makes values of a type read-only, None for types that hold no arrays of their own: found once a type."""
-    for base, change in ((np.ndarray, _locked_array), (tuple, _locked_tuple), (Mapping, _locked_mapping)):
+    """What makes values of a type read-only, None for types that hold no arrays of their own: found
+    once a type.
+    """
+    for base, change in (
+        (np.ndarray, _locked_array),
+        (tuple, _locked_tuple),
+        (Mapping, _locked_mapping),
+    ):
         if issubclass(kind, base):
             return change
     return None

@@ -1,4 +1,6 @@
-"""Where bodies touch the world or each other: sites, what holds them there, and the forces that pass."""
+"""Where bodies touch the world or each other: sites, what holds them there, and the forces that
+pass.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
 
 CONTACT_LAWS: dict[str, str | type[Cone]] = {"pyramid": "myomorph.model.contacts:Cone"}
-"""Contact laws by the name that contact files and results give them: a subclass of `Cone`, or its module and name."""
+"""Contact laws by the name that contact files and results give them: a subclass of `Cone`, or its
+module and name.
+"""
 
 
 class Generators(NamedTuple):
@@ -23,9 +27,11 @@ class Generators(NamedTuple):
 
     Attributes
     ----------
-    push, turn : (generators, 3) force [1] and moment [m] of one unit, in the axes of the cone's frame
+    push, turn : (generators, 3) force [1] and moment [m] of one unit, in the axes of the cone's
+        frame
     lower : (generators,) least amplitude: 0, or -inf where the opposite is allowed too
-    share : (generators,) cost of amplitude^2; such that the least cost of a force along the direction is its square
+    share : (generators,) cost of amplitude^2; such that the least cost of a force along the
+        direction is its square
     """
 
     push: Array
@@ -38,22 +44,25 @@ class Generators(NamedTuple):
 class Cone:
     """Which forces may act on a body at a site: a contact law.
 
-    Another law is a subclass that replaces `generators`; contact files and results know it by the name that
-    `register_law` gives it.
+    Another law is a subclass that replaces `generators`; contact files and results know it by the
+    name that `register_law` gives it.
 
     Attributes
     ----------
-    takes_preference : whether the cheapest force may have another direction (`ContactTask.preferred`), as of laws
-        whose generators are d + friction t_k with t_k evenly around d
-    direction : (3,) the middle of the cone, the way the body is pushed (made a unit vector), in the axes of
-        `frame`; None where force may act any way, as on a hand that grips
+    takes_preference : whether the cheapest force may have another direction
+        (`ContactTask.preferred`), as of laws whose generators are d + friction t_k with t_k evenly
+        around d
+    direction : (3,) the middle of the cone, the way the body is pushed (made a unit vector), in the
+        axes of `frame`; None where force may act any way, as on a hand that grips
     frame : the ground or a body, whose axes turn with it
-    friction : greatest force across `direction`, as a share of that along it; 0 for a force along it only (a
-        sleeve, a rope), inf for a half-space
+    friction : greatest force across `direction`, as a share of that along it; 0 for a force along
+        it only (a sleeve, a rope), inf for a half-space
     torsion : greatest moment about `direction` at each point, as a share of the force along it [m]
-    grip : lever at which a moment costs what a force does; then the site passes moments about all axes [m]
+    grip : lever at which a moment costs what a force does; then the site passes moments about all
+        axes [m]
     edges : how many edges the linearised cone has, an even number from 4
-    most : greatest force along `direction` over the whole site (along each axis of ground without one) [N]
+    most : greatest force along `direction` over the whole site (along each axis of ground without
+        one) [N]
     """
 
     direction: Array | None = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
@@ -67,25 +76,32 @@ class Cone:
 
     def __post_init__(self) -> None:
         if self.direction is not None:
-            object.__setattr__(self, "direction", unit_vector(self.direction, "direction", "a contact"))
+            object.__setattr__(
+                self, "direction", unit_vector(self.direction, "direction", "a contact")
+            )
         for name in ("friction", "torsion", "grip"):
             if not getattr(self, name) >= 0.0:
                 raise BadData(f"{name} of a contact is {getattr(self, name):g}: expected 0 or more")
         if self.edges < 4 or self.edges % 2:
-            raise BadData(f"a linearised cone of {self.edges} edges: expected an even number from 4")
+            raise BadData(
+                f"a linearised cone of {self.edges} edges: expected an even number from 4"
+            )
         if not self.most > 0.0:
             raise BadData(f"greatest force of a contact is {self.most:g} N: expected above 0")
 
     def generators(self) -> Generators:
         """The generators at one point, without those of the grip.
 
-        A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a half-space, has free
-        tangents; a cone without a direction has three free axes. Torsional friction adds d with a moment of +-torsion
-        about d: friction across and about the direction share what the normal force allows (Howe and Cutkosky 1996,
-        whose ellipsoid this lies inside).
+        A friction pyramid has the generators d + mu t_k; what may slide any way besides, as in a
+        half-space, has free tangents; a cone without a direction has three free axes. Torsional
+        friction adds d with a moment of +-torsion about d: friction across and about the direction
+        share what the normal force allows (Howe and Cutkosky 1996, whose ellipsoid this lies
+        inside).
         """
         if self.direction is None:
-            return Generators(np.eye(3), np.zeros((3, 3)), np.full(3, -np.inf), np.ones(3))
+            return Generators(
+                push=np.eye(3), turn=np.zeros((3, 3)), lower=np.full(3, -np.inf), share=np.ones(3)
+            )
         d = self.direction
         first, second = tangents(d)
         if self.friction == 0.0 or np.isinf(self.friction):
@@ -103,19 +119,23 @@ class Cone:
         turn += [np.zeros(3)] * free
         lower = np.concatenate([np.zeros(along_d), np.full(free, -np.inf)])
         share = np.concatenate([np.full(along_d, float(along_d)), np.ones(free)])
-        return Generators(np.array(push), np.array(turn), lower, share)
+        return Generators(push=np.array(push), turn=np.array(turn), lower=lower, share=share)
 
     def plain(self) -> dict[str, Any]:
-        """The law's name and its parameters as numbers and texts, for files; raises `BadData` where `CONTACT_LAWS`
-        lacks it.
+        """The law's name and its parameters as numbers and texts, for files; raises `BadData` where
+        `CONTACT_LAWS` lacks it.
         """
         place = _place(type(self))
         name = next((name for name, law in CONTACT_LAWS.items() if _place(law) == place), None)
         if name is None:
-            raise BadData(f"contact law {place} is unnamed: `register_law` names it beside {', '.join(CONTACT_LAWS)}")
+            raise BadData(
+                f"contact law {place} is unnamed: `register_law` names it beside"
+                f" {', '.join(CONTACT_LAWS)}"
+            )
         values = {part.name: getattr(self, part.name) for part in fields(self)}
         return {"law": name} | {
-            key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in values.items()
         }
 
 
@@ -146,7 +166,9 @@ def register_law(name: str, law: type[Cone]) -> None:
     """
     known = CONTACT_LAWS.get(name)
     if known is not None and _place(known) != _place(law):
-        raise BadData(f"contact law '{name}' is {_place(known)} already: give {_place(law)} another name")
+        raise BadData(
+            f"contact law '{name}' is {_place(known)} already: give {_place(law)} another name"
+        )
     CONTACT_LAWS[name] = law
 
 
@@ -165,7 +187,9 @@ def _place(law: str | type[Cone]) -> str:
 
 
 def tangents(direction: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a unit vector (3,); the first nearest to the axis that is least along it."""
+    """Two unit vectors across a unit vector (3,); the first nearest to the axis that is least along
+    it.
+    """
     axis = np.eye(3)[int(np.argmin(np.abs(direction)))]
     first = axis - (axis @ direction) * direction
     first /= np.linalg.norm(first)
@@ -180,10 +204,13 @@ class Site:
     ----------
     name : as results call it
     body : name of the body that it is fixed to
-    points : (points, 3) in the body's frame: one for a point, the corners of a patch for a patch [m]
+    points : (points, 3) in the body's frame: one for a point, the corners of a patch for a patch
+        [m]
     cone : directions of the forces that it can carry, with their friction
-    against : what is touched and takes the opposite force at the same place: the ground or another body
-    group : the contact that this site is a part of, as the sole of one foot; its own name where empty
+    against : what is touched and takes the opposite force at the same place: the ground or another
+        body
+    group : the contact that this site is a part of, as the sole of one foot; its own name where
+        empty
     """
 
     name: str
@@ -225,9 +252,14 @@ class Touch:
 
     def __post_init__(self) -> None:
         if not self.start <= self.stop:
-            raise BadData(f"site '{self.site}' touches '{self.surface}' from {self.start:g} to {self.stop:g} s")
+            raise BadData(
+                f"site '{self.site}' touches '{self.surface}' from {self.start:g} to"
+                f" {self.stop:g} s"
+            )
         if not 0.0 <= self.confidence <= 1.0:
-            raise BadData(f"confidence {self.confidence:g} of a contact of '{self.site}': expected 0 to 1")
+            raise BadData(
+                f"confidence {self.confidence:g} of a contact of '{self.site}': expected 0 to 1"
+            )
 
 
 @dataclass(frozen=True)
@@ -246,7 +278,11 @@ class Contacts:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "intervals", tuple(sorted(self.intervals, key=lambda span: (span.start, span.site))))
+        object.__setattr__(
+            self,
+            "intervals",
+            tuple(sorted(self.intervals, key=lambda span: (span.start, span.site))),
+        )
         for interval in self.intervals:
             check_name("contact site", interval.site, self.sites, "the contacts")
 
@@ -266,13 +302,15 @@ class Contacts:
 
 @read_only
 class SharedWrench:
-    """A force that was measured, but for several sites together: what a plate or a load cell carries.
+    """A force that was measured, but for several sites together: what a plate or a load cell
+    carries.
 
     Attributes
     ----------
     name : of the plate
     sites : names of the sites that stand on it
-    forces, moments : (frames, 3) on the bodies, moments about the ground's origin [N], [N m]; NaN where unknown
+    forces, moments : (frames, 3) on the bodies, moments about the ground's origin [N], [N m]; NaN
+        where unknown
     force_sd, moment_sd : how well they are known, a standard deviation of each component [N], [N m]
     """
 
@@ -286,7 +324,9 @@ class SharedWrench:
     def __post_init__(self) -> None:
         freeze(self, forces=(-1, 3), moments=(-1, 3))
         if self.forces.shape != self.moments.shape:
-            raise BadData(f"'{self.name}' has {len(self.forces)} forces and {len(self.moments)} moments")
+            raise BadData(
+                f"'{self.name}' has {len(self.forces)} forces and {len(self.moments)} moments"
+            )
 
 
 @read_only
@@ -298,7 +338,8 @@ class ContactForces:
     sites : those that may carry force
     time : (frames,) [s]
     activations : (frames, sites) how ready each site was to carry force, 0 for no contact
-    forces : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without contact [N]
+    forces : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without
+        contact [N]
     points : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
     torques : (frames, sites, 3) free torque about it [N m]
     """
@@ -311,9 +352,17 @@ class ContactForces:
     torques: Array
 
     def __post_init__(self) -> None:
-        frames, sites = len(self.time), len(self.sites)
+        frames = len(self.time)
+        sites = len(self.sites)
         vectors = (frames, sites, 3)
-        freeze(self, time=(-1,), activations=(frames, sites), forces=vectors, points=vectors, torques=vectors)
+        freeze(
+            self,
+            time=(-1,),
+            activations=(frames, sites),
+            forces=vectors,
+            points=vectors,
+            torques=vectors,
+        )
 
     def __len__(self) -> int:
         return len(self.time)
@@ -330,9 +379,10 @@ class ContactForces:
     def wrenches(self, by: Literal["body", "group", "site"] = "body") -> Wrenches:
         """Forces on the bodies as external loads, sites of one body or group taken together.
 
-        The point of application is the mean of the sites' points by their force along the cone, which on a floor is
-        the center of pressure; what moment is left about it is the free torque. A contact between two bodies gives two
-        loads, the second on `Site.against` with the opposite force.
+        The point of application is the mean of the sites' points by their force along the cone,
+        which on a floor is the center of pressure; what moment is left about it is the free torque.
+        A contact between two bodies gives two loads, the second on `Site.against` with the opposite
+        force.
         """
         parts: dict[tuple[str, str], list[tuple[int, float]]] = {}
         for index, site in enumerate(self.sites):
@@ -348,12 +398,15 @@ class ContactForces:
         labels = [label for label, _ in parts]
         bodies = tuple(body for _, body in parts)
         names = tuple(
-            label if labels.count(label) == 1 else f"{label}_{body}" for label, body in zip(labels, bodies, strict=True)
+            label if labels.count(label) == 1 else f"{label}_{body}"
+            for label, body in zip(labels, bodies, strict=True)
         )
         return Wrenches(self.time, names, bodies, *values)
 
     def _pressed(self, index: int) -> Array:
-        """Force along the cone of a site (frames,); the whole force where its direction is not fixed in ground."""
+        """Force along the cone of a site (frames,); the whole force where its direction is not
+        fixed in ground.
+        """
         cone = self.sites[index].cone
         if cone.direction is None or cone.frame != GROUND:
             return np.linalg.norm(self.forces[:, index], axis=1)
@@ -363,7 +416,8 @@ class ContactForces:
         """Force, point and free torque (frames, 3) of some sites, each with the sign it acts with."""
         chosen = [index for index, _ in members]
         sign = np.array([sign for _, sign in members])[:, None]
-        forces, points = self.forces[:, chosen] * sign, self.points[:, chosen]
+        forces = self.forces[:, chosen] * sign
+        points = self.points[:, chosen]
         torques = self.torques[:, chosen] * sign
         size = np.stack([self._pressed(index) for index in chosen], axis=1)
         share = np.where(size.sum(axis=1, keepdims=True) > 0.0, size, 1.0)

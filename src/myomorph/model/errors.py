@@ -8,10 +8,14 @@ import re
 from collections.abc import Collection, Iterable
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-LONGEST, LAST = 20_000, 2_000  # Characters of a message at most, and how many of them are its end
+LONGEST = 20_000
+LAST = 2_000  # Characters of a message at most, and how many of them are its end
 MAX_NAMES = 5  # Names that a message lists at most
-NEAR, MIN_PART = 0.6, 3
-"""Share of common characters from which two names are alike; characters from which a part of a name is like it."""
+NEAR = 0.6
+MIN_PART = 3
+"""Share of common characters from which two names are alike; characters from which a part of a name
+is like it.
+"""
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
@@ -29,7 +33,10 @@ class UnknownName(MyomorphError, KeyError):
     """A name that the model or the file does not have."""
 
     def __init__(self, kind: str, name: str, existing: Iterable[str], where: str = "the model"):
-        self.kind, self.name, self.existing, self.where = kind, name, tuple(existing), where
+        self.kind = kind
+        self.name = name
+        self.existing = tuple(existing)
+        self.where = where
         super().__init__(kind, name, self.existing, where)
 
     def __str__(self) -> str:
@@ -40,7 +47,9 @@ class BadFile(MyomorphError):
     """A file that cannot be read, with the reason and what to try."""
 
     def __init__(self, path: object, problem: str, hint: str = ""):
-        self.path, self.problem, self.hint = path, problem, hint
+        self.path = path
+        self.problem = problem
+        self.hint = hint
         super().__init__(path, problem, hint)
 
     def __str__(self) -> str:
@@ -59,11 +68,15 @@ class MissingPackage(MyomorphError):
     """A package that one feature alone needs is not installed."""
 
     def __init__(self, package: str, extra: str):
-        self.package, self.extra = package, extra
+        self.package = package
+        self.extra = extra
         super().__init__(package, extra)
 
     def __str__(self) -> str:
-        return f"this needs the package '{self.package}': python -m pip install \"myomorph[{self.extra}]\""
+        return (
+            f"this needs the package '{self.package}': python -m pip install"
+            f' "myomorph[{self.extra}]"'
+        )
 
 
 def check_name(kind: str, name: str, existing: Collection[str], where: str = "the model") -> None:
@@ -90,7 +103,9 @@ def from_extra(extra: str, module: str, package: str = "") -> Any:
 
 
 def one_line(text: str) -> str:
-    """A text for a terminal: control characters as blanks, and of a very long one the beginning and the end."""
+    """A text for a terminal: control characters as blanks, and of a very long one the beginning and
+    the end.
+    """
     text = CONTROL.sub(" ", text)
     if len(text) <= LONGEST:
         return text
@@ -109,16 +124,18 @@ def counted(count: int, noun: str) -> str:
 
 
 def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
-    """Names in quotes, at most so many of them, and how many there are in all where some are left out."""
+    """Names in quotes, at most so many of them, and how many there are in all where some are left
+    out.
+    """
     names = tuple(dict.fromkeys(names))
     text = ", ".join(f"'{name}'" for name in names[:most])
     return text + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
 def nearest(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> tuple[str, ...]:
-    """Names that are spelt like `name`, nearest first; capitals and what joins words (`-`, `_`, a blank) do not count.
-    Two names are alike by the share of characters that they have in common in the same order
-    (`difflib.SequenceMatcher`), or where one is a part of the other.
+    """Names that are spelt like `name`, nearest first; capitals and what joins words (`-`, `_`, a
+    blank) do not count. Two names are alike by the share of characters that they have in common in
+    the same order (`difflib.SequenceMatcher`), or where one is a part of the other.
     """
     plain = _plain(name)
     if not plain:
@@ -138,7 +155,9 @@ def nearest(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> tuple[
 
 
 def listing(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> str:
-    """Names that exist: those nearest to `name`, else the first ones; and their number where some are left out."""
+    """Names that exist: those nearest to `name`, else the first ones; and their number where some
+    are left out.
+    """
     existing = tuple(dict.fromkeys(existing))
     near = nearest(name, existing, most)
     if len(existing) <= most:
@@ -149,10 +168,13 @@ def listing(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> str:
 
 def unknown(kind: str, name: str, existing: Iterable[str], where: str = "") -> str:
     """The line that answers an unknown name: the nearest that exist, and how many do.
-    `kind`: of name: marker, body, key, option, file; `existing`: the names that there are; `where`: what has them; ""
-    says "there are".
+    `kind`: of name: marker, body, key, option, file; `existing`: the names that there are; `where`:
+    what has them; "" says "there are".
     """
-    return f"unknown {kind} '{name}': {f'{where} has' if where else 'there are'} {listing(name, existing)}"
+    return (
+        f"unknown {kind} '{name}': {f'{where} has' if where else 'there are'}"
+        f" {listing(name, existing)}"
+    )
 
 
 def _plain(name: str) -> str:

@@ -1,6 +1,7 @@
 """What checks find in a recording, one value each, and how it is put right.
 
-A check is a function from what is checked to findings; `repaired` is the only place where a finding changes anything.
+A check is a function from what is checked to findings; `repaired` is the only place where a finding
+changes anything.
 """
 
 from __future__ import annotations
@@ -59,9 +60,12 @@ class Finding:
         return {name: getattr(self, name) for name in ("kind", "place", "text", "times", "mended")}
 
 
-def repaired(checked: Checked, findings: Iterable[Finding], mend: bool = True) -> tuple[Checked, tuple[Finding, ...]]:
-    """What was checked with all repairs applied one after the other, and the findings as they are reported.
-    `mend`: apply the repairs; else nothing changes, and the findings' texts say what helps.
+def repaired(
+    checked: Checked, findings: Iterable[Finding], mend: bool = True
+) -> tuple[Checked, tuple[Finding, ...]]:
+    """What was checked with all repairs applied one after the other, and the findings as they are
+    reported. `mend`: apply the repairs; else nothing changes, and the findings' texts say what
+    helps.
     """
     reported = []
     for finding in findings:
@@ -69,7 +73,9 @@ def repaired(checked: Checked, findings: Iterable[Finding], mend: bool = True) -
         if repair is not None:
             checked = repair.apply(checked) if mend else checked
             helps = repair.done if mend else repair.advice
-            finding = replace(finding, text=f"{finding.text}: {helps}" if helps else finding.text, mended=mend)
+            finding = replace(
+                finding, text=f"{finding.text}: {helps}" if helps else finding.text, mended=mend
+            )
         reported.append(replace(finding, repair=None))
     return checked, tuple(reported)
 
@@ -81,7 +87,9 @@ def spans_of(time: Array, flags: np.ndarray) -> tuple[Span, ...]:
 
 def times_text(spans: Sequence[Span], most: int = 3) -> str:
     """'at 1.20 s and from 1.50 to 1.62 s'."""
-    parts = [f"at {a:.2f} s" if b - a < 0.005 else f"from {a:.2f} to {b:.2f} s" for a, b in spans[:most]]
+    parts = [
+        f"at {a:.2f} s" if b - a < 0.005 else f"from {a:.2f} to {b:.2f} s" for a, b in spans[:most]
+    ]
     more = f" and in {len(spans) - most} other parts" if len(spans) > most else ""
     return ", ".join(parts) + more
 

@@ -51,7 +51,9 @@ class PiecewisePolynomial:
 
     def raised(self, by: float) -> PiecewisePolynomial:
         """The function f(x) + by."""
-        return replace(self, coefficients=self.coefficients + by * np.eye(1, self.coefficients.shape[1]))
+        return replace(
+            self, coefficients=self.coefficients + by * np.eye(1, self.coefficients.shape[1])
+        )
 
 
 @read_only
@@ -98,7 +100,9 @@ def value_at(function: Function, coordinates: Sequence[str], values: Mapping[str
 
 
 def substituted(coefficients: Array, start: float, slope: float = 1.0) -> Array:
-    """Coefficients of the polynomial p(start + slope x) for those of p(x), as many of them, the constant term first."""
+    """Coefficients of the polynomial p(start + slope x) for those of p(x), as many of them, the
+    constant term first.
+    """
     turned = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([start, slope])).coef
     return np.pad(turned, (0, len(coefficients) - len(turned)))
 
@@ -115,23 +119,27 @@ def linear(slope: float, intercept: float = 0.0) -> PiecewisePolynomial:
 
 def polynomial(coefficients: ArrayLike) -> PiecewisePolynomial:
     """The polynomial sum_j coefficients[j] x^j, the constant term first."""
-    return PiecewisePolynomial(np.zeros(1), np.atleast_2d(np.asarray(coefficients, dtype=np.float64)))
+    return PiecewisePolynomial(
+        np.zeros(1), np.atleast_2d(np.asarray(coefficients, dtype=np.float64))
+    )
 
 
 def piecewise_linear(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
     """Straight lines through the points (x, y), continued with the end slopes."""
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    x = np.asarray(x, dtype=np.float64)
+    y = np.asarray(y, dtype=np.float64)
     slopes = np.diff(y) / np.diff(x)
     return PiecewisePolynomial(x[:-1], np.column_stack([y[:-1], slopes]))
 
 
 def simm_spline(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
     """Cubic spline with OpenSim's `SimmSpline` end conditions, continued by straight lines.
-    The third derivative at each end equals that of the cubic through the four end points (Forsythe, Malcolm and Moler
-    1977); with two points it is a line, with three a parabola-like cubic with equal second derivatives.
-    `x` (points,) strictly ascending abscissae; `y` (points,) ordinates.
+    The third derivative at each end equals that of the cubic through the four end points (Forsythe,
+    Malcolm and Moler 1977); with two points it is a line, with three a parabola-like cubic with
+    equal second derivatives. `x` (points,) strictly ascending abscissae; `y` (points,) ordinates.
     """
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    x = np.asarray(x, dtype=np.float64)
+    y = np.asarray(y, dtype=np.float64)
     n = len(x)
     if n < 2:
         return constant(float(y[0]) if n else 0.0)

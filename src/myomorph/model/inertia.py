@@ -16,11 +16,16 @@ from myomorph.model.spatial import Transform, least_rotation
 
 PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I_zx", "I_xy")
 """Order of a body's parameters, [D] eq. 3.4; the inertia is about the body's origin."""
-_ROWS, _COLUMNS = [0, 1, 2, 1, 2, 0], [0, 1, 2, 2, 0, 1]  # Places of the last six in the inertia, a symmetric matrix
+_ROWS = [0, 1, 2, 1, 2, 0]
+_COLUMNS = [0, 1, 2, 2, 0, 1]  # Places of the last six in the inertia, a symmetric matrix
 EARTH = (0.0, -9.80665, 0.0)
-SLIDES, TURNS = ("tx", "ty", "tz"), ("rx", "ry", "rz")
-WIDEST, COUNTS = 1.0, 0.1
-"""Radius of gyration that no part of a body has [m], and moment of inertia that limbs feel [kg m^2]."""
+SLIDES = ("tx", "ty", "tz")
+TURNS = ("rx", "ry", "rz")
+WIDEST = 1.0
+COUNTS = 0.1
+"""Radius of gyration that no part of a body has [m], and moment of inertia that limbs feel [kg
+m^2].
+"""
 
 
 def inertial_parameters(model: Model) -> Array:
@@ -57,16 +62,24 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
 
 
 def made_up_inertias(bodies: Sequence[Body]) -> tuple[str, ...]:
-    """A warning of bodies whose inertia counts and is that of mass farther away than a body is wide."""
+    """A warning of bodies whose inertia counts and is that of mass farther away than a body is
+    wide.
+    """
     moments = {body: float(np.diag(body.inertia).max()) for body in bodies if body.mass > 0.0}
-    wide = [body for body, moment in moments.items() if moment >= max(WIDEST**2 * body.mass, COUNTS)]
+    wide = [
+        body for body, moment in moments.items() if moment >= max(WIDEST**2 * body.mass, COUNTS)
+    ]
     if not wide:
         return ()
     worst = max(wide, key=lambda body: moments[body] / body.mass)
-    names, away = quoted([body.name for body in wide], 4), np.sqrt(moments[worst] / worst.mass)
+    names = quoted([body.name for body in wide], 4)
+    away = np.sqrt(moments[worst] / worst.mass)
     return (
-        f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg ('{worst.name}'), as of mass "
-        f"{away:.3g} m away: torques about them are of it; correct it in the file",
+        (
+            f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg"
+            f" ('{worst.name}'), as of mass {away:.3g} m away: torques about them are of it;"
+            " correct it in the file"
+        ),
     )
 
 
@@ -74,7 +87,9 @@ def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:
     """The model with other masses, mass centers and inertias."""
     values = np.asarray(parameters, dtype=np.float64)
     if values.shape != (len(model.bodies), 10) or not np.isfinite(values).all():
-        raise BadData(f"expected finite parameters ({len(model.bodies)}, 10), but got shape {values.shape}")
+        raise BadData(
+            f"expected finite parameters ({len(model.bodies)}, 10), but got shape {values.shape}"
+        )
     if (values[:, 0] < 0.0).any():
         worst = int(np.argmin(values[:, 0]))
         raise BadData(f"body '{model.body_names[worst]}' would weigh {values[worst, 0]:.4g} kg")
@@ -98,20 +113,47 @@ def free_object(
     mesh: str = "",
     gravity: ArrayLike = EARTH,
 ) -> Model:
-    """One rigid body that moves freely: coordinates `tx`, `ty`, `tz` of its origin, then `rx`, `ry`, `rz`.
-    `name`: of the body; `mass` [kg]; `size` (3,) of a solid box about the mass center, which gives the inertia where
-    none is given [m]; `inertia` (3, 3), or (3,) its diagonal, about the mass center in the body's axes [kg m^2];
-    `mass_center` (3,) in the body's frame [m]; `markers`: places (3,) in the body's frame by name [m]; `mesh`: file
-    that draws it instead of a box of `size`; `gravity` (3,) in ground [m/s^2].
+    """One rigid body that moves freely: coordinates `tx`, `ty`, `tz` of its origin, then `rx`,
+    `ry`, `rz`. `name`: of the body; `mass` [kg]; `size` (3,) of a solid box about the mass center,
+    which gives the inertia where none is given [m]; `inertia` (3, 3), or (3,) its diagonal, about
+    the mass center in the body's axes [kg m^2]; `mass_center` (3,) in the body's frame [m];
+    `markers`: places (3,) in the body's frame by name [m]; `mesh`: file that draws it instead of a
+    box of `size`; `gravity` (3,) in ground [m/s^2].
     """
     body = _body(name, mass, size, inertia, mass_center, mesh)
-    axes = [Axis("translation", np.eye(3)[i], linear(1.0), (coordinate,)) for i, coordinate in enumerate(SLIDES)]
-    axes += [Axis("rotation", np.eye(3)[i], linear(1.0), (coordinate,)) for i, coordinate in enumerate(TURNS)]
+    axes = [
+        Axis(
+            kind="translation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(coordinate,)
+        )
+        for i, coordinate in enumerate(SLIDES)
+    ]
+    axes += [
+        Axis(kind="rotation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(coordinate,))
+        for i, coordinate in enumerate(TURNS)
+    ]
     names = (*SLIDES, *TURNS)
     still = Transform.identity()
-    joint = Joint(f"ground_{name}", "CustomJoint", GROUND, name, still, still, tuple(axes), names)
-    coordinates = tuple(Coordinate(name, "translational" if name in SLIDES else "rotational") for name in names)
-    return Model(name, (body,), (joint,), coordinates, np.asarray(gravity), markers=_markers(name, markers))
+    joint = Joint(
+        name=f"ground_{name}",
+        kind="CustomJoint",
+        parent=GROUND,
+        child=name,
+        parent_frame=still,
+        child_frame=still,
+        axes=tuple(axes),
+        coordinates=names,
+    )
+    coordinates = tuple(
+        Coordinate(name, "translational" if name in SLIDES else "rotational") for name in names
+    )
+    return Model(
+        name=name,
+        bodies=(body,),
+        joints=(joint,),
+        coordinates=coordinates,
+        gravity=np.asarray(gravity),
+        markers=_markers(name, markers),
+    )
 
 
 def hinged_object(
@@ -127,23 +169,52 @@ def hinged_object(
     gravity: ArrayLike = EARTH,
 ) -> Model:
     """One rigid body that turns about an axle of the ground, by the coordinate `angle`.
-    `axis` (3,) of the axle in ground, which is also the body's z axis; `center` (3,) of the axle in ground, where the
-    body has its origin [m]; `inertia`, `mass_center`, `markers`: as for `free_object`, in axes that are the ground's
-    turned as little as brings z onto `axis`.
+    `axis` (3,) of the axle in ground, which is also the body's z axis; `center` (3,) of the axle in
+    ground, where the body has its origin [m]; `inertia`, `mass_center`, `markers`: as for
+    `free_object`, in axes that are the ground's turned as little as brings z onto `axis`.
     """
     along = np.asarray(axis, dtype=np.float64)
     length = float(np.linalg.norm(along))
     if along.shape != (3,) or not (np.isfinite(length) and length > 0.0):
         raise BadData(f"axle {along.tolist()} of '{name}': expected a vector with a length")
     body = _body(name, mass, None, inertia, mass_center, mesh)
-    frame = Transform(least_rotation(np.array([0.0, 0.0, 1.0]), along / length), np.asarray(center, dtype=np.float64))
-    turn = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("angle",))
-    joint = Joint(f"ground_{name}", "PinJoint", GROUND, name, frame, Transform.identity(), (turn,), ("angle",))
-    return Model(name, (body,), (joint,), (Coordinate("angle"),), np.asarray(gravity), markers=_markers(name, markers))
+    frame = Transform(
+        least_rotation(np.array([0.0, 0.0, 1.0]), along / length),
+        np.asarray(center, dtype=np.float64),
+    )
+    turn = Axis(
+        kind="rotation",
+        vector=np.array([0.0, 0.0, 1.0]),
+        function=linear(1.0),
+        coordinates=("angle",),
+    )
+    joint = Joint(
+        name=f"ground_{name}",
+        kind="PinJoint",
+        parent=GROUND,
+        child=name,
+        parent_frame=frame,
+        child_frame=Transform.identity(),
+        axes=(turn,),
+        coordinates=("angle",),
+    )
+    return Model(
+        name=name,
+        bodies=(body,),
+        joints=(joint,),
+        coordinates=(Coordinate("angle"),),
+        gravity=np.asarray(gravity),
+        markers=_markers(name, markers),
+    )
 
 
 def _body(
-    name: str, mass: float, size: ArrayLike | None, inertia: ArrayLike | None, mass_center: ArrayLike, mesh: str
+    name: str,
+    mass: float,
+    size: ArrayLike | None,
+    inertia: ArrayLike | None,
+    mass_center: ArrayLike,
+    mesh: str,
 ) -> Body:
     if not (np.isfinite(mass) and mass > 0.0):
         raise BadData(f"mass of '{name}' is {mass:g} kg: expected above 0")
@@ -152,19 +223,44 @@ def _body(
     box = np.ones(3) if size is None else np.asarray(size, dtype=np.float64)
     if box.shape != (3,) or not (np.isfinite(box).all() and (box > 0.0).all()):
         raise BadData(f"size {box.tolist()} of '{name}': expected three lengths above 0")
-    about = np.asarray((mass / 12.0) * (box @ box - box**2) if inertia is None else inertia, dtype=np.float64)
+    about = np.asarray(
+        (mass / 12.0) * (box @ box - box**2) if inertia is None else inertia, dtype=np.float64
+    )
     moments = np.diag(about) if about.shape == (3,) else about
-    if moments.shape != (3, 3) or not np.isfinite(moments).all() or not np.allclose(moments, moments.T):
-        raise BadData(f"inertia of '{name}': expected a symmetric (3, 3) or its diagonal (3,), got {moments.tolist()}")
+    if (
+        moments.shape != (3, 3)
+        or not np.isfinite(moments).all()
+        or not np.allclose(moments, moments.T)
+    ):
+        raise BadData(
+            f"inertia of '{name}': expected a symmetric (3, 3) or its diagonal (3,), got"
+            f" {moments.tolist()}"
+        )
     low, middle, high = np.linalg.eigvalsh(moments)
     if low <= 0.0 or high > (low + middle) * (1.0 + 1e-9):
-        raise BadData(f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none of a body")
+        raise BadData(
+            f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none"
+            " of a body"
+        )
     meshes = []
     if mesh:
         meshes.append(Mesh(mesh, Transform.identity(), np.ones(3)))
     elif size is not None:
-        meshes.append(Mesh("", Transform(np.eye(3), np.asarray(mass_center, dtype=np.float64)), 0.5 * box, "box"))
-    return Body(name, mass, np.asarray(mass_center), moments, tuple(meshes))
+        meshes.append(
+            Mesh(
+                file="",
+                pose=Transform(np.eye(3), np.asarray(mass_center, dtype=np.float64)),
+                scale=0.5 * box,
+                shape="box",
+            )
+        )
+    return Body(
+        name=name,
+        mass=mass,
+        mass_center=np.asarray(mass_center),
+        inertia=moments,
+        meshes=tuple(meshes),
+    )
 
 
 def _markers(body: str, places: Mapping[str, ArrayLike] | None) -> tuple[Marker, ...]:

@@ -15,30 +15,65 @@ from myomorph.model.model import GROUND, Kept, Model
 from myomorph.model.series import Motion, Series, Wrenches
 
 SIDES = ("r", "l", "right", "left")
-ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
+ADDED = (
+    "reserve_",
+    "residual_FX_",
+    "residual_FY_",
+    "residual_FZ_",
+    "residual_MX_",
+    "residual_MY_",
+    "residual_MZ_",
+)
 """What stands before a part's name in names that the tension problem makes."""
 NAMED = (
-    "bodies", "joints", "coordinates", "markers", "muscles", "wrap_objects", "actuators", "couplers", "loops",
-    "bushings", "ligaments", "frames", "passive_torques",
-)  # fmt: skip
+    "bodies",
+    "joints",
+    "coordinates",
+    "markers",
+    "muscles",
+    "wrap_objects",
+    "actuators",
+    "couplers",
+    "loops",
+    "bushings",
+    "ligaments",
+    "frames",
+    "passive_torques",
+)
 """What a model holds under names."""
-ONE_NAME = frozenset((
-    "name", "parent", "child", "parent_frame_name", "child_frame_name", "body", "other_body", "body_1", "body_2",
-    "coordinate", "dependent", "wrap_object", "side_body",
-))  # fmt: skip
-SEVERAL_NAMES, PARTS = frozenset(("coordinates", "independents", "groups")), frozenset(("axes", "points", "wraps"))
-"""Fields of these, whatever they are of, that hold a name (`ONE_NAME`), several, or parts that have such fields."""
+ONE_NAME = frozenset(
+    (
+        "name",
+        "parent",
+        "child",
+        "parent_frame_name",
+        "child_frame_name",
+        "body",
+        "other_body",
+        "body_1",
+        "body_2",
+        "coordinate",
+        "dependent",
+        "wrap_object",
+        "side_body",
+    )
+)
+SEVERAL_NAMES = frozenset(("coordinates", "independents", "groups"))
+PARTS = frozenset(("axes", "points", "wraps"))
+"""Fields of these, whatever they are of, that hold a name (`ONE_NAME`), several, or parts that have
+such fields.
+"""
 
 Timed = TypeVar("Timed", Series, Wrenches)
 
 
 def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
-    """Models side by side on one ground, as one tree: what they share is the ground and nothing else.
-    Every name gains its part's name and a line: `femur_r` of the part `tori` becomes `tori_femur_r`. Coordinates keep
-    their meaning, so motions and torques of the parts are columns of those of the whole. Names of mesh files stay, to
-    be looked up beside every part's own file.
-    `parts`: models by the names of their parts, each a word of letters, digits and lines; `name`: of the whole; the
-    parts' names with lines between by default.
+    """Models side by side on one ground, as one tree: what they share is the ground and nothing
+    else. Every name gains its part's name and a line: `femur_r` of the part `tori` becomes
+    `tori_femur_r`. Coordinates keep their meaning, so motions and torques of the parts are columns
+    of those of the whole. Names of mesh files stay, to be looked up beside every part's own file.
+    `parts`: models by the names of their parts, each a word of letters, digits and lines; `name`:
+    of the whole; the parts' names with lines between by default.
     """
     _check_parts(tuple(parts))
     renamed = [_renamed(model, part) for part, model in parts.items()]
@@ -46,8 +81,9 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
     for part, model in zip(parts, renamed, strict=True):
         if not np.allclose(model.gravity, first.gravity, rtol=0.0, atol=1e-3):
             raise BadModel(
-                f"gravity of '{part}' is {model.gravity.tolist()} m/s^2, that of '{next(iter(parts))}' "
-                f"{first.gravity.tolist()}: turn one of them into the other's ground"
+                f"gravity of '{part}' is {model.gravity.tolist()} m/s^2, that of"
+                f" '{next(iter(parts))}' {first.gravity.tolist()}: turn one of them into the"
+                " other's ground"
             )
 
     return Model(
@@ -56,7 +92,10 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
         ground_meshes=first.ground_meshes,
         kept=_kept(renamed),
         source=first.source,
-        **{table: tuple(item for model in renamed for item in getattr(model, table)) for table in (*NAMED, "warnings")},
+        **{
+            table: tuple(item for model in renamed for item in getattr(model, table))
+            for table in (*NAMED, "warnings")
+        },
     )
 
 
@@ -65,29 +104,45 @@ def join_motions(parts: Mapping[str, Motion]) -> Motion:
     check_clocks(parts)
     motions = list(parts.values())
     rates = [
-        None
-        if any(rates is None for rates in every_rate)
-        else np.hstack([rates for rates in every_rate if rates is not None])
-        for every_rate in ([motion.velocities for motion in motions], [motion.accelerations for motion in motions])
+        (
+            None
+            if any(rates is None for rates in every_rate)
+            else np.hstack([rates for rates in every_rate if rates is not None])
+        )
+        for every_rate in (
+            [motion.velocities for motion in motions],
+            [motion.accelerations for motion in motions],
+        )
     ]
     values = np.hstack([motion.values for motion in motions])
-    return Motion(motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1])
+    return Motion(
+        motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1]
+    )
 
 
 def join_series(parts: Mapping[str, Series]) -> Series:
-    """Columns of the parts (torques, activations) side by side; raises `BadData` where their times differ."""
+    """Columns of the parts (torques, activations) side by side; raises `BadData` where their times
+    differ.
+    """
     check_clocks(parts)
     series = list(parts.values())
-    return Series(series[0].time, joined_names(parts), np.concatenate([table.values for table in series], axis=1))
+    return Series(
+        series[0].time,
+        joined_names(parts),
+        np.concatenate([table.values for table in series], axis=1),
+    )
 
 
 def join_wrenches(parts: Mapping[str, Wrenches]) -> Wrenches:
-    """External forces on the parts as those on the joined model; raises `BadData` where their times differ."""
+    """External forces on the parts as those on the joined model; raises `BadData` where their times
+    differ.
+    """
     check_clocks(parts)
     wrenches = list(parts.values())
     bodies = tuple(_prefixed(part, body) for part, loads in parts.items() for body in loads.bodies)
     stacked = [
-        np.concatenate([getattr(loads, what) for loads in wrenches], axis=1) for what in ("forces", "points", "torques")
+        np.concatenate([getattr(loads, what) for loads in wrenches], axis=1)
+        for what in ("forces", "points", "torques")
     ]
     return Wrenches(wrenches[0].time, joined_names(parts), bodies, *stacked)
 
@@ -98,17 +153,25 @@ def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[
 
 
 def part_of(whole: Timed, part: str) -> Timed:
-    """Columns of one part by their own names: of a motion, torques, markers, forces or activations of a joined model.
-    Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that they name.
+    """Columns of one part by their own names: of a motion, torques, markers, forces or activations
+    of a joined model. Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that
+    they name.
     """
-    short = {column: own for column, name in enumerate(whole.names) if (own := own_name(name, part)) is not None}
+    short = {
+        column: own
+        for column, name in enumerate(whole.names)
+        if (own := own_name(name, part)) is not None
+    }
     if not short:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
         raise UnknownName("part", part, begins, "the columns' names begin with what it")
-    columns, names = list(short), tuple(short.values())
+    columns = list(short)
+    names = tuple(short.values())
     if isinstance(whole, Series):
         return replace(whole.columns(columns), names=names)
-    bodies = tuple(own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns)
+    bodies = tuple(
+        own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns
+    )
     return replace(whole.columns(columns), names=names, bodies=bodies)
 
 
@@ -121,7 +184,9 @@ def own_name(name: str, part: str) -> str | None:
 
 
 def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
-    """Raise `BadData`, naming the two parts, where times are not the same within a hundredth of a frame."""
+    """Raise `BadData`, naming the two parts, where times are not the same within a hundredth of a
+    frame.
+    """
     _check_parts(tuple(parts))
     difference = clock_difference(parts)
     if difference:
@@ -129,7 +194,9 @@ def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
 
 
 def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> str:
-    """What is different in the times of the first two parts that do not agree; "" where all have the same times."""
+    """What is different in the times of the first two parts that do not agree; "" where all have
+    the same times.
+    """
     for name, series in parts.items():
         if not len(series):
             raise BadData(f"'{name}' has no frames")
@@ -157,10 +224,16 @@ def _check_parts(parts: tuple[str, ...]) -> None:
         raise BadData("no parts to join")
     for part in parts:
         if not re.fullmatch(r"[^\W_](\w*[^\W_])?", part) or part.lower() in (*SIDES, GROUND):
-            raise BadData(f"'{part}' cannot name a part: expected letters, digits and '_', no side of the body")
+            raise BadData(
+                f"'{part}' cannot name a part: expected letters, digits and '_', no side of the"
+                " body"
+            )
         longer = next((other for other in parts if other.startswith(f"{part}_")), "")
         if longer:
-            raise BadData(f"the part '{longer}' begins as the names of '{part}' will: give one of them another name")
+            raise BadData(
+                f"the part '{longer}' begins as the names of '{part}' will: give one of them"
+                " another name"
+            )
 
 
 def _prefixed(part: str, name: str) -> str:
@@ -174,13 +247,16 @@ def _renamed(model: Model, part: str) -> Model:
 
 
 def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
-    """The model with other names of its bodies, joints, coordinates, muscles and all that refers to them.
-    `new_name`: the new name of an old one; an old name may be that of parts of different kinds, which then go together.
+    """The model with other names of its bodies, joints, coordinates, muscles and all that refers to
+    them. `new_name`: the new name of an old one; an old name may be that of parts of different
+    kinds, which then go together.
     """
 
     def renamed(item: Any) -> Any:
         changes: dict[str, Any] = {}
-        for field in {part.name for part in fields(item)} & (ONE_NAME | SEVERAL_NAMES | PARTS | {"path"}):
+        for field in {part.name for part in fields(item)} & (
+            ONE_NAME | SEVERAL_NAMES | PARTS | {"path"}
+        ):
             value = getattr(item, field)
             if field in ONE_NAME:
                 changes[field] = new_name(value)
@@ -196,11 +272,15 @@ def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
 
 
 def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept:
-    """A part of a file with the names in it renamed: whole words of its texts, and the names of its elements."""
+    """A part of a file with the names in it renamed: whole words of its texts, and the names of its
+    elements.
+    """
     if part.room == "Model":
         return part
     names = {item.name for table in (*NAMED, "kept") for item in getattr(model, table)}
-    ends = {name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)}
+    ends = {
+        name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)
+    }
     known = names | ends - {"", GROUND}
     words = re.compile(r"[^\s/<>\"'|]+")
 

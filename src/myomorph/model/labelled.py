@@ -59,22 +59,31 @@ class Labelled:
 
     def to_pandas(self) -> pandas.DataFrame:
         """All arrays over time as one `pandas.DataFrame`, a row a frame.
-        Columns are the names of a single variable, else pairs of variable and name; vectors have one column an axis.
+        Columns are the names of a single variable, else pairs of variable and name; vectors have
+        one column an axis.
         """
         pandas = from_extra("xarray", "pandas")
         labels = self.labels()
         over_time = {
-            name: variable for name, variable in self.variables().items() if variable.dimensions[:1] == ("time",)
+            name: variable
+            for name, variable in self.variables().items()
+            if variable.dimensions[:1] == ("time",)
         }
         columns: dict[tuple[str, ...], np.ndarray] = {}
         for name, values in over_time.items():
             within = [labels[dimension] for dimension in values.dimensions[1:]]
             for place in np.ndindex(*(len(part) for part in within)):
                 words = (str(part[i]) for part, i in zip(within, place, strict=True))
-                columns[(name, *words) if len(over_time) > 1 else tuple(words) or (name,)] = values.values[:, *place]
+                columns[(name, *words) if len(over_time) > 1 else tuple(words) or (name,)] = (
+                    values.values[:, *place]
+                )
         depth = max((len(key) for key in columns), default=1)
         keys = [key + ("",) * (depth - len(key)) for key in columns]
         index = pandas.Index(np.asarray(labels["time"]), name="time")
         frame = pandas.DataFrame(dict(enumerate(columns.values())), index=index)
-        frame.columns = pandas.MultiIndex.from_tuples(keys) if depth > 1 else pandas.Index([key[0] for key in keys])
+        frame.columns = (
+            pandas.MultiIndex.from_tuples(keys)
+            if depth > 1
+            else pandas.Index([key[0] for key in keys])
+        )
         return frame

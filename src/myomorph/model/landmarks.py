@@ -13,7 +13,9 @@ from myomorph.model.errors import BadData
 
 @read_only
 class LandmarkPairs:
-    """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes maps of them."""
+    """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes
+    maps of them.
+    """
 
     names: tuple[str, ...]  # of the landmarks, none twice
     source: Array  # (n, 3) in the source body's frame [m]
@@ -27,7 +29,9 @@ class LandmarkPairs:
         for field in ("source", "target"):
             array = frozen_array(getattr(self, field), (-1, 3))
             if len(array) != count or not np.isfinite(array).all():
-                raise BadData(f"{count} landmarks are named: expected as many finite points as {field}")
+                raise BadData(
+                    f"{count} landmarks are named: expected as many finite points as {field}"
+                )
             object.__setattr__(self, field, array)
 
     def __len__(self) -> int:
@@ -39,10 +43,15 @@ class Measurement:
     """Distances between markers of a model and of a person, whose ratio scales bodies."""
 
     name: str
-    pairs: tuple[tuple[str, str], ...]  # the two markers of each distance; the ratios of several are averaged
-    bodies: Mapping[str, str]  # the axes along which each body is stretched: some of "x", "y" and "z"
+    # the two markers of each distance; the ratios of several are averaged
+    pairs: tuple[tuple[str, str], ...]
+    # the axes along which each body is stretched: some of "x", "y" and "z"
+    bodies: Mapping[str, str]
 
     def __post_init__(self) -> None:
         for body, axes in self.bodies.items():
             if not axes or set(axes) - set("xyz"):
-                raise BadData(f"measurement '{self.name}': body '{body}' has axes '{axes}'; expected some of x, y, z")
+                raise BadData(
+                    f"measurement '{self.name}': body '{body}' has axes '{axes}'; expected some of"
+                    " x, y, z"
+                )

@@ -16,7 +16,8 @@ class Latest(Generic[Made]):
     """A function of a model whose last few results are kept. `make`: the function; `kept`: results."""
 
     def __init__(self, make: Callable[[Model], Made], kept: int = 8):
-        self._make, self._kept = make, kept
+        self._make = make
+        self._kept = kept
         self._made: OrderedDict[Model, Made] = OrderedDict()
         self._lock = Lock()
 

@@ -108,7 +108,10 @@ class Axis:
     def __post_init__(self) -> None:
         freeze(self, vector=(3,), origin=(3,))
         if self.function.arity > len(self.coordinates):
-            raise BadModel(f"an axis function takes {self.function.arity} coordinates, but got {self.coordinates}")
+            raise BadModel(
+                f"an axis function takes {self.function.arity} coordinates, but got"
+                f" {self.coordinates}"
+            )
 
     def moved(self, amount: float) -> Transform:
         """What it does at an amount of motion [rad or m]."""
@@ -358,7 +361,9 @@ class Model:
 
     @cached_property
     def up(self) -> Array:
-        """Unit vector (3,) against gravity in ground; y, as in OpenSim, where the model has no gravity."""
+        """Unit vector (3,) against gravity in ground; y, as in OpenSim, where the model has no
+        gravity.
+        """
         size = float(np.linalg.norm(self.gravity))
         return frozen_array(-self.gravity / size if size > 0.0 else (0.0, 1.0, 0.0))
 

@@ -59,8 +59,8 @@ class WrapObject:
     active : whether paths wrap around it
     kind : "cylinder" (axis z), "sphere", "ellipsoid" or "torus" (axis z)
     pose : in the body's frame
-    size : cylinder (radius, length), sphere (radius,), ellipsoid (x, y, z), torus (inner, outer) [m];
-        an infinite cylinder has length inf
+    size : cylinder (radius, length), sphere (radius,), ellipsoid (x, y, z), torus (inner, outer)
+        [m]; an infinite cylinder has length inf
     quadrant : "" for all, or the side that constrains the path: "+x", "-x", "+y", "-y", "+z", "-z"
     """
 
@@ -74,11 +74,14 @@ class WrapObject:
 
 
 def surface_level(wrap: WrapObject, points: Array) -> Array:
-    """(n,) distances of points (n, 3) in a wrap object's frame from its middle or axis (of a torus, its ring) over its
-    sizes: 1 on its surface, less inside.
+    """(n,) distances of points (n, 3) in a wrap object's frame from its middle or axis (of a torus,
+    its ring) over its sizes: 1 on its surface, less inside.
     """
     if wrap.kind == "torus":
-        return np.hypot(np.hypot(points[:, 0], points[:, 1]) - wrap.size[1], points[:, 2]) / wrap.size[0]
+        return (
+            np.hypot(np.hypot(points[:, 0], points[:, 1]) - wrap.size[1], points[:, 2])
+            / wrap.size[0]
+        )
     if wrap.kind == "cylinder":
         return np.linalg.norm(points[:, :2], axis=1) / wrap.size[0]
     return np.linalg.norm(points / np.asarray(wrap.size), axis=1)
@@ -92,7 +95,8 @@ class PathWrap:
     ----------
     wrap_object : name, unique in the model
     method : of ellipsoids: "hybrid", "midpoint" or "axial"
-    first, last : numbers, from 1 as OpenSim counts, of the path points between which it may wrap; -1 for the ends
+    first, last : numbers, from 1 as OpenSim counts, of the path points between which it may wrap;
+        -1 for the ends
     """
 
     wrap_object: str
@@ -144,8 +148,8 @@ class Muscle:
     optimal_fiber_length, tendon_slack_length : [m]
     pennation_at_optimal : [rad]
     max_contraction_velocity : [optimal fiber lengths / s]
-    viscosity : of a damper along the whole path, force = viscosity * lengthening velocity [N s/m]; part of
-        the passive force ([S] eq. 3)
+    viscosity : of a damper along the whole path, force = viscosity * lengthening velocity [N s/m];
+        part of the passive force ([S] eq. 3)
     min_activation, max_activation : bounds of the activation
     parameters : what else the class has, by the file's own names, e.g. "KshapeActive"
     enabled : false where the file switches it off (`appliesForce`)
@@ -171,7 +175,8 @@ class Muscle:
 
 @dataclass(frozen=True, eq=False)
 class Ligament:
-    """A passive string between bones, whose force is not modelled: the file's own part is kept (`Kept`).
+    """A passive string between bones, whose force is not modelled: the file's own part is kept
+    (`Kept`).
 
     Attributes
     ----------
@@ -188,12 +193,20 @@ class Ligament:
 
     def as_muscle(self) -> Muscle:
         """A muscle along the same path, by which the path's length can be computed."""
-        return Muscle(self.name, self.kind, self.path, 0.0, 0.0, 0.0)
+        return Muscle(
+            name=self.name,
+            kind=self.kind,
+            path=self.path,
+            max_isometric_force=0.0,
+            optimal_fiber_length=0.0,
+            tendon_slack_length=0.0,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class PassiveTorque:
-    """What holds a coordinate besides muscles (ligaments, springs): tau = torque(q) - damping(q) qdot.
+    """What holds a coordinate besides muscles (ligaments, springs): tau = torque(q) - damping(q)
+    qdot.
 
     It takes part in muscle tensions; inverse dynamics gives the torque of all that acts together.
 
@@ -218,8 +231,8 @@ class PassiveTorque:
 class Bushing:
     """Springs and dampers that hold one frame at another, as OpenSim's BushingForce defines them.
 
-    With q the body-fixed x-y-z angles and the origin of frame 2 seen from frame 1, the generalized forces on q are
-    -stiffness q - damping qdot, along each of the six alone.
+    With q the body-fixed x-y-z angles and the origin of frame 2 seen from frame 1, the generalized
+    forces on q are -stiffness q - damping qdot, along each of the six alone.
 
     Attributes
     ----------

@@ -50,22 +50,37 @@ class Provenance:
 
     @property
     def key(self) -> str:
-        """Hash of all that determines the result: equal keys mean an equal result, whatever name or date."""
+        """Hash of all that determines the result: equal keys mean an equal result, whatever name or
+        date.
+        """
         parts = [self.step, self.version, sorted(self.options.items())]
         parts.append(sorted((source.role, source.sha256) for source in self.sources))
         return hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
 
     def to_json(self) -> str:
         """The provenance as a line of JSON."""
-        return json.dumps(asdict(self) | {"options": dict(self.options), "key": self.key}, default=str)
+        return json.dumps(
+            asdict(self) | {"options": dict(self.options), "key": self.key}, default=str
+        )
 
     @staticmethod
     def from_json(text: str) -> Provenance:
-        """The provenance that `to_json` wrote; raises `ValueError` where the text is something else."""
+        """The provenance that `to_json` wrote; raises `ValueError` where the text is something
+        else.
+        """
         try:
             stored = json.loads(text)
-            sources = tuple(Source(source["role"], source["name"], source["sha256"]) for source in stored["sources"])
-            return Provenance(stored["step"], sources, stored["options"], stored["version"], stored["date"])
+            sources = tuple(
+                Source(source["role"], source["name"], source["sha256"])
+                for source in stored["sources"]
+            )
+            return Provenance(
+                step=stored["step"],
+                sources=sources,
+                options=stored["options"],
+                version=stored["version"],
+                date=stored["date"],
+            )
         except (KeyError, TypeError) as error:
             raise ValueError(f"not a provenance: {error}") from None
 

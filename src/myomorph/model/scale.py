@@ -13,8 +13,28 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
-from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
-from myomorph.model.paths import Bushing, Ligament, MovingPathPoint, Muscle, Path, PathPoint, TendonWrap, WrapObject
+from myomorph.model.model import (
+    GROUND,
+    Actuator,
+    Axis,
+    Body,
+    Coordinate,
+    Coupler,
+    Joint,
+    Loop,
+    Mesh,
+    Model,
+)
+from myomorph.model.paths import (
+    Bushing,
+    Ligament,
+    MovingPathPoint,
+    Muscle,
+    Path,
+    PathPoint,
+    TendonWrap,
+    WrapObject,
+)
 from myomorph.model.spatial import Transform
 
 Tie = TypeVar("Tie", Loop, Bushing)
@@ -33,34 +53,46 @@ def scale(
 ) -> Model:
     """The model with bodies stretched by factors along their axes.
     What is fixed to a body moves with it: mass center, joint frames, markers, frames, path points,
-    wrap objects (radii by the mean stretch across, lengths along their axis) and meshes. Translations
-    of joints that follow an angle, by a function or a coupler, grow with the parent's factors weighted
-    by the axis; a translation that is a degree of freedom of its own does not.
-    `factors` (3,) for each body, along its x, y and z; bodies without one keep their size; `mass`: of the whole model
-    afterwards [kg]; by default what the scaling gives; `preserve_mass_distribution`: masses keep their ratios;
-    otherwise they grow with the volume; `inertia`: "cylinder" takes a body whose factors differ for a cylinder, as
-    OpenSim does; "affine" stretches its second moments of mass exactly; `path_lengths`: gives the lengths (muscles,) of
-    a model's muscle paths in its default pose [m]; with it optimal fiber and slack lengths keep their ratio to the
-    path, without it they stay.
+    wrap objects (radii by the mean stretch across, lengths along their axis) and meshes.
+    Translations of joints that follow an angle, by a function or a coupler, grow with the parent's
+    factors weighted by the axis; a translation that is a degree of freedom of its own does not.
+    `factors` (3,) for each body, along its x, y and z; bodies without one keep their size; `mass`:
+    of the whole model afterwards [kg]; by default what the scaling gives;
+    `preserve_mass_distribution`: masses keep their ratios; otherwise they grow with the volume;
+    `inertia`: "cylinder" takes a body whose factors differ for a cylinder, as OpenSim does;
+    "affine" stretches its second moments of mass exactly; `path_lengths`: gives the lengths
+    (muscles,) of a model's muscle paths in its default pose [m]; with it optimal fiber and slack
+    lengths keep their ratio to the path, without it they stay.
     """
     sizes = _checked(model, factors, mass)
-    moved_axes = {name: factor for joint in model.joints for name, factor in _travel(joint, sizes).items()}
+    moved_axes = {
+        name: factor for joint in model.joints for name, factor in _travel(joint, sizes).items()
+    }
     travel = {name: moved_axes.get(name, 1.0) for name in model.dependent_coordinates}
-    bodies = tuple(_body(body, sizes[body.name], preserve_mass_distribution, inertia) for body in model.bodies)
+    bodies = tuple(
+        _body(body, sizes[body.name], preserve_mass_distribution, inertia) for body in model.bodies
+    )
     result = replace(
         model,
         bodies=_of_mass(bodies, mass),
         joints=tuple(_joint(joint, sizes, travel) for joint in model.joints),
         coordinates=scaled_coordinates(model.coordinates, travel),
         couplers=scaled_couplers(model.couplers, travel),
-        markers=tuple(replace(marker, location=marker.location * sizes[marker.body]) for marker in model.markers),
-        frames=tuple(replace(frame, pose=_shifted(frame.pose, sizes[frame.body])) for frame in model.frames),
+        markers=tuple(
+            replace(marker, location=marker.location * sizes[marker.body])
+            for marker in model.markers
+        ),
+        frames=tuple(
+            replace(frame, pose=_shifted(frame.pose, sizes[frame.body])) for frame in model.frames
+        ),
         wrap_objects=tuple(_wrap(item, sizes[item.body]) for item in model.wrap_objects),
         muscles=tuple(replace(muscle, path=_path(muscle.path, sizes)) for muscle in model.muscles),
         actuators=tuple(_actuator(actuator, sizes) for actuator in model.actuators),
         loops=tuple(_tied(loop, sizes) for loop in model.loops),
         bushings=tuple(_tied(bushing, sizes) for bushing in model.bushings),
-        ligaments=tuple(replace(ligament, path=_path(ligament.path, sizes)) for ligament in model.ligaments),
+        ligaments=tuple(
+            replace(ligament, path=_path(ligament.path, sizes)) for ligament in model.ligaments
+        ),
     )
     if path_lengths is None:
         return result
@@ -71,11 +103,18 @@ def scale(
     return replace(result, muscles=muscles, ligaments=taut_ligaments(model, result, path_lengths))
 
 
-def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> tuple[Ligament, ...]:
-    """The ligaments of a model that has become another, with slack lengths that keep their ratio to the path."""
+def taut_ligaments(
+    before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]
+) -> tuple[Ligament, ...]:
+    """The ligaments of a model that has become another, with slack lengths that keep their ratio to
+    the path.
+    """
     if not after.ligaments:
         return ()
-    strings = [replace(model, muscles=tuple(each.as_muscle() for each in model.ligaments)) for model in (before, after)]
+    strings = [
+        replace(model, muscles=tuple(each.as_muscle() for each in model.ligaments))
+        for model in (before, after)
+    ]
     ratios = _ratios(strings[0], strings[1], path_lengths)
     return tuple(
         replace(ligament, slack_length=ligament.slack_length * ratio)
@@ -85,17 +124,22 @@ def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], 
 
 def _ratios(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> list[float]:
     """(muscles,) path lengths after over those before, 1 where there was none."""
-    old, new = np.asarray(path_lengths(before)), np.asarray(path_lengths(after))
+    old = np.asarray(path_lengths(before))
+    new = np.asarray(path_lengths(after))
     return np.divide(new, old, out=np.ones_like(old), where=old > 0.0).tolist()
 
 
-def _checked(model: Model, factors: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Array]:
+def _checked(
+    model: Model, factors: Mapping[str, ArrayLike], mass: float | None
+) -> dict[str, Array]:
     sizes = {name: np.ones(3) for name in (GROUND, *model.body_names)}
     for name, axis_factors in factors.items():
         check_name("body", name, model.body_names)
         factor = np.asarray(axis_factors, dtype=np.float64)
         if factor.shape != (3,) or not np.all(np.isfinite(factor)) or np.any(factor <= 0.0):
-            raise BadData(f"expected three positive scale factors for body '{name}', but got {axis_factors!r}")
+            raise BadData(
+                f"expected three positive scale factors for body '{name}', but got {axis_factors!r}"
+            )
         sizes[name] = factor
     if mass is not None and not (np.isfinite(mass) and mass > 0.0):
         raise BadData(f"expected a positive mass, but got {mass}")
@@ -158,7 +202,9 @@ def _of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
     if mass is None or total <= 0.0:
         return bodies
     share = mass / total
-    return tuple(replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies)
+    return tuple(
+        replace(body, mass=body.mass * share, inertia=body.inertia * share) for body in bodies
+    )
 
 
 def _shifted(pose: Transform, size: Array) -> Transform:
@@ -171,11 +217,16 @@ def _stretch(pose: Transform, size: Array) -> Array:
 
 
 def _mesh(mesh: Mesh, size: Array) -> Mesh:
-    return replace(mesh, pose=_shifted(mesh.pose, size), scale=np.asarray(mesh.scale) * _stretch(mesh.pose, size))
+    return replace(
+        mesh,
+        pose=_shifted(mesh.pose, size),
+        scale=np.asarray(mesh.scale) * _stretch(mesh.pose, size),
+    )
 
 
 def _joint(joint: Joint, sizes: Mapping[str, Array], travel: Mapping[str, float]) -> Joint:
-    parent, child = sizes[joint.parent], sizes[joint.child]
+    parent = sizes[joint.parent]
+    child = sizes[joint.child]
     return replace(
         joint,
         parent_frame=_shifted(joint.parent_frame, parent),
@@ -213,18 +264,27 @@ def slides_freely(function: Function) -> bool:
     return function.coefficients.shape[1] == 2 and function.coefficients[0, 1] == 1.0
 
 
-def scaled_coordinates(coordinates: Sequence[Coordinate], travel: Mapping[str, float]) -> tuple[Coordinate, ...]:
+def scaled_coordinates(
+    coordinates: Sequence[Coordinate], travel: Mapping[str, float]
+) -> tuple[Coordinate, ...]:
     """The coordinates, those that `travel` names a factor further."""
     factors = [travel.get(coordinate.name, 1.0) for coordinate in coordinates]
     return tuple(
-        replace(old, default=old.default * factor, range=(old.range[0] * factor, old.range[1] * factor))
+        replace(
+            old, default=old.default * factor, range=(old.range[0] * factor, old.range[1] * factor)
+        )
         for old, factor in zip(coordinates, factors, strict=True)
     )
 
 
-def scaled_couplers(couplers: Sequence[Coupler], travel: Mapping[str, float]) -> tuple[Coupler, ...]:
+def scaled_couplers(
+    couplers: Sequence[Coupler], travel: Mapping[str, float]
+) -> tuple[Coupler, ...]:
     """Couplers of coordinates that go further."""
-    factors = [(travel.get(each.dependent, 1.0), travel.get(each.independents[0], 1.0)) for each in couplers]
+    factors = [
+        (travel.get(each.dependent, 1.0), travel.get(each.independents[0], 1.0))
+        for each in couplers
+    ]
     return tuple(
         replace(coupler, function=stretched(coupler.function, *both))
         for coupler, both in zip(couplers, factors, strict=True)
@@ -256,7 +316,10 @@ def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
 def _point(point: PathPoint | MovingPathPoint, size: Array) -> PathPoint | MovingPathPoint:
     if isinstance(point, PathPoint):
         return replace(point, location=point.location * size)
-    x, y, z = (function.scaled(float(factor)) for function, factor in zip(point.functions, size, strict=True))
+    x, y, z = (
+        function.scaled(float(factor))
+        for function, factor in zip(point.functions, size, strict=True)
+    )
     return replace(point, functions=(x, y, z))
 
 
@@ -284,4 +347,8 @@ def _actuator(actuator: Actuator, sizes: Mapping[str, Array]) -> Actuator:
 
 
 def _tied(tie: Tie, sizes: Mapping[str, Array]) -> Tie:
-    return replace(tie, pose_1=_shifted(tie.pose_1, sizes[tie.body_1]), pose_2=_shifted(tie.pose_2, sizes[tie.body_2]))
+    return replace(
+        tie,
+        pose_1=_shifted(tie.pose_1, sizes[tie.body_1]),
+        pose_2=_shifted(tie.pose_2, sizes[tie.body_2]),
+    )

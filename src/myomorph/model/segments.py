@@ -13,26 +13,60 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import split_side
 
 SEGMENTS = (
-    "head", "upper_trunk", "lower_trunk", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot",
-)  # fmt: skip
+    "head",
+    "upper_trunk",
+    "lower_trunk",
+    "upper_arm",
+    "lower_arm",
+    "hand",
+    "thigh",
+    "shank",
+    "foot",
+)
 """Those of tables 3.4 and 3.5 of [D]; its "body" is the upper and the lower trunk together."""
 _PATTERNS = (
     ("head", r"head|neck|skull|cervical|jaw|mandible|hyoid|^c[1-7]$"),
-    ("hand", r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez|hamate"
-             r"|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan"),
+    (
+        "hand",
+        r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez|hamate"
+        r"|[1-5]?(prox|mid|dist)ph|(first|second|third|fourth|fifth)mc|phalan",
+    ),
     ("foot", r"foot|feet|talus|calcn|calcaneus|toe|tars|midfoot|forefoot"),
     ("shank", r"tibia|shank|fibula|patella|kneecap|lower_?leg"),
     ("thigh", r"femur|thigh|upper_?leg"),
     ("lower_arm", r"ulna|radius|fore_?arm|lower_?arm"),
     ("upper_arm", r"humer|hum?phant|upper_?arm"),
     ("lower_trunk", r"pelvis|sacrum|lumbar|abd(omen)?(_|$)|hips?$|ilium|coccyx|^l[1-5]$|full.body"),
-    ("upper_trunk", r"torso|trunk|thora|rib|sternum|clav|scap|chest|spine|back|shoulder|^t(1[0-2]?|[2-9])$"),
-)  # fmt: skip
+    (
+        "upper_trunk",
+        r"torso|trunk|thora|rib|sternum|clav|scap|chest|spine|back|shoulder|^t(1[0-2]?|[2-9])$",
+    ),
+)
 JOINT_WORDS = (
-    "hip", "knee", "ankle", "subtalar", "mtp", "patellofemoral", "tibiofemoral", "talocrural", "midtarsal", "lumbar",
-    "back", "neck", "shoulder", "glenohumeral", "acromial", "acromioclavicular", "sternoclavicular", "scapulothoracic",
-    "elbow", "humeroulnar", "radioulnar", "wrist", "radiocarpal",
-)  # fmt: skip
+    "hip",
+    "knee",
+    "ankle",
+    "subtalar",
+    "mtp",
+    "patellofemoral",
+    "tibiofemoral",
+    "talocrural",
+    "midtarsal",
+    "lumbar",
+    "back",
+    "neck",
+    "shoulder",
+    "glenohumeral",
+    "acromial",
+    "acromioclavicular",
+    "sternoclavicular",
+    "scapulothoracic",
+    "elbow",
+    "humeroulnar",
+    "radioulnar",
+    "wrist",
+    "radiocarpal",
+)
 """Words for joints that names of joints, coordinates and bodies hold."""
 
 
@@ -46,9 +80,8 @@ class Segment:
 
 def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
     """The segment of every body of a human model, by the bodies' names.
-    A body whose name says nothing (a massless one between two joints) belongs with its parent; one on
-    the ground, with its child.
-    `stated`: segments that go before the names.
+    A body whose name says nothing (a massless one between two joints) belongs with its parent; one
+    on the ground, with its child. `stated`: segments that go before the names.
     """
     segments: dict[str, Segment] = {}
     for body, segment in (stated or {}).items():
@@ -63,11 +96,16 @@ def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Ma
         if named is not None:
             segments[body] = named
     if not segments:
-        raise BadData(f"no body of model '{model.name}' is named like a segment of the human body: {model.body_names}")
+        raise BadData(
+            f"no body of model '{model.name}' is named like a segment of the human body:"
+            f" {model.body_names}"
+        )
     for body in reversed(model.body_names):
         if body in segments and parents[body] not in (GROUND, *segments):
             segments[parents[body]] = segments[body]
-    return FrozenMap({body: segments.get(body, Segment("lower_trunk")) for body in model.body_names})
+    return FrozenMap(
+        {body: segments.get(body, Segment("lower_trunk")) for body in model.body_names}
+    )
 
 
 def segments_if_human(model: Model) -> Mapping[str, Segment]:
@@ -79,13 +117,20 @@ def segments_if_human(model: Model) -> Mapping[str, Segment]:
 
 
 def feet_of(model: Model) -> tuple[str, ...]:
-    """Bodies that stand on the ground by their names: heel bones, else feet, else tarsi; () where there are none."""
+    """Bodies that stand on the ground by their names: heel bones, else feet, else tarsi; () where
+    there are none.
+    """
     for word in ("calcn", "calcaneus", "hindfoot", "foot"):
         result = tuple(name for name in model.body_names if word in name.lower())
         if result:
             return result
-    # Skeletons of animals: the tarsus as a whole, but neither metatarsals nor bodies between two joints.
-    return tuple(name for name in model.body_names if split_side(name.rsplit("__", 1)[-1])[0].lower() == "tarsus")
+    # Skeletons of animals: the tarsus as a whole, but neither metatarsals nor bodies between two
+    # joints.
+    return tuple(
+        name
+        for name in model.body_names
+        if split_side(name.rsplit("__", 1)[-1])[0].lower() == "tarsus"
+    )
 
 
 def _by_name(body: str) -> Segment | None:
@@ -98,16 +143,18 @@ def _by_name(body: str) -> Segment | None:
 
 
 def joint_labels(model: Model) -> Mapping[str, str]:
-    """A plain name for every joint: `knee_r` for `walker_knee_r` and for `tibia_r` that turns by `knee_angle_r`.
-    The word for the joint in its name, else in that of a coordinate of its own, with its side; else its child body.
-    Joints that would share a name keep the model's.
+    """A plain name for every joint: `knee_r` for `walker_knee_r` and for `tibia_r` that turns by
+    `knee_angle_r`. The word for the joint in its name, else in that of a coordinate of its own,
+    with its side; else its child body. Joints that would share a name keep the model's.
     """
     labels = {}
     for joint in model.joints:
         words = (_joint_word(name) for name in (joint.name, *joint.coordinates))
         labels[joint.name] = next((word for word in words if word), joint.child)
     shared = Counter(labels.values())
-    return FrozenMap({name: label if shared[label] == 1 else name for name, label in labels.items()})
+    return FrozenMap(
+        {name: label if shared[label] == 1 else name for name, label in labels.items()}
+    )
 
 
 def _joint_word(name: str) -> str:

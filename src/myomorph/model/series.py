@@ -40,7 +40,9 @@ class OverTime(Labelled):
         return self._of_arrays(which)
 
     def _of_arrays(self, which: Any, **changes: Any) -> Self:
-        """The value with parts of its arrays: `which` of their frames or, as a tuple, of frames and columns."""
+        """The value with parts of its arrays: `which` of their frames or, as a tuple, of frames and
+        columns.
+        """
         value: Any = self
         arrays = {part.name: getattr(self, part.name) for part in fields(value)}
         least = len(which) if isinstance(which, tuple) else 1
@@ -80,13 +82,18 @@ class Series(OverTime):
         freeze(self, time=(-1,), values=None)
         object.__setattr__(self, "names", tuple(self.names))
         if self.values.shape[:2] != (len(self.time), len(self.names)):
-            raise BadData(f"expected values ({len(self.time)}, {len(self.names)}, ...), but got {self.values.shape}")
+            raise BadData(
+                f"expected values ({len(self.time)}, {len(self.names)}, ...), but got"
+                f" {self.values.shape}"
+            )
         if len(self.time) > 1 and not np.all(np.diff(self.time) > 0):
             raise BadData("time does not increase from frame to frame")
 
     def columns(self, which: Sequence[int]) -> Self:
         """Some of the columns, by their numbers."""
-        return self._of_arrays((slice(None), list(which)), names=tuple(self.names[column] for column in which))
+        return self._of_arrays(
+            (slice(None), list(which)), names=tuple(self.names[column] for column in which)
+        )
 
     def __getitem__(self, name: str) -> Array:
         """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
@@ -101,7 +108,8 @@ class Series(OverTime):
     def rate(self) -> float:
         """Frames per second, nan with fewer than two frames [Hz].
 
-        The mean where no frame is missing (times are often rounded to a millisecond), else the median.
+        The mean where no frame is missing (times are often rounded to a millisecond), else the
+        median.
         """
         steps = np.diff(self.time)
         if not len(steps):
@@ -165,7 +173,8 @@ class Motion(Series):
         return result
 
 
-DEFAULT_POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))  # One frame that leaves every coordinate at its default.
+# One frame that leaves every coordinate at its default.
+DEFAULT_POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))
 
 
 @read_only
@@ -198,7 +207,8 @@ class Wrenches(OverTime):
 
     def columns(self, which: Sequence[int]) -> Self:
         """Some of the forces, by their numbers."""
-        names, bodies = (tuple(texts[column] for column in which) for texts in (self.names, self.bodies))
+        names = tuple(self.names[column] for column in which)
+        bodies = tuple(self.bodies[column] for column in which)
         return self._of_arrays((slice(None), list(which)), names=names, bodies=bodies)
 
     def rotated(self, rotation: Array) -> Wrenches:
@@ -211,12 +221,21 @@ class Wrenches(OverTime):
             name: np.concatenate([getattr(self, name), getattr(others, name)], axis=1)
             for name in ("forces", "points", "torques")
         }
-        return replace(self, names=(*self.names, *others.names), bodies=(*self.bodies, *others.bodies), **parts)
+        return replace(
+            self, names=(*self.names, *others.names), bodies=(*self.bodies, *others.bodies), **parts
+        )
 
     def variables(self) -> dict[str, Variable]:
         """Forces, points of application and free torques."""
-        named = {"forces": (self.forces, "N"), "points": (self.points, "m"), "torques": (self.torques, "N m")}
-        return {name: Variable(("time", "name", "axis"), values, unit) for name, (values, unit) in named.items()}
+        named = {
+            "forces": (self.forces, "N"),
+            "points": (self.points, "m"),
+            "torques": (self.torques, "N m"),
+        }
+        return {
+            name: Variable(("time", "name", "axis"), values, unit)
+            for name, (values, unit) in named.items()
+        }
 
 
 @read_only
@@ -227,7 +246,10 @@ class Analog(Series):
 
     def columns(self, which: Sequence[int]) -> Self:
         """Some of the channels, by their numbers."""
-        return replace(super().columns(which), units=tuple(self.units[column] for column in which if self.units))
+        return replace(
+            super().columns(which),
+            units=tuple(self.units[column] for column in which if self.units),
+        )
 
 
 @read_only
@@ -237,7 +259,9 @@ class Emg(Series):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: a label ("Foot Strike"), a side ("Left", "Right", "") and a time [s]."""
+    """Something that happened: a label ("Foot Strike"), a side ("Left", "Right", "") and a time
+    [s].
+    """
 
     time: float
     label: str
@@ -253,8 +277,8 @@ class ForcePlate:
     name : of the plate
     kind : type of the C3D standard, 1 to 5
     corners : (4, 3) [m]
-    forces, points, torques : (frames, 3): force on the subject [N], center of pressure [m] (NaN where
-        unloaded) and free torque about it [N m]
+    forces, points, torques : (frames, 3): force on the subject [N], center of pressure [m] (NaN
+        where unloaded) and free torque about it [N m]
     """
 
     name: str
@@ -282,12 +306,13 @@ class PlateRecording:
     kind : the C3D type: 1 force, center of pressure and free moment; 2 force and moment;
         3 eight sensor forces (Kistler); 4 as 2, but raw signals that `calibration` maps to 2
     corners : (4, 3) in the laboratory, in the plate's quadrants ++, -+, --, +- [m]
-    origin : (3,) as the file writes it; from the sensors' origin to the center of the top surface in
-        the plate's axes (kinds 2 and 4), half distances of the sensors and depth (kind 3) [m]
+    origin : (3,) as the file writes it; from the sensors' origin to the center of the top surface
+        in the plate's axes (kinds 2 and 4), half distances of the sensors and depth (kind 3) [m]
     channels : (samples, 6 or 8) [N, N m, m], for kind 4 in the file's units
     channel_names : labels of the channels
     calibration : (6, 6) from the channels of a kind 4 plate to [N, N m], or None
-    center_polynomial : (2, 6) Kistler's correction of the center of pressure (lengths in mm), or None
+    center_polynomial : (2, 6) Kistler's correction of the center of pressure (lengths in mm), or
+        None
     """
 
     name: str
@@ -300,7 +325,14 @@ class PlateRecording:
     center_polynomial: Array | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, corners=(4, 3), origin=(3,), channels=(-1, -1), calibration=(6, 6), center_polynomial=(2, 6))
+        freeze(
+            self,
+            corners=(4, 3),
+            origin=(3,),
+            channels=(-1, -1),
+            calibration=(6, 6),
+            center_polynomial=(2, 6),
+        )
 
 
 @read_only
@@ -316,7 +348,8 @@ class Trial:
     analog : further channels that the file holds, in its units
     emg : raw EMG or envelopes
     events : named instants [s]
-    other_points : points a program computed that are no places (angles, moments, powers), in the file's units
+    other_points : points a program computed that are no places (angles, moments, powers), in the
+        file's units
     facts : what the file says of itself: subject, maker, units, rates
     warnings : what looks wrong, one line each
     source : path of the file, "" for a recording made in memory
@@ -335,18 +368,28 @@ class Trial:
     source: str = ""
 
     def rotated(self, rotation: Array) -> Trial:
-        """The same trial in a frame whose axes, in the laboratory, are the rows of `rotation` (3, 3).
+        """The same trial in a frame whose axes, in the laboratory, are the rows of `rotation` (3,
+        3).
 
-        `other_points` stay as the file has them: angles and moments are not vectors of the laboratory.
+        `other_points` stay as the file has them: angles and moments are not vectors of the
+        laboratory.
         """
         turn = np.asarray(rotation, dtype=np.float64)
-        if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) or np.linalg.det(turn) < 0:
-            raise BadData(f"expected a rotation matrix (3, 3) with determinant 1, but got {turn.tolist()}")
+        if (
+            turn.shape != (3, 3)
+            or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+            or np.linalg.det(turn) < 0
+        ):
+            raise BadData(
+                f"expected a rotation matrix (3, 3) with determinant 1, but got {turn.tolist()}"
+            )
         return replace(
             self,
             markers=self.markers.rotated(turn) if self.markers is not None else None,
             plates=tuple(plate.rotated(turn) for plate in self.plates),
-            plate_recordings=tuple(_turned(plate, turn, "corners") for plate in self.plate_recordings),
+            plate_recordings=tuple(
+                _turned(plate, turn, "corners") for plate in self.plate_recordings
+            ),
         )
 
 
@@ -366,7 +409,9 @@ class Sound:
         samples = np.array(self.samples, dtype=np.float32)
         object.__setattr__(self, "samples", samples)
         if samples.ndim != 2 or samples.shape[1] != len(self.names):
-            raise BadData(f"expected samples of shape (..., {len(self.names)}), but got {samples.shape}")
+            raise BadData(
+                f"expected samples of shape (..., {len(self.names)}), but got {samples.shape}"
+            )
         if not (np.isfinite(self.rate) and self.rate > 0.0):
             raise BadData(f"a sound of {self.rate:g} samples per second: expected a rate above 0")
 

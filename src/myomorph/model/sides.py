@@ -10,10 +10,19 @@ from myomorph.model.frozen_map import FrozenMap
 _SUFFIX = re.compile(r"^(.*?)[_. -](r|l|right|left)$", re.IGNORECASE)
 _PREFIX = re.compile(r"^(r|l|right|left)[_. -](.+)$", re.IGNORECASE)
 _LETTER = re.compile(r"^(.*__)?([RL])([A-Z][a-z].*)$")
-_WORD = re.compile(r"(?:^|(?<=[_. -]))(right|left|Right|Left|RIGHT|LEFT)(?=$|[_. -]|[A-Z0-9])|(Right|Left)$")
+_WORD = re.compile(
+    r"(?:^|(?<=[_. -]))(right|left|Right|Left|RIGHT|LEFT)(?=$|[_. -]|[A-Z0-9])|(Right|Left)$"
+)
 _CAPITALS = re.compile(r"^[RL][A-Z0-9]{2,}$")
 _OTHER = {"right": "left", "left": "right"}
-_WORDS = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "left": "right", "Left": "Right", "LEFT": "RIGHT"}
+_WORDS = {
+    "right": "left",
+    "Right": "Left",
+    "RIGHT": "LEFT",
+    "left": "right",
+    "Left": "Right",
+    "LEFT": "RIGHT",
+}
 _OTHER_LETTER = {"R": "L", "L": "R", "r": "l", "l": "r"}
 
 
@@ -40,8 +49,14 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
     for name in all_names:
         base, side = split_side(name)
         letters = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER]
-        swapped = (name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :] for i in letters if _stands_apart(name, i))
-        candidates = ([sided[base, _OTHER[side]]] if side and (base, _OTHER[side]) in sided else []) + list(swapped)
+        swapped = (
+            name[:i] + _OTHER_LETTER[name[i]] + name[i + 1 :]
+            for i in letters
+            if _stands_apart(name, i)
+        )
+        candidates = (
+            [sided[base, _OTHER[side]]] if side and (base, _OTHER[side]) in sided else []
+        ) + list(swapped)
         match = next((candidate for candidate in candidates if candidate in sided.values()), "")
         if match:
             counterparts[name] = match
@@ -52,9 +67,15 @@ def other_side(name: str, *, capitals: bool = False) -> str:
     """The name's counterpart on the other side, "" where it has no side: `Thigh_l` for `Thigh_r`.
     `capitals`: `RASI` has a side too, as markers do; `RIBS` is then taken for one as well.
     """
-    apart = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER and _stands_apart(name, i, whole=True)]
+    apart = [
+        i
+        for i, letter in enumerate(name)
+        if letter in _OTHER_LETTER and _stands_apart(name, i, whole=True)
+    ]
     if apart:
-        return "".join(_OTHER_LETTER[letter] if i in apart else letter for i, letter in enumerate(name))
+        return "".join(
+            _OTHER_LETTER[letter] if i in apart else letter for i, letter in enumerate(name)
+        )
     word = _WORD.search(name)
     if word:
         return name[: word.start()] + _WORDS[word[0]] + name[word.end() :]

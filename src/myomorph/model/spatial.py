@@ -11,14 +11,16 @@ from myomorph.model.arrays import Array, freeze, read_only
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix (3, 3) by `angle` [rad] about the unit vector `axis` (Rodrigues)."""
     x, y, z = np.asarray(axis, dtype=np.float64)
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + s * cross + (1.0 - c) * (cross @ cross)
 
 
 def least_rotation(source: Array, target: Array) -> Array:
     """The least rotation (3, 3) that brings one unit vector (3,) onto another."""
-    axis, cosine = np.cross(source, target), float(source @ target)
+    axis = np.cross(source, target)
+    cosine = float(source @ target)
     sine = float(np.linalg.norm(axis))
     if sine >= 1e-12:
         return axis_rotation(axis / sine, float(np.arctan2(sine, cosine)))
@@ -35,16 +37,22 @@ def rotation_from_euler_xyz(angles: ArrayLike) -> Array:
 
 
 def euler_xyz_from_rotation(rotation: ArrayLike) -> Array:
-    """Body-fixed X, Y, Z angles (..., 3) [rad] of rotation matrices; Z is 0 where X and Z cannot be separated."""
+    """Body-fixed X, Y, Z angles (..., 3) [rad] of rotation matrices; Z is 0 where X and Z cannot be
+    separated.
+    """
     r = np.asarray(rotation, dtype=np.float64)
     apart = np.abs(r[..., 0, 2]) < 1.0 - 1e-14
-    first = np.where(apart, np.arctan2(-r[..., 1, 2], r[..., 2, 2]), np.arctan2(r[..., 2, 1], r[..., 1, 1]))
+    first = np.where(
+        apart, np.arctan2(-r[..., 1, 2], r[..., 2, 2]), np.arctan2(r[..., 2, 1], r[..., 1, 1])
+    )
     last = np.where(apart, np.arctan2(-r[..., 0, 1], r[..., 0, 0]), 0.0)
     return np.stack([first, np.arcsin(np.clip(r[..., 0, 2], -1.0, 1.0)), last], axis=-1)
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4) in the order w, x, y, z, normalised here."""
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) in the order w, x, y, z, normalised
+    here.
+    """
     q = np.asarray(quaternion, dtype=np.float64)
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
     rows = (
@@ -67,13 +75,15 @@ def vector_from_rotation(rotation: ArrayLike) -> Array:
     """Rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3)."""
     q = quaternion_from_rotation(rotation)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    stretch = np.where(sine > 1e-12, 2.0 * np.arctan2(sine, q[..., :1]) / np.where(sine > 1e-12, sine, 1.0), 2.0)
+    stretch = np.where(
+        sine > 1e-12, 2.0 * np.arctan2(sine, q[..., :1]) / np.where(sine > 1e-12, sine, 1.0), 2.0
+    )
     return np.asarray(stretch * q[..., 1:])
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Array:
-    """Quaternions (..., 4) in the order w, x, y, z, w not negative, of rotation matrices (..., 3, 3).
-    Of the four ways to compute one, that with the largest divisor.
+    """Quaternions (..., 4) in the order w, x, y, z, w not negative, of rotation matrices (..., 3,
+    3). Of the four ways to compute one, that with the largest divisor.
     """
     r = np.asarray(rotation, dtype=np.float64)
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
@@ -81,7 +91,8 @@ def quaternion_from_rotation(rotation: ArrayLike) -> Array:
     outer = np.empty((*r.shape[:-2], 4, 4))
     outer[..., 0, 0] = 1.0 + trace
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
+        j = (i + 1) % 3
+        k = (i + 2) % 3
         outer[..., i + 1, i + 1] = 1.0 + 2.0 * r[..., i, i] - trace
         outer[..., 0, i + 1] = outer[..., i + 1, 0] = r[..., k, j] - r[..., j, k]
         outer[..., j + 1, k + 1] = outer[..., k + 1, j + 1] = r[..., j, k] + r[..., k, j]
@@ -94,7 +105,8 @@ def quaternion_from_rotation(rotation: ArrayLike) -> Array:
 def spread_directions(count: int) -> Array:
     """Unit vectors (count, 3) evenly over the sphere, along a spiral."""
     step = np.arange(count) + 0.5
-    height, turn = 1.0 - 2.0 * step / count, np.pi * (1.0 + np.sqrt(5.0)) * step
+    height = 1.0 - 2.0 * step / count
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * step
     across = np.sqrt(1.0 - height**2)
     return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
 
@@ -127,7 +139,9 @@ class Transform:
 
     def __matmul__(self, other: Transform) -> Transform:
         """Composition: `(A @ B).apply(x) == A.apply(B.apply(x))`."""
-        return Transform(self.rotation @ other.rotation, self.rotation @ other.translation + self.translation)
+        return Transform(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
 
     def inverse(self) -> Transform:
         """The transform back."""

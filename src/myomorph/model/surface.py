@@ -37,7 +37,9 @@ class Surface:
         faces.setflags(write=False)
         object.__setattr__(self, "faces", faces)
         if len(faces) and (faces.min() < 0 or faces.max() >= len(self.vertices)):
-            raise BadData(f"a face names vertex {int(faces.max())}, but there are {len(self.vertices)}")
+            raise BadData(
+                f"a face names vertex {int(faces.max())}, but there are {len(self.vertices)}"
+            )
         if not np.isfinite(self.vertices).all():
             raise BadData("a surface has vertices that are not finite")
 
@@ -50,7 +52,10 @@ def face_crosses(vertices: Array, faces: np.ndarray) -> Array:
 
 def hull_faces(hull: Any) -> np.ndarray:
     """(m, 3) faces of a hull of scipy's `ConvexHull`, which look outward; indices of its points."""
-    inward = np.einsum("ij,ij->i", face_crosses(hull.points, hull.simplices), hull.equations[:, :3]) < 0.0
+    inward = (
+        np.einsum("ij,ij->i", face_crosses(hull.points, hull.simplices), hull.equations[:, :3])
+        < 0.0
+    )
     return np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
 
 
@@ -77,7 +82,9 @@ def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
     return Surface(
         np.concatenate([surface.vertices for surface in surfaces]),
-        np.concatenate([surface.faces + start for surface, start in zip(surfaces, starts, strict=True)]),
+        np.concatenate(
+            [surface.faces + start for surface, start in zip(surfaces, starts, strict=True)]
+        ),
     )
 
 
@@ -101,13 +108,17 @@ def distinct_faces(faces: np.ndarray) -> np.ndarray:
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
-    """(3 m, 2) directed edges of faces (m, 3): their first sides, then the second ones, then the third."""
+    """(3 m, 2) directed edges of faces (m, 3): their first sides, then the second ones, then the
+    third.
+    """
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
 def connected(count: int, edges: np.ndarray) -> np.ndarray:
     """(count,) number of the connected piece that each of so many vertices is in, by edges (n, 2)."""
-    graph = scipy.sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count)
+    )
     return scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
 
 
@@ -121,7 +132,8 @@ def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:
 
 def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
     """Faces of one piece turned to one side and outward, in their order.
-    Where no turning makes neighbors look to the same side, as where a surface touches itself, they stay as they are.
+    Where no turning makes neighbors look to the same side, as where a surface touches itself, they
+    stay as they are.
     """
     result = faces
     before = _conflicts(faces)
@@ -138,7 +150,9 @@ def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
 
 
 def _conflicts(faces: np.ndarray) -> int:
-    """Edges that two faces run along in the same direction, as neighbors that look to different sides do."""
+    """Edges that two faces run along in the same direction, as neighbors that look to different
+    sides do.
+    """
     directed = edges_of(faces)
     return len(directed) - len(np.unique(directed, axis=0))
 
@@ -152,5 +166,6 @@ def border_of(faces: np.ndarray) -> np.ndarray:
     """(edges, 2) directed edges without a face on their other side."""
     directed = edges_of(faces).astype(np.int64)
     count = int(faces.max()) + 1
-    keys, opposite = directed[:, 0] * count + directed[:, 1], directed[:, 1] * count + directed[:, 0]
+    keys = directed[:, 0] * count + directed[:, 1]
+    opposite = directed[:, 1] * count + directed[:, 0]
     return directed[~np.isin(keys, opposite)]

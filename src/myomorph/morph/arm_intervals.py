@@ -1,9 +1,10 @@
 """Intervals of moment arms and wrap objects that follow from those of attachments.
 
-Models are drawn in which everything that is fixed to a matched bone is moved by a random smooth displacement, of the
-size of the matched points' own radii: errors of a match go together over a part of the bone. Points near the surface
-slide along it; wrap objects and mapped joints are transferred as to another bone. The interval of a moment arm is that
-of a normal distribution with the spread of the drawn ones about the model's own.
+Models are drawn in which everything that is fixed to a matched bone is moved by a random smooth
+displacement, of the size of the matched points' own radii: errors of a match go together over a
+part of the bone. Points near the surface slide along it; wrap objects and mapped joints are
+transferred as to another bone. The interval of a moment arm is that of a normal distribution with
+the spread of the drawn ones about the model's own.
 """
 
 from __future__ import annotations
@@ -30,14 +31,19 @@ from myomorph.morph.transfer.points import combined, nearest_facing
 
 DRAWS = 40  # Models; the width of an interval is known within some 11 %.
 WIDTH = 0.1
-"""Distance over which errors go together, as a share of the bone's length. Of 0.1, 0.2 and 0.35 the first held best on
-deformed legs 200 and 201 (`benchmarks/accuracy/morph/deformed_legs.py`)."""
+"""Distance over which errors go together, as a share of the bone's length. Of 0.1, 0.2 and 0.35 the
+first held best on deformed legs 200 and 201 (`benchmarks/accuracy/morph/deformed_legs.py`).
+"""
 
 WAVES = 100  # Cosines of which a displacement is made (Rahimi and Recht 2007).
 NEAR = 0.02  # Points nearer to the surface than this share of the bone's length slide along it.
 TILT = 1e-4  # Distance over which derivatives are taken, as a share of the bone's length.
-NINETY, ON_SURFACE, IN_SPACE = 1.645, 2.146, 2.500
-"""Standard deviations of an axis within which 90 % of values, points of a plane and points in space lie."""
+NINETY = 1.645
+ON_SURFACE = 2.146
+IN_SPACE = 2.500
+"""Standard deviations of an axis within which 90 % of values, points of a plane and points in space
+lie.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +56,9 @@ class _Known:
 
 
 class _Displacement:
-    """A random smooth displacement of places of a target's bone: a map from its body's frame to itself."""
+    """A random smooth displacement of places of a target's bone: a map from its body's frame to
+    itself.
+    """
 
     def __init__(self, known: _Known, random: np.random.Generator):
         self.known = known
@@ -63,22 +71,32 @@ class _Displacement:
         return np.asarray(np.cos(points @ self._waves.T + self._phases) @ self._heights)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Places (..., 3) of the body displaced in space, by what is known of the matched points around them [m]."""
+        """Places (..., 3) of the body displaced in space, by what is known of the matched points
+        around them [m].
+        """
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        # What a map adds beside a bone is left out: joint centers and wrap objects lie in it or around it.
+        # What a map adds beside a bone is left out: joint centers and wrap objects lie in it or
+        # around it.
         within = radii_around(self.known.features.target, self.known.features.radii, places)
         moved = places + within[:, None] / IN_SPACE * self._steps(places)
         return np.asarray(moved.reshape(np.shape(points)))
 
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the displaced places."""
-        places, step = np.asarray(points, dtype=np.float64), TILT * self.known.length
-        columns = [(self.apply(places + move) - self.apply(places - move)) / (2.0 * step) for move in step * np.eye(3)]
+        places = np.asarray(points, dtype=np.float64)
+        step = TILT * self.known.length
+        columns = [
+            (self.apply(places + move) - self.apply(places - move)) / (2.0 * step)
+            for move in step * np.eye(3)
+        ]
         return np.stack(columns, axis=-1)
 
     def slid(self, points: Array, within: Array) -> Array:
-        """Path points (n, 3) displaced, those near the surface along it [m]; `within`: (n,) their radii of 90 % [m]."""
-        steps, shape = self._steps(points), self.known.shape
+        """Path points (n, 3) displaced, those near the surface along it [m]; `within`: (n,) their
+        radii of 90 % [m].
+        """
+        steps = self._steps(points)
+        shape = self.known.shape
         moved = np.asarray(points + within[:, None] / IN_SPACE * steps)
         if shape is None:
             return moved
@@ -86,22 +104,34 @@ class _Displacement:
         near = np.linalg.norm(points - feet, axis=1) <= NEAR * self.known.length
         normals = shape.normals[faces[near]]
         along = steps[near] - np.einsum("ij,ij->i", steps[near], normals)[:, None] * normals
-        goals = nearest_facing(shape, feet[near] + within[near, None] / ON_SURFACE * along, normals)[0]
+        goals = nearest_facing(
+            shape, feet[near] + within[near, None] / ON_SURFACE * along, normals
+        )[0]
         moved[near] = points[near] + goals - feet[near]
         return moved
 
     def transfer(self, body: str) -> Transfer:
         """The same of everything that is fixed to the body."""
         known_features = self.known.features
-        features = FeaturePoints(known_features.names, known_features.target, self.apply(known_features.target))
+        features = FeaturePoints(
+            known_features.names, known_features.target, self.apply(known_features.target)
+        )
         whole = procrustes(features.source, features.target, True)
-        return Transfer(BoneMap(body, body, self, whole, "given", features=features), body)
+        return Transfer(
+            BoneMap(
+                body=body, target_body=body, map=self, whole=whole, basis="given", features=features
+            ),
+            body,
+        )
 
 
-def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None) -> MorphChecks:
-    """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects. Muscles with a point whose
-    interval is not known, or on a bone that was not matched, have none, as where a bone was scaled with its neighbors
-    or mapped by landmarks alone. `progress`: called with 1 after each of `DRAWS` models.
+def with_arm_intervals(
+    morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None
+) -> MorphChecks:
+    """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects. Muscles
+    with a point whose interval is not known, or on a bone that was not matched, have none, as where
+    a bone was scaled with its neighbors or mapped by landmarks alone. `progress`: called with 1
+    after each of `DRAWS` models.
     """
     known = _matched(morph)
     if not known or not checks.arms:
@@ -109,24 +139,38 @@ def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[in
     random = np.random.default_rng(0)
     squares = [np.zeros_like(arms.target) for arms in checks.arms]
     wraps = [item for item in morph.model.wrap_objects if item.body in known]
-    centers, sizes = np.zeros(len(wraps)), np.zeros(len(wraps))
+    centers = np.zeros(len(wraps))
+    sizes = np.zeros(len(wraps))
     for _ in range(DRAWS):
         drawn = _drawn(morph, {body: _Displacement(bone, random) for body, bone in known.items()})
-        for sums, arm, arms in zip(squares, checks.arms, target_arms(drawn, checks.arms), strict=True):
+        for sums, arm, arms in zip(
+            squares, checks.arms, target_arms(drawn, checks.arms), strict=True
+        ):
             sums += (arms - arm.target) ** 2
         moved = {item.name: item for item in drawn.wrap_objects}
-        centers += [np.sum((moved[wrap.name].pose.translation - wrap.pose.translation) ** 2) for wrap in wraps]
+        centers += [
+            np.sum((moved[wrap.name].pose.translation - wrap.pose.translation) ** 2)
+            for wrap in wraps
+        ]
         sizes += [(moved[wrap.name].size[0] - wrap.size[0]) ** 2 for wrap in wraps]
         if progress is not None:
             progress(1)
-    unknown = {point.owner for point in morph.points if not np.isfinite(point.within) or point.target_body not in known}
+    unknown = {
+        point.owner
+        for point in morph.points
+        if not np.isfinite(point.within) or point.target_body not in known
+    }
     arms_of_muscles: list[MomentArms] = []
     for sums, arm in zip(squares, checks.arms, strict=True):
         within = NINETY * np.sqrt(sums / DRAWS)
         within[:, [muscle in unknown for muscle in arm.muscles]] = np.nan
         arms_of_muscles.append(replace(arm, within=within))
     intervals = tuple(
-        WrapInterval(wrap, IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))), NINETY * float(np.sqrt(size / DRAWS)))
+        WrapInterval(
+            wrap,
+            IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))),
+            NINETY * float(np.sqrt(size / DRAWS)),
+        )
         for wrap, center, size in zip(wraps, centers, sizes, strict=True)
     )
     return replace(checks, arms=tuple(arms_of_muscles), wraps=intervals)
@@ -136,12 +180,15 @@ def _matched(morph: Morph) -> dict[str, _Known]:
     """By body of the target, of bones whose points have radii; where several became one, the first."""
     result: dict[str, _Known] = {}
     for bone in morph.bones.values():
-        features, body = bone.features, bone.target_body
+        features = bone.features
+        body = bone.target_body
         if body in result or features is None or features.radii is None:
             continue
         if np.isfinite(features.radii).sum() >= AROUND:
             length = bone.whole.scale * Transfer(bone, body).length
-            result[body] = _Known(length, features, None if bone.target is None else Shape(bone.target))
+            result[body] = _Known(
+                length, features, None if bone.target is None else Shape(bone.target)
+            )
     return result
 
 
@@ -150,29 +197,47 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
     model = morph.model
     shifts: dict[tuple[str, str], Array] = {}
     for body, move in moves.items():
-        members = [point for point in morph.points if point.target_body == body and np.isfinite(point.within)]
+        members = [
+            point
+            for point in morph.points
+            if point.target_body == body and np.isfinite(point.within)
+        ]
         if members:
-            places, within = (np.array([getattr(point, what) for point in members]) for what in ("target", "within"))
+            places = np.array([point.target for point in members])
+            within = np.array([point.within for point in members])
             moved = zip(members, move.slid(places, within) - places, strict=True)
             shifts |= {(point.owner, point.name): by for point, by in moved}
     still = {
         body: Transfer(
-            BoneMap(body, body, scaled_map(body, 1.0), Similarity(np.eye(3), np.zeros(3)), "neighbors"), body
+            BoneMap(
+                body=body,
+                target_body=body,
+                map=scaled_map(body, 1.0),
+                whole=Similarity(np.eye(3), np.zeros(3)),
+                basis="neighbors",
+            ),
+            body,
         )
         for body in (GROUND, *model.body_names)
         if body not in moves
     }
     transfers = still | {body: move.transfer(body) for body, move in moves.items()}
     mapped = {joint.name for joint in morph.joints if joint.method == "mapped"}
-    skeleton = transferred_joints(model, transfers, CenterFinder(transfers, False, False)).skeleton if mapped else model
+    skeleton = (
+        transferred_joints(model, transfers, CenterFinder(transfers, False, False)).skeleton
+        if mapped
+        else model
+    )
     return replace(
         model,
         muscles=tuple(_with_points(muscle, shifts) for muscle in model.muscles),
         wrap_objects=tuple(
-            transferred_wrap(item, transfers[item.body]) if item.body in moves else item for item in model.wrap_objects
+            transferred_wrap(item, transfers[item.body]) if item.body in moves else item
+            for item in model.wrap_objects
         ),
         joints=tuple(
-            new if new.name in mapped else old for old, new in zip(model.joints, skeleton.joints, strict=True)
+            new if new.name in mapped else old
+            for old, new in zip(model.joints, skeleton.joints, strict=True)
         ),
     )
 
@@ -187,6 +252,9 @@ def _with_points(muscle: Muscle, shifts: Mapping[tuple[str, str], Array]) -> Mus
         elif isinstance(point, PathPoint):
             points.append(replace(point, location=point.location + by))
         else:
-            x, y, z = (combined([f], np.ones(1), float(s)) for f, s in zip(point.functions, by, strict=True))
+            x, y, z = (
+                combined([f], np.ones(1), float(s))
+                for f, s in zip(point.functions, by, strict=True)
+            )
             points.append(replace(point, functions=(x, y, z)))
     return replace(muscle, path=replace(muscle.path, points=tuple(points)))

@@ -21,21 +21,25 @@ class MorphOptions:
 
     Attributes
     ----------
-    surface_within : a muscle point this near its bone's surface, as a share of the bone's length, is put back on the
-        target's surface (at the same depth or height, in the target's size); 0 leaves points where the map puts them
-    balance : virtual links, bodies without a bone on which muscles branch, are moved to where their line tensions
-        balance as in the source
-    clear : via points and wrap objects are moved out of bones that the source's paths do not run through
-    joints : "fitted" takes centers from spheres and cylinders fitted to the target's articular surfaces where they fit
-        as in the source, "mapped" takes them as the map gives them
-    fibers : "range" keeps the range of normalized fiber lengths over the joints' ranges of motion, "path" keeps the
-        ratio of fiber and tendon to the path in the default pose, "keep" leaves lengths as they are
-    force : maximum isometric force grows with "volume" (of the bones, over optimal fiber length), "area" (square of the
-        bones' length), "mass" (of the body, over fiber length) or stays ("keep")
-    pennation : "keep" leaves the angle at optimal fiber length, "thickness" keeps the muscle's thickness in proportion
-        to the bones
-    architecture : "tables" takes fibers, force and pennation from the tables of a species file, where it has some,
-        "maps" from the bones' maps as above
+    surface_within : a muscle point this near its bone's surface, as a share of the bone's length,
+        is put back on the target's surface (at the same depth or height, in the target's size); 0
+        leaves points where the map puts them
+    balance : virtual links, bodies without a bone on which muscles branch, are moved to where their
+        line tensions balance as in the source
+    clear : via points and wrap objects are moved out of bones that the source's paths do not run
+        through
+    joints : "fitted" takes centers from spheres and cylinders fitted to the target's articular
+        surfaces where they fit as in the source, "mapped" takes them as the map gives them
+    fibers : "range" keeps the range of normalized fiber lengths over the joints' ranges of motion,
+        "path" keeps the ratio of fiber and tendon to the path in the default pose, "keep" leaves
+        lengths as they are
+    force : maximum isometric force grows with "volume" (of the bones, over optimal fiber length),
+        "area" (square of the bones' length), "mass" (of the body, over fiber length) or stays
+        ("keep")
+    pennation : "keep" leaves the angle at optimal fiber length, "thickness" keeps the muscle's
+        thickness in proportion to the bones
+    architecture : "tables" takes fibers, force and pennation from the tables of a species file,
+        where it has some, "maps" from the bones' maps as above
     """
 
     surface_within: float = 0.02
@@ -49,7 +53,10 @@ class MorphOptions:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.surface_within <= 0.2:
-            raise BadData(f"surface_within is {self.surface_within:g}: expected a share of bone length from 0 to 0.2")
+            raise BadData(
+                f"surface_within is {self.surface_within:g}: expected a share of bone length from 0"
+                " to 0.2"
+            )
 
 
 @read_only
@@ -63,8 +70,10 @@ class TransferredPoint:
     body, target_body : that it is fixed to
     source, target : (3,) in their frames, in the middle of its way for a moving point [m]
     lifted : how far it was moved onto the surface [m]; 0 where it was not
-    depth_source, depth_target : signed distance from the bones' surfaces, positive outside [m]; NaN without surfaces
-    within : distance from the target within which the point belongs with 90 % [m]; NaN where nothing is known
+    depth_source, depth_target : signed distance from the bones' surfaces, positive outside [m]; NaN
+        without surfaces
+    within : distance from the target within which the point belongs with 90 % [m]; NaN where
+        nothing is known
     cleared : how far it was brought out of a bone [m]; 0 where it was not
     """
 
@@ -91,8 +100,8 @@ class RebuiltJoint:
     method : "mapped", "sphere", "cylinder" or "given"
     in_parent, in_child : (3,) its center in the target bodies' frames [m]
     moved : between the fitted and the mapped center [m]; 0 where it is mapped
-    gap : in the target's bones as they lie in one frame, between the centers found by parent and child [m]; NaN where
-        the bones do not share a frame
+    gap : in the target's bones as they lie in one frame, between the centers found by parent and
+        child [m]; NaN where the bones do not share a frame
     """
 
     name: str
@@ -105,7 +114,8 @@ class RebuiltJoint:
 
 @dataclass(frozen=True)
 class Architecture:
-    """Fiber length and force that a muscle is given, from tables of the target's species or its relatives.
+    """Fiber length and force that a muscle is given, from tables of the target's species or its
+    relatives.
 
     Attributes
     ----------

@@ -15,7 +15,12 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.motion.body.angle_slopes import sliding, widened
-from myomorph.motion.body.priors import calibration_prior, overall_size, spread_postures, usual_shifts
+from myomorph.motion.body.priors import (
+    calibration_prior,
+    overall_size,
+    spread_postures,
+    usual_shifts,
+)
 from myomorph.motion.body.shared_fit import Search, reduce, search_minimum, settle
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
 from myomorph.motion.body.zero_angles import far_zeros, posterior, zero_angles, zero_notes
@@ -28,7 +33,12 @@ from myomorph.motion.calibration import (
     SideEstimate,
     root_mean_square,
 )
-from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    coordinate_targets,
+    pose_problem,
+    tracked_markers,
+)
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
 from myomorph.motion.stretch import skeleton, stretch_of
 from myomorph.rigid.coordinates import Ints
@@ -38,11 +48,20 @@ STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
 
 POSITIVE = (
-    "frames", "length_sd", "shape_sd", "side_sd", "posture_sd", "marker_sd", "fixed_sd", "static_sd", "iterations",
-)  # fmt: skip
+    "frames",
+    "length_sd",
+    "shape_sd",
+    "side_sd",
+    "posture_sd",
+    "marker_sd",
+    "fixed_sd",
+    "static_sd",
+    "iterations",
+)
 
 FEW_FRAMES = 10
-FAR = 0.1  # A marker farther than this from its place on the model may be another one [length units]
+# A marker farther than this from its place on the model may be another one [length units]
+FAR = 0.1
 
 
 def calibrate(
@@ -58,10 +77,10 @@ def calibrate(
 
     min sum_fm w_m |x_m(q_f, s, d) - y_fm|^2 / noise^2 + |prior(s, d)|^2,
 
-    where x is linear in (s, d) and the angles, bounded, locked and coupled as in inverse kinematics, are
-    eliminated frame by frame. The prior keeps what no marker shows near the given model: every length near
-    the overall size, stretch across near that along, right near left, markers near their places. [D] 3.2.1
-    step 1, after its reference 26.
+    where x is linear in (s, d) and the angles, bounded, locked and coupled as in inverse
+    kinematics, are eliminated frame by frame. The prior keeps what no marker shows near the given
+    model: every length near the overall size, stretch across near that along, right near left,
+    markers near their places. [D] 3.2.1 step 1, after its reference 26.
 
     Source: Lu and O'Connor 1999, whose problem is solved in every frame.
 
@@ -75,8 +94,8 @@ def calibrate(
 
     Returns
     -------
-    the model with its new lengths and marker places, factors of the lengths with their standard deviations, and marker
-    errors before and after [m]
+    the model with its new lengths and marker places, factors of the lengths with their standard
+    deviations, and marker errors before and after [m]
 
     Raises
     ------
@@ -103,23 +122,44 @@ def calibrate(
     size = overall_size(model, names, [_columns(recording, names) for recording in recordings])
     bare = skeleton(model)
     sized = scale(bare, {body: np.full(3, size) for body in bare.body_names})
-    tracking = InverseKinematicsOptions(marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True)
-    chosen = spread_postures(sized, recordings, tracking, options.frames, options.static is not None)
-    problem = _problem(
-        model, bare, names, weights, recordings, [frames for frames, _ in chosen], options, size, distances
+    tracking = InverseKinematicsOptions(
+        marker_weights=dict(zip(names, weights, strict=True)), only_weighted=True
     )
-    # Frames are shared among our own threads; a thread pool for each of their small products costs more than it gains.
+    chosen = spread_postures(
+        sized, recordings, tracking, options.frames, options.static is not None
+    )
+    problem = _problem(
+        model,
+        bare,
+        names,
+        weights,
+        recordings,
+        [frames for frames, _ in chosen],
+        options,
+        size,
+        distances,
+    )
+    # Frames are shared among our own threads; a thread pool for each of their small products costs
+    # more than it gains.
     with threadpool_limits(limits=1, user_api="blas"):
-        search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, distances, progress)
+        search = search_minimum(
+            problem, names, size, [angles for _, angles in chosen], options, distances, progress
+        )
     if progress:
         progress(max(0, options.iterations - search.steps))
-    calibration = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
+    calibration = _calibration(
+        model, search.problem, search, names, chosen, options, distances, path_lengths
+    )
     # Of knees and feet alone: a pelvis or a trunk may lean from the generic one's by much.
     limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
     far = far_zeros(limbs, static=options.static is not None and len(recordings) > 1)
     if far and far[0].mended:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), warnings=far)
-    return replace(calibration, notes=(*calibration.notes, *_thin_notes(model, names, recordings)), warnings=far)
+    return replace(
+        calibration,
+        notes=(*calibration.notes, *_thin_notes(model, names, recordings)),
+        warnings=far,
+    )
 
 
 def _check(options: CalibrationOptions) -> None:
@@ -134,7 +174,9 @@ def _check(options: CalibrationOptions) -> None:
     if options.mass is not None and not options.mass > 0.0:
         raise BadData(f"calibration: a mass of {options.mass:g} kg; expected the subject's")
     if options.noise is not None and not options.noise >= 0.0:
-        raise BadData(f"calibration: noise is {options.noise}; expected metres, or 0 for that of the residual")
+        raise BadData(
+            f"calibration: noise is {options.noise}; expected metres, or 0 for that of the residual"
+        )
 
 
 def _columns(markers: Markers, names: Sequence[str]) -> Array:
@@ -147,22 +189,30 @@ def _columns(markers: Markers, names: Sequence[str]) -> Array:
     return columns
 
 
-def _tracked(model: Model, recordings: Sequence[Markers], options: CalibrationOptions) -> tuple[tuple[str, ...], Array]:
+def _tracked(
+    model: Model, recordings: Sequence[Markers], options: CalibrationOptions
+) -> tuple[tuple[str, ...], Array]:
     """Markers that the model shares with any recording, and their weights."""
     every = tuple(dict.fromkeys(name for markers in recordings for name in markers.names))
     joined = Markers(np.zeros(0), every, np.zeros((0, len(every), 3)))
-    names, weights = tracked_markers(model, joined, InverseKinematicsOptions(marker_weights=options.marker_weights))
+    names, weights = tracked_markers(
+        model, joined, InverseKinematicsOptions(marker_weights=options.marker_weights)
+    )
     for name in options.fixed_markers:
         index_of("marker", name, model.marker_names)
     for number, recording in enumerate(recordings):
         if not set(names) & set(recording.names):
             raise BadData(
-                f"recording {number + 1} of {len(recordings)} shares no marker with the model: the model has "
-                f"{listing(recording.names[0] if recording.names else '', model.marker_names)}; the recording has "
-                f"{listing(names[0], recording.names)}"
+                f"recording {number + 1} of {len(recordings)} shares no marker with the model: the"
+                " model has"
+                f" {listing(recording.names[0] if recording.names else '', model.marker_names)};"
+                f" the recording has {listing(names[0], recording.names)}"
             )
         if not np.isfinite(_columns(recording, names)).all(axis=2).any():
-            raise BadData(f"recording {number + 1} of {len(recordings)} shows none of the model's markers in any frame")
+            raise BadData(
+                f"recording {number + 1} of {len(recordings)} shows none of the model's markers in"
+                " any frame"
+            )
     return names, weights
 
 
@@ -186,8 +236,11 @@ def _problem(
         if options.static is not None and number == len(recordings) - 1:
             for name, value in _static_pose(model, options).items():
                 j = index_of("coordinate", name, model.coordinate_names)
-                known[j], targets[:, j] = options.static_sd**-2, value
-        sets.append(FrameSet(np.ascontiguousarray(_columns(recording, names)[rows]), targets, known))
+                known[j] = options.static_sd**-2
+                targets[:, j] = value
+        sets.append(
+            FrameSet(np.ascontiguousarray(_columns(recording, names)[rows]), targets, known)
+        )
     return SharedProblem(
         model=bare,
         lengths=lengths,
@@ -208,7 +261,9 @@ def _static_pose(model: Model, options: CalibrationOptions) -> Mapping[str, floa
     return {
         coordinate.name: coordinate.default
         for coordinate in model.coordinates
-        if coordinate.name.startswith(STANDING) and coordinate.name not in driven and not coordinate.locked
+        if coordinate.name.startswith(STANDING)
+        and coordinate.name not in driven
+        and not coordinate.locked
     }
 
 
@@ -222,36 +277,55 @@ def _calibration(
     distances: Distances,
     path_lengths: Callable[[Model], ArrayLike] | None,
 ) -> Calibration:
-    x, n = search.found.point.x, len(problem.lengths)
+    x = search.found.point.x
+    n = len(problem.lengths)
     factors = factors_of(problem.lengths, x[:n])
     locations = dict(zip(names, problem.placed(x), strict=True))
     result = scale(model, factors, options.mass, path_lengths=path_lengths)
-    placed = tuple(replace(marker, location=locations.get(marker.name, marker.location)) for marker in result.markers)
+    placed = tuple(
+        replace(marker, location=locations.get(marker.name, marker.location))
+        for marker in result.markers
+    )
     turn = distances.turn if distances.slide else 0.0
     skin = sliding(problem, search.found.point, distances.slide, turn, options.independent_frames)
     sd, prior_sd, place_sd = _deviations(problem, search, skin)
     lengths = tuple(
-        LengthEstimate(length, float(x[i]), float(sd[i]), float(prior_sd[i]))
+        LengthEstimate(
+            length=length, factor=float(x[i]), sd=float(sd[i]), prior_sd=float(prior_sd[i])
+        )
         for i, length in enumerate(problem.lengths)
     )
-    # The given model, and the same at the body's size: one too large bends its knees to reach the markers.
-    angles, variance = [each for _, each in chosen], search.noise**2
-    given, sized = (
-        settle(problem, np.r_[np.full(n, size), np.zeros(len(x) - n)], angles, variance) for size in (1.0, x[-1])
-    )
-    before, after = reduce(problem, given).errors, search.found.reduced.errors
+    # The given model, and the same at the body's size: one too large bends its knees to reach the
+    # markers.
+    angles = [each for _, each in chosen]
+    variance = search.noise**2
+    given = settle(problem, np.r_[np.full(n, 1.0), np.zeros(len(x) - n)], angles, variance)
+    sized = settle(problem, np.r_[np.full(n, x[-1]), np.zeros(len(x) - n)], angles, variance)
+    before = reduce(problem, given).errors
+    after = search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
     zeros = zero_angles(
-        problem, search.found.point, sized, search.noise**2, search.free, options.static is not None, options.zero_sd,
+        problem,
+        search.found.point,
+        sized,
+        search.noise**2,
+        search.free,
+        options.static is not None,
+        options.zero_sd,
         skin,
-    )  # fmt: skip
+    )
     markers = tuple(
         MarkerEstimate(
-            name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
-            root_mean_square([frames[:, m] for frames in before]), root_mean_square([frames[:, m] for frames in after]),
+            name=name,
+            body=model.marker(name).body,
+            location=locations[name],
+            shift=shifts[m],
+            sd=place_sd[m],
+            before=root_mean_square([frames[:, m] for frames in before]),
+            after=root_mean_square([frames[:, m] for frames in after]),
         )
         for m, name in enumerate(names)
-    )  # fmt: skip
+    )
     return Calibration(
         model=result.with_markers(placed),
         options=options,
@@ -283,15 +357,22 @@ THIN = 3  # A segment with fewer markers than these can turn without showing it 
 
 
 def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers]) -> Iterator[str]:
-    """Segments that one or two markers show, the model's that are missing there, and recorded ones it does not know."""
-    seen = {name for recording in recordings
-            for name, values in zip(recording.names, np.moveaxis(recording.values, 1, 0), strict=True)
-            if name in names and np.isfinite(values).any()}  # fmt: skip
-    thin, missing = [], []
+    """Segments that one or two markers show, the model's that are missing there, and recorded ones
+    it does not know.
+    """
+    seen = {
+        name
+        for recording in recordings
+        for name, values in zip(recording.names, np.moveaxis(recording.values, 1, 0), strict=True)
+        if name in names and np.isfinite(values).any()
+    }
+    thin = []
+    missing = []
     for bodies in segments_that_stretch(model):
         here = [marker.name for marker in model.markers if marker.body in bodies]
         shown = [name for name in here if name in seen]
-        # Two that the model was made with show a segment together with its joint; two that are left over may not.
+        # Two that the model was made with show a segment together with its joint; two that are left
+        # over may not.
         if len(shown) == 1 or 0 < len(shown) < min(THIN, len(here)):
             thin.append(f"{bodies[0]} ({', '.join(shown)})")
             missing += [name for name in here if name not in seen]
@@ -299,31 +380,42 @@ def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers
         return
     text = f"segments that fewer than {THIN} markers show: {', '.join(thin)}"
     if missing:
-        strange = sorted({name for recording in recordings for name in recording.names} - set(model.marker_names))
+        strange = sorted(
+            {name for recording in recordings for name in recording.names} - set(model.marker_names)
+        )
         text += f"; the model also has {', '.join(missing)} there, which no recording shows"
-        text += f" (recorded and unknown to the model: {listing(missing[0], strange)})" if strange else ""
+        text += (
+            f" (recorded and unknown to the model: {listing(missing[0], strange)})"
+            if strange
+            else ""
+        )
     yield text
 
 
 def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
-    """Which sides were found to differ: a leg or an arm that is longer, or a fault of markers that looks like it."""
+    """Which sides were found to differ: a leg or an arm that is longer, or a fault of markers that
+    looks like it.
+    """
     differing = [
-        f"{side.first} less {side.second} {100.0 * side.difference:+.1f} % (SD {100.0 * side.sd:.1f} %)"
+        f"{side.first} less {side.second} {100.0 * side.difference:+.1f} % (SD"
+        f" {100.0 * side.sd:.1f} %)"
         for side in sides
         if side.differs
     ]
     if differing:
         yield (
-            f"sides differ more than side_sd allows: {', '.join(differing)}; they were set free: look whether the "
-            "person is so, or markers of one side lie elsewhere"
+            f"sides differ more than side_sd allows: {', '.join(differing)}; they were set free:"
+            " look whether the person is so, or markers of one side lie elsewhere"
         )
 
 
 def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Array, Array, Array]:
-    """Standard deviations: of the lengths, of the lengths without the recordings, of the markers' places. A place is
-    factor * location + shift; what the two share cancels. 0 for what may not move.
+    """Standard deviations: of the lengths, of the lengths without the recordings, of the markers'
+    places. A place is factor * location + shift; what the two share cancels. 0 for what may not
+    move.
     """
-    n, free = len(problem.lengths), search.free
+    n = len(problem.lengths)
+    free = search.free
     rows = problem.prior.rows[:, free]
     spread = posterior(problem, search.found.point, search.noise**2, free, search.found.reduced.H)
     spread = widened(spread, search.noise**2, skin, free)
@@ -341,29 +433,39 @@ def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Ar
 
 
 def _notes(
-    search: Search, lengths: Sequence[LengthEstimate], markers: Sequence[MarkerEstimate], most: float
+    search: Search,
+    lengths: Sequence[LengthEstimate],
+    markers: Sequence[MarkerEstimate],
+    most: float,
 ) -> tuple[str, ...]:
     notes = []
     count = sum(len(angle) for angle in search.found.point.angles)
     if count < FEW_FRAMES:
-        notes.append(f"only {count} frames: lengths and marker positions come mostly from the given model")
+        notes.append(
+            f"only {count} frames: lengths and marker positions come mostly from the given model"
+        )
     if not search.noise_found:
         notes.append(f"so few frames do not show the noise: taken as {1e3 * search.noise:g} mm")
     if not search.found.converged:
         notes.append(
-            f"not converged after {search.steps} steps, last change {search.found.change:.1g}: allow more iterations"
+            f"not converged after {search.steps} steps, last change {search.found.change:.1g}:"
+            " allow more iterations"
         )
     if search.found.point.settled < 1.0:
-        notes.append(f"the angles of {100.0 * (1.0 - search.found.point.settled):.0f} % of the frames did not converge")
+        notes.append(
+            f"the angles of {100.0 * (1.0 - search.found.point.settled):.0f} % of the frames did"
+            " not converge"
+        )
     hidden = [length.length.name for length in lengths if length.length.along and not length.shown]
     if hidden:
         notes.append(
-            f"the recordings do not show {', '.join(hidden)}: they follow the overall size and their neighbors"
+            f"the recordings do not show {', '.join(hidden)}: they follow the overall size and"
+            " their neighbors"
         )
     far = [marker.name for marker in markers if float(np.linalg.norm(marker.shift)) > most]
     if far:
         notes.append(
-            f"more than {100 * most:.3g} cm from their places on the given model: {', '.join(far)}; look whether they "
-            "are named as the model names them"
+            f"more than {100 * most:.3g} cm from their places on the given model: {', '.join(far)};"
+            " look whether they are named as the model names them"
         )
     return tuple(notes)

@@ -15,10 +15,16 @@ from myomorph.model.series import Markers
 from myomorph.motion.lengths import Length
 from myomorph.rigid.coordinates import Ints
 
-STATIC, FUNCTIONAL, SYMMETRY, GENERIC = "static trial", "joint centers and axes", "symmetric posture", "generic model"
+STATIC = "static trial"
+FUNCTIONAL = "joint centers and axes"
+SYMMETRY = "symmetric posture"
+GENERIC = "generic model"
 SOURCES = (STATIC, FUNCTIONAL, SYMMETRY, GENERIC)
-SLIDE, SLIDE_TURN = 0.005, 0.05
-"""How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard deviations."""
+SLIDE = 0.005
+SLIDE_TURN = 0.05
+"""How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard
+deviations.
+"""
 
 NORMAL_90 = 1.645  # Standard deviations to either side of a 90 % interval
 
@@ -31,38 +37,43 @@ class CalibrationOptions:
     ----------
     frames : at most so many, those whose postures differ most
     symmetric : the right and the left side have the same lengths
-    method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does ("alternating")
+    method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does
+        ("alternating")
     mass : of the whole body [kg]; by default what the stretching gives
     length_sd : how much a segment's length differs from the overall size, as a standard deviation
     shape_sd : how much a segment's stretch across differs from that along
-    side_sd : how much a length of the right differs from the left's, as a share; where the data show more, a wider
-        prior takes its place, with a warning
-    posture_sd : how much the mean angle of a joint differs between right and left, and the trunk's mean from
-        upright to the side [rad]; more where both sides were not recorded alike
-    marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies much
-        farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of human size, on a
-        smaller one less in proportion (`length_unit`)
-    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark, which is not let go [m]; by
-        default 0.01 likewise
-    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the skin; 0 takes
-        it from the residual, right for markers without skin; by default 0.005 likewise
-    zero_sd : how far the axes of the generic model's bones are turned against the person's [rad]; it widens the
-        intervals of zero angles. 4 degrees, as angles differ between examiners who palpate the same landmarks
-        (Della Croce et al. 2005)
-    slide_sd : how far all markers of a segment slide as one while the body moves, along one axis [m]; it widens the
-        intervals of lengths, marker places and zero angles. By default as `noise`. Shifts and turns of whole
-        clusters are most of what skin does in walking (Barré et al. 2017)
-    slide_turn_sd : how far they turn as one about each axis [rad]; by default 3 degrees where `slide_sd` is 5 mm, and
-        in proportion (of the order of the 1 to 6 by which fluoroscopy finds the hip's angles from markers off,
-        Fiorentino et al. 2017); without effect where `slide_sd` is 0
-    independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
-        from frame to frame; without effect where the residual gives the noise
+    side_sd : how much a length of the right differs from the left's, as a share; where the data
+        show more, a wider prior takes its place, with a warning
+    posture_sd : how much the mean angle of a joint differs between right and left, and the trunk's
+        mean from upright to the side [rad]; more where both sides were not recorded alike
+    marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies
+        much farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of
+        human size, on a smaller one less in proportion (`length_unit`)
+    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark, which is
+        not let go [m]; by default 0.01 likewise
+    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the
+        skin; 0 takes it from the residual, right for markers without skin; by default 0.005
+        likewise
+    zero_sd : how far the axes of the generic model's bones are turned against the person's [rad];
+        it widens the intervals of zero angles. 4 degrees, as angles differ between examiners who
+        palpate the same landmarks (Della Croce et al. 2005)
+    slide_sd : how far all markers of a segment slide as one while the body moves, along one axis
+        [m]; it widens the intervals of lengths, marker places and zero angles. By default as
+        `noise`. Shifts and turns of whole clusters are most of what skin does in walking (Barré et
+        al. 2017)
+    slide_turn_sd : how far they turn as one about each axis [rad]; by default 3 degrees where
+        `slide_sd` is 5 mm, and in proportion (of the order of the 1 to 6 by which fluoroscopy finds
+        the hip's angles from markers off, Fiorentino et al. 2017); without effect where `slide_sd`
+        is 0
+    independent_frames : so many frames of moving skin and clothes say as much as all, for its
+        movement is alike from frame to frame; without effect where the residual gives the noise
     static_sd : of the coordinates that are known in the static trial [rad]
     iterations : at most so many steps
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
     fixed_markers : markers that stay where the model has them
     static : a recording of standing still
-    static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model stands
+    static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model
+        stands
     posture_weight : as in `InverseKinematicsOptions`, but smaller, for lengths must not feel it
     """
 
@@ -110,8 +121,19 @@ class Distances:
 
         noise = specified(options.noise, SLIDE)
         slide = noise if options.slide_sd is None else options.slide_sd
-        turn = SLIDE_TURN * slide / (SLIDE * unit) if options.slide_turn_sd is None else options.slide_turn_sd
-        return cls(specified(options.marker_sd, 0.02), specified(options.fixed_sd, 0.01), noise, unit, slide, turn)
+        turn = (
+            SLIDE_TURN * slide / (SLIDE * unit)
+            if options.slide_turn_sd is None
+            else options.slide_turn_sd
+        )
+        return cls(
+            specified(options.marker_sd, 0.02),
+            specified(options.fixed_sd, 0.01),
+            noise,
+            unit,
+            slide,
+            turn,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +165,9 @@ class LengthEstimate:
 
     @property
     def shown(self) -> bool:
-        """Whether the recordings say more of it than was known before: they halve its standard deviation."""
+        """Whether the recordings say more of it than was known before: they halve its standard
+        deviation.
+        """
         return self.sd < 0.5 * self.prior_sd
 
 
@@ -157,7 +181,8 @@ class MarkerEstimate:
     location : (3,) on its stretched body [m]
     shift : (3,) from where stretching alone puts it [m]
     sd : (3,) standard deviation along the body's axes [m]
-    before, after : root mean square distance from the recordings on the given model and at the end [m]
+    before, after : root mean square distance from the recordings on the given model and at the end
+        [m]
     """
 
     name: str
@@ -230,10 +255,12 @@ class Calibration:
     noise : of a marker along one axis, as counted for `independent_frames`, or found [m]
     frames : for each recording (the static one last) its chosen frames
     angles : for each recording (frames, coordinates) of the chosen frames [rad or m]
-    before, after : for each recording (frames, markers) distances on the given model and on the found one [m]
+    before, after : for each recording (frames, markers) distances on the given model and on the
+        found one [m]
     marker_names : of the columns of `before` and `after`
     converged : whether the last step was small
-    steps, last_change : of all stages; largest change in the last one, of a factor or in `length_unit`
+    steps, last_change : of all stages; largest change in the last one, of a factor or in
+        `length_unit`
     zero_angles : what fixes the zero of each angle, and how well
     sides : what the data say of the lengths of both sides
     costs : the objective after every step of the last stage [m^2]
@@ -276,4 +303,6 @@ class Calibration:
 def root_mean_square(errors: Sequence[Array]) -> float:
     """Of distances in several arrays, NaN left out."""
     everything = np.concatenate([error.ravel() for error in errors]) if errors else np.zeros(0)
-    return float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")
+    return (
+        float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")
+    )

@@ -1,4 +1,6 @@
-"""Two recordings laid side by side: the lags at which they explain each other, then offset and drift refined."""
+"""Two recordings laid side by side: the lags at which they explain each other, then offset and
+drift refined.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,16 @@ DENSE = 40.0  # Samples for every period of the cutoff through which the other r
 FINEST = 25.0  # Frames a second that are kept at least
 RIM = 1.0  # Periods of the cutoff by which what is not used reaches into what is
 SETTLING = 3.0
-"""Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated markers are rough."""
+"""Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated
+markers are rough.
+"""
 
 
 @read_only
 class Compared:
-    """Rows (frames, signals, parameters) on the reference clock, zero where unusable, beside splines of the other
-    recording (signals,) and their slopes over its own time; `start` and `end` of what its filter has settled for [s],
-    `middle` of what both cover, on the reference clock [s].
+    """Rows (frames, signals, parameters) on the reference clock, zero where unusable, beside
+    splines of the other recording (signals,) and their slopes over its own time; `start` and `end`
+    of what its filter has settled for [s], `middle` of what both cover, on the reference clock [s].
     """
 
     time: Array
@@ -45,12 +49,16 @@ class Compared:
 
     @property
     def weights(self) -> Array:
-        """(signals,) that make every signal of the other recording vary by 1; 0 for one that does not vary."""
+        """(signals,) that make every signal of the other recording vary by 1; 0 for one that does
+        not vary.
+        """
         varies = self.spread > 1e-12 * self.spread.max(initial=0.0)
         return np.where(varies, 1.0 / np.where(varies, self.spread, 1.0), 0.0)
 
     def places(self, lag: Array) -> Array:
-        """Times of the frames on the other clock, t + a + b (t - middle), for a lag (2,) of a [s] and b."""
+        """Times of the frames on the other clock, t + a + b (t - middle), for a lag (2,) of a [s]
+        and b.
+        """
         return self.time + lag[0] + lag[1] * (self.time - self.middle)
 
     def within(self, lag: Array) -> np.ndarray:
@@ -60,38 +68,59 @@ class Compared:
 
 
 def main_frequency(time: Array, other_time: Array, other: Array) -> float:
-    """Frequency of the other recording's strongest oscillation [Hz]: by squared power: noise has little."""
+    """Frequency of the other recording's strongest oscillation [Hz]: by squared power: noise has
+    little.
+    """
     rate = (len(other_time) - 1) / float(other_time[-1] - other_time[0])
     spread = np.std(other, axis=0)
     values = (other - other.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    squared = np.sum(np.abs(scipy.fft.rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 4, axis=1)
+    squared = np.sum(
+        np.abs(scipy.fft.rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 4, axis=1
+    )
     frequencies = np.arange(len(squared)) * rate / len(values)
     squared = squared * (frequencies < 0.25 * (len(time) - 1) / float(time[-1] - time[0]))
-    return float(max((frequencies @ squared) / max(squared.sum(), 1e-300), 2.0 * rate / len(values)))
+    return float(
+        max((frequencies @ squared) / max(squared.sum(), 1e-300), 2.0 * rate / len(values))
+    )
 
 
 def compare(
-    time: Array, rows: Array, other_time: Array, other: Array, cutoff: float, used: np.ndarray | None
+    time: Array,
+    rows: Array,
+    other_time: Array,
+    other: Array,
+    cutoff: float,
+    used: np.ndarray | None,
 ) -> Compared:
     """Filter both recordings alike and thin the frames to what the cutoff needs."""
-    time, other_time = np.asarray(time, dtype=np.float64), np.asarray(other_time, dtype=np.float64)
+    time = np.asarray(time, dtype=np.float64)
+    other_time = np.asarray(other_time, dtype=np.float64)
     _checked(time, other_time, other, rows)
     usable = np.asarray(np.isfinite(rows).all(axis=(1, 2)))
-    start, end = float(other_time[0]), float(other_time[-1])
+    start = float(other_time[0])
+    end = float(other_time[-1])
     rate = (len(time) - 1) / float(time[-1] - time[0])
     rows, usable = _filtered(rows, usable, rate, cutoff)
     if used is not None:
         # Through the filter, frames feel those nearby: the rim of what is used is left out.
         rim = 2 * int(np.ceil(RIM * rate / cutoff)) + 1
-        usable &= scipy.ndimage.minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest") > 0
+        usable &= (
+            scipy.ndimage.minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest") > 0
+        )
     if not usable.any():
-        raise BadData(f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz")
+        raise BadData(
+            f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz"
+        )
     other_rate = (len(other_time) - 1) / (end - start)
     few = max(1, int(other_rate / (DENSE * cutoff)))
-    other, other_time = lowpass(other, other_rate, cutoff)[::few], other_time[::few]
-    start, end = start + SETTLING / cutoff, end - SETTLING / cutoff
+    other = lowpass(other, other_rate, cutoff)[::few]
+    other_time = other_time[::few]
+    start = start + SETTLING / cutoff
+    end = end - SETTLING / cutoff
     thin = max(1, int(rate / max(SAMPLES * cutoff, FINEST)))
-    time, rows, usable = time[::thin], rows[::thin], usable[::thin]
+    time = time[::thin]
+    rows = rows[::thin]
+    usable = usable[::thin]
     spline = natural_spline(other_time, other, degree=3)
     return Compared(
         time=time,
@@ -111,20 +140,30 @@ def _checked(time: Array, other_time: Array, other: Array, rows: Array) -> None:
         raise BadData(f"{len(time)} and {len(other_time)} samples: too few to compare clocks")
     if rows.shape[:2] != (len(time), other.shape[1]) or len(other) != len(other_time):
         raise BadData(
-            f"expected rows ({len(time)}, {other.shape[1]}, parameters) and {len(other_time)} samples, but got "
-            f"{rows.shape} and {len(other)}"
+            f"expected rows ({len(time)}, {other.shape[1]}, parameters) and {len(other_time)}"
+            f" samples, but got {rows.shape} and {len(other)}"
         )
     if not np.isfinite(other).all():
-        raise BadData("the other recording has values that are not finite: fill the gaps or choose another time")
+        raise BadData(
+            "the other recording has values that are not finite: fill the gaps or choose another"
+            " time"
+        )
     for clock in (time, other_time):
         steps = np.diff(clock)
         if steps.min() <= 0 or steps.max() > 1.5 * np.median(steps):
-            raise BadData("clocks are compared over recordings of a steady rate: this one has missing frames")
+            raise BadData(
+                "clocks are compared over recordings of a steady rate: this one has missing frames"
+            )
 
 
-def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tuple[Array, np.ndarray]:
-    """Low-passed rows over each unbroken run, and the frames that remain when the filter has settled."""
-    filtered, kept = np.array(rows, dtype=np.float64), np.zeros(len(rows), dtype=bool)
+def _filtered(
+    rows: Array, usable: np.ndarray, rate: float, cutoff: float
+) -> tuple[Array, np.ndarray]:
+    """Low-passed rows over each unbroken run, and the frames that remain when the filter has
+    settled.
+    """
+    filtered = np.array(rows, dtype=np.float64)
+    kept = np.zeros(len(rows), dtype=bool)
     settling = int(np.ceil(SETTLING * rate / cutoff))
     for start, stop in runs(usable):
         if stop - start > 2 * settling + 4:
@@ -134,28 +173,37 @@ def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tu
 
 
 def likely_lags(compared: Compared, search: float) -> list[float]:
-    """Lags [s], the best first, by the share of variance that any parameters explain, at every lag at once by FFT."""
+    """Lags [s], the best first, by the share of variance that any parameters explain, at every lag
+    at once by FFT.
+    """
     first, _ = _peaks(compared, compared.weights, search)
-    # A signal that only holds noise would count as much as the others: what each leaves unexplained says.
+    # A signal that only holds noise would count as much as the others: what each leaves unexplained
+    # says.
     left = _left(compared, np.array([first[0], 0.0]))
-    weights = np.where(compared.weights > 0, 1.0 / np.maximum(left, 1e-3 * compared.spread + 1e-300), 0.0)
+    weights = np.where(
+        compared.weights > 0, 1.0 / np.maximum(left, 1e-3 * compared.spread + 1e-300), 0.0
+    )
     peaks, best = _peaks(compared, weights, search)
     if best < LEAST_EXPLAINED:
         raise BadData(
-            f"the two recordings do not explain each other at any offset within {search:g} s (at best "
-            f"{100 * max(best, 0.0):.0f} % of the variance): are they of one trial? A wider search may help"
+            f"the two recordings do not explain each other at any offset within {search:g} s (at"
+            f" best {100 * max(best, 0.0):.0f} % of the variance): are they of one trial? A wider"
+            " search may help"
         )
     return list(dict.fromkeys(peaks + first[:2]))
 
 
 def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[float], float]:
     """Lags [s] of the highest peaks of the share explained, and that share at the highest."""
-    step, frames = compared.step, len(compared.time)
+    step = compared.step
+    frames = len(compared.time)
     most = int(np.ceil(search / step))
     around = compared.time[0] + step * np.arange(-most, frames + most)
     inside = (around >= compared.start) & (around <= compared.end)
     if not inside.any():
-        raise BadData("the recordings have no time in common: give their times on clocks that start together")
+        raise BadData(
+            "the recordings have no time in common: give their times on clocks that start together"
+        )
     values = compared.spline(np.clip(around, compared.start, compared.end)) * weights
     values = np.where(inside[:, None], values - values[inside].mean(axis=0), 0.0)
     basis = _centered_basis(compared, weights)
@@ -166,23 +214,33 @@ def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[floa
         product = (np.conj(scipy.fft.rfft(basis[:, :, index], size, axis=0)) * spectra).sum(axis=1)
         explained += scipy.fft.irfft(product, size)[: 2 * most + 1] ** 2
     counted = np.conj(scipy.fft.rfft(compared.usable.astype(np.float64), size))
-    power = scipy.fft.irfft(counted * scipy.fft.rfft((values**2).sum(axis=1), size), size)[: 2 * most + 1]
-    common = scipy.fft.irfft(counted * scipy.fft.rfft(inside.astype(np.float64), size), size)[: 2 * most + 1]
+    power = scipy.fft.irfft(counted * scipy.fft.rfft((values**2).sum(axis=1), size), size)[
+        : 2 * most + 1
+    ]
+    common = scipy.fft.irfft(counted * scipy.fft.rfft(inside.astype(np.float64), size), size)[
+        : 2 * most + 1
+    ]
     enough = (common > 0.5 * common.max()) & (power > 1e-9 * power.max())
     share = np.where(enough, explained / np.where(enough, power, 1.0), 0.0)
     best = float(share.max())
     edged = np.concatenate([[0.0], share, [0.0]])
-    peaks = np.flatnonzero((edged[1:-1] >= edged[:-2]) & (edged[1:-1] > edged[2:]) & (share > best - NEAR))
+    peaks = np.flatnonzero(
+        (edged[1:-1] >= edged[:-2]) & (edged[1:-1] > edged[2:]) & (share > best - NEAR)
+    )
     peaks = peaks[np.argsort(-share[peaks])][:CANDIDATES]
     return [float((peak - most) * step) for peak in peaks], best
 
 
 def _centered_basis(compared: Compared, weights: Array) -> Array:
-    """Orthonormal columns (frames, signals, k) of what the rows and a constant for each signal can explain."""
+    """Orthonormal columns (frames, signals, k) of what the rows and a constant for each signal can
+    explain.
+    """
     frames, signals, parameters = compared.rows.shape
     design = (compared.rows * weights[:, None]).reshape(-1, parameters)
     constants = np.eye(signals) * compared.usable[:, None, None]
-    return orthonormal(np.hstack((design, constants.reshape(-1, signals)))).reshape(frames, signals, -1)
+    return orthonormal(np.hstack((design, constants.reshape(-1, signals)))).reshape(
+        frames, signals, -1
+    )
 
 
 def orthonormal(design: Array) -> Array:
@@ -198,10 +256,16 @@ def orthonormal(design: Array) -> Array:
 def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
     """Lag (2,) through those of pieces, each found to a fraction of a frame; outliers are left out."""
     predicted = _predicted(compared, lag)
-    weights = 1.0 / np.maximum(_left(compared, lag), 1e-3 * compared.spread + 1e-300) * (compared.weights > 0)
-    inside, places = compared.within(lag), compared.places(lag)
+    weights = (
+        1.0
+        / np.maximum(_left(compared, lag), 1e-3 * compared.spread + 1e-300)
+        * (compared.weights > 0)
+    )
+    inside = compared.within(lag)
+    places = compared.places(lag)
     frames = max(8, round(window / compared.step))
-    middles, lags = [], []
+    middles = []
+    lags = []
     for start in range(0, len(places) - frames + 1, max(1, frames // 2)):
         here = np.arange(start, start + frames)[inside[start : start + frames]]
         if len(here) < frames // 2:
@@ -211,19 +275,23 @@ def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
         if further is not None:
             middles.append(float(compared.time[here].mean()) - compared.middle)
             lags.append(further)
-    x, y = np.array(middles), np.array(lags)
+    x = np.array(middles)
+    y = np.array(lags)
     for _ in range(3):
         if len(x) < 3:
             return lag
         slope, level = np.polyfit(x, y, 1)
         off = np.abs(y - level - slope * x)
         kept = off <= max(3.0 * float(np.median(off)), 1e-9)
-        x, y = x[kept], y[kept]
+        x = x[kept]
+        y = y[kept]
     return lag + np.array([level, slope])
 
 
 def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Array) -> float | None:
-    """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the range."""
+    """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the
+    range.
+    """
     most = int(np.ceil(REACH / compared.step))
     costs = []
     for index in range(-most, most + 1):
@@ -256,14 +324,16 @@ def _left(compared: Compared, lag: Array) -> Array:
 ITERATIONS = 30
 MIN_COUNT = 60
 SMALLEST = 1e-6
-"""Share of its spread below which a signal's residual counts as that: a made recording may leave nothing."""
+"""Share of its spread below which a signal's residual counts as that: a made recording may leave
+nothing.
+"""
 
 
 @read_only
 class Refined:
-    """Where Gauss-Newton ended: `lag` a [s] and b of `Compared.places` and their covariance; the geometric mean over
-    the signals of what is left, in units of each one's spread; share of the variance explained of the best; seconds in
-    common.
+    """Where Gauss-Newton ended: `lag` a [s] and b of `Compared.places` and their covariance; the
+    geometric mean over the signals of what is left, in units of each one's spread; share of the
+    variance explained of the best; seconds in common.
     """
 
     lag: Array
@@ -290,24 +360,34 @@ def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined
     inside = compared.within(lag)
     frames = int(np.count_nonzero(inside))
     if frames < MIN_COUNT:
-        raise BadData(f"the recordings share {frames} usable frames: too few to compare their clocks")
-    time, rows = compared.time[inside], compared.rows[inside]
+        raise BadData(
+            f"the recordings share {frames} usable frames: too few to compare their clocks"
+        )
+    time = compared.time[inside]
+    rows = compared.rows[inside]
     away = (time - compared.middle)[:, None]
     weights = compared.weights
     for _ in range(ITERATIONS):
         places = np.clip(compared.places(lag)[inside], compared.start, compared.end)
         basis = orthonormal((rows * weights[:, None]).reshape(-1, rows.shape[2]))
         slopes = compared.slope(places) * weights
-        columns = np.stack((compared.spline(places) * weights, slopes, slopes * away), axis=2).reshape(-1, 3)
+        columns = np.stack(
+            (compared.spline(places) * weights, slopes, slopes * away), axis=2
+        ).reshape(-1, 3)
         columns = columns - basis @ (basis.T @ columns)
-        left, tangent = columns[:, 0], columns[:, 1 : 3 if drift else 2]
+        left = columns[:, 0]
+        tangent = columns[:, 1 : 3 if drift else 2]
         step = -np.linalg.lstsq(tangent, left, rcond=None)[0]
-        residual = left.reshape(frames, -1) * np.where(weights > 0, 1.0 / np.where(weights > 0, weights, 1.0), 0.0)
+        residual = left.reshape(frames, -1) * np.where(
+            weights > 0, 1.0 / np.where(weights > 0, weights, 1.0), 0.0
+        )
         size = np.sqrt(np.mean(residual**2, axis=0))
         if np.all(np.abs(step) < np.array([1e-9, 1e-11])[: len(step)]):
             break
         lag = lag + np.pad(step, (0, 2 - len(step)))
-        weights = np.where(weights > 0, 1.0 / np.maximum(size, SMALLEST * compared.spread + 1e-300), 0.0)
+        weights = np.where(
+            weights > 0, 1.0 / np.maximum(size, SMALLEST * compared.spread + 1e-300), 0.0
+        )
     shares = (size / np.where(weights > 0, compared.spread, 1.0))[weights > 0]
     return Refined(
         lag=lag,
@@ -327,5 +407,7 @@ def _covariance(tangent: Array, left: Array, time: Array, signals: int, block: f
     blocks = len(np.unique(number))
     inverse = np.linalg.pinv(tangent.T @ tangent)
     covariance = np.zeros((2, 2))
-    covariance[:count, :count] = inverse @ (sums.T @ sums) @ inverse * blocks / max(blocks - count, 1)
+    covariance[:count, :count] = (
+        inverse @ (sums.T @ sums) @ inverse * blocks / max(blocks - count, 1)
+    )
     return covariance

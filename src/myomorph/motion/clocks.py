@@ -1,12 +1,13 @@
 """Two recordings with clocks of their own: offset and drift found from what both recorded.
 
-A clock is a line: time on the reference clock = t + offset + drift (t - epoch). What the reference recorded
-explains what the other recorded, linearly, once both are on one clock,
+A clock is a line: time on the reference clock = t + offset + drift (t - epoch). What the reference
+recorded explains what the other recorded, linearly, once both are on one clock,
 
     other(t) = rows(t) phi + noise,
 
-so offset and drift are those that leave the least, with phi solved for wherever they are (variable projection,
-Golub and Pereyra 1973). A signal that both recorded is the case of one column and a constant.
+so offset and drift are those that leave the least, with phi solved for wherever they are (variable
+projection, Golub and Pereyra 1973). A signal that both recorded is the case of one column and a
+constant.
 """
 
 from __future__ import annotations
@@ -21,18 +22,27 @@ from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.join import clock_difference
 from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.motion.clock_lags import Refined, compare, drift_of_pieces, likely_lags, main_frequency, refine
+from myomorph.motion.clock_lags import (
+    Refined,
+    compare,
+    drift_of_pieces,
+    likely_lags,
+    main_frequency,
+    refine,
+)
 from myomorph.motion.filters import lowpass, natural_spline
 
 SeriesKind = TypeVar("SeriesKind", bound=Series)
 Timed = TypeVar("Timed", bound=Series | Wrenches)
 
 PERIODS = 4.0
-"""A low-pass filter at that multiple of the recording's main frequency keeps a swing and its harmonics, and little of
-the noise that differentiated markers bring."""
+"""A low-pass filter at that multiple of the recording's main frequency keeps a swing and its
+harmonics, and little of the noise that differentiated markers bring.
+"""
 
 SIGNIFICANT = 3.0  # Standard deviations above which a drift is named
-AMBIGUOUS = 1.1  # Another offset whose residuals are at most this many times as large makes the offset doubtful
+# Another offset whose residuals are at most this many times as large makes the offset doubtful
+AMBIGUOUS = 1.1
 
 
 @dataclass(frozen=True)
@@ -43,8 +53,8 @@ class ClockOptions:
     ----------
     search : largest offset either way [s]
     drift : estimate a drift beside the offset
-    cutoff : low-pass of both recordings before they are compared [Hz]; None takes `PERIODS` times the main
-        frequency of the other recording
+    cutoff : low-pass of both recordings before they are compared [Hz]; None takes `PERIODS` times
+        the main frequency of the other recording
     window : length of the pieces whose lags give the first drift [s]
     block : residuals further apart than that are independent, for the standard deviations [s]
     """
@@ -64,12 +74,13 @@ class ClockOptions:
 
 @read_only
 class Clock:
-    """How another recording's clock runs against the reference: `offset` [s] is added to its time at `epoch`, `drift`
-    [s/s] every second after it.
+    """How another recording's clock runs against the reference: `offset` [s] is added to its time
+    at `epoch`, `drift` [s/s] every second after it.
 
-    `epoch` [s, on the other's clock] is the middle of what both cover, where the two are independent; their covariance
-    is zero for a clock that is given. `explained` is the share of the variance of that signal which the reference
-    explains best, `cutoff` [Hz] of the filter through which they were compared.
+    `epoch` [s, on the other's clock] is the middle of what both cover, where the two are
+    independent; their covariance is zero for a clock that is given. `explained` is the share of the
+    variance of that signal which the reference explains best, `cutoff` [Hz] of the filter through
+    which they were compared.
     """
 
     offset: float = 0.0
@@ -105,12 +116,16 @@ class Clock:
 
 
 def resample(series: SeriesKind, time: Array) -> SeriesKind:
-    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN outside it. Where the new
-    rate is the lower one a low-pass at 0.4 of it comes first, so that nothing faster is mistaken for something slow.
+    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN
+    outside it. Where the new rate is the lower one a low-pass at 0.4 of it comes first, so that
+    nothing faster is mistaken for something slow.
     """
-    rate, wanted = series.rate, (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
+    rate = series.rate
+    wanted = (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
     values = lowpass(series.values, rate, 0.4 * wanted) if wanted < 0.9 * rate else series.values
-    resampled = natural_spline(series.time, values, degree=3)(np.clip(time, series.time[0], series.time[-1]))
+    resampled = natural_spline(series.time, values, degree=3)(
+        np.clip(time, series.time[0], series.time[-1])
+    )
     resampled[(time < series.time[0] - 0.5 / rate) | (time > series.time[-1] + 0.5 / rate)] = np.nan
     changes: dict[str, Any] = {"time": time, "values": resampled}
     return replace(series, **changes)
@@ -124,12 +139,14 @@ def fit_clock(
     options: ClockOptions | None = None,
     used: np.ndarray | None = None,
 ) -> Clock:
-    """Clock of a recording that is linear in what the reference recorded: other = rows phi, phi unknown.
+    """Clock of a recording that is linear in what the reference recorded: other = rows phi, phi
+    unknown.
 
-    Rows are (frames, signals, parameters), not used where NaN or not `used`; the other recording is (samples, signals).
-    The offset starts where the lagged recordings explain each other best, the drift from the lags of pieces;
-    Gauss-Newton on both follows, each signal weighted by what its residual is. The standard deviations come from the
-    residuals block by block, so that filtered noise and errors of the model count for what they are.
+    Rows are (frames, signals, parameters), not used where NaN or not `used`; the other recording is
+    (samples, signals). The offset starts where the lagged recordings explain each other best, the
+    drift from the lags of pieces; Gauss-Newton on both follows, each signal weighted by what its
+    residual is. The standard deviations come from the residuals block by block, so that filtered
+    noise and errors of the model count for what they are.
     """
     options = options or ClockOptions()
     slow = PERIODS * main_frequency(time, other_time, other)
@@ -144,7 +161,8 @@ def fit_clock(
             start = drift_of_pieces(slowly, start, options.window)
         fits.append(refine(compared, start, options.drift, options.block))
     fits.sort(key=lambda fit: fit.misfit)
-    best, warning = fits[0], _warning(fits)
+    best = fits[0]
+    warning = _warning(fits)
     # The way there is s = t + a + b (t - middle); a clock is the way back.
     a, b = best.lag
     turn = np.diag([-1.0 / (1.0 + b), -1.0 / (1.0 + b) ** 2])
@@ -170,53 +188,70 @@ def _warning(refineds: list[Refined]) -> str:
     """A line on another offset that leaves hardly more than the best, "" where there is none."""
     best = refineds[0]
     for other in refineds[1:]:
-        if other.misfit < AMBIGUOUS * best.misfit and abs(other.lag[0] - best.lag[0]) > 10 * best.timing_sd:
+        if (
+            other.misfit < AMBIGUOUS * best.misfit
+            and abs(other.lag[0] - best.lag[0]) > 10 * best.timing_sd
+        ):
             return (
-                f"an offset of {-other.lag[0]:.3f} s leaves only {other.misfit / best.misfit:.3f} times what "
-                f"{-best.lag[0]:.3f} s leaves (a swing repeats itself): narrow the search if the second is wrong"
+                f"an offset of {-other.lag[0]:.3f} s leaves only {other.misfit / best.misfit:.3f}"
+                f" times what {-best.lag[0]:.3f} s leaves (a swing repeats itself): narrow the"
+                " search if the second is wrong"
             )
     return ""
 
 
 def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind], tuple[str, ...]]:
-    """Motions or markers of several parts at the times of that with the highest rate, over what all cover; and notes on
-    what was resampled or cut. Times are taken as they are: clocks that count from different instants have to be brought
-    together first (`fit_clock`). A resampled motion has no velocities: differentiate it again.
+    """Motions or markers of several parts at the times of that with the highest rate, over what all
+    cover; and notes on what was resampled or cut. Times are taken as they are: clocks that count
+    from different instants have to be brought together first (`fit_clock`). A resampled motion has
+    no velocities: differentiate it again.
     """
     if not clock_difference(parts):
         return dict(parts), ()
     names = list(parts)
     start = max(names, key=lambda name: parts[name].time[0])
     end = min(names, key=lambda name: parts[name].time[-1])
-    begin, stop = parts[start].time[0], parts[end].time[-1]
+    begin = parts[start].time[0]
+    stop = parts[end].time[-1]
     if stop <= begin:
         raise BadData(
-            f"'{end}' ends at {stop:g} s and '{start}' begins at {begin:g} s: no time in common; do their clocks count "
-            "from the same instant?"
+            f"'{end}' ends at {stop:g} s and '{start}' begins at {begin:g} s: no time in common; do"
+            " their clocks count from the same instant?"
         )
     fastest = max(names, key=lambda name: parts[name].rate)
     times = parts[fastest].time
     slack = 0.01 * float(np.median(np.diff(times)))
     times = times[(times >= begin - slack) & (times <= stop + slack)]
-    shifted, notes = {}, []
+    shifted = {}
+    notes = []
     for name, part in parts.items():
         shifted[name] = _at(part, times)
         if name != fastest:
             notes.append(
-                f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}' ({parts[fastest].rate:.4g} Hz)"
+                f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}'"
+                f" ({parts[fastest].rate:.4g} Hz)"
             )
-        lost = len(part) - int(((part.time >= times[0] - slack) & (part.time <= times[-1] + slack)).sum())
+        lost = len(part) - int(
+            ((part.time >= times[0] - slack) & (part.time <= times[-1] + slack)).sum()
+        )
         if lost:
-            notes.append(f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after {stop:g} s")
+            notes.append(
+                f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after"
+                f" {stop:g} s"
+            )
     return shifted, tuple(notes)
 
 
 def _at(series: SeriesKind, time: Array) -> SeriesKind:
-    """Columns without gaps by splines, others by straight lines between neighbours that are both seen."""
+    """Columns without gaps by splines, others by straight lines between neighbours that are both
+    seen.
+    """
     if isinstance(series, Motion):
         series = replace(series, velocities=None, accelerations=None)
     if np.isfinite(series.values).all():
         return resample(series, time)
     flat = series.values.reshape(len(series), -1)
     columns = [np.interp(time, series.time, column) for column in flat.T]
-    return replace(series, time=time, values=np.array(columns).T.reshape(len(time), *series.values.shape[1:]))
+    return replace(
+        series, time=time, values=np.array(columns).T.reshape(len(time), *series.values.shape[1:])
+    )

@@ -21,9 +21,13 @@ from myomorph.rigid.tree import Tree, compile_tree
 Bools = NDArray[np.bool_]
 
 STEP = 1e-6  # Of the differences by which coordinates move markers, in units of the coordinates
-BENT = 0.2  # How far joints are bent from the default pose, where straight limbs hide what their markers show [rad]
+# How far joints are bent from the default pose, where straight limbs hide what their markers show
+# [rad]
+BENT = 0.2
 SEEN_AT_ALL = 1e-3
-"""A direction of the coordinates is shown that moves markers by this share of what the strongest one does."""
+"""A direction of the coordinates is shown that moves markers by this share of what the strongest
+one does.
+"""
 
 
 @dataclass(frozen=True)
@@ -32,9 +36,11 @@ class CrossingOptions:
 
     Attributes
     ----------
-    only : use only the passes through the capture volume: parts of the recording in which enough markers are seen
-    min_visible : a frame shows enough where its markers determine this share of what all of the model's do: of the
-        independent directions in which coordinates move markers; without a model, of the markers themselves
+    only : use only the passes through the capture volume: parts of the recording in which enough
+        markers are seen
+    min_visible : a frame shows enough where its markers determine this share of what all of the
+        model's do: of the independent directions in which coordinates move markers; without a
+        model, of the markers themselves
     max_gap : shorter stretches that show less are bridged [s]
     min_duration : shorter parts are left out [s]
     """
@@ -48,10 +54,13 @@ class CrossingOptions:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.min_visible <= 1.0:
-            raise BadData(f"passes: min_visible is {self.min_visible:g}; expected a share above 0, 1 at most")
+            raise BadData(
+                f"passes: min_visible is {self.min_visible:g}; expected a share above 0, 1 at most"
+            )
         if not (self.max_gap >= 0.0 and self.min_duration >= 0.0):
             raise BadData(
-                f"passes: max_gap {self.max_gap:g} s, min_duration {self.min_duration:g} s: expected 0 or more"
+                f"passes: max_gap {self.max_gap:g} s, min_duration {self.min_duration:g} s:"
+                " expected 0 or more"
             )
 
 
@@ -60,8 +69,9 @@ def crossings(
 ) -> tuple[tuple[float, float], ...]:
     """Start and end [s] of every part of a recording in which enough markers are seen.
 
-    With J(S) the derivatives of the places of the markers S in the model's free coordinates, slightly bent from
-    its default pose, a frame that sees S shows rank J(S) / rank J(all that are ever seen).
+    With J(S) the derivatives of the places of the markers S in the model's free coordinates,
+    slightly bent from its default pose, a frame that sees S shows rank J(S) / rank J(all that are
+    ever seen).
 
     Parameters
     ----------
@@ -139,13 +149,17 @@ def shown_shares(markers: Markers, model: Model | None = None) -> Array:
 
 
 def marker_slopes(tree: Tree, names: list[str]) -> Array:
-    """(markers, 3, free coordinates) how far each marker moves with each coordinate's unit, from a bent pose [m]."""
+    """(markers, 3, free coordinates) how far each marker moves with each coordinate's unit, from a
+    bent pose [m].
+    """
     model = tree.model
     free = free_coordinates(tree)
     units = coordinate_units(tree)
     pose = tree.defaults.copy()
     for j in free:
-        lower, upper = model.coordinates[j].range if model.coordinates[j].clamped else (-np.inf, np.inf)
+        lower, upper = (
+            model.coordinates[j].range if model.coordinates[j].clamped else (-np.inf, np.inf)
+        )
         if model.coordinates[j].motion == "rotational":
             bent = pose[j] + BENT
             pose[j] = bent if bent <= upper else max(pose[j] - BENT, lower)
@@ -156,7 +170,8 @@ def marker_slopes(tree: Tree, names: list[str]) -> Array:
     values = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, values)
     places = poses.markers([model.marker(name) for name in names])
-    ahead, behind = places[: len(free)], places[len(free) :]
+    ahead = places[: len(free)]
+    behind = places[len(free) :]
     return (ahead - behind).transpose(1, 2, 0) / (2.0 * STEP)
 
 
@@ -179,4 +194,8 @@ def _joined(enough: Bools, time: Array, options: CrossingOptions) -> list[tuple[
             joined[-1] = (joined[-1][0], stop)
         else:
             joined.append((start, stop))
-    return [(start, stop) for start, stop in joined if time[stop - 1] - time[start] >= options.min_duration - 1e-9]
+    return [
+        (start, stop)
+        for start, stop in joined
+        if time[stop - 1] - time[start] >= options.min_duration - 1e-9
+    ]

@@ -1,4 +1,6 @@
-"""From EMG to activation: electromechanical delay, shape, gain and offset of each channel, synergies."""
+"""From EMG to activation: electromechanical delay, shape, gain and offset of each channel,
+synergies.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,18 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Emg, Series
 
-USUAL = 0.05  # Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)
+# Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)
+USUAL = 0.05
 LIKELIHOOD_95 = 1.92
-"""Drop of the log-likelihood that is no chance: half the 95th percentile of chi^2 with one degree of freedom."""
+"""Drop of the log-likelihood that is no chance: half the 95th percentile of chi^2 with one degree
+of freedom.
+"""
 
 
 def shifted(emg: Emg, time: Array, delays: Array) -> Array:
-    """Envelopes (frames, channels) of `delays` (channels,) seconds before `time`, linearly; NaN outside."""
+    """Envelopes (frames, channels) of `delays` (channels,) seconds before `time`, linearly; NaN
+    outside.
+    """
     columns = [
         np.interp(time - delay, emg.time, column, left=np.nan, right=np.nan)
         for delay, column in zip(np.broadcast_to(delays, len(emg.names)), emg.values.T, strict=True)
@@ -28,8 +35,9 @@ def shifted(emg: Emg, time: Array, delays: Array) -> Array:
 
 
 def independent_samples(first: Array, second: Array) -> float:
-    """How many independent samples two series (frames,) are worth for their correlation (Bartlett 1946): n / (1 + 2
-    sum_k r1_k r2_k) with the autocorrelations at lags k up to a quarter of the series.
+    """How many independent samples two series (frames,) are worth for their correlation (Bartlett
+    1946): n / (1 + 2 sum_k r1_k r2_k) with the autocorrelations at lags k up to a quarter of the
+    series.
     """
     frames = len(first)
     both = []
@@ -49,7 +57,9 @@ STRAIGHT = 1e-6  # Shape factors nearer to zero than this make no difference
 
 
 def shaped(envelopes: Array, shapes: Array) -> Array:
-    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels), e at a shape A of 0 (Lloyd and Besier 2003)."""
+    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels), e at a shape A of 0 (Lloyd
+    and Besier 2003).
+    """
     curved = np.abs(shapes) > STRAIGHT
     factors = np.where(curved, shapes, 1.0)
     return np.where(curved, np.expm1(factors * envelopes) / np.expm1(factors), envelopes)
@@ -57,8 +67,8 @@ def shaped(envelopes: Array, shapes: Array) -> Array:
 
 @read_only
 class SynergyWeights:
-    """Activations of unmeasured muscles, from the synergies of channels: `weights` (muscles, synergies) are
-    the activation where the course of a synergy is 1.
+    """Activations of unmeasured muscles, from the synergies of channels: `weights` (muscles,
+    synergies) are the activation where the course of a synergy is 1.
     """
 
     synergies: Synergies
@@ -71,14 +81,15 @@ class SynergyWeights:
 
 @read_only
 class EmgCalibration:
-    """What turns envelopes into activations: a(t) = gain * shaped(envelope(t - delay)) + offset, see `shaped`; arrays
-    (channels,).
+    """What turns envelopes into activations: a(t) = gain * shaped(envelope(t - delay)) + offset,
+    see `shaped`; arrays (channels,).
 
-    Delays in s; shape factors, 0 for a straight line; `intervals` (channels, 2), 95 % of the gains, NaN where they were
-    not fitted; `by_torque`, whether torques determine the gain, which else is the usual one. `weight` (0 for no part)
-    and `others_weight`, of soft targets and of what synergies say, were chosen on channels left out; `held_out`
-    (channels, 2) is the correlation of such a channel with its muscles without EMG and with that of the others, NaN
-    where not looked at.
+    Delays in s; shape factors, 0 for a straight line; `intervals` (channels, 2), 95 % of the gains,
+    NaN where they were not fitted; `by_torque`, whether torques determine the gain, which else is
+    the usual one. `weight` (0 for no part) and `others_weight`, of soft targets and of what
+    synergies say, were chosen on channels left out; `held_out` (channels, 2) is the correlation of
+    such a channel with its muscles without EMG and with that of the others, NaN where not looked
+    at.
     """
 
     channels: tuple[str, ...]
@@ -97,21 +108,37 @@ class EmgCalibration:
     def __post_init__(self) -> None:
         count = len(self.channels)
         freeze(self, delays=(count,), gains=(count,), offsets=(count,))
-        for name, shape in (("shapes", (count,)), ("intervals", (count, 2)), ("held_out", (count, 2))):
-            object.__setattr__(self, name, frozen_array(np.broadcast_to(getattr(self, name), shape)))
-        object.__setattr__(self, "by_torque", np.broadcast_to(np.asarray(self.by_torque, dtype=bool), (count,)))
+        for name, shape in (
+            ("shapes", (count,)),
+            ("intervals", (count, 2)),
+            ("held_out", (count, 2)),
+        ):
+            object.__setattr__(
+                self, name, frozen_array(np.broadcast_to(getattr(self, name), shape))
+            )
+        object.__setattr__(
+            self, "by_torque", np.broadcast_to(np.asarray(self.by_torque, dtype=bool), (count,))
+        )
         if not (np.all(self.gains >= 0.0) and np.all(self.offsets >= 0.0)):
-            raise BadData(f"EMG gains {self.gains.tolist()}, offsets {self.offsets.tolist()}: expected 0 or more")
+            raise BadData(
+                f"EMG gains {self.gains.tolist()}, offsets {self.offsets.tolist()}: expected 0 or"
+                " more"
+            )
 
     def applied(self, emg: Emg, time: Array) -> Series:
-        """Activations (frames, channels) at `time`, NaN where the EMG has nothing; raises `UnknownName`."""
+        """Activations (frames, channels) at `time`, NaN where the EMG has nothing; raises
+        `UnknownName`.
+        """
         activations = self.gains * shaped(self._moved(emg, time), self.shapes) + self.offsets
         return Series(time, self.channels, np.clip(activations, 0.0, 1.0))
 
     def extrapolated(self, emg: Emg, time: Array) -> Series:
-        """Activations (frames, muscles) that synergies say of unmeasured muscles; raises `UnknownName`."""
+        """Activations (frames, muscles) that synergies say of unmeasured muscles; raises
+        `UnknownName`.
+        """
         moved = self._moved(emg, time)
-        names, columns = list[str](), [np.zeros((len(time), 0))]
+        names = list[str]()
+        columns = [np.zeros((len(time), 0))]
         for synergy in self.synergies:
             chosen = [self.channels.index(name) for name in synergy.synergies.channels]
             courses = synergy.synergies.courses(moved[:, chosen])
@@ -120,7 +147,9 @@ class EmgCalibration:
         return Series(time, tuple(names), np.hstack(columns))
 
     def _moved(self, emg: Emg, time: Array) -> Array:
-        values = np.array([emg[name] for name in self.channels]).T.reshape(len(emg), len(self.channels))
+        values = np.array([emg[name] for name in self.channels]).T.reshape(
+            len(emg), len(self.channels)
+        )
         return shifted(Emg(emg.time, self.channels, values), time, self.delays)
 
 
@@ -128,11 +157,19 @@ def uncalibrated(channels: Sequence[str], delay: float, shape: float = 0.0) -> E
     """Envelopes that are activations already, but for a delay [s] and a shape factor."""
     count = len(channels)
     shapes = np.full(count, shape)
-    return EmgCalibration(tuple(channels), np.full(count, delay), np.ones(count), np.zeros(count), shapes=shapes)
+    return EmgCalibration(
+        channels=tuple(channels),
+        delays=np.full(count, delay),
+        gains=np.ones(count),
+        offsets=np.zeros(count),
+        shapes=shapes,
+    )
 
 
 def channel_means(channels: ChannelMap, muscles: Sequence[str], activations: Array) -> Array:
-    """Activations (frames, channels): the mean over each channel's muscles of `activations` (frames, muscles)."""
+    """Activations (frames, channels): the mean over each channel's muscles of `activations`
+    (frames, muscles).
+    """
     chosen = [
         [index_of(f"muscle of EMG channel '{channel}'", name, tuple(muscles)) for name in names]
         for channel, names in channels.items()
@@ -143,16 +180,19 @@ def channel_means(channels: ChannelMap, muscles: Sequence[str], activations: Arr
 
 
 EXPLAINED = 0.9
-"""Share of the sum of squares of all channels that synergies explain together (Torres-Oviedo et al. 2006: 0.9)."""
+"""Share of the sum of squares of all channels that synergies explain together (Torres-Oviedo et al.
+2006: 0.9).
+"""
 PASSES = 300
 TINY = 1e-12
 
 
 @read_only
 class Synergies:
-    """Envelopes (frames, channels) as H V with 0 or more in both factors: `vectors` V (synergies, channels), each with
-    a largest entry of 1. `scale` is the envelope that counts as 1, so that no channel has more say for its gain;
-    `explained` the share of the sum of squares of the scaled envelopes.
+    """Envelopes (frames, channels) as H V with 0 or more in both factors: `vectors` V (synergies,
+    channels), each with a largest entry of 1. `scale` is the envelope that counts as 1, so that no
+    channel has more say for its gain; `explained` the share of the sum of squares of the scaled
+    envelopes.
     """
 
     channels: tuple[str, ...]
@@ -167,45 +207,63 @@ class Synergies:
         return len(self.vectors)
 
     def courses(self, envelopes: Array) -> Array:
-        """H (frames, synergies) of envelopes by non-negative least squares over known channels; NaN where none is."""
+        """H (frames, synergies) of envelopes by non-negative least squares over known channels; NaN
+        where none is.
+        """
         scaled = envelopes / self.scale
         known = np.isfinite(scaled)
         result = np.full((len(scaled), len(self)), np.nan)
         for frame in np.flatnonzero(known.any(axis=1)):
             use = known[frame]
-            result[frame] = scipy.optimize.nnls(self.vectors[:, use].T, np.maximum(scaled[frame, use], 0.0))[0]
+            result[frame] = scipy.optimize.nnls(
+                self.vectors[:, use].T, np.maximum(scaled[frame, use], 0.0)
+            )[0]
         return result
 
 
 def find_synergies(
-    channels: tuple[str, ...], envelopes: Array, scale: Array | None = None, explained: float = EXPLAINED
+    channels: tuple[str, ...],
+    envelopes: Array,
+    scale: Array | None = None,
+    explained: float = EXPLAINED,
 ) -> Synergies:
-    """The fewest synergies that explain a share of envelopes (frames, channels), frames with NaN left out. Non-negative
-    matrix factorization by multiplicative steps (Lee and Seung 2001), begun with the singular vectors (Boutsidis and
-    Gallopoulos 2008), so that the same data always give the same synergies.
+    """The fewest synergies that explain a share of envelopes (frames, channels), frames with NaN
+    left out. Non-negative matrix factorization by multiplicative steps (Lee and Seung 2001), begun
+    with the singular vectors (Boutsidis and Gallopoulos 2008), so that the same data always give
+    the same synergies.
     """
     values = envelopes[np.isfinite(envelopes).all(axis=1)]
     if not values.size:
         raise BadData(f"synergies of {len(channels)} EMG channels: no frame has all of them known")
-    top = np.maximum(np.percentile(values, 99.0, axis=0), TINY) if scale is None else np.asarray(scale, dtype=float)
+    top = (
+        np.maximum(np.percentile(values, 99.0, axis=0), TINY)
+        if scale is None
+        else np.asarray(scale, dtype=float)
+    )
     data = np.maximum(values, 0.0) / top
     total = max(float(np.sum(data**2)), TINY)
-    count, share, vectors = 0, 0.0, np.eye(len(channels))
+    count = 0
+    share = 0.0
+    vectors = np.eye(len(channels))
     while share < explained and count < min(data.shape):
         count += 1
         courses, vectors = _factors(data, count)
         share = 1.0 - float(np.sum((data - courses @ vectors) ** 2)) / total
     largest = np.maximum(vectors.max(axis=1, keepdims=True), TINY)
-    return Synergies(channels, top, vectors / largest, share)
+    return Synergies(channels=channels, scale=top, vectors=vectors / largest, explained=share)
 
 
 def _factors(data: Array, count: int) -> tuple[Array, Array]:
-    """H (frames, count) and V (count, channels) with the least |data - H V|^2 near the start by singular vectors."""
+    """H (frames, count) and V (count, channels) with the least |data - H V|^2 near the start by
+    singular vectors.
+    """
     left, sizes, right = np.linalg.svd(data, full_matrices=False)
     mean = float(data.mean())
-    courses, vectors = np.empty((len(data), count)), np.empty((count, data.shape[1]))
+    courses = np.empty((len(data), count))
+    vectors = np.empty((count, data.shape[1]))
     for index in range(count):
-        u, v = left[:, index], right[index]
+        u = left[:, index]
+        v = right[index]
         parts = [(np.maximum(sign * u, 0.0), np.maximum(sign * v, 0.0)) for sign in (1.0, -1.0)]
         norms = [float(np.linalg.norm(a) * np.linalg.norm(b)) for a, b in parts]
         a, b = parts[int(norms[1] > norms[0])]
@@ -213,7 +271,8 @@ def _factors(data: Array, count: int) -> tuple[Array, Array]:
         courses[:, index] = size * a / max(float(np.linalg.norm(a)), TINY)
         vectors[index] = size * b / max(float(np.linalg.norm(b)), TINY)
     # A step multiplies, so that a zero would stay one.
-    courses, vectors = np.maximum(courses, 1e-3 * mean), np.maximum(vectors, 1e-3 * mean)
+    courses = np.maximum(courses, 1e-3 * mean)
+    vectors = np.maximum(vectors, 1e-3 * mean)
     for _ in range(PASSES):
         vectors *= (courses.T @ data) / np.maximum(courses.T @ courses @ vectors, TINY)
         courses *= (data @ vectors.T) / np.maximum(courses @ (vectors @ vectors.T), TINY)

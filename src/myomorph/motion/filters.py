@@ -14,29 +14,34 @@ from myomorph.rigid.kernels import kernel
 
 _NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 
-REACH = 60  # Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding
+# Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding
+REACH = 60
 
 
 def natural_spline(time: Array, values: Array, degree: int = 5) -> scipy.interpolate.BSpline:
-    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...). OpenSim's
-    `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree + 1) / 2 ... degree - 1 vanish
-    at both ends.
+    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...).
+    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree +
+    1) / 2 ... degree - 1 vanish at both ends.
     """
     if len(time) <= degree:
-        raise BadData(f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}")
+        raise BadData(
+            f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}"
+        )
     if not np.isfinite(values).all():
         raise BadData(
-            "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose another time"
+            "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose"
+            " another time"
         )
     ends = [(order, np.full(values.shape[1:], at)) for order, at in _NATURAL[degree]]
     return scipy.interpolate.make_interp_spline(time, values, k=degree, bc_type=(ends, ends))
 
 
 def lowpass(values: Array, rate: float, cutoff: float) -> Array:
-    """Zero-lag low-pass of values (frames, ...): a third-order Butterworth forwards and backwards, as OpenSim's tools.
-    Each pass halves the power at `cutoff` [Hz], so the two together pass half the amplitude there (-6 dB); OpenSim does
-    not correct for that. Both ends are extended by half the length, turned about the end points. A `cutoff` at or above
-    half the rate is lowered to 0.49 of the rate, as OpenSim does.
+    """Zero-lag low-pass of values (frames, ...): a third-order Butterworth forwards and backwards,
+    as OpenSim's tools. Each pass halves the power at `cutoff` [Hz], so the two together pass half
+    the amplitude there (-6 dB); OpenSim does not correct for that. Both ends are extended by half
+    the length, turned about the end points. A `cutoff` at or above half the rate is lowered to 0.49
+    of the rate, as OpenSim does.
     """
     padded, pad = _lowpass_padded(np.asarray(values, dtype=np.float64), rate, cutoff)
     return padded[pad : pad + len(values)]
@@ -60,7 +65,9 @@ def _lowpass_padded(values: Array, rate: float, cutoff: float) -> tuple[Array, i
 
 
 def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
-    """Third-order Butterworth by the bilinear transform, its first three outputs equal to the input."""
+    """Third-order Butterworth by the bilinear transform, its first three outputs equal to the
+    input.
+    """
     w = np.tan(np.pi * cutoff / rate)
     scale = (w + 1.0) * (w * w + w + 1.0)
     b = w**3 * np.array([1.0, 3.0, 3.0, 1.0]) / scale
@@ -84,8 +91,9 @@ def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
 
 @kernel
 def _third_order(b, a, x, state):
-    """Filter x (samples, columns) from its fourth sample on, in place: the transposed direct form II.
-    `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a command.
+    """Filter x (samples, columns) from its fourth sample on, in place: the transposed direct form
+    II. `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a
+    command.
     """
     for i in range(3, len(x)):
         for j in range(x.shape[1]):
@@ -98,11 +106,13 @@ def _third_order(b, a, x, state):
 
 
 def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
-    """The motion with velocities and accelerations, low-pass filtered first where a cutoff is given.
+    """The motion with velocities and accelerations, low-pass filtered first where a cutoff is
+    given.
 
-    Natural quintic splines through every coordinate, as OpenSim's inverse dynamics; of a filtered motion,
-    through the filter's extensions too, so that the ends of the spline lie outside the motion. Each gap-free
-    run of frames is differentiated by itself; frames that are NaN stay NaN, and so do runs shorter than six.
+    Natural quintic splines through every coordinate, as OpenSim's inverse dynamics; of a filtered
+    motion, through the filter's extensions too, so that the ends of the spline lie outside the
+    motion. Each gap-free run of frames is differentiated by itself; frames that are NaN stay NaN,
+    and so do runs shorter than six.
 
     Source: Woltring 1986, natural splines.
 
@@ -113,7 +123,8 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
 
     Returns
     -------
-    motion with `velocities` [rad/s or m/s] and `accelerations` [rad/s^2 or m/s^2], each (frames, coordinates)
+    motion with `velocities` [rad/s or m/s] and `accelerations` [rad/s^2 or m/s^2], each (frames,
+    coordinates)
 
     Raises
     ------
@@ -132,10 +143,16 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))
     long = [slice(start, stop) for start, stop in runs(seen) if stop - start > 5]
     if not long:
-        raise BadData(f"derivatives need six frames in a row without gaps: the motion has {int(seen.sum())} in all")
+        raise BadData(
+            f"derivatives need six frames in a row without gaps: the motion has {int(seen.sum())}"
+            " in all"
+        )
     for run in long:
-        time, part = motion.time[run], motion.values[run]
-        spline = natural_spline(time, part) if cutoff is None else _lowpass_spline(time, part, cutoff)
+        time = motion.time[run]
+        part = motion.values[run]
+        spline = (
+            natural_spline(time, part) if cutoff is None else _lowpass_spline(time, part, cutoff)
+        )
         values[run] = part if cutoff is None else spline(time)
         velocities[run] = spline.derivative(1)(time)
         accelerations[run] = spline.derivative(2)(time)
@@ -143,7 +160,9 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
 
 
 def _lowpass_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
-    """Spline through filtered values; values at uneven times go through one at even times, as OpenSim's `Storage`."""
+    """Spline through filtered values; values at uneven times go through one at even times, as
+    OpenSim's `Storage`.
+    """
     step = np.diff(time)
     if step.max() - step.min() >= 1e-3 * step.mean():
         even = np.linspace(time[0], time[-1], int(np.ceil((time[-1] - time[0]) / step.min())) + 1)

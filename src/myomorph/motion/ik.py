@@ -36,15 +36,16 @@ class InverseKinematicsOptions:
     ----------
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
     only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
-    tasks : what is minimised beside the markers: pulls of coordinates, or own tasks (docs/adding.md)
+    tasks : what is minimised beside the markers: pulls of coordinates, or own tasks
+        (docs/adding.md)
     coordinates : a motion that gives values to tasks and to locked coordinates
-    tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a body of human size;
-        on a smaller one in proportion, see `length_unit`]
+    tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a
+        body of human size; on a smaller one in proportion, see `length_unit`]
     iterations : at most so many in a frame
-    posture_weight : pull towards the default pose of coordinates that no task shows, relative to the mean
-        curvature of the cost; too small to be seen in the others
-    root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim does; by default
-        it may stand and turn anywhere in the laboratory
+    posture_weight : pull towards the default pose of coordinates that no task shows, relative to
+        the mean curvature of the cost; too small to be seen in the others
+    root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim
+        does; by default it may stand and turn anywhere in the laboratory
     """
 
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -74,7 +75,8 @@ class KinematicsFit(Labelled):
     weights : (markers,)
     converged : (frames,) whether the last step was within the tolerance
     iterations : (frames,)
-    closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None without loops
+    closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None
+        without loops
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
     task_errors : by name of a kind of task (frames, ...) the residuals that it stores
@@ -107,19 +109,29 @@ class KinematicsFit(Labelled):
         return {
             "coordinates": Variable(("time", "coordinate"), self.motion.values, "rad or m"),
             "marker_error": Variable(("time", "marker"), self.errors, "m"),
-            **({"sensor_error": Variable(("time", "sensor"), self.sensor_errors, "rad")} if self.sensor_names else {}),
+            **(
+                {"sensor_error": Variable(("time", "sensor"), self.sensor_errors, "rad")}
+                if self.sensor_names
+                else {}
+            ),
             **frames,
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], coordinates, markers, sensors."""
-        names = {"coordinate": self.motion.names, "marker": self.marker_names, "sensor": self.sensor_names}
+        names = {
+            "coordinate": self.motion.names,
+            "marker": self.marker_names,
+            "sensor": self.sensor_names,
+        }
         return {"time": self.motion.time, **names}
 
     @property
     def seen(self) -> np.ndarray:
         """(frames,) whether any marker was seen, or any sensor reported."""
-        return np.asarray(np.isfinite(self.errors).any(axis=1) | np.isfinite(self.sensor_errors).any(axis=1))
+        return np.asarray(
+            np.isfinite(self.errors).any(axis=1) | np.isfinite(self.sensor_errors).any(axis=1)
+        )
 
     @property
     def rms(self) -> Array:
@@ -129,7 +141,9 @@ class KinematicsFit(Labelled):
     @property
     def largest(self) -> Array:
         """(frames,) largest marker error [m], NaN where none was seen."""
-        largest: Array = np.max(np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf)
+        largest: Array = np.max(
+            np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf
+        )
         return np.where(np.isfinite(largest), largest, np.nan)
 
 
@@ -146,10 +160,11 @@ def inverse_kinematics(
     sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2 + ...,
 
     the sum of the markers' and all other tasks, over the coordinates that are neither locked,
-    prescribed nor driven by a coupler, clamped ones within their range, so that every loop stays closed: OpenSim's
-    problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by damped Newton steps with analytic first
-    and second derivatives. Unlike there the root of a floating body has no bounds (`root_bounds`): where it stands and
-    turns is a matter of the laboratory.
+    prescribed nor driven by a coupler, clamped ones within their range, so that every loop stays
+    closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by
+    damped Newton steps with analytic first and second derivatives. Unlike there the root of a
+    floating body has no bounds (`root_bounds`): where it stands and turns is a matter of the
+    laboratory.
 
     Source: Lu and O'Connor 1999; Seth et al. 2018.
 
@@ -186,7 +201,9 @@ def inverse_kinematics(
     names, weights = tracked_markers(model, markers, options)
     problem = pose_problem(tree, names, weights, options, markers)
     if not frames_shown(problem).any():
-        raise BadData(f"none of the {len(markers)} frames shows a marker that the model has, or a sensor")
+        raise BadData(
+            f"none of the {len(markers)} frames shows a marker that the model has, or a sensor"
+        )
 
     starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
     solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
@@ -202,17 +219,24 @@ def inverse_kinematics(
         closure=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
-        task_errors={TASKS[type(part)].__name__: part.errors for part in problem.tasks[1:] if hasattr(part, "errors")},
-        sensor_names=tuple(task.sensor for task in options.tasks if isinstance(task, OrientationTask)),
+        task_errors={
+            TASKS[type(part)].__name__: part.errors
+            for part in problem.tasks[1:]
+            if hasattr(part, "errors")
+        },
+        sensor_names=tuple(
+            task.sensor for task in options.tasks if isinstance(task, OrientationTask)
+        ),
     )
 
 
 def poses_near(
     model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
 ) -> Motion:
-    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those of a motion. Where
-    two axes of a joint are nearly parallel, other angles give nearly the same pose, and a search that begins elsewhere
-    may end in these: here it begins at the motion in every frame. Unknown frames stay unknown.
+    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those
+    of a motion. Where two axes of a joint are nearly parallel, other angles give nearly the same
+    pose, and a search that begins elsewhere may end in these: here it begins at the motion in every
+    frame. Unknown frames stay unknown.
     """
     options = options or InverseKinematicsOptions()
     refuse_other_times("markers", markers.time, motion.time)
@@ -235,22 +259,26 @@ def marker_rms(errors: Array) -> Array:
         return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
 
 
-def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOptions) -> tuple[tuple[str, ...], Array]:
+def tracked_markers(
+    model: Model, markers: Markers, options: InverseKinematicsOptions
+) -> tuple[tuple[str, ...], Array]:
     """Names and weights of the markers that model and recording share and that have a weight."""
     either = dict.fromkeys(model.marker_names + markers.names)
     for name in options.marker_weights:
         index_of("marker", name, tuple(either), "the model or the recording")
     default = 0.0 if options.only_weighted else 1.0
     weighted = {
-        name: options.marker_weights.get(name, default) for name in model.marker_names if name in set(markers.names)
+        name: options.marker_weights.get(name, default)
+        for name in model.marker_names
+        if name in set(markers.names)
     }
     if not weighted and any(not isinstance(task, CoordinateTask) for task in options.tasks):
         return (), np.empty(0)
     if not weighted:
         first = model.marker_names[0] if model.marker_names else ""
         raise BadData(
-            f"model and recording share no marker: the model has {listing('', model.marker_names)}; the recording has "
-            f"{listing(first, markers.names)}"
+            f"model and recording share no marker: the model has {listing('', model.marker_names)};"
+            f" the recording has {listing(first, markers.names)}"
         )
     names = tuple(name for name, weight in weighted.items() if weight > 0.0)
     if not names:
@@ -265,18 +293,32 @@ def pose_problem(
     options: InverseKinematicsOptions,
     recording: Markers | None = None,
 ) -> PoseProblem:
-    """The sum of all tasks, and what may move within its bounds; without a recording markers and coordinates alone."""
-    model, frames = tree.model, 0 if recording is None else len(recording)
+    """The sum of all tasks, and what may move within its bounds; without a recording markers and
+    coordinates alone.
+    """
+    model = tree.model
+    frames = 0 if recording is None else len(recording)
     time = np.empty(0) if recording is None else recording.time
-    columns = [] if recording is None else [recording.values[:, recording.names.index(name)] for name in names]
+    columns = (
+        []
+        if recording is None
+        else [recording.values[:, recording.names.index(name)] for name in names]
+    )
     positions = columns or [np.empty((frames, 3))] * len(names)
     tracked = [MarkerTask(*marker) for marker in zip(names, positions, weights, strict=True)]
     targets = coordinate_targets(tree, time, options)
-    others = [task for task in options.tasks if recording is not None or isinstance(task, CoordinateTask)]
+    others = [
+        task for task in options.tasks if recording is not None or isinstance(task, CoordinateTask)
+    ]
     free = free_coordinates(tree)
     floating = () if options.root_bounds else floating_coordinates(model)
-    bounded = [model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free]
-    limits = [model.coordinates[j].range if held else (-np.inf, np.inf) for j, held in zip(free, bounded, strict=True)]
+    bounded = [
+        model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free
+    ]
+    limits = [
+        model.coordinates[j].range if held else (-np.inf, np.inf)
+        for j, held in zip(free, bounded, strict=True)
+    ]
     lower, upper = np.array(limits).reshape(-1, 2).T.copy()
     return PoseProblem(
         free=free,
@@ -291,7 +333,9 @@ def pose_problem(
 
 
 def coordinate_targets(tree: Tree, time: Array, options: InverseKinematicsOptions) -> Array:
-    """(frames, coordinates) value of every coordinate's task, or of a locked or prescribed coordinate."""
+    """(frames, coordinates) value of every coordinate's task, or of a locked or prescribed
+    coordinate.
+    """
     model = tree.model
     targets = np.tile(tree.defaults, (len(time), 1))
     if options.coordinates is not None:

@@ -1,8 +1,9 @@
-"""Lengths of a body that may differ from the model's: which bodies stretch together, along which axes; units of size.
+"""Lengths of a body that may differ from the model's: which bodies stretch together, along which
+axes; units of size.
 
-The virtual prismatic coordinates of [D] 3.2.1: the distances between the joint centers of a segment are
-unknowns that do not change with time. They are factors of the model's own lengths here, so that everything
-fixed to a segment follows when the model is scaled.
+The virtual prismatic coordinates of [D] 3.2.1: the distances between the joint centers of a segment
+are unknowns that do not change with time. They are factors of the model's own lengths here, so that
+everything fixed to a segment follows when the model is scaled.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ _SHOULDER_BLADE = re.compile(r"clav|scap|acromi|shoulder", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Length:
-    """One length: an axis of a segment, stretched by one factor; named after the segment's heaviest body, "femur_r_y".
-    `stretched` are (body, axis 0 ... 2) of every body axis that takes the factor, `extent` [m] how far the joint
-    centers lie apart along it, in a last segment the joint and the markers, or the mass center. `along`: this is the
-    longest of the segment's axes, from joint to joint; without joints at both ends the size shows in markers only.
+    """One length: an axis of a segment, stretched by one factor; named after the segment's heaviest
+    body, "femur_r_y". `stretched` are (body, axis 0 ... 2) of every body axis that takes the
+    factor, `extent` [m] how far the joint centers lie apart along it, in a last segment the joint
+    and the markers, or the mass center. `along`: this is the longest of the segment's axes, from
+    joint to joint; without joints at both ends the size shows in markers only.
     """
 
     name: str
@@ -44,28 +46,37 @@ class Length:
 
 
 def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
-    """Three lengths for every segment of a model: the one from joint to joint, and the two across it.
+    """Three lengths for every segment of a model: the one from joint to joint, and the two across
+    it.
 
-    Bodies belong to one segment where no coordinate of their own lets them move apart (welds, couplers, paths driven by
-    a neighbor's angle) and, in a model of a human body, where their names say the same segment: heel, ankle bone and
-    toes are a foot, ulna and radius a forearm, all vertebrae and ribs above the pelvis a trunk. The axes of a segment
-    are those of its first body; other bodies' axes follow the one they lie nearest to in the default pose. `symmetric`:
-    one factor for the right and the left.
+    Bodies belong to one segment where no coordinate of their own lets them move apart (welds,
+    couplers, paths driven by a neighbor's angle) and, in a model of a human body, where their names
+    say the same segment: heel, ankle bone and toes are a foot, ulna and radius a forearm, all
+    vertebrae and ribs above the pelvis a trunk. The axes of a segment are those of its first body;
+    other bodies' axes follow the one they lie nearest to in the default pose. `symmetric`: one
+    factor for the right and the left.
     """
     tree = compile_tree(model)
     pose = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
-    rotations, centers = pose.rotations[0], joint_centers(tree, pose.axis_points[0], pose.origins[0])
+    rotations = pose.rotations[0]
+    centers = joint_centers(tree, pose.axis_points[0], pose.origins[0])
     markers: dict[str, list[Array]] = {}
     for marker in model.markers:
         b = tree.body_index[marker.body]
-        markers.setdefault(marker.body, []).append(rotations[b] @ marker.location + pose.origins[0, b])
+        markers.setdefault(marker.body, []).append(
+            rotations[b] @ marker.location + pose.origins[0, b]
+        )
     parents = {joint.child: joint.parent for joint in model.joints}
     lengths: list[Length] = []
     for bodies in segments_that_stretch(model):
         inside = set(bodies)
         first = rotations[tree.body_index[bodies[0]]]
         joints = [centers[tree.body_index[body]] for body in bodies[:1]]
-        joints += [centers[tree.body_index[body]] for body, h in parents.items() if h in inside and body not in inside]
+        joints += [
+            centers[tree.body_index[body]]
+            for body, h in parents.items()
+            if h in inside and body not in inside
+        ]
         seen = [place for body in bodies for place in markers.get(body, ())]
         name = max(bodies, key=lambda body: model.body(body).mass)
         b = tree.body_index[name]
@@ -77,7 +88,14 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
             stretched = tuple((body, axes[body][axis]) for body in bodies)
             along = axis == int(np.argmax(extents))
             lengths.append(
-                Length(f"{name}_{AXES[axis]}", name, stretched, float(extents[axis]), along, len(joints) > 1)
+                Length(
+                    name=f"{name}_{AXES[axis]}",
+                    segment=name,
+                    stretched=stretched,
+                    extent=float(extents[axis]),
+                    along=along,
+                    between_joints=len(joints) > 1,
+                )
             )
     return _one_for_both_sides(lengths) if symmetric else tuple(lengths)
 
@@ -102,11 +120,15 @@ def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
             keys[body] = Segment("shoulder", split_side(body)[1])
         else:
             keys[body] = "trunk"
-    return tuple(tuple(bodies) for bodies in grouped((key, body) for body, key in keys.items()).values())
+    return tuple(
+        tuple(bodies) for bodies in grouped((key, body) for body, key in keys.items()).values()
+    )
 
 
 def factors_of(lengths: Sequence[Length], values: Array) -> dict[str, Array]:
-    """Scale factors (3,) of every body, as `scale` takes them, from the factor of each length (lengths,)."""
+    """Scale factors (3,) of every body, as `scale` takes them, from the factor of each length
+    (lengths,).
+    """
     factors: dict[str, Array] = {}
     for length, value in zip(lengths, values, strict=True):
         for body, axis in length.stretched:
@@ -121,13 +143,16 @@ def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
     pairs = (
         (i, index[mirror[length.segment] + length.name[len(length.segment) :]])
         for i, length in enumerate(lengths)
-        if length.segment in mirror and mirror[length.segment] + length.name[len(length.segment) :] in index
+        if length.segment in mirror
+        and mirror[length.segment] + length.name[len(length.segment) :] in index
     )
     return tuple((i, j) for i, j in pairs if i < j)
 
 
 def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
-    """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its origin [m]."""
+    """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its
+    origin [m].
+    """
     centers = origins.copy()
     arrays = tree.arrays
     for index in range(len(arrays.axis_kind)):
@@ -162,13 +187,14 @@ def _one_for_both_sides(lengths: Sequence[Length]) -> tuple[Length, ...]:
     return tuple(merged)
 
 
-HUMAN_SEGMENT = 0.24  # A body whose longest segment is that long, as an adult's forearm, or longer is of human size [m]
+# A body whose longest segment is that long, as an adult's forearm, or longer is of human size [m]
+HUMAN_SEGMENT = 0.24
 
 
 def length_unit(tree: Tree) -> float:
-    """What stands for one metre in tolerances and usual distances: 1 for a body of human size, else less in proportion.
-    unit = min(1, longest segment / 0.24 m), a segment being the distance of a joint's center to that of its body's
-    parent or to a marker of its body.
+    """What stands for one metre in tolerances and usual distances: 1 for a body of human size, else
+    less in proportion. unit = min(1, longest segment / 0.24 m), a segment being the distance of a
+    joint's center to that of its body's parent or to a marker of its body.
     """
     poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])
@@ -184,5 +210,7 @@ def length_unit(tree: Tree) -> float:
 
 def coordinate_units(tree: Tree) -> Array:
     """(coordinates,) by what a change of each is measured: 1 rad, or `length_unit` where it slides."""
-    slides = np.array([coordinate.motion == "translational" for coordinate in tree.model.coordinates])
+    slides = np.array(
+        [coordinate.motion == "translational" for coordinate in tree.model.coordinates]
+    )
     return np.where(slides, length_unit(tree), 1.0)

@@ -1,8 +1,9 @@
-"""Inverse kinematics that is not wrong in silence: what of a recording of markers may not be believed, and its repair.
+"""Inverse kinematics that is not wrong in silence: what of a recording of markers may not be
+believed, and its repair.
 
-Before the fit: markers that jump and labels exchanged for some frames show in time alone. After it: labels exchanged
-throughout, a marker beside its place, coordinates held at their bounds or shown by no marker, a body that lies. Names
-that the model does not have show without any frame.
+Before the fit: markers that jump and labels exchanged for some frames show in time alone. After it:
+labels exchanged throughout, a marker beside its place, coordinates held at their bounds or shown by
+no marker, a body that lies. Names that the model does not have show without any frame.
 """
 
 from __future__ import annotations
@@ -23,7 +24,12 @@ from myomorph.model.findings import Finding, Repair, Span, pairs_text, repaired,
 from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, pose_problem
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    KinematicsFit,
+    inverse_kinematics,
+    pose_problem,
+)
 from myomorph.motion.label_repair import swap_findings
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_influence import hidden_findings, place_findings
@@ -41,8 +47,8 @@ class MarkerCheckOptions:
 
     Attributes
     ----------
-    mend : put right what is evident: exchanged labels, a jumping marker bridged in these frames, frames left empty
-        that show too few markers; else it is only reported
+    mend : put right what is evident: exchanged labels, a jumping marker bridged in these frames,
+        frames left empty that show too few markers; else it is only reported
     """
 
     mend: bool = True
@@ -50,7 +56,9 @@ class MarkerCheckOptions:
 
 @dataclass(frozen=True, eq=False)
 class CheckedFit:
-    """Inverse kinematics of a recording as mended; `findings` on what may not be believed and what was mended."""
+    """Inverse kinematics of a recording as mended; `findings` on what may not be believed and what
+    was mended.
+    """
 
     fit: KinematicsFit
     markers: Markers
@@ -66,7 +74,8 @@ def checked_kinematics(
     progress: Callable[[int], None] | None = None,
 ) -> CheckedFit:
     """`inverse_kinematics` of a recording, with findings about its labels and what was mended."""
-    options, checks = options or InverseKinematicsOptions(), checks or MarkerCheckOptions()
+    options = options or InverseKinematicsOptions()
+    checks = checks or MarkerCheckOptions()
     unit = length_unit(compile_tree(model))
     used, in_time = repaired(markers, time_findings(model, markers, unit), checks.mend)
     fit = inverse_kinematics(model, used, options, progress)
@@ -76,7 +85,12 @@ def checked_kinematics(
     fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.mend)
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)
-    findings = [*name_findings(fit.missing_markers, unknown, len(fit.marker_names)), *swapped, *in_time, *hidden]
+    findings = [
+        *name_findings(fit.missing_markers, unknown, len(fit.marker_names)),
+        *swapped,
+        *in_time,
+        *hidden,
+    ]
     # What a body under wrong labels does says nothing more.
     if all(finding.mended for finding in swapped):
         findings += place_findings(model, used, fit, problem, unit)
@@ -85,7 +99,9 @@ def checked_kinematics(
 
 
 def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:
-    """Labels exchanged for some frames, and markers that jump once these are put back; `unit` see `length_unit`."""
+    """Labels exchanged for some frames, and markers that jump once these are put back; `unit` see
+    `length_unit`.
+    """
     names = [name for name in markers.names if name in set(model.marker_names)]
     swapped = tuple(_exchange_findings(markers, names, unit))
     right, _ = repaired(markers, swapped)
@@ -97,16 +113,25 @@ def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> I
     values = markers.values[:, [markers.names.index(name) for name in names]]
     found = _short_side(exchanges(values, edges_of(markers.time, values, unit)), len(values))
     parts = grouped(
-        ((exchange.start, exchange.stop), (names[exchange.first], names[exchange.second])) for exchange in found
+        ((exchange.start, exchange.stop), (names[exchange.first], names[exchange.second]))
+        for exchange in found
     )
     for (start, stop), pairs in parts.items():
         span = float(markers.time[start]), float(markers.time[stop - 1])
         text = (
-            f"labels {pairs_text(pairs)} are exchanged {times_text([span])} ({_frames_text(stop - start)}), as their "
-            "paths go on in each other"
+            f"labels {pairs_text(pairs)} are exchanged {times_text([span])}"
+            f" ({_frames_text(stop - start)}), as their paths go on in each other"
         )
-        repair = Repair(partial(_exchanged, pairs=pairs, part=slice(start, stop)), "exchanged back there")
-        yield Finding("swapped labels", pairs_text(pairs).replace("'", ""), text, (span,), repair=repair)
+        repair = Repair(
+            partial(_exchanged, pairs=pairs, part=slice(start, stop)), "exchanged back there"
+        )
+        yield Finding(
+            kind="swapped labels",
+            place=pairs_text(pairs).replace("'", ""),
+            text=text,
+            times=(span,),
+            repair=repair,
+        )
 
 
 def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], part: slice) -> Markers:
@@ -119,17 +144,22 @@ def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], part: slice) 
 
 
 def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange]:
-    """Each exchange on the side that is shorter: an odd one at the end may be right there and wrong before."""
+    """Each exchange on the side that is shorter: an odd one at the end may be right there and wrong
+    before.
+    """
     for exchange in exchanges:
         if exchange.stop == frames and exchange.start < frames - exchange.start:
-            yield Exchange(exchange.first, exchange.second, 0, exchange.start)
+            yield Exchange(
+                first=exchange.first, second=exchange.second, start=0, stop=exchange.start
+            )
         else:
             yield exchange
 
 
 def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
-    """Jumping markers, put where their path leads from before to after; at the ends of the recording left out. A marker
-    that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
+    """Jumping markers, put where their path leads from before to after; at the ends of the
+    recording left out. A marker that is left out for some frames lets the pose jump, for no marker
+    fits exactly: a bridge does not.
     """
     values = markers.values[:, [markers.names.index(name) for name in names]]
     jumping = grouped(
@@ -137,22 +167,30 @@ def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Itera
         for excursion in excursions(markers.time, edges_of(markers.time, values, unit))
     )
     for name, parts in jumping.items():
-        spans: list[Span] = [(float(markers.time[start]), float(markers.time[stop - 1])) for start, stop, _ in parts]
+        spans: list[Span] = [
+            (float(markers.time[start]), float(markers.time[stop - 1])) for start, stop, _ in parts
+        ]
         worst = max(size for _, _, size in parts)
         count = sum(stop - start for start, stop, _ in parts)
         text = (
-            f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {times_text(spans)} ({_frames_text(count)})"
+            f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {times_text(spans)}"
+            f" ({_frames_text(count)})"
         )
         bridged = partial(_bridged, name=name, parts=[part[:2] for part in parts])
         path = bridged(markers).values[[start for start, _, _ in parts], markers.names.index(name)]
         gone = bool(np.isnan(path).any())
-        repair = Repair(bridged, "left out there" if gone else "bridged there from the frames around")
-        yield Finding("jumping marker", name, text, tuple(spans), repair=repair)
+        repair = Repair(
+            bridged, "left out there" if gone else "bridged there from the frames around"
+        )
+        yield Finding(
+            kind="jumping marker", place=name, text=text, times=tuple(spans), repair=repair
+        )
 
 
 def _bridged(markers: Markers, name: str, parts: Sequence[tuple[int, int]]) -> Markers:
     """The recording with the path of a marker bridged in some parts."""
-    values, column = np.array(markers.values), markers.names.index(name)
+    values = np.array(markers.values)
+    column = markers.names.index(name)
     for start, stop in parts:
         values[start:stop, column] = _bridge(markers.time, values[:, column], start, stop)
     return replace(markers, values=values)
@@ -162,7 +200,8 @@ def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
     """(stop - start, 3) a cubic from the frames before to those after; NaN where these are missing."""
     if start < 2 or stop > len(path) - 2:
         return np.full((stop - start, 3), np.nan)
-    t0, t1 = time[start - 1], time[stop]
+    t0 = time[start - 1]
+    t1 = time[stop]
     span = t1 - t0
     slope0 = span * (path[start - 1] - path[start - 2]) / (t0 - time[start - 2])
     slope1 = span * (path[stop + 1] - path[stop]) / (time[stop + 1] - t1)
@@ -177,12 +216,16 @@ def _frames_text(count: int) -> str:
 
 
 def spelling(name: str) -> str:
-    """A name without what laboratories spell differently: case, dots, blanks, underscores, a subject's prefix."""
+    """A name without what laboratories spell differently: case, dots, blanks, underscores, a
+    subject's prefix.
+    """
     return re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())
 
 
 def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
-    """For each wanted name the offered one that probably means it, where there is one; sides are never exchanged."""
+    """For each wanted name the offered one that probably means it, where there is one; sides are
+    never exchanged.
+    """
     result: dict[str, str] = {}
     by_spelling = {spelling(name): name for name in reversed(offered)}
     for name in wanted:
@@ -195,7 +238,8 @@ def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
             continue
         spelled = spelling(name)
         for other in difflib.get_close_matches(spelled, list(left), n=3, cutoff=NEAR):
-            # Another letter may be the side, another digit the number in a cluster: letters may only be missing.
+            # Another letter may be the side, another digit the number in a cluster: letters may
+            # only be missing.
             if _only_adds(spelled, other) or _only_adds(other, spelled):
                 result[name] = left.pop(other)
                 break
@@ -210,33 +254,41 @@ def _only_adds(short: str, long: str) -> bool:
     return all(letter in rest for letter in short)
 
 
-def name_findings(missing: Sequence[str], unused: Sequence[str], matched: int) -> tuple[Finding, ...]:
+def name_findings(
+    missing: Sequence[str], unused: Sequence[str], matched: int
+) -> tuple[Finding, ...]:
     """Too few markers that match, and names that are nearly those of the model."""
-    model, recorded = matched + len(missing), matched + len(unused)
+    model = matched + len(missing)
+    recorded = matched + len(unused)
     near = near_names(missing, unused)
     hints = [f"'{other}' for '{name}'" for name, other in list(near.items())[:4]]
     hint = f"is {', '.join(hints)}{', ...' if len(near) > 4 else ''} meant?" if near else ""
     if matched < FEW * model and matched < FEW * recorded:
         text = (
-            f"only {matched} of the model's {model} markers are among the {recorded} recorded: not in the model are "
-            f"{quoted(unused)}; {hint + ' ' if hint else ''}map the names with --labels (labels in a study)"
+            f"only {matched} of the model's {model} markers are among the {recorded} recorded: not"
+            f" in the model are {quoted(unused)}; {hint + ' ' if hint else ''}map the names with"
+            " --labels (labels in a study)"
         )
         return (Finding("unmatched markers", "markers", text),)
     if near:
         text = (
-            f"{len(missing)} of the model's {model} markers were not recorded, and {len(unused)} recorded ones are not "
-            f"in the model: {hint} Map the names with --labels (labels in a study)"
+            f"{len(missing)} of the model's {model} markers were not recorded, and {len(unused)}"
+            f" recorded ones are not in the model: {hint} Map the names with --labels (labels in a"
+            " study)"
         )
         return (Finding("near names", ", ".join(near), text),)
     return ()
 
 
 LEAST = 0.03  # Excess of a step below which it is no edge, on a body of human size [m]
-OUTSTANDING = 6.0  # An edge's excess is at least so many times what nine of ten steps of the marker have
+# An edge's excess is at least so many times what nine of ten steps of the marker have
+OUTSTANDING = 6.0
 RETURNS = 0.25  # A marker that returns later did not jump for a few frames: it may have moved [s]
 GAP = 0.1  # Steps over longer gaps are not compared [s]
 AROUND = 3  # Steps either way that make the usual one
-CLOSES = 0.35  # What may be left of a jump after the marker has returned, or of two after their labels are exchanged
+# What may be left of a jump after the marker has returned, or of two after their labels are
+# exchanged
+CLOSES = 0.35
 
 
 @dataclass(frozen=True)
@@ -261,7 +313,9 @@ class Exchange:
 
 @read_only
 class Steps:
-    """Steps of a marker that stand out: frames from and to, where it would be and what it is off (steps, 3) [m]."""
+    """Steps of a marker that stand out: frames from and to, where it would be and what it is off
+    (steps, 3) [m].
+    """
 
     start: NDArray[np.int64]
     stop: NDArray[np.int64]
@@ -269,11 +323,18 @@ class Steps:
     excess: Array
 
 
-NONE = Steps(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+NONE = Steps(
+    start=np.zeros(0, np.int64),
+    stop=np.zeros(0, np.int64),
+    predicted=np.zeros((0, 3)),
+    excess=np.zeros((0, 3)),
+)
 
 
 def edges_of(time: Array, values: Array, unit: float = 1.0) -> tuple[Steps, ...]:
-    """For each marker of (frames, markers, 3) [m], NaN where unseen, the steps that stand out of those around."""
+    """For each marker of (frames, markers, 3) [m], NaN where unseen, the steps that stand out of
+    those around.
+    """
     return tuple(_edges(time, values[:, marker], unit) for marker in range(values.shape[1]))
 
 
@@ -281,45 +342,69 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
     seen = np.flatnonzero(np.isfinite(path).all(axis=1))
     if len(seen) < 2 * AROUND + 2:
         return NONE
-    start, stop = seen[:-1], seen[1:]
+    start = seen[:-1]
+    stop = seen[1:]
     spans = (time[stop] - time[start])[:, None]
     near = spans[:, 0] <= GAP
     moved = path[stop] - path[start]
     speed = moved / spans
     # What changes less from step to step has no edge: most markers end here.
-    if not (np.linalg.norm(np.diff(speed, axis=0) * spans[1:], axis=1) > 0.5 * LEAST * unit).any() or not near.any():
+    if (
+        not (np.linalg.norm(np.diff(speed, axis=0) * spans[1:], axis=1) > 0.5 * LEAST * unit).any()
+        or not near.any()
+    ):
         return NONE
     # The median of the steps around, the step itself left out.
     count = len(speed)
-    index = np.arange(count)[:, None] + np.array([shift for shift in range(-AROUND, AROUND + 1) if shift])
+    index = np.arange(count)[:, None] + np.array(
+        [shift for shift in range(-AROUND, AROUND + 1) if shift]
+    )
     predicted = path[start] + np.median(speed[np.clip(index, 0, count - 1)], axis=1) * spans
     excess = path[stop] - predicted
     size = np.linalg.norm(excess, axis=1)
     limit = max(LEAST * unit, OUTSTANDING * float(np.quantile(size[near], 0.9)))
     edges = np.flatnonzero((size > limit) & near).astype(np.int64)
-    return Steps(start[edges], stop[edges], predicted[edges], excess[edges])
+    return Steps(
+        start=start[edges], stop=stop[edges], predicted=predicted[edges], excess=excess[edges]
+    )
 
 
 def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
-    """Markers that leave their path from one frame to the next and return as suddenly, of the edges of every marker."""
+    """Markers that leave their path from one frame to the next and return as suddenly, of the edges
+    of every marker.
+    """
     spans = []
     for marker, steps in enumerate(edges):
         place = 0
         while place + 1 < len(steps.start):
-            out, back = steps.excess[place], steps.excess[place + 1]
+            out = steps.excess[place]
+            back = steps.excess[place + 1]
             size = float(np.linalg.norm(out))
             soon = time[steps.start[place + 1]] - time[steps.stop[place]] <= RETURNS
-            if soon and np.linalg.norm(out + back) < CLOSES * max(size, float(np.linalg.norm(back))):
-                spans.append(Excursion(marker, int(steps.stop[place]), int(steps.start[place + 1]) + 1, size))
+            if soon and np.linalg.norm(out + back) < CLOSES * max(
+                size, float(np.linalg.norm(back))
+            ):
+                spans.append(
+                    Excursion(
+                        marker=marker,
+                        start=int(steps.stop[place]),
+                        stop=int(steps.start[place + 1]) + 1,
+                        size=size,
+                    )
+                )
                 place += 1
             place += 1
     return tuple(spans)
 
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
-    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd number to the end."""
+    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd
+    number to the end.
+    """
     at = grouped(
-        (int(frame), (marker, place)) for marker, steps in enumerate(edges) for place, frame in enumerate(steps.stop)
+        (int(frame), (marker, place))
+        for marker, steps in enumerate(edges)
+        for place, frame in enumerate(steps.stop)
     )
     changes: dict[tuple[int, int], list[int]] = {}
     for frame, group in sorted(at.items()):
@@ -334,5 +419,8 @@ def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
     swaps = []
     for (first, second), frames in changes.items():
         ends = [*frames, len(values)] if len(frames) % 2 else frames
-        swaps += [Exchange(first, second, a, b) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+        swaps += [
+            Exchange(first=first, second=second, start=a, stop=b)
+            for a, b in zip(ends[::2], ends[1::2], strict=True)
+        ]
     return tuple(swaps)

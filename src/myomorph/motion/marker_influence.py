@@ -1,4 +1,6 @@
-"""What each marker says against all others: where they would put it, markers off their place, what no marker shows."""
+"""What each marker says against all others: where they would put it, markers off their place, what
+no marker shows.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,19 @@ from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
 STEP = 1e-6  # Of the differences that give the slopes of marker positions [rad or m]
-UNKNOWN = 0.15  # A direction of a marker of which the others determine a smaller share has no prediction
-BLIND = 1e-5  # A direction of the coordinates that moves the markers by a smaller share of the usual is not determined
+# A direction of a marker of which the others determine a smaller share has no prediction
+UNKNOWN = 0.15
+# A direction of the coordinates that moves the markers by a smaller share of the usual is not
+# determined
+BLIND = 1e-5
 
 
 @read_only
 class MarkerFrames:
-    """Markers of some frames against a model's pose: recorded less model (frames, markers, 3) [m] in ground, NaN where
-    unseen; slopes (..., variables) of model positions; rotations (..., 3, 3) of the markers' bodies; `held` (frames,
-    variables), whether each lies at a bound, so that it has no slopes.
+    """Markers of some frames against a model's pose: recorded less model (frames, markers, 3) [m]
+    in ground, NaN where unseen; slopes (..., variables) of model positions; rotations (..., 3, 3)
+    of the markers' bodies; `held` (frames, variables), whether each lies at a bound, so that it has
+    no slopes.
     """
 
     errors: Array
@@ -40,19 +46,26 @@ class MarkerFrames:
 
 
 def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
-    """Errors of markers (frames, markers, 3) [m] and slopes at poses; variables at a bound do not move."""
+    """Errors of markers (frames, markers, 3) [m] and slopes at poses; variables at a bound do not
+    move.
+    """
     poses, held = nudged_poses(tree, problem, values)
     points = poses.points(problem.markers.body, problem.markers.location)
     points = points.reshape(len(values), len(problem.free) + 1, -1, 3)
     slopes = (points[:, 1:] - points[:, :1]) / STEP
     slopes[held] = 0.0
     rotations = poses.rotations[:: len(problem.free) + 1, problem.markers.body]
-    return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
+    return MarkerFrames(
+        errors=observed - points[:, 0],
+        slopes=np.moveaxis(slopes, 1, 3),
+        rotations=rotations,
+        held=held,
+    )
 
 
 def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses, np.ndarray]:
-    """Each frame of values (frames, coordinates) as it is, then with each variable moved by `STEP` of its unit, frame
-    after frame; (frames, variables) whether each lies at a bound.
+    """Each frame of values (frames, coordinates) as it is, then with each variable moved by `STEP`
+    of its unit, frame after frame; (frames, variables) whether each lies at a bound.
     """
     stacked = np.repeat(values[:, None], len(problem.free) + 1, axis=1)
     for i, j in enumerate(problem.free):
@@ -60,13 +73,15 @@ def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses
     flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
     couple_frames(tree.arrays, flat)
     here = values[:, problem.free]
-    return forward_kinematics(tree, flat), (here <= problem.lower + 1e-9) | (here >= problem.upper - 1e-9)
+    return forward_kinematics(tree, flat), (here <= problem.lower + 1e-9) | (
+        here >= problem.upper - 1e-9
+    )
 
 
 def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
-    """(frames, markers, 3) how far each marker lies from where all others would put it, in its body's frame [m]. By the
-    leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly tell; NaN
-    where a marker is unseen or none is told.
+    """(frames, markers, 3) how far each marker lies from where all others would put it, in its
+    body's frame [m]. By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the
+    directions that others hardly tell; NaN where a marker is unseen or none is told.
     """
     frames, markers = marker_frames.errors.shape[:2]
     result = np.full((frames, markers, 3), np.nan)
@@ -87,7 +102,9 @@ def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
     return result
 
 
-def undetermined(marker_frames: MarkerFrames, problem: PoseProblem, weight: Array) -> tuple[int, ...]:
+def undetermined(
+    marker_frames: MarkerFrames, problem: PoseProblem, weight: Array
+) -> tuple[int, ...]:
     """Coordinates that take part in a motion that no marker of any of the frames shows."""
     seen = np.isfinite(marker_frames.errors).all(axis=2) & (weight > 0.0)
     rows = marker_frames.slopes[seen].reshape(-1, len(problem.free))
@@ -96,32 +113,52 @@ def undetermined(marker_frames: MarkerFrames, problem: PoseProblem, weight: Arra
     blind = directions[:, sizes < BLIND**2 * usual]
     part = np.abs(blind).max(axis=1, initial=0.0)
     # A variable at its bound in all frames is determined by the bound.
-    blind_variables = [i for i in range(len(problem.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()]
-    return tuple(int(problem.free[i]) for i in blind_variables if problem.coordinates.weight[problem.free[i]] == 0.0)
+    blind_variables = [
+        i for i in range(len(problem.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()
+    ]
+    return tuple(
+        int(problem.free[i])
+        for i in blind_variables
+        if problem.coordinates.weight[problem.free[i]] == 0.0
+    )
 
 
-OFF = 0.035  # Distance from where all others put a marker, from which it is beside its place, on a human body [m]
+# Distance from where all others put a marker, from which it is beside its place, on a human body
+# [m]
+OFF = 0.035
 USUAL = 4.0
-"""That distance is at least so many times that of the median marker: on a generic model all lie off their places."""
+"""That distance is at least so many times that of the median marker: on a generic model all lie off
+their places.
+"""
 
 MIDDLE = 0.055
-"""The same of a marker without one on the other side to compare with: sacral markers are often 4 cm off [m]."""
+"""The same of a marker without one on the other side to compare with: sacral markers are often 4 cm
+off [m].
+"""
 
-STEADY = 0.6  # Largest share that may change over time: skin and a wrong joint move a marker to and fro
-ALIKE = 0.5  # A marker of the other side that is as far off by this share shows that the model, not the marker, is off
-MAX_COUNT, SAMPLES = 4, 20
+# Largest share that may change over time: skin and a wrong joint move a marker to and fro
+STEADY = 0.6
+# A marker of the other side that is as far off by this share shows that the model, not the marker,
+# is off
+ALIKE = 0.5
+MAX_COUNT = 4
+SAMPLES = 20
 
 
 def place_findings(
     model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, unit: float
 ) -> Iterator[Finding]:
-    """Markers that lie steadily off the place where all others put them, while those of the other side do not."""
+    """Markers that lie steadily off the place where all others put them, while those of the other
+    side do not.
+    """
     seen = np.flatnonzero(fit.seen)
     if len(seen) < 3 or len(fit.marker_names) < 6:
         return
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, SAMPLES).astype(int))]
     columns = [markers.names.index(name) for name in fit.marker_names]
-    frames = marker_frames(compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen])
+    frames = marker_frames(
+        compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen]
+    )
     weight = np.array(problem.markers.weight, np.float64)
     partner = mirror_names(fit.marker_names)
     for _ in range(MAX_COUNT):
@@ -147,9 +184,10 @@ def place_findings(
         beside = f", '{partner[name]}' {100 * size[other]:.1f} cm" if other >= 0 else ""
         usual = 100 * float(np.median(size[compared]))
         text = (
-            f"marker '{name}' lies {100 * size[worst]:.1f} cm from where all others put it on "
-            f"'{model.marker(name).body}' (median of all {usual:.1f} cm{beside}): was it moved, or placed elsewhere "
-            "than on the model? Leave it out (weight 0 in --tasks, or an empty name in --labels) or calibrate the model"
+            f"marker '{name}' lies {100 * size[worst]:.1f} cm from where all others put it on"
+            f" '{model.marker(name).body}' (median of all {usual:.1f} cm{beside}): was it moved, or"
+            " placed elsewhere than on the model? Leave it out (weight 0 in --tasks, or an empty"
+            " name in --labels) or calibrate the model"
         )
         yield Finding("displaced marker", name, text)
 
@@ -167,20 +205,26 @@ def _steady(away: Array) -> tuple[Array, Array]:
 
 
 FAINT = 0.01
-"""A direction of the coordinates that moves the seen markers by a smaller share of the usual is not shown: on a human,
-one that 5 mm of noise turn by a radian."""
+"""A direction of the coordinates that moves the seen markers by a smaller share of the usual is not
+shown: on a human, one that 5 mm of noise turn by a radian.
+"""
 
 PART = 0.3  # Share of a hidden direction from which a coordinate is hidden with it
 LEAST = 0.1
-"""Share of the frames in which a coordinate may be hidden without a word, as markers are for moments at a time."""
+"""Share of the frames in which a coordinate may be hidden without a word, as markers are for
+moments at a time.
+"""
 
 TOGETHER = 0.5  # Share of their frames that two coordinates have in common to be named together
 CHUNK = 128  # Frames whose slopes are held at once
 
 
-def hidden_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> tuple[Finding, ...]:
-    """Frames whose markers do not show where the body is, which become gaps, and what is hidden in part of the frames.
-    Models with loops are not looked at: what ties determine, slopes of single markers do not know.
+def hidden_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem
+) -> tuple[Finding, ...]:
+    """Frames whose markers do not show where the body is, which become gaps, and what is hidden in
+    part of the frames. Models with loops are not looked at: what ties determine, slopes of single
+    markers do not know.
     """
     if model.loops or not fit.seen.any():
         return ()
@@ -199,9 +243,15 @@ def hidden_findings(model: Model, markers: Markers, fit: KinematicsFit, problem:
 
 def _without(fit: KinematicsFit, lost: np.ndarray) -> KinematicsFit:
     """The fit with gaps in some frames."""
-    values, errors, converged = np.array(fit.motion.values), np.array(fit.errors), np.array(fit.converged)
-    values[lost], errors[lost], converged[lost] = np.nan, np.nan, False
-    return replace(fit, motion=replace(fit.motion, values=values), errors=errors, converged=converged)
+    values = np.array(fit.motion.values)
+    errors = np.array(fit.errors)
+    converged = np.array(fit.converged)
+    values[lost] = np.nan
+    errors[lost] = np.nan
+    converged[lost] = False
+    return replace(
+        fit, motion=replace(fit.motion, values=values), errors=errors, converged=converged
+    )
 
 
 def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> np.ndarray:
@@ -216,10 +266,13 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
     usual = None
     for chunk in np.array_split(np.r_[most, np.flatnonzero(some)], 1 + some.sum() // CHUNK):
         frames = first[chunk]
-        influence = marker_frames(tree, problem, markers.values[frames][:, columns], fit.motion.values[frames])
+        influence = marker_frames(
+            tree, problem, markers.values[frames][:, columns], fit.motion.values[frames]
+        )
         for index, mask in enumerate(chunk):
             rows = influence.slopes[index, masks[mask]].reshape(-1, len(problem.free))
-            # Squared movement of the seen markers for directions of the coordinates, from the least.
+            # Squared movement of the seen markers for directions of the coordinates, from the
+            # least.
             sizes, parts = np.linalg.eigh(rows.T @ rows)
             usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
             faint = parts[:, sizes < FAINT**2 * usual]
@@ -236,18 +289,24 @@ def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
     spans = spans_of(fit.motion.time, lost)
     fewest = int(np.isfinite(fit.errors[lost]).sum(axis=1).min())
     text = (
-        f"{int(lost.sum())} of {len(lost)} frames show too few markers to determine where the body is (as few as "
-        f"{fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"
+        f"{int(lost.sum())} of {len(lost)} frames show too few markers to determine where the body"
+        f" is (as few as {fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"
     )
     repair = Repair(partial(_without, lost=lost), "left empty", "poses there are guesses")
-    yield Finding("hidden frames", "frames", text, spans, repair=repair)
+    yield Finding(kind="hidden frames", place="frames", text=text, times=spans, repair=repair)
 
 
-def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: int) -> Iterator[Finding]:
-    """Coordinates that no marker shows in more than a tenth of the frames, those of nearly the same frames together."""
+def _partly(
+    fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: int
+) -> Iterator[Finding]:
+    """Coordinates that no marker shows in more than a tenth of the frames, those of nearly the same
+    frames together.
+    """
     together: list[list[int]] = []
     for i in map(int, np.flatnonzero(hidden.sum(axis=0) > LEAST * frames)):
-        alike = (group for group in together if _overlap(hidden[:, group[0]], hidden[:, i]) > TOGETHER)
+        alike = (
+            group for group in together if _overlap(hidden[:, group[0]], hidden[:, i]) > TOGETHER
+        )
         group = next(alike, None)
         if group is None:
             together.append([i])
@@ -258,10 +317,10 @@ def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: in
         spans = spans_of(fit.motion.time, when)
         which = [names[i] for i in members]
         text = (
-            f"in {int(when.sum())} of {frames} frames no marker shows {quoted(which)}, first from {spans[0][0]:.2f} to "
-            f"{spans[0][1]:.2f} s: values there are guesses near the default"
+            f"in {int(when.sum())} of {frames} frames no marker shows {quoted(which)}, first from"
+            f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are guesses near the default"
         )
-        yield Finding("hidden in part", ", ".join(which), text, spans)
+        yield Finding(kind="hidden in part", place=", ".join(which), text=text, times=spans)
 
 
 def _overlap(first: np.ndarray, other: np.ndarray) -> float:

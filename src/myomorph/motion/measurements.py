@@ -1,4 +1,6 @@
-"""Scale factors from distances between markers in a static trial, then markers placed, as OpenSim's scale tool does."""
+"""Scale factors from distances between markers in a static trial, then markers placed, as OpenSim's
+scale tool does.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,9 @@ INSTANT = 1e-9  # Times that differ by less are the same [s]
 
 @dataclass(frozen=True)
 class Measured:
-    """What a measurement found: the mean over the pairs of recorded / model, nan where it cannot be used; distances of
-    each pair [m], of the recording the mean over its frames; notes why it cannot be used, or what is odd.
+    """What a measurement found: the mean over the pairs of recorded / model, nan where it cannot be
+    used; distances of each pair [m], of the recording the mean over its frames; notes why it cannot
+    be used, or what is odd.
     """
 
     measurement: Measurement
@@ -32,8 +35,12 @@ class Measured:
     notes: tuple[str, ...] = ()
 
 
-def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | None = None) -> dict[str, Array]:
-    """Factors with those that measurements found put in; a measurement that cannot be used changes none."""
+def with_measured(
+    measured: Iterable[Measured], factors: Mapping[str, Array] | None = None
+) -> dict[str, Array]:
+    """Factors with those that measurements found put in; a measurement that cannot be used changes
+    none.
+    """
     result = {body: np.array(factor, dtype=np.float64) for body, factor in (factors or {}).items()}
     for length in measured:
         if not np.isfinite(length.factor):
@@ -45,10 +52,10 @@ def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | N
 
 
 def measure(model: Model, markers: Markers, measurement: Measurement) -> Measured:
-    """The scale factor of a measurement: mean over pairs of (mean over frames of |y_1 - y_2|) / |x_1 - x_2|, with y of
-    the recording and x of the model in its default pose. A frame that does not show both markers does not count. A
-    measurement without pairs, with a marker that model or recording lack, or that no frame shows is not used, as in
-    OpenSim.
+    """The scale factor of a measurement: mean over pairs of (mean over frames of |y_1 - y_2|) /
+    |x_1 - x_2|, with y of the recording and x of the model in its default pose. A frame that does
+    not show both markers does not count. A measurement without pairs, with a marker that model or
+    recording lack, or that no frame shows is not used, as in OpenSim.
     """
     notes = _missing(model, markers, measurement)
     if notes:
@@ -61,14 +68,25 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
         seen = np.isfinite(lengths)
         recorded.append(float(lengths[seen].mean()) if seen.any() else float("nan"))
         if not seen.all():
-            hidden = f"{int((~seen).sum())} of {len(seen)} frames do not show both '{first}' and '{second}'"
+            hidden = (
+                f"{int((~seen).sum())} of {len(seen)} frames do not show both '{first}' and"
+                f" '{second}'"
+            )
             notes.append(f"measurement '{measurement.name}': {hidden}")
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = float(np.mean(np.array(recorded) / modelled))
     if not np.isfinite(factor) or factor <= 0.0:
-        notes.append(f"measurement '{measurement.name}' is not used: its factor would be {factor:g}")
+        notes.append(
+            f"measurement '{measurement.name}' is not used: its factor would be {factor:g}"
+        )
         factor = float("nan")
-    return Measured(measurement, factor, tuple(recorded), tuple(modelled.tolist()), tuple(notes))
+    return Measured(
+        measurement=measurement,
+        factor=factor,
+        recorded=tuple(recorded),
+        model=tuple(modelled.tolist()),
+        notes=tuple(notes),
+    )
 
 
 def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[str]:
@@ -76,8 +94,14 @@ def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[s
     if not measurement.pairs:
         return [f"{unused}: it has no marker pairs"]
     named = dict.fromkeys(name for pair in measurement.pairs for name in pair)
-    problems = [f"{unused}: the model has no marker '{name}'" for name in named if name not in model.marker_names]
-    return problems + [f"{unused}: marker '{name}' was not recorded" for name in named if name not in markers.names]
+    problems = [
+        f"{unused}: the model has no marker '{name}'"
+        for name in named
+        if name not in model.marker_names
+    ]
+    return problems + [
+        f"{unused}: marker '{name}' was not recorded" for name in named if name not in markers.names
+    ]
 
 
 def default_markers(model: Model, names: Sequence[str]) -> Array:
@@ -88,7 +112,9 @@ def default_markers(model: Model, names: Sequence[str]) -> Array:
 
 
 def frames_around(markers: Markers, start: float, end: float) -> Markers:
-    """The frames that OpenSim averages: from the last one at or before `start` to the first at or after `end` [s]."""
+    """The frames that OpenSim averages: from the last one at or before `start` to the first at or
+    after `end` [s].
+    """
     if len(markers) == 0:
         raise BadData("the recording has no frames")
     if start > end:
@@ -100,8 +126,9 @@ def frames_around(markers: Markers, start: float, end: float) -> Markers:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A model whose markers, only those recorded, lie where a static trial shows them except for the fixed ones. `fit`
-    is the pose, one frame, with the markers as they were before; `moved` how far each went [m].
+    """A model whose markers, only those recorded, lie where a static trial shows them except for
+    the fixed ones. `fit` is the pose, one frame, with the markers as they were before; `moved` how
+    far each went [m].
     """
 
     model: Model
@@ -119,39 +146,50 @@ def place_on_pose(
     options: InverseKinematicsOptions | None = None,
     most_movement: float = np.inf,
 ) -> Placement:
-    """Pose the model by the mean markers of a static trial from `start` to `end` [s], then move its markers to their
-    means. A marker whose coordinates spread wider than `most_movement` [m] is named in the notes.
+    """Pose the model by the mean markers of a static trial from `start` to `end` [s], then move its
+    markers to their means. A marker whose coordinates spread wider than `most_movement` [m] is
+    named in the notes.
     """
     used = frames_around(markers, start, end)
     inside = (used.time >= start - INSTANT) & (used.time <= end + INSTANT)
     if not inside.any():
         raise BadData(
-            f"no frames between {start:g} and {end:g} s: the recording runs from {markers.time[0]:g} "
-            f"to {markers.time[-1]:g} s"
+            f"no frames between {start:g} and {end:g} s: the recording runs from"
+            f" {markers.time[0]:g} to {markers.time[-1]:g} s"
         )
     removed = tuple(name for name in model.marker_names if name not in markers.names)
-    kept = replace(model, markers=tuple(marker for marker in model.markers if marker.name in markers.names))
+    kept = replace(
+        model, markers=tuple(marker for marker in model.markers if marker.name in markers.names)
+    )
     fit = inverse_kinematics(kept, _mean(used.frames(inside)), options)
     mean = _mean(used)
     seen = {name for name in kept.marker_names if np.isfinite(mean[name]).all()}
-    bodies = {marker.name: marker.body for marker in kept.markers if not marker.fixed and marker.name in seen}
-    placed = {marker.name: marker for marker in place_markers(kept, replace(fit.motion, time=mean.time), mean, bodies)}
+    bodies = {
+        marker.name: marker.body
+        for marker in kept.markers
+        if not marker.fixed and marker.name in seen
+    }
+    placed = {
+        marker.name: marker
+        for marker in place_markers(kept, replace(fit.motion, time=mean.time), mean, bodies)
+    }
     moved = {
         marker.name: float(np.linalg.norm(placed[marker.name].location - marker.location))
         for marker in kept.markers
         if marker.name in placed
     }
     return Placement(
-        replace(
+        model=replace(
             kept,
             markers=tuple(
-                replace(marker, location=placed.get(marker.name, marker).location) for marker in kept.markers
+                replace(marker, location=placed.get(marker.name, marker).location)
+                for marker in kept.markers
             ),
         ),
-        fit,
-        moved,
-        removed,
-        tuple(_notes(kept, used, seen, most_movement)),
+        fit=fit,
+        moved=moved,
+        removed=removed,
+        notes=tuple(_notes(kept, used, seen, most_movement)),
     )
 
 
@@ -166,7 +204,9 @@ def _mean(markers: Markers) -> Markers:
 
 def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) -> list[str]:
     notes = [
-        f"marker '{name}' is not seen in the static frames: it stays" for name in model.marker_names if name not in seen
+        f"marker '{name}' is not seen in the static frames: it stays"
+        for name in model.marker_names
+        if name not in seen
     ]
     for name in sorted(seen):
         values = used[name]
@@ -179,9 +219,11 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
     return notes
 
 
-def place_markers(model: Model, motion: Motion, markers: Markers, bodies: Mapping[str, str]) -> tuple[Marker, ...]:
-    """Markers at the mean of where a recording shows them on their `bodies`: mean over frames of R_body^T (x_marker -
-    p_body), the motion being the pose of the model in each frame.
+def place_markers(
+    model: Model, motion: Motion, markers: Markers, bodies: Mapping[str, str]
+) -> tuple[Marker, ...]:
+    """Markers at the mean of where a recording shows them on their `bodies`: mean over frames of
+    R_body^T (x_marker - p_body), the motion being the pose of the model in each frame.
     """
     if len(motion) != len(markers):
         raise BadData(f"the motion has {len(motion)} frames, but the markers have {len(markers)}")

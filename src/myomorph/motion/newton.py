@@ -1,12 +1,13 @@
-"""The Newton loop of inverse kinematics: damped steps inside the bounds, loops closed, frame after frame.
+"""The Newton loop of inverse kinematics: damped steps inside the bounds, loops closed, frame after
+frame.
 
 A step d of the free coordinates solves
 
     min 1/2 d^T (H + damping D) d + g^T d  so that  G d = -e,  lower <= c + d <= upper
 
-with the sums of `normal_equations`, the gaps e of the loops, their derivatives G and the curvature of their multipliers
-in H (`tasks.loops`). Coordinates that the loops determine are eliminated; every pose on the way closes the loops. An
-open model has none of these, and the same steps.
+with the sums of `normal_equations`, the gaps e of the loops, their derivatives G and the curvature
+of their multipliers in H (`tasks.loops`). Coordinates that the loops determine are eliminated;
+every pose on the way closes the loops. An open model has none of these, and the same steps.
 """
 
 from __future__ import annotations
@@ -29,17 +30,21 @@ from myomorph.rigid.frames import CHUNK, over_frames
 from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.tree import Tree
 
-SCOUT = 16  # Frames between the poses that are tracked first; a gap of so many frames ends at one of them
+# Frames between the poses that are tracked first; a gap of so many frames ends at one of them
+SCOUT = 16
 
 
 Settings: TypeAlias = tuple[float, float, int]
-"""Weight of the posture relative to the mean curvature, largest last step in units of the coordinates, most steps."""
+"""Weight of the posture relative to the mean curvature, largest last step in units of the
+coordinates, most steps.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedFrames:
-    """Where the steps ended: (frames, coordinates) [rad or m], NaN in frames that were left out; the sum of all tasks,
-    infinite where loops cannot be closed; whether the last step was within the tolerance.
+    """Where the steps ended: (frames, coordinates) [rad or m], NaN in frames that were left out;
+    the sum of all tasks, infinite where loops cannot be closed; whether the last step was within
+    the tolerance.
     """
 
     values: Array
@@ -49,11 +54,14 @@ class SolvedFrames:
 
 
 def task_arrays(tasks: Sequence[Task], tree: Tree, targets: Array) -> tuple[Any, ...]:
-    """Arrays of all tasks, kind by kind: those of `KINDS`, be they empty, and behind them kinds from elsewhere.
-    `targets` (frames, coordinates) are those of `coordinate_targets`.
+    """Arrays of all tasks, kind by kind: those of `KINDS`, be they empty, and behind them kinds
+    from elsewhere. `targets` (frames, coordinates) are those of `coordinate_targets`.
     """
     kinds = dict.fromkeys((*KINDS, *(type(task) for task in tasks)))
-    return tuple(kind.together([task for task in tasks if type(task) is kind], tree, targets) for kind in kinds)
+    return tuple(
+        kind.together([task for task in tasks if type(task) is kind], tree, targets)
+        for kind in kinds
+    )
 
 
 def solve_poses(
@@ -65,19 +73,33 @@ def solve_poses(
     progress: Callable[[int], None] | None = None,
     chunk: int = CHUNK,
 ) -> SolvedFrames:
-    """Minimise the tasks of every frame from `starts` (frames, coordinates) [rad or m]. Chained, each frame begins
-    where those before it lead and only the first of a chunk, and of what comes after a long gap, at its start; frames
-    that no task shows are left out. A chunk is solved by one thread.
+    """Minimise the tasks of every frame from `starts` (frames, coordinates) [rad or m]. Chained,
+    each frame begins where those before it lead and only the first of a chunk, and of what comes
+    after a long gap, at its start; frames that no task shows are left out. A chunk is solved by one
+    thread.
     """
     frames = len(starts)
-    values, cost = np.array(starts, order="C"), np.empty(frames)
-    converged, iterations = np.empty(frames, np.bool_), np.empty(frames, np.int64)
+    values = np.array(starts, order="C")
+    cost = np.empty(frames)
+    converged = np.empty(frames, np.bool_)
+    iterations = np.empty(frames, np.int64)
 
     def part(first: int, last: int) -> None:
-        solve_frames(tree.arrays, problem, first, last, *settings, chained, values, cost, converged, iterations)
+        solve_frames(
+            tree.arrays,
+            problem,
+            first,
+            last,
+            *settings,
+            chained,
+            values,
+            cost,
+            converged,
+            iterations,
+        )
 
     over_frames(part, frames, progress, chunk)
-    return SolvedFrames(values, cost, converged, iterations)
+    return SolvedFrames(values=values, cost=cost, converged=converged, iterations=iterations)
 
 
 def frames_shown(problem: PoseProblem) -> np.ndarray:
@@ -96,18 +118,36 @@ def fill_shown(P, result):
 
 @kernel
 def solve_frames(
-    T, P, first, last, posture_weight, tolerance, max_steps, chained, values, cost, converged, iterations
-):  # fmt: skip
-    """`solve_poses` for the frames from `first` up to `last`, whose rows of `values` hold their starts."""
+    T,
+    P,
+    first,
+    last,
+    posture_weight,
+    tolerance,
+    max_steps,
+    chained,
+    values,
+    cost,
+    converged,
+    iterations,
+):
+    """`solve_poses` for the frames from `first` up to `last`, whose rows of `values` hold their
+    starts.
+    """
     n = values.shape[1]
-    work, closing = new_work(T, n), new_closing(P.ties, n, P.free.shape[0])
+    work = new_work(T, n)
+    closing = new_closing(P.ties, n, P.free.shape[0])
     before = values[first].copy()
-    run, unseen = 0, 0
+    run = 0
+    unseen = 0
     for frame in range(first, last):
         c = values[frame]
         if chained and not shown(P.tasks, frame):
-            run, unseen = 0, unseen + 1
-            converged[frame], iterations[frame], cost[frame] = False, 0, 0.0
+            run = 0
+            unseen = unseen + 1
+            converged[frame] = False
+            iterations[frame] = 0
+            cost[frame] = 0.0
             for j in range(n):
                 c[j] = np.nan
             continue
@@ -118,13 +158,16 @@ def solve_frames(
         elif chained and frame > first and not (unseen >= SCOUT and resume(P, frame, last, values)):
             for j in range(n):
                 c[j] = before[j]
-        run, unseen = run + 1, 0
+        run = run + 1
+        unseen = 0
         closed = begin(T, P, frame, c, work, closing)
         if not closed and chained and frame > first:
             for j in range(n):
                 c[j] = before[j]
             closed = begin(T, P, frame, c, work, closing)
-        converged[frame], iterations[frame], cost[frame] = False, 0, np.inf
+        converged[frame] = False
+        iterations[frame] = 0
+        cost[frame] = np.inf
         if closed:
             converged[frame], iterations[frame], cost[frame] = descend(
                 T, P, frame, posture_weight, tolerance, max_steps, c, work, closing
@@ -136,7 +179,9 @@ def solve_frames(
 
 @bare
 def resume(P, frame, last, values):
-    """Start a frame from the next of the poses tracked first, where that frame is shown. Returns whether it is."""
+    """Start a frame from the next of the poses tracked first, where that frame is shown. Returns
+    whether it is.
+    """
     scout = -(-frame // SCOUT) * SCOUT
     if scout >= last or not shown(P.tasks, scout):
         return False
@@ -148,7 +193,9 @@ def resume(P, frame, last, values):
 
 @bare
 def begin(T, P, frame, c, work, closing):
-    """Put c inside its bounds, what is not solved for at its value, and close the loops. Returns whether they are."""
+    """Put c inside its bounds, what is not solved for at its value, and close the loops. Returns
+    whether they are.
+    """
     i = 0
     for j in range(c.shape[0]):
         if i < P.free.shape[0] and P.free[i] == j:
@@ -161,10 +208,12 @@ def begin(T, P, frame, c, work, closing):
 
 @bare
 def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing):
-    """Damped Newton steps from c in place, whose poses and gaps `close` has left; they are those of c afterwards.
-    Returns whether the last step was within `tolerance`, the steps, and the cost of all tasks and the posture.
+    """Damped Newton steps from c in place, whose poses and gaps `close` has left; they are those of
+    c afterwards. Returns whether the last step was within `tolerance`, the steps, and the cost of
+    all tasks and the posture.
     """
-    F, trial = P.free, work.trial
+    F = P.free
+    trial = work.trial
     damping = 0.0
     cost = normal_equations(T, P, frame, c, work)
     stiffness = posture_weight * mean_curvature(P, work)
@@ -175,7 +224,8 @@ def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing)
             work.g[F[i]] += stiffness / square * (c[F[i]] - P.posture[F[i]])
             work.H[F[i], F[i]] += stiffness / square
         hold_variables(T, P.ties, P, c, work, closing)
-        accepted, reached = False, cost
+        accepted = False
+        reached = cost
         while not accepted and damping < 1e6:
             size = newton_step(P, work, closing, c, damping)
             if size < 0.0:
@@ -187,13 +237,17 @@ def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing)
                 trial[F[i]] += work.step[i]
             closed = close(P.ties, T, P, trial, work, closing)
             # An undamped Newton step of size s leaves an error of the order of s^2.
-            if closed and (size <= tolerance or (damping == 0.0 and size * size <= 0.01 * tolerance)):
+            if closed and (
+                size <= tolerance or (damping == 0.0 and size * size <= 0.01 * tolerance)
+            ):
                 for j in range(c.shape[0]):
                     c[j] = trial[j]
                 return True, count, cost
             reached = np.inf
             if closed:
-                reached = sum_of_costs(P.tasks, trial, frame, work) + posture_cost(P, trial, stiffness)
+                reached = sum_of_costs(P.tasks, trial, frame, work) + posture_cost(
+                    P, trial, stiffness
+                )
             if reached <= cost:
                 accepted = True
                 damping = damping * 0.1 if damping > 1e-6 else 0.0
@@ -223,11 +277,17 @@ def posture_cost(P, c, stiffness):
 
 @bare
 def newton_step(P, work, closing, c, damping):
-    """Damped Newton step of the variables along the loops' ties; those of `work.held` stay where they are. Variables
-    that would leave their bounds are stopped there and the rest is solved again. Returns the largest entry of the step,
-    in units, or -1 where the damped Hessian is not positive definite along the ties.
+    """Damped Newton step of the variables along the loops' ties; those of `work.held` stay where
+    they are. Variables that would leave their bounds are stopped there and the rest is solved
+    again. Returns the largest entry of the step, in units, or -1 where the damped Hessian is not
+    positive definite along the ties.
     """
-    F, L, step, stopped, index, n = P.free, work.L, work.step, work.stopped, work.solved, P.free.shape[0]
+    F = P.free
+    L = work.L
+    step = work.step
+    stopped = work.stopped
+    index = work.solved
+    n = P.free.shape[0]
     for i in range(n):
         step[i], stopped[i] = 0.0, work.held[i]
     while True:
@@ -254,15 +314,22 @@ def newton_step(P, work, closing, c, damping):
 
 @bare
 def reduced_system(P, work, closing, c, damping):
-    """Normal equations of the independent variables that are not stopped, in the rows of L up to their number, which is
-    returned; theirs are in `work.solved`.
+    """Normal equations of the independent variables that are not stopped, in the rows of L up to
+    their number, which is returned; theirs are in `work.solved`.
 
-    With the basis B of the directions along the ties (a column for each independent variable; the identity without
-    loops) and the step s of the others, L = B^T (H + damping D) B and the row behind it is -B^T (g + (H + damping D)
-    s).
+    With the basis B of the directions along the ties (a column for each independent variable; the
+    identity without loops) and the step s of the others, L = B^T (H + damping D) B and the row
+    behind it is -B^T (g + (H + damping D) s).
     """
-    F, H, g, D, L, step, n = P.free, work.H, work.g, work.D, work.L, work.step, P.free.shape[0]
-    held, index = work.stopped, work.solved
+    F = P.free
+    H = work.H
+    g = work.g
+    D = work.D
+    L = work.L
+    step = work.step
+    n = P.free.shape[0]
+    held = work.stopped
+    index = work.solved
     size = 0
     if closing is None:
         for i in range(n):
@@ -280,7 +347,10 @@ def reduced_system(P, work, closing, c, damping):
                     right -= H[i, F[j]] * step[j]
             L[size, a] = right
     else:
-        A, taken, Z, late = closing.A, closing.taken, closing.Z, work.late
+        A = closing.A
+        taken = closing.taken
+        Z = closing.Z
+        late = work.late
         for i in range(n):
             late[i] = c[F[i]] <= P.lower[i] or c[F[i]] >= P.upper[i]
         rank = eliminate(F, closing, held, late)
@@ -289,7 +359,8 @@ def reduced_system(P, work, closing, c, damping):
             if not held[i] and not closing.dependent[i]:
                 index[size] = i
                 size += 1
-        # What is known of the step: bounded variables go to their bounds, dependent ones close the gap for them.
+        # What is known of the step: bounded variables go to their bounds, dependent ones close the
+        # gap for them.
         for row in range(rank):
             total = A[row, n]
             for i in range(n):
@@ -334,8 +405,9 @@ def close_step(work, closing, size):
 
 @bare
 def solve_in_place(L, n):
-    """Cholesky factor of the lower triangle of L (n, n), then the solution of row n, in place. A variable that nothing
-    determines (an empty pivot from the start) stays at zero. Returns False where another pivot is not positive.
+    """Cholesky factor of the lower triangle of L (n, n), then the solution of row n, in place. A
+    variable that nothing determines (an empty pivot from the start) stays at zero. Returns False
+    where another pivot is not positive.
     """
     for j in range(n):
         diagonal = L[j, j]
@@ -343,7 +415,8 @@ def solve_in_place(L, n):
         for t in range(j):
             pivot -= L[j, t] * L[j, t]
         if diagonal == 0.0:
-            # An infinite pivot makes the variable's column, and so its part of the solution, vanish.
+            # An infinite pivot makes the variable's column, and so its part of the solution,
+            # vanish.
             root = np.inf
         elif pivot <= 1e-14 * diagonal:
             return False
@@ -364,4 +437,6 @@ def solve_in_place(L, n):
 
 
 KINDS: tuple[type[Task], ...] = (MarkerTask, CoordinateTask, OrientationTask)
-"""Every problem has arrays of these in this order, be they empty, so that one compiled loop serves all of them."""
+"""Every problem has arrays of these in this order, be they empty, so that one compiled loop serves
+all of them.
+"""

@@ -1,8 +1,10 @@
-"""Coordinates and derivatives while frames arrive: one filter for motion and forces, its delay known.
+"""Coordinates and derivatives while frames arrive: one filter for motion and forces, its delay
+known.
 
-Markers never fit a model exactly, so that the pose jumps when one of them is lost or comes back. The jump is what
-the same frame gives with the markers before and after: it is taken off at once, and given back along the path of a
-critically damped spring. What no marker shows any more keeps its last value; without any marker the whole body does.
+Markers never fit a model exactly, so that the pose jumps when one of them is lost or comes back.
+The jump is what the same frame gives with the markers before and after: it is taken off at once,
+and given back along the path of a critically damped spring. What no marker shows any more keeps its
+last value; without any marker the whole body does.
 """
 
 from __future__ import annotations
@@ -18,27 +20,38 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import rotation_from_quaternion, rotation_from_vector
-from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    coordinate_targets,
+    pose_problem,
+    tracked_markers,
+)
 from myomorph.motion.newton import frames_shown, solve_poses
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, earth_to_ground, orientation_tasks
+from myomorph.motion.sensors.mounting import (
+    SensorMounting,
+    SensorOptions,
+    earth_to_ground,
+    orientation_tasks,
+)
 from myomorph.motion.starts import scout_poses
 from myomorph.motion.tasks.orientations import OrientationArrays
 from myomorph.motion.turns import floating_coordinates, nearest_turn
 from myomorph.rigid.tree import compile_tree
 
 REACH = 4.0  # Half width of the filter's window in standard deviations of its bell
-LOST = 3.0  # A frame whose marker error is that many times the usual one starts again from several headings
+# A frame whose marker error is that many times the usual one starts again from several headings
+LOST = 3.0
 
 
 @dataclass(frozen=True)
 class OnlineFilter:
-    """A low-pass that gives value, velocity and acceleration of samples at a rate [Hz] in a moving window, half the
-    power at `cutoff` [Hz].
+    """A low-pass that gives value, velocity and acceleration of samples at a rate [Hz] in a moving
+    window, half the power at `cutoff` [Hz].
 
-    The window's weights are a bell g(t) = exp(-t^2 / 2 s^2) and its derivatives, s = sqrt(ln 2) / (2 pi cutoff),
-    corrected so that parabolas are differentiated exactly. Phase is linear: everything comes `delay` late and otherwise
-    unshifted, the forces like the motion.
+    The window's weights are a bell g(t) = exp(-t^2 / 2 s^2) and its derivatives, s = sqrt(ln 2) /
+    (2 pi cutoff), corrected so that parabolas are differentiated exactly. Phase is linear:
+    everything comes `delay` late and otherwise unshifted, the forces like the motion.
     """
 
     rate: float
@@ -49,8 +62,8 @@ class OnlineFilter:
             raise BadData(f"rate {self.rate} Hz: expected a positive number of frames per second")
         if not 0.0 < self.cutoff <= self.rate / 8.0:
             raise BadData(
-                f"cutoff {self.cutoff:g} Hz at {self.rate:g} frames per second: expected at most an eighth of the "
-                f"rate, {self.rate / 8.0:g} Hz"
+                f"cutoff {self.cutoff:g} Hz at {self.rate:g} frames per second: expected at most an"
+                f" eighth of the rate, {self.rate / 8.0:g} Hz"
             )
 
     @property
@@ -70,12 +83,16 @@ class OnlineFilter:
 
     @property
     def frames_per_sample(self) -> float:
-        """Frames that make one independent sample of filtered white noise: its autocorrelation's sum."""
+        """Frames that make one independent sample of filtered white noise: its autocorrelation's
+        sum.
+        """
         return max(2.0 * float(np.sqrt(np.pi)) * self.bell * self.rate, 1.0)
 
     @property
     def weights(self) -> Array:
-        """(3, 2 half + 1) of value, velocity and acceleration in the window's middle, oldest sample first."""
+        """(3, 2 half + 1) of value, velocity and acceleration in the window's middle, oldest sample
+        first.
+        """
         t = np.arange(-self.half, self.half + 1) / self.rate
         g = np.exp(-0.5 * (t / self.bell) ** 2)
         g /= g.sum()
@@ -84,12 +101,25 @@ class OnlineFilter:
         return np.stack([g, first / (first @ t), 2.0 * second / (second @ t**2)])
 
     def motion(self, motion: Motion) -> Motion:
-        """A recorded motion through the filter, with derivatives: the frames that have a whole window."""
-        value, velocity, acceleration = (self._whole(motion.values, weight) for weight in self.weights)
-        time, steps = motion.time, np.diff(motion.time)
+        """A recorded motion through the filter, with derivatives: the frames that have a whole
+        window.
+        """
+        value, velocity, acceleration = (
+            self._whole(motion.values, weight) for weight in self.weights
+        )
+        time = motion.time
+        steps = np.diff(motion.time)
         if len(steps) and np.abs(steps * self.rate - 1.0).max() > 0.1:
-            raise BadData(f"frames are not evenly spaced at {self.rate:g} Hz: resample the recording first")
-        return Motion(time[self.half : len(time) - self.half], motion.names, value, velocity, acceleration)
+            raise BadData(
+                f"frames are not evenly spaced at {self.rate:g} Hz: resample the recording first"
+            )
+        return Motion(
+            time=time[self.half : len(time) - self.half],
+            names=motion.names,
+            values=value,
+            velocities=velocity,
+            accelerations=acceleration,
+        )
 
     def values(self, samples: Array) -> Array:
         """(frames - 2 half, ...) samples of the same clock through the filter, as forces go."""
@@ -110,14 +140,16 @@ class MovingWindow:
         length = self._weights.shape[1]
         self._rows = np.full((2 * length, width), np.nan)
         self._times = np.full(2 * length, np.nan)
-        self._length, self._count = length, 0
+        self._length = length
+        self._count = 0
 
     def push(self, time: float, row: Array) -> None:
         """Add the newest sample [s], NaN where it is missing."""
         at = self._count % self._length
         # Every sample stands twice, so that the window is always one piece.
         for place in (at, at + self._length):
-            self._rows[place], self._times[place] = row, time
+            self._rows[place] = row
+            self._times[place] = time
         self._count += 1
 
     @property
@@ -138,9 +170,13 @@ class MovingWindow:
 
 
 class OnlineKinematics:
-    """Inverse kinematics of one frame after the other of the named markers, each from where the last two lead."""
+    """Inverse kinematics of one frame after the other of the named markers, each from where the
+    last two lead.
+    """
 
-    def __init__(self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None):
+    def __init__(
+        self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None
+    ):
         self._options = options or InverseKinematicsOptions()
         self._tree = compile_tree(model)
         empty = Markers(np.zeros(1), tuple(names), np.full((1, len(names), 3), np.nan))
@@ -151,7 +187,9 @@ class OnlineKinematics:
         self._usual = 0.0
 
     def solve(self, time: float, positions: Array) -> tuple[Array, float]:
-        """Coordinates of one frame of markers (markers, 3) [m], NaN where unseen, and its RMS error [m]."""
+        """Coordinates of one frame of markers (markers, 3) [m], NaN where unseen, and its RMS error
+        [m].
+        """
         problem = self._frame(time, positions)
         if not frames_shown(problem)[0]:
             self._before = []
@@ -160,14 +198,19 @@ class OnlineKinematics:
         if self._before and error > LOST * self._usual:
             other, less = self._settle(problem, self._search(problem))
             if less < 0.99 * error:
-                values, error = other, less
+                values = other
+                error = less
                 self._before = []
         self._usual = error if self._usual == 0.0 else 0.95 * self._usual + 0.05 * error
         self._before = [*self._before[-1:], values]
         return values, error
 
-    def from_start(self, time: float, positions: Array, start: Array, posture: Array) -> tuple[Array, float]:
-        """As `solve`, from a pose, coordinates that no marker shows drawn to `posture`, remembering nothing."""
+    def from_start(
+        self, time: float, positions: Array, start: Array, posture: Array
+    ) -> tuple[Array, float]:
+        """As `solve`, from a pose, coordinates that no marker shows drawn to `posture`, remembering
+        nothing.
+        """
         return self._settle(self._frame(time, positions)._replace(posture=posture), start)
 
     def from_anywhere(self, time: float, positions: Array, posture: Array) -> tuple[Array, float]:
@@ -177,9 +220,13 @@ class OnlineKinematics:
 
     def _frame(self, time: float, positions: Array) -> PoseProblem:
         """The problem of one frame."""
-        observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
+        observed = np.ascontiguousarray(
+            np.asarray(positions, dtype=np.float64)[None, self._columns]
+        )
         targets = coordinate_targets(self._tree, np.array([time]), self._options)
-        shown = self._problem.with_markers(observed=observed, errors=np.full(observed.shape[:2], np.nan))
+        shown = self._problem.with_markers(
+            observed=observed, errors=np.full(observed.shape[:2], np.nan)
+        )
         return shown.with_coordinates(value=targets)._replace(fixed=targets)
 
     def _start(self, problem: PoseProblem) -> Array:
@@ -200,9 +247,9 @@ class OnlineKinematics:
 
 
 class OnlineOrientations(OnlineKinematics):
-    """The same of inertial sensors whose mounting is known: frames of quaternions (sensors, 4) to the earth, NaN where
-    one is missing, errors in radians. Headings stay as the mounting has them last; joints without a sensor stay where
-    they were last.
+    """The same of inertial sensors whose mounting is known: frames of quaternions (sensors, 4) to
+    the earth, NaN where one is missing, errors in radians. Headings stay as the mounting has them
+    last; joints without a sensor stay where they were last.
     """
 
     def __init__(
@@ -212,38 +259,48 @@ class OnlineOrientations(OnlineKinematics):
         options: InverseKinematicsOptions | None = None,
         sizes: SensorOptions | None = None,
     ):
-        plain, unseen = options or InverseKinematicsOptions(), np.full((1, len(mounting.sensors), 3, 3), np.nan)
+        plain = options or InverseKinematicsOptions()
+        unseen = np.full((1, len(mounting.sensors), 3, 3), np.nan)
         tasks = orientation_tasks(mounting, unseen, np.zeros(1), sizes or SensorOptions())
         super().__init__(model, (), replace(plain, tasks=(*plain.tasks, *tasks)))
         nothing = Markers(np.zeros(1), (), np.empty((1, 0, 3)))
         self._problem = pose_problem(self._tree, (), np.empty(0), self._options, nothing)
-        self._place = next(i for i, task in enumerate(self._problem.tasks) if isinstance(task, OrientationArrays))
+        self._place = next(
+            i for i, task in enumerate(self._problem.tasks) if isinstance(task, OrientationArrays)
+        )
         turned = rotation_from_vector(mounting.headings[-1][:, None] * mounting.up)
-        self._earth, self._mounted = turned @ earth_to_ground(model), np.swapaxes(mounting.rotations, 1, 2)
+        self._earth = turned @ earth_to_ground(model)
+        self._mounted = np.swapaxes(mounting.rotations, 1, 2)
 
     def _frame(self, time: float, positions: Array) -> PoseProblem:
         tasks = list(self._problem.tasks)
         rotation = self._earth @ rotation_from_quaternion(positions) @ self._mounted
         tasks[self._place] = tasks[self._place]._replace(
-            rotation=np.ascontiguousarray(rotation[None]), errors=np.full((1, len(rotation)), np.nan)
+            rotation=np.ascontiguousarray(rotation[None]),
+            errors=np.full((1, len(rotation)), np.nan),
         )
         targets = coordinate_targets(self._tree, np.array([time]), self._options)
-        problem = self._problem._replace(tasks=tuple(tasks)).with_coordinates(value=targets)._replace(fixed=targets)
+        problem = (
+            self._problem._replace(tasks=tuple(tasks))
+            .with_coordinates(value=targets)
+            ._replace(fixed=targets)
+        )
         return problem._replace(posture=self._before[-1]) if self._before else problem
 
     def _errors(self, problem: PoseProblem) -> Array:
         return problem.tasks[self._place].errors
 
 
-BLEND = 0.05  # Time constant with which a jump is given back: 9 % of it are left after four of them [s]
+# Time constant with which a jump is given back: 9 % of it are left after four of them [s]
+BLEND = 0.05
 SEARCH = 0.5  # Least time between two searches from several headings [s]
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyFrame:
-    """One pose, NaN before any marker was seen, and its root mean square error [m]; `held` is the last one, where no
-    marker is seen. `owed` is the root mean square, over coordinates in radians and metres, of the jump still to be
-    given back.
+    """One pose, NaN before any marker was seen, and its root mean square error [m]; `held` is the
+    last one, where no marker is seen. `owed` is the root mean square, over coordinates in radians
+    and metres, of the jump still to be given back.
     """
 
     coordinates: Array
@@ -254,10 +311,16 @@ class SteadyFrame:
 
 
 class SteadyKinematics:
-    """Inverse kinematics frame by frame, continuous where markers come and go: jumps are given back in `blend` [s]."""
+    """Inverse kinematics frame by frame, continuous where markers come and go: jumps are given back
+    in `blend` [s].
+    """
 
     def __init__(
-        self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None, blend: float = BLEND
+        self,
+        model: Model,
+        names: Sequence[str],
+        options: InverseKinematicsOptions | None = None,
+        blend: float = BLEND,
     ):
         if not blend > 0.0:
             raise BadData(f"jumps are given back in {blend:g} s: expected above 0")
@@ -272,18 +335,21 @@ class SteadyKinematics:
         floating = floating_coordinates(model)
         self._turning = np.array(
             [
-                coordinate.motion == "rotational" and (not coordinate.clamped or coordinate.name in floating)
+                coordinate.motion == "rotational"
+                and (not coordinate.clamped or coordinate.name in floating)
                 for coordinate in model.coordinates
             ]
         )
         self._positions = np.full((len(names), 3), np.nan)
         self._seen = np.zeros(len(names), np.bool_)
         self._ever = np.zeros(len(names), np.bool_)
-        # What the markers give, now and one frame before, and what is shown less that, with its rate.
+        # What the markers give, now and one frame before, and what is shown less that, with its
+        # rate.
         self._found: Array | None = None
         self._before: Array | None = None
         self._time = self._time_before = self._searched = -np.inf
-        self._offset, self._rate = np.zeros(count), np.zeros(count)
+        self._offset = np.zeros(count)
+        self._rate = np.zeros(count)
         self._shown = np.full(count, np.nan)
         self._usual = 0.0
 
@@ -300,7 +366,8 @@ class SteadyKinematics:
             common = seen & self._seen
             if not np.array_equal(seen, self._seen):
                 self._take_off_lost(common)
-            # What no marker shows is drawn to its default, or while markers are lost to the last pose.
+            # What no marker shows is drawn to its default, or while markers are lost to the last
+            # pose.
             posture = self._found if (self._ever & ~seen).any() else self._defaults
             start = self._ahead(time)
             values, error = self._inverse.from_start(time, positions, start, posture)
@@ -308,23 +375,30 @@ class SteadyKinematics:
             if not np.array_equal(seen, common):
                 self._take_off_found(time, positions, common, start, values)
         self._usual = error if self._usual == 0.0 else 0.95 * self._usual + 0.05 * error
-        self._before, self._time_before = (self._found, self._time) if self._seen.any() else (None, -np.inf)
-        self._found, self._time = values, time
-        self._positions, self._seen = positions.copy(), seen
+        self._before, self._time_before = (
+            (self._found, self._time) if self._seen.any() else (None, -np.inf)
+        )
+        self._found = values
+        self._time = time
+        self._positions = positions.copy()
+        self._seen = seen
         self._ever |= seen
         self._shown = values + self._offset
         left = float(np.sqrt(np.mean(self._offset**2)))
-        return SteadyFrame(self._shown, error, int(seen.sum()), False, left)
+        return SteadyFrame(
+            coordinates=self._shown, error=error, seen=int(seen.sum()), held=False, owed=left
+        )
 
     def _hold(self, time: float) -> SteadyFrame:
         """No marker is seen: everything stays where it was shown."""
         if self._found is not None:
-            self._found, self._before = self._shown.copy(), None
+            self._found = self._shown.copy()
+            self._before = None
             self._offset[:] = 0.0
             self._rate[:] = 0.0
             self._time = time
         self._seen = np.zeros_like(self._seen)
-        return SteadyFrame(self._shown, float("nan"), 0, True, 0.0)
+        return SteadyFrame(coordinates=self._shown, error=float("nan"), seen=0, held=True, owed=0.0)
 
     def _ahead(self, time: float) -> Array:
         """Straight on from the last two frames."""
@@ -354,7 +428,9 @@ class SteadyKinematics:
             self._before = self._before + (values - self._found)
         self._found = values
 
-    def _take_off_found(self, time: float, positions: Array, common: np.ndarray, start: Array, values: Array) -> None:
+    def _take_off_found(
+        self, time: float, positions: Array, common: np.ndarray, start: Array, values: Array
+    ) -> None:
         """Of this frame, what the markers change that were found just now."""
         assert self._found is not None
         if common.any():
@@ -364,8 +440,12 @@ class SteadyKinematics:
             without = self._found
         self._offset -= self._turned(values - without)
 
-    def _searched_again(self, time: float, positions: Array, values: Array, error: float) -> tuple[Array, float]:
-        """Another heading where the markers fit badly and another one fits better, its jump taken off."""
+    def _searched_again(
+        self, time: float, positions: Array, values: Array, error: float
+    ) -> tuple[Array, float]:
+        """Another heading where the markers fit badly and another one fits better, its jump taken
+        off.
+        """
         blind = not self._seen.any()
         if not blind and (error <= LOST * self._usual or time - self._searched < SEARCH):
             return values, error

@@ -1,4 +1,6 @@
-"""What the coordinates found say of themselves: held at a bound, shown by no marker, a body that lies on its side."""
+"""What the coordinates found say of themselves: held at a bound, shown by no marker, a body that
+lies on its side.
+"""
 
 from __future__ import annotations
 
@@ -25,11 +27,16 @@ BEYOND = {"rotational": np.radians(1.0), "translational": 0.002}
 
 OVER = np.radians(90.0)  # An angle so far outside the model's range has turned a joint over [rad]
 SAMPLES = 24
-LIES, MOSTLY = 60.0, 0.8
+LIES = 60.0
+MOSTLY = 0.8
 
 
 def pose_findings(
-    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, options: InverseKinematicsOptions
+    model: Model,
+    markers: Markers,
+    fit: KinematicsFit,
+    problem: PoseProblem,
+    options: InverseKinematicsOptions,
 ) -> Iterator[Finding]:
     """Findings about the coordinates of a fit of these markers."""
     if not fit.seen.any():
@@ -42,9 +49,15 @@ def pose_findings(
 
 
 def _bound_findings(
-    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, options: InverseKinematicsOptions
+    model: Model,
+    markers: Markers,
+    fit: KinematicsFit,
+    problem: PoseProblem,
+    options: InverseKinematicsOptions,
 ) -> Iterator[Finding]:
-    """Coordinates at a bound for more than a tenth of the frames, and how far they would go without it."""
+    """Coordinates at a bound for more than a tenth of the frames, and how far they would go without
+    it.
+    """
     values = fit.motion.values[:, problem.free]
     with np.errstate(invalid="ignore"):
         at = (values <= problem.lower + AT) | (values >= problem.upper - AT)
@@ -54,7 +67,9 @@ def _bound_findings(
         return
     names = [model.coordinate_names[j] for j in problem.free]
     loose = {names[i] for i in held}
-    coordinates = tuple(replace(each, clamped=each.clamped and each.name not in loose) for each in model.coordinates)
+    coordinates = tuple(
+        replace(each, clamped=each.clamped and each.name not in loose) for each in model.coordinates
+    )
     without = replace(model, coordinates=coordinates)
     some = np.flatnonzero(at[:, held].any(axis=1))
     some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
@@ -62,7 +77,8 @@ def _bound_findings(
     for i in held:
         coordinate = model.coordinate(names[i])
         at_bound = at[some, i]
-        lower, upper = float(problem.lower[i]), float(problem.upper[i])
+        lower = float(problem.lower[i])
+        upper = float(problem.upper[i])
         reached = freed.motion[names[i]][at_bound]
         low = 2 * int((values[:, i] <= lower + AT).sum()) > int(at[:, i].sum())
         bound = lower if low else upper
@@ -72,21 +88,31 @@ def _bound_findings(
             # Freed, an angle may come out a turn further.
             beyond = (beyond + np.pi) % (2.0 * np.pi) - np.pi
         usual = float(np.nanmedian(beyond)) if len(beyond) else 0.0
-        if usual < (BEYOND["translational"] if coordinate.motion == "translational" else BEYOND["rotational"]):
+        if usual < (
+            BEYOND["translational"]
+            if coordinate.motion == "translational"
+            else BEYOND["rotational"]
+        ):
             continue
         limit = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
         further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"
         spans = spans_of(fit.motion.time, at[:, i])
-        first = f"from {spans[0][0]:.2f} s on" if len(spans) > 1 else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
-        text = (
-            f"coordinate '{names[i]}' is held at its bound of {limit} in {int(at[:, i].sum())} of {len(fit.motion)} "
-            f"frames ({first}); the markers ask for about {further} more: check the bound, the markers there and the "
-            "model's size"
+        first = (
+            f"from {spans[0][0]:.2f} s on"
+            if len(spans) > 1
+            else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
         )
-        yield Finding("at its bound", names[i], text, spans)
+        text = (
+            f"coordinate '{names[i]}' is held at its bound of {limit} in {int(at[:, i].sum())} of"
+            f" {len(fit.motion)} frames ({first}); the markers ask for about {further} more: check"
+            " the bound, the markers there and the model's size"
+        )
+        yield Finding(kind="at its bound", place=names[i], text=text, times=spans)
 
 
-def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> Iterator[Finding]:
+def _blind_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem
+) -> Iterator[Finding]:
     """Coordinates that no marker shows."""
     if model.loops:
         # What a loop ties is determined by the loop: slopes of single markers do not know it.
@@ -94,10 +120,18 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, problem:
     seen = np.flatnonzero(fit.seen)
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, 6).astype(int))]
     columns = [markers.names.index(name) for name in fit.marker_names]
-    frames = marker_frames(compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen])
-    names = [model.coordinate_names[j] for j in undetermined(frames, problem, problem.markers.weight)]
+    frames = marker_frames(
+        compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen]
+    )
+    names = [
+        model.coordinate_names[j] for j in undetermined(frames, problem, problem.markers.weight)
+    ]
     if names:
-        count, stay = ("a coordinate", "It stays") if len(names) == 1 else (f"{len(names)} coordinates", "They stay")
+        count, stay = (
+            ("a coordinate", "It stays")
+            if len(names) == 1
+            else (f"{len(names)} coordinates", "They stay")
+        )
         text = (
             f"no marker determines {count}: {quoted(names)}. {stay} near the default; lock what is "
             "not measured, or add markers"
@@ -106,11 +140,17 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, problem:
 
 
 def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
-    """Angles of joints far outside their range: two neighbors that turn over together look much the same to markers."""
+    """Angles of joints far outside their range: two neighbors that turn over together look much the
+    same to markers.
+    """
     floating = set(floating_coordinates(model))
     for coordinate in model.coordinates:
         low, high = coordinate.range
-        if coordinate.name in floating or coordinate.motion == "translational" or not 0.0 < high - low < np.pi + 0.1:
+        if (
+            coordinate.name in floating
+            or coordinate.motion == "translational"
+            or not 0.0 < high - low < np.pi + 0.1
+        ):
             continue
         angles = fit.motion[coordinate.name]
         with np.errstate(invalid="ignore"):
@@ -120,26 +160,38 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
         spans = spans_of(fit.motion.time, over)
         far = float(np.nanmax(np.abs(angles[over] - 0.5 * (low + high))))
         text = (
-            f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle of its range "
-            f"({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in {int(over.sum())} of {len(angles)} frames "
-            f"from {spans[0][0]:.2f} s on: the joint turned over, and torques there are wrong: clamp it, or check the "
-            "markers"
+            f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle"
+            f" of its range ({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in"
+            f" {int(over.sum())} of {len(angles)} frames from {spans[0][0]:.2f} s on: the joint"
+            " turned over, and torques there are wrong: clamp it, or check the markers"
         )
-        yield Finding("joint turned over", coordinate.name, text, spans)
+        yield Finding(kind="joint turned over", place=coordinate.name, text=text, times=spans)
 
 
 def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
-    """A floating body that lies or stands on its head in nearly all frames: its vertical may be another axis."""
+    """A floating body that lies or stands on its head in nearly all frames: its vertical may be
+    another axis.
+    """
     floating = set(floating_coordinates(model))
-    joint = next((each for each in model.joints if each.parent == GROUND and floating & set(each.coordinates)), None)
+    joint = next(
+        (
+            each
+            for each in model.joints
+            if each.parent == GROUND and floating & set(each.coordinates)
+        ),
+        None,
+    )
     gravity = float(np.linalg.norm(model.gravity))
     if joint is None or gravity == 0.0:
         return
     tree = compile_tree(model)
     up = -np.asarray(model.gravity) / gravity
     body = tree.body_index[joint.child]
-    # Massless links may lie between the ground and the body: their default pose is the upright one all the same.
-    poses = forward_kinematics(tree, np.vstack([tree.defaults, fit.motion.values[fit.seen]])).rotations[:, body]
+    # Massless links may lie between the ground and the body: their default pose is the upright one
+    # all the same.
+    poses = forward_kinematics(
+        tree, np.vstack([tree.defaults, fit.motion.values[fit.seen]])
+    ).rotations[:, body]
     now = poses[1:] @ (poses[0].T @ up)
     tilt = np.degrees(np.arccos(np.clip(now @ up, -1.0, 1.0)))
     if float((tilt > LIES).mean()) < MOSTLY:
@@ -149,8 +201,8 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     what = "stands on its head" if usual > 150.0 else "lies"
     count = f"{int((tilt > LIES).sum())} of {len(tilt)} frames"
     text = (
-        f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's {axis} axis. If it "
-        "stood, the recording's vertical is not the model's: turn its axes"
+        f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's"
+        f" {axis} axis. If it stood, the recording's vertical is not the model's: turn its axes"
     )
     yield Finding("vertical axis", joint.child, text)
 
@@ -160,5 +212,8 @@ def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:
     lost = fit.seen & ~np.asarray(fit.converged, bool)
     if lost.any():
         spans = spans_of(fit.motion.time, lost)
-        text = f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at {spans[0][0]:.2f} s"
-        yield Finding("not converged", "frames", text, spans)
+        text = (
+            f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at"
+            f" {spans[0][0]:.2f} s"
+        )
+        yield Finding(kind="not converged", place="frames", text=text, times=spans)

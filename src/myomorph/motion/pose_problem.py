@@ -1,4 +1,6 @@
-"""Inverse kinematics as the kernels read it: tasks, what may move, loops that stay closed, and the normal equations."""
+"""Inverse kinematics as the kernels read it: tasks, what may move, loops that stay closed, and the
+normal equations.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,11 @@ from myomorph.rigid.vectors import cross, minus, vector
 
 
 class PoseProblem(NamedTuple):
-    """What is minimised, and what may move: coordinates that are solved for (`free`), their bounds [rad or m], the unit
-    by which changes of each coordinate are measured (`coordinate_units`), values (frames, coordinates) of the others.
-    `posture` is what coordinates that no task shows are pulled to, `tasks` arrays of each kind of task, markers and
-    coordinates first, `ties` what closes the loops, None of an open model.
+    """What is minimised, and what may move: coordinates that are solved for (`free`), their bounds
+    [rad or m], the unit by which changes of each coordinate are measured (`coordinate_units`),
+    values (frames, coordinates) of the others. `posture` is what coordinates that no task shows are
+    pulled to, `tasks` arrays of each kind of task, markers and coordinates first, `ties` what
+    closes the loops, None of an open model.
     """
 
     free: Ints
@@ -47,13 +50,18 @@ class PoseProblem(NamedTuple):
 
     def with_coordinates(self, **fields: Any) -> PoseProblem:
         """The problem with other fields of its coordinates' values."""
-        return self._replace(tasks=(self.markers, self.coordinates._replace(**fields), *self.tasks[2:]))
+        return self._replace(
+            tasks=(self.markers, self.coordinates._replace(**fields), *self.tasks[2:])
+        )
 
 
 @bare
 def mean_curvature(P, work):
-    """Mean Gauss-Newton diagonal of the tasks of bodies, in units, over the variables that these move."""
-    total, moved = 0.0, 0
+    """Mean Gauss-Newton diagonal of the tasks of bodies, in units, over the variables that these
+    move.
+    """
+    total = 0.0
+    moved = 0
     for j in P.free:
         shared = work.D[j] - work.direct[j]
         if shared > 0.0:
@@ -64,16 +72,23 @@ def mean_curvature(P, work):
 
 @bare
 def normal_equations(T, P, frame, c, work):
-    """Hessian H and gradient g of half the cost in the independent coordinates; poses are those of c.
+    """Hessian H and gradient g of half the cost in the independent coordinates; poses are those of
+    c.
 
-    Axis k moves a point at x by J_k = v_k + w_k x x (w_k = 0 for a translation). With the point's error e,
-    g_k = sum J_k . e, and for an axis i that comes before or is k, H_ik = sum J_i . J_k + w_i . sum J_k x e; a curved
-    axis function adds phi'' sum J_k . e. All these sums run over the points beyond k and follow from the sums of 1, x,
-    x x^T, e and x e^T, which are gathered body by body from the leaves: the cost does not grow with points times axes.
-    Rows of slopes in the twists of bodies are gathered alike. The diagonal of the Gauss-Newton part goes to D. Returns
+    Axis k moves a point at x by J_k = v_k + w_k x x (w_k = 0 for a translation). With the point's
+    error e, g_k = sum J_k . e, and for an axis i that comes before or is k, H_ik = sum J_i . J_k +
+    w_i . sum J_k x e; a curved axis function adds phi'' sum J_k . e. All these sums run over the
+    points beyond k and follow from the sums of 1, x, x x^T, e and x e^T, which are gathered body by
+    body from the leaves: the cost does not grow with points times axes. Rows of slopes in the
+    twists of bodies are gathered alike. The diagonal of the Gauss-Newton part goes to D. Returns
     the cost.
     """
-    H, g, D, direct, fields, points = work.H, work.g, work.D, work.direct, work.fields, work.points
+    H = work.H
+    g = work.g
+    D = work.D
+    direct = work.direct
+    fields = work.fields
+    points = work.points
     for i in range(c.shape[0]):
         g[i] = D[i] = direct[i] = 0.0
         for j in range(c.shape[0]):
@@ -92,8 +107,12 @@ def normal_equations(T, P, frame, c, work):
         S = points[b]
         if S[0] > 0.0 or has_rows:
             for axis in range(T.axis_start[b + 1] - 1, T.axis_start[b] - 1, -1):
-                w0, w1, w2 = fields[axis, 0], fields[axis, 1], fields[axis, 2]
-                v0, v1, v2 = fields[axis, 3], fields[axis, 4], fields[axis, 5]
+                w0 = fields[axis, 0]
+                w1 = fields[axis, 1]
+                w2 = fields[axis, 2]
+                v0 = fields[axis, 3]
+                v1 = fields[axis, 4]
+                v2 = fields[axis, 5]
                 # F = sum J, N = sum x cross J, Q = sum J cross e, all weighted.
                 F0 = S[0] * v0 + w1 * S[3] - w2 * S[2]
                 F1 = S[0] * v1 + w2 * S[1] - w0 * S[3]
@@ -108,7 +127,8 @@ def normal_equations(T, P, frame, c, work):
                 along = v0 * S[10] + v1 * S[11] + v2 * S[12]
                 along += w0 * (S[18] - S[20]) + w1 * (S[19] - S[15]) + w2 * (S[14] - S[16])
                 if has_rows:
-                    rows, field = work.rows[b], fields[axis]
+                    rows = work.rows[b]
+                    field = fields[axis]
                     N0 += row_product(rows[0], field)
                     N1 += row_product(rows[1], field)
                     N2 += row_product(rows[2], field)
@@ -117,7 +137,8 @@ def normal_equations(T, P, frame, c, work):
                     F2 += row_product(rows[5], field)
                     along += row_product(work.row_gradient[b], field)
                 add_gradient(T, work, H, g, axis, along)
-                a, h = axis, b
+                a = axis
+                h = b
                 while h > 0:
                     while a >= T.axis_start[h]:
                         plain = fields[a, 3] * F0 + fields[a, 4] * F1 + fields[a, 5] * F2
@@ -162,15 +183,21 @@ def gather_rows(rows, gradient, body, parent):
 @bare
 def axis_fields(T, c, work):
     """Velocity field (w, v) of every axis about `work.origin`, and the curvature of its function."""
-    fields, curvature, z = work.fields, work.curvature, work.origin
+    fields = work.fields
+    curvature = work.curvature
+    z = work.origin
     for axis in range(T.axis_kind.shape[0]):
-        direction, turns = vector(work.w, axis), T.axis_kind[axis] == ROTATION
+        direction = vector(work.w, axis)
+        turns = T.axis_kind[axis] == ROTATION
         w = direction if turns else (0.0, 0.0, 0.0)
         v = cross(minus(vector(work.o, axis), z), direction) if turns else direction
         for i in range(3):
             fields[axis, i], fields[axis, 3 + i], curvature[axis, i] = w[i], v[i], 0.0
         f = T.axis_function[axis]
         if T.functions.table[f, KIND] == SINES or T.functions.table[f, WIDTH] > 2:
-            i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+            i = T.axis_coordinate[axis, 0]
+            j = T.axis_coordinate[axis, 1]
             _, _, _, d11, d12, d22 = evaluate_at(T.functions, f, i, j, c)
-            curvature[axis, 0], curvature[axis, 1], curvature[axis, 2] = d11, d12, d22
+            curvature[axis, 0] = d11
+            curvature[axis, 1] = d12
+            curvature[axis, 2] = d22

@@ -1,4 +1,6 @@
-"""Where inverse kinematics starts: some poses of a recording, found without any knowledge of the first."""
+"""Where inverse kinematics starts: some poses of a recording, found without any knowledge of the
+first.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +17,20 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
 
-SCOUT_TOLERANCE = 1e-3  # Last step of such a pose, in units of the coordinates: a start need not be exact
-HEADINGS_TRIED = 4  # Headings of the whole body, the best by themselves, from which the whole pose is solved
+# Last step of such a pose, in units of the coordinates: a start need not be exact
+SCOUT_TOLERANCE = 1e-3
+# Headings of the whole body, the best by themselves, from which the whole pose is solved
+HEADINGS_TRIED = 4
 AT_BOUND = 1e-9  # A coordinate that is nearer to its bound lies at it [rad]
 SAME_ROTATION = 1e-6  # Entries of rotation matrices that differ by less are those of one rotation
 
 
 def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
-    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not shown, that before it. The
-    first frame, and a frame whose cost jumps, is solved again from several headings of the whole body, and the best
-    pose is kept, so that a bad first frame or a long gap does not spoil what follows. A joint that then lies at a bound
-    is tried from inside its range: angles of a ball joint have two branches.
+    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not shown,
+    that before it. The first frame, and a frame whose cost jumps, is solved again from several
+    headings of the whole body, and the best pose is kept, so that a bad first frame or a long gap
+    does not spoil what follows. A joint that then lies at a bound is tried from inside its range:
+    angles of a ball joint have two branches.
     """
     rest = closed_defaults(tree)
     root = root_coordinates(tree)
@@ -35,35 +40,52 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
     posture_weight, _, max_steps = settings
     frames = len(shown)
     solved = SolvedFrames(
-        np.empty((frames, len(rest))), np.empty(frames), np.empty(frames, np.bool_), np.empty(frames, np.int64)
+        values=np.empty((frames, len(rest))),
+        cost=np.empty(frames),
+        converged=np.empty(frames, np.bool_),
+        iterations=np.empty(frames, np.int64),
     )
 
     def settle(problem: PoseProblem, frame: int, start: Array) -> tuple[float, Array]:
         solved.values[frame] = start
         solve_frames(
-            tree.arrays, problem, frame, frame + 1, posture_weight, SCOUT_TOLERANCE, max_steps, True,
-            solved.values, solved.cost, solved.converged, solved.iterations,
-        )  # fmt: skip
+            tree.arrays,
+            problem,
+            frame,
+            frame + 1,
+            posture_weight,
+            SCOUT_TOLERANCE,
+            max_steps,
+            True,
+            solved.values,
+            solved.cost,
+            solved.converged,
+            solved.iterations,
+        )
         return float(solved.cost[frame]), solved.values[frame].copy()
 
     poses = np.empty((-(-frames // SCOUT), len(rest)))
-    pose, usual = rest.copy(), 0.0
+    pose = rest.copy()
+    usual = 0.0
     for frame in range(0, frames, SCOUT):
         if shown[frame]:
             cost, pose = settle(problem, frame, pose)
             if usual == 0.0 or cost > 4.0 * usual:
                 turned = sorted(
-                    (settle(whole_body, frame, start) for start in _headings(rest, turning)), key=itemgetter(0)
+                    (settle(whole_body, frame, start) for start in _headings(rest, turning)),
+                    key=itemgetter(0),
                 )
                 others = [settle(problem, frame, start) for _, start in turned[:HEADINGS_TRIED]]
                 best, other = min(others, key=itemgetter(0))
                 if best < 0.999 * cost:
-                    cost, pose = best, nearest_turns(tree, turning, other, rest if usual == 0.0 else pose)
+                    cost = best
+                    pose = nearest_turns(tree, turning, other, rest if usual == 0.0 else pose)
                 for joint in _at_bounds(tree, problem, pose):
                     others = [settle(problem, frame, start) for start in _within(tree, joint, pose)]
                     best, other = min(others, key=itemgetter(0))
                     if best < 0.999 * cost:
-                        cost, pose = best, other
+                        cost = best
+                        pose = other
             usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
         poses[frame // SCOUT] = pose
     return poses
@@ -75,15 +97,20 @@ def closed_defaults(tree: Tree) -> Array:
 
 
 def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]:
-    """The free rotations of every joint of two or three of which one lies at its bound: it may be on a wrong branch."""
+    """The free rotations of every joint of two or three of which one lies at its bound: it may be
+    on a wrong branch.
+    """
     place = {int(j): i for i, j in enumerate(problem.free)}
     result = []
     for joint in tree.model.joints:
         angles = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
-        angles = [j for j in angles if j in place and tree.model.coordinates[j].motion == "rotational"]
+        angles = [
+            j for j in angles if j in place and tree.model.coordinates[j].motion == "rotational"
+        ]
         if not 2 <= len(angles) <= 3:
             continue
-        low, high = (np.array([bound[place[j]] for j in angles]) for bound in (problem.lower, problem.upper))
+        low = np.array([problem.lower[place[j]] for j in angles])
+        high = np.array([problem.upper[place[j]] for j in angles])
         stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
         if np.isfinite(high - low).all() and stuck.any():
             result.append(angles)
@@ -91,7 +118,9 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
 
 
 def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
-    """The pose with a joint's coordinates at a quarter or three quarters of their ranges, in every combination."""
+    """The pose with a joint's coordinates at a quarter or three quarters of their ranges, in every
+    combination.
+    """
     ranges = np.array([tree.model.coordinates[j].range for j in joint])
     poses = []
     for shares in product((0.25, 0.75), repeat=len(joint)):
@@ -104,7 +133,9 @@ def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
 def _only(problem: PoseProblem, coordinates: list[int]) -> PoseProblem:
     """The same problem with only these coordinates free."""
     kept = np.isin(problem.free, coordinates)
-    return problem._replace(free=problem.free[kept], lower=problem.lower[kept], upper=problem.upper[kept])
+    return problem._replace(
+        free=problem.free[kept], lower=problem.lower[kept], upper=problem.upper[kept]
+    )
 
 
 def root_coordinates(tree: Tree) -> list[int]:
@@ -121,9 +152,10 @@ def _turning(tree: Tree, problem: PoseProblem, root: list[int]) -> list[int]:
 
 
 def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array) -> Array:
-    """The same pose, of all angles of the root (rotations `turning` may turn all the way round) those nearest to a
-    reference. Angles may be larger by a turn, and three in a row (a, b, c) about perpendicular axes give the same
-    rotation as (a + pi, pi - b, c + pi). Without bounds a search from several headings may end in either.
+    """The same pose, of all angles of the root (rotations `turning` may turn all the way round)
+    those nearest to a reference. Angles may be larger by a turn, and three in a row (a, b, c) about
+    perpendicular axes give the same rotation as (a + pi, pi - b, c + pi). Without bounds a search
+    from several headings may end in either.
     """
     result = _without_turns(pose, turning, reference)
     names = tree.model.coordinate_names
@@ -137,7 +169,9 @@ def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array)
         other = _without_turns(other, angles, reference)
         poses = forward_kinematics(tree, np.array([result, other]))
         same = np.allclose(poses.rotations[0], poses.rotations[1], atol=SAME_ROTATION)
-        if same and np.sum((other - reference)[angles] ** 2) < np.sum((result - reference)[angles] ** 2):
+        if same and np.sum((other - reference)[angles] ** 2) < np.sum(
+            (result - reference)[angles] ** 2
+        ):
             result = other
     return result
 

@@ -1,12 +1,14 @@
-"""How markers move when bodies stretch, and what all frames together say of lengths and marker positions.
+"""How markers move when bodies stretch, and what all frames together say of lengths and marker
+positions.
 
-For fixed angles the place of a marker is linear in the factors of the bodies between it and the ground and
-in its position on its body:
+For fixed angles the place of a marker is linear in the factors of the bodies between it and the
+ground and in its position on its body:
 
     x = sum over the chain of R (factor * offset) + R_b (factor * location + shift),
 
-so that the derivatives below are exact. The angles of a frame appear in no other frame: they are eliminated
-frame by frame (Schur complement), and what is left is a problem of the shared unknowns alone.
+so that the derivatives below are exact. The angles of a frame appear in no other frame: they are
+eliminated frame by frame (Schur complement), and what is left is a problem of the shared unknowns
+alone.
 """
 
 from __future__ import annotations
@@ -30,14 +32,17 @@ from myomorph.rigid.tree import ROTATION, compile_tree
 from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
 
 FRAMES_AT_ONCE = 64  # Frames whose eliminated angles are held in memory together
-TIED = 1e6  # Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a million
+# Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a
+# million
+TIED = 1e6
 
 
 class Stretch(NamedTuple):
-    """How the tree's constants depend on the factors of the bodies: derivatives (axes or bodies, 3, 6) of `pre_p` and
-    `post_p` in the factors (x, y, z) of the parent and of the body itself; relative growth (axes, 3) of a sliding
-    axis's motion with those of the parent; the length that stretches a body along an axis (bodies, 3), -1 for none;
-    locations of the markers on the model before it is stretched [m].
+    """How the tree's constants depend on the factors of the bodies: derivatives (axes or bodies, 3,
+    6) of `pre_p` and `post_p` in the factors (x, y, z) of the parent and of the body itself;
+    relative growth (axes, 3) of a sliding axis's motion with those of the parent; the length that
+    stretches a body along an axis (bodies, 3), -1 for none; locations of the markers on the model
+    before it is stretched [m].
     """
 
     pre: Array
@@ -51,20 +56,31 @@ def skeleton(model: Model) -> Model:
     """The model without what does not move markers: muscles, surfaces, actuators and drawings."""
     bodies = tuple(replace(body, meshes=()) for body in model.bodies)
     return replace(
-        model, bodies=bodies, muscles=(), wrap_objects=(), actuators=(), frames=(), ground_meshes=(), kept=(),
-        passive_torques=(), bushings=(),
-    )  # fmt: skip
+        model,
+        bodies=bodies,
+        muscles=(),
+        wrap_objects=(),
+        actuators=(),
+        frames=(),
+        ground_meshes=(),
+        kept=(),
+        passive_torques=(),
+        bushings=(),
+    )
 
 
 def stretch_of(model: Model, lengths: Sequence[Length], markers: Sequence[str]) -> Stretch:
-    """The derivatives of a model's constants: linear functions of the factors, so differences are exact."""
+    """The derivatives of a model's constants: linear functions of the factors, so differences are
+    exact.
+    """
     bare = skeleton(model)
     tree = compile_tree(bare)
     arrays = tree.arrays
     depth = np.zeros(len(arrays.parent), np.int64)
     for b in range(1, len(depth)):
         depth[b] = depth[arrays.parent[b]] + 1
-    pre, post = np.zeros((len(arrays.axis_kind), 3, 6)), np.zeros((len(depth), 3, 6))
+    pre = np.zeros((len(arrays.axis_kind), 3, 6))
+    post = np.zeros((len(depth), 3, 6))
     of_axis = arrays.axis_body
     # Parent and child are never both of even depth, so all joints can be differenced at once.
     for parity in (0, 1):
@@ -81,12 +97,15 @@ def stretch_of(model: Model, lengths: Sequence[Length], markers: Sequence[str]) 
         for body, axis in length.stretched:
             column[tree.body_index[body], axis] = number
     location = np.array([model.marker(name).location for name in markers]).reshape(-1, 3)
-    return Stretch(pre, post, np.zeros((len(of_axis), 3)), column, location)
+    return Stretch(
+        pre=pre, post=post, travel=np.zeros((len(of_axis), 3)), column=column, location=location
+    )
 
 
 def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
-    """The same with the growth of sliding axes at the factors (lengths,) reached. A motion that an angle drives grows
-    by sum |u_i| s_i, one that a coupler drives by |u * s| (the rules of `scale`); a sliding axis of its own does not.
+    """The same with the growth of sliding axes at the factors (lengths,) reached. A motion that an
+    angle drives grows by sum |u_i| s_i, one that a coupler drives by |u * s| (the rules of
+    `scale`); a sliding axis of its own does not.
     """
     tree = compile_tree(model)
     travel = np.zeros_like(stretch.travel)
@@ -99,7 +118,9 @@ def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
         if not slides_freely(axis.function):
             travel[index] = np.abs(axis.vector) / float(np.abs(axis.vector) @ size)
         elif axis.coordinates[0] in model.dependent_coordinates:
-            travel[index] = axis.vector**2 * size / float((axis.vector * size) @ (axis.vector * size))
+            travel[index] = (
+                axis.vector**2 * size / float((axis.vector * size) @ (axis.vector * size))
+            )
     return stretch._replace(travel=travel)
 
 
@@ -110,18 +131,26 @@ def _in_tree_order(model: Model) -> list[tuple[Axis, ...]]:
 
 def tied_markers(ties: Ties | None) -> MarkerArrays:
     """The points of ties, first and second in turn, as markers; none without ties."""
-    body, location = np.zeros(0, np.int64), np.zeros((0, 3))
+    body = np.zeros(0, np.int64)
+    location = np.zeros((0, 3))
     if ties is not None:
         body = np.column_stack([ties.body_1, ties.body_2]).ravel()
         location = np.stack([ties.point_1, ties.point_2], axis=1).reshape(-1, 3)
-    return MarkerArrays(body, location, np.zeros(len(body)), np.empty((0, len(body), 3)), np.empty((0, len(body))))
+    return MarkerArrays(
+        body=body,
+        location=location,
+        weight=np.zeros(len(body)),
+        observed=np.empty((0, len(body), 3)),
+        errors=np.empty((0, len(body))),
+    )
 
 
 @bare
 def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
-    """Fill the markers' places (markers, 3) in one frame, and their derivatives (3 markers, lengths) and (3 markers,
-    coordinates) [m]; those of independent coordinates include their followers. c is consistent; `R` ... `dphi` are
-    scratch as in `body_poses`, `grown` (bodies, 3, lengths) that of the bodies' origins.
+    """Fill the markers' places (markers, 3) in one frame, and their derivatives (3 markers,
+    lengths) and (3 markers, coordinates) [m]; those of independent coordinates include their
+    followers. c is consistent; `R` ... `dphi` are scratch as in `body_poses`, `grown` (bodies, 3,
+    lengths) that of the bodies' origins.
     """
     body_poses(T, c, R, p, w, o, dphi)
     lengths = grown.shape[2]
@@ -135,7 +164,8 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
         for axis in range(T.axis_start[b], T.axis_start[b + 1]):
             add_offset(S.column, S.pre[axis], h, b, r, grown[b])
             r = product(r, matrix(T.pre_R, axis))
-            i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+            i = T.axis_coordinate[axis, 0]
+            j = T.axis_coordinate[axis, 1]
             q = evaluate_at(T.functions, T.axis_function[axis], i, j, c)[0]
             if T.axis_kind[axis] == ROTATION:
                 r = product(r, about(vector(T.axis_vector, axis), q))
@@ -184,24 +214,37 @@ def add_offset(column, slopes, h, b, r, grown):
 
 @kernel
 def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, eliminated, errors):
-    """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take away.
+    """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take
+    away.
 
-    With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T e, where [E e] =
-    L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts for each marker. Loops, whose gap the
-    angles close whatever the lengths, count as residuals of weight `TIED` that are zero: `tied`, `tied_S` are their
-    points, in pairs, as markers. H (lower triangle) and g are added to; `eliminated` ((last - first) * variables,
-    shared + 1) is filled with [E e], zero for coordinates at a bound, `errors` (frames, markers) [m], NaN where unseen.
+    With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T
+    e, where [E e] = L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts
+    for each marker. Loops, whose gap the angles close whatever the lengths, count as residuals of
+    weight `TIED` that are zero: `tied`, `tied_S` are their points, in pairs, as markers. H (lower
+    triangle) and g are added to; `eliminated` ((last - first) * variables, shared + 1) is filled
+    with [E e], zero for coordinates at a bound, `errors` (frames, markers) [m], NaN where unseen.
     """
-    K, tasks, F, n = P.tasks[0], P.tasks[1], P.free, c.shape[1]
-    markers, size, shared = K.body.shape[0], F.shape[0], H.shape[0]
-    rows, lengths = 3 * markers, shared - 3 * markers
+    K = P.tasks[0]
+    tasks = P.tasks[1]
+    F = P.free
+    n = c.shape[1]
+    markers = K.body.shape[0]
+    size = F.shape[0]
+    shared = H.shape[0]
+    rows = 3 * markers
+    lengths = shared - 3 * markers
     R, p, w, o, dphi = pose_room(T)
     grown = np.empty((T.parent.shape[0], 3, lengths))
-    places, by_length, by_coordinate = np.empty((markers, 3)), np.empty((rows, lengths)), np.empty((rows, n))
-    A, Jq, misfit = np.empty((size, size)), np.empty((rows, size)), np.empty(rows)
+    places = np.empty((markers, 3))
+    by_length = np.empty((rows, lengths))
+    by_coordinate = np.empty((rows, n))
+    A = np.empty((size, size))
+    Jq = np.empty((rows, size))
+    misfit = np.empty(rows)
     ties = tied.body.shape[0]
     tied_places = np.empty((ties, 3))
-    tied_length, tied_coordinate = np.empty((3 * ties, lengths)), np.empty((3 * ties, n))
+    tied_length = np.empty((3 * ties, lengths))
+    tied_coordinate = np.empty((3 * ties, n))
     for frame in range(first, last):
         at = c[frame]
         marker_slopes(T, K, S, at, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
@@ -209,8 +252,11 @@ def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, el
         E = eliminated[(frame - first) * size : (frame - first + 1) * size]
         E[:] = 0.0
         A[:] = 0.0
-        add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors[frame])
-        curvature, moved = 0.0, 0
+        add_markers(
+            K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors[frame]
+        )
+        curvature = 0.0
+        moved = 0
         for a in range(size):
             if A[a, a] > 0.0:
                 curvature += A[a, a] * P.unit[F[a]] ** 2
@@ -219,7 +265,21 @@ def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, el
             E[a, shared] += total * tasks.weight[F[a]] * (at[F[a]] - tasks.value[frame, F[a]])
         stiffness = posture_weight * (curvature / moved if moved else 1.0)
         if tied.body.shape[0] > 0:
-            marker_slopes(T, tied, tied_S, at, R, p, w, o, dphi, grown, tied_places, tied_length, tied_coordinate)
+            marker_slopes(
+                T,
+                tied,
+                tied_S,
+                at,
+                R,
+                p,
+                w,
+                o,
+                dphi,
+                grown,
+                tied_places,
+                tied_length,
+                tied_coordinate,
+            )
             add_ties(F, tied_length, tied_coordinate, A, E, H)
         for a in range(size):
             pull = stiffness / P.unit[F[a]] ** 2
@@ -236,10 +296,13 @@ def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, el
 
 @in_place
 def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
-    """Add what the markers seen in a frame say of its angles (A), of the shared unknowns (H, g) and of both (E).
-    `by_length` is overwritten: rows times the root of the marker's weight; `misfit` and `Jq` are scratch.
+    """Add what the markers seen in a frame say of its angles (A), of the shared unknowns (H, g) and
+    of both (E). `by_length` is overwritten: rows times the root of the marker's weight; `misfit`
+    and `Jq` are scratch.
     """
-    lengths, size, shared = by_length.shape[1], A.shape[0], E.shape[1] - 1
+    lengths = by_length.shape[1]
+    size = A.shape[0]
+    shared = E.shape[1] - 1
     for m in range(places.shape[0]):
         y = K.observed[frame, m]
         seen = K.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2])
@@ -257,7 +320,8 @@ def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A,
                 by_length[i, a] *= root
         if not seen:
             continue
-        d, b = lengths + 3 * m, K.body[m]
+        d = lengths + 3 * m
+        b = K.body[m]
         for i in range(3):
             row = 3 * m + i
             for a in range(lengths):
@@ -290,7 +354,9 @@ def eliminate(A, E):
         for column in range(a + 1):
             for j in range(column):
                 A[a, column] -= A[a, j] * A[column, j]
-            A[a, column] = A[a, column] / A[column, column] if column < a else np.sqrt(max(A[a, a], 1e-300))
+            A[a, column] = (
+                A[a, column] / A[column, column] if column < a else np.sqrt(max(A[a, a], 1e-300))
+            )
         for column in range(a):
             factor = A[a, column]
             if factor != 0.0:
@@ -314,17 +380,24 @@ def add_ties(F, by_length, by_coordinate, A, E, H):
                 slope = TIED * (by_coordinate[row + 3, F[a]] - by_coordinate[row, F[a]])
                 if slope != 0.0:
                     for index in range(a + 1):
-                        A[a, index] += slope * (by_coordinate[row + 3, F[index]] - by_coordinate[row, F[index]])
+                        A[a, index] += slope * (
+                            by_coordinate[row + 3, F[index]] - by_coordinate[row, F[index]]
+                        )
                     for index in range(lengths):
                         E[a, index] += slope * (by_length[row + 3, index] - by_length[row, index])
 
 
 @kernel
 def slopes_of_frame(T, K, S, c):
-    """Places (markers, 3) of one frame and their derivatives: (3 markers, lengths), (3 markers, coordinates)."""
+    """Places (markers, 3) of one frame and their derivatives: (3 markers, lengths), (3 markers,
+    coordinates).
+    """
     R, p, w, o, dphi = pose_room(T)
-    markers, lengths = K.body.shape[0], S.column.max() + 1
-    grown, places = np.empty((T.parent.shape[0], 3, lengths)), np.empty((markers, 3))
-    by_length, by_coordinate = np.empty((3 * markers, lengths)), np.empty((3 * markers, c.shape[0]))
+    markers = K.body.shape[0]
+    lengths = S.column.max() + 1
+    grown = np.empty((T.parent.shape[0], 3, lengths))
+    places = np.empty((markers, 3))
+    by_length = np.empty((3 * markers, lengths))
+    by_coordinate = np.empty((3 * markers, c.shape[0]))
     marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
     return places, by_length, by_coordinate

@@ -13,7 +13,8 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 
 LOADED = 0.02  # Part of its largest force above which a plate's center of pressure is believed
-REACH = 40  # Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding
+# Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding
+REACH = 40
 SAME_LENGTH = 1.5  # Recordings of one length differ by fewer samples of the slower
 MIN_SAMPLES = 20  # Samples of the slower from which on an equal length is no chance
 
@@ -51,8 +52,8 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
     kept = (series.time >= start - slack) & (series.time <= end + slack)
     if not kept.any():
         raise BadData(
-            f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g} "
-            f"to {series.time[-1]:g} s"
+            f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g}"
+            f" to {series.time[-1]:g} s"
         )
     return series.frames(kept)
 
@@ -60,9 +61,9 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
 def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = None) -> Wrenches:
     """External forces at other times, by natural cubic splines as OpenSim's `ExternalForce`.
 
-    Where a center of pressure is unknown (NaN, unloaded plate), or with a filter, the moment about the
-    ground's origin is interpolated or filtered instead of the point, which is the same wrench and has no
-    jumps; the point is then that of the nearest sample that bears load.
+    Where a center of pressure is unknown (NaN, unloaded plate), or with a filter, the moment about
+    the ground's origin is interpolated or filtered instead of the point, which is the same wrench
+    and has no jumps; the point is then that of the nearest sample that bears load.
 
     Source: Forsythe, Malcolm and Moler 1977, cubic splines; Seth et al. 2018.
 
@@ -95,10 +96,13 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     slack = 1.5 * float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1e-9
     if time[0] < wrenches.time[0] - slack or time[-1] > wrenches.time[-1] + slack:
         raise BadData(
-            f"external forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {time[0]:g} to "
-            f"{time[-1]:g} s: cut the motion with --time START END, or move the forces with --force-shift SECONDS"
+            f"external forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion"
+            f" from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END, or move"
+            " the forces with --force-shift SECONDS"
         )
-    forces, points, torques = wrenches.forces, wrenches.points, wrenches.torques
+    forces = wrenches.forces
+    points = wrenches.points
+    torques = wrenches.torques
     if cutoff is None and np.isfinite(points).all():
         points = _splined(wrenches.time, points, time)
         return replace(
@@ -112,31 +116,37 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     moments = np.nan_to_num(torques) + np.cross(np.nan_to_num(points), forces)
     if cutoff is not None:
         rate = 1.0 / np.diff(wrenches.time).mean()
-        forces, moments = lowpass(forces, rate, cutoff), lowpass(moments, rate, cutoff)
+        forces = lowpass(forces, rate, cutoff)
+        moments = lowpass(moments, rate, cutoff)
     points = _loaded_points(wrenches, time)
-    forces, moments = _splined(wrenches.time, forces, time), _splined(wrenches.time, moments, time)
+    forces = _splined(wrenches.time, forces, time)
+    moments = _splined(wrenches.time, moments, time)
     torques = moments - np.cross(points, forces)
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
 
 
 def refuse_other_times(what: str, times: Array, time: Array) -> None:
-    """Refuse values, named `what`, whose times (samples,) are not the motion's [s], but for a microsecond."""
+    """Refuse values, named `what`, whose times (samples,) are not the motion's [s], but for a
+    microsecond.
+    """
     if len(times) != len(time) or np.max(np.abs(times - time), initial=0.0) > 1e-6:
         raise BadData(
-            f"{what} have {len(times)} frames from {times[:1]} s, the motion {len(time)} from {time[:1]} s: both must "
-            "have the same times, so resample them to its times first"
+            f"{what} have {len(times)} frames from {times[:1]} s, the motion {len(time)} from"
+            f" {time[:1]} s: both must have the same times, so resample them to its times first"
         )
 
 
 def clock_shift(time: Array, other: Array) -> float | None:
-    """What added to other times (samples,) [s] puts them on the clock of a motion (frames,) [s]: 0 where they share
-    time, None where nothing says it.
+    """What added to other times (samples,) [s] puts them on the clock of a motion (frames,) [s]: 0
+    where they share time, None where nothing says it.
 
-    Programs that write a motion or a table anew often begin at zero, while the other file goes on counting. Two that
-    last equally long, to one and a half samples of the slower, are of one recording; these are shifted where they share
-    less than half of it.
+    Programs that write a motion or a table anew often begin at zero, while the other file goes on
+    counting. Two that last equally long, to one and a half samples of the slower, are of one
+    recording; these are shifted where they share less than half of it.
     """
-    step = max((float(np.median(np.diff(times))) for times in (time, other) if len(times) > 1), default=0.0)
+    step = max(
+        (float(np.median(np.diff(times))) for times in (time, other) if len(times) > 1), default=0.0
+    )
     apart = float(time[0] - other[0])
     lasts = float(time[-1] - time[0]), float(other[-1] - other[0])
     common = min(time[-1], other[-1]) - max(time[0], other[0])
@@ -170,24 +180,37 @@ def _splined(time: Array, values: Array, at: Array) -> Array:
     # A spline forgets what lies further off: each sample counts for a quarter of the one before it.
     first = max(int(np.searchsorted(time, at[0])) - REACH, 0)
     last = int(np.searchsorted(time, at[-1])) + REACH
-    time, values = time[first:last], values[first:last]
+    time = time[first:last]
+    values = values[first:last]
     return natural_spline(time, values, degree=3)(np.clip(at, time[0], time[-1]))
 
 
 def torques_at(torques: Series, motion: Motion) -> Series:
     """Torques at the motion's times, by natural cubic splines where they are others."""
-    time, torque_time = motion.time, torques.time
+    time = motion.time
+    torque_time = torques.time
     if len(torque_time) == len(time) and np.max(np.abs(torque_time - time), initial=0.0) <= 1e-6:
         return Series(time, torques.names, torques.values)
     slack = 1e-6 if len(torque_time) < 2 else 0.5 * float(np.median(np.diff(torque_time)))
-    if not len(torque_time) or time[0] < torque_time[0] - slack or time[-1] > torque_time[-1] + slack:
-        span = f"from {torque_time[0]:g} to {torque_time[-1]:g} s" if len(torque_time) else "over no time"
+    if (
+        not len(torque_time)
+        or time[0] < torque_time[0] - slack
+        or time[-1] > torque_time[-1] + slack
+    ):
+        span = (
+            f"from {torque_time[0]:g} to {torque_time[-1]:g} s"
+            if len(torque_time)
+            else "over no time"
+        )
         raise BadData(
-            f"torques run {span}, the motion from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END"
+            f"torques run {span}, the motion from {time[0]:g} to {time[-1]:g} s: cut the motion"
+            " with --time START END"
         )
     at = np.clip(time, torque_time[0], torque_time[-1])
     if len(torque_time) < 4:
-        values = np.column_stack([np.interp(at, torque_time, column) for column in torques.values.T])
+        values = np.column_stack(
+            [np.interp(at, torque_time, column) for column in torques.values.T]
+        )
     else:
         values = natural_spline(torque_time, torques.values, degree=3)(at)
     return Series(time, torques.names, values)

@@ -1,9 +1,11 @@
-"""Cams: how a coordinate of a MuJoCo model follows another by a spline, which no polynomial of degree four can.
+"""Cams: how a coordinate of a MuJoCo model follows another by a spline, which no polynomial of
+degree four can.
 
-A cam is a weighted sum of distances between sites that stays constant, held by MuJoCo's equality of two tendons with
-pulleys. One distance measures the follower; the others are multiquadrics of the leader, sqrt(e^2 + (q - q_k)^2) near
-the centers q_k, as a site of the leader's body passes sites of its parent at a distance e. Their weights are fitted to
-values and slopes over the leader's range. A cam adds neither bodies nor degrees of freedom.
+A cam is a weighted sum of distances between sites that stays constant, held by MuJoCo's equality of
+two tendons with pulleys. One distance measures the follower; the others are multiquadrics of the
+leader, sqrt(e^2 + (q - q_k)^2) near the centers q_k, as a site of the leader's body passes sites of
+its parent at a distance e. Their weights are fitted to values and slopes over the leader's range. A
+cam adds neither bodies nor degrees of freedom.
 """
 
 from __future__ import annotations
@@ -45,9 +47,12 @@ def is_degree_four(coupler: Coupler, model: Model) -> bool:
 
 
 def cams_of(model: Model) -> tuple[tuple[Cam, ...], tuple[Coupler, ...]]:
-    """Cams of the couplers of a model of `mujoco_joints` that need one, and polynomials where the joints forbid one."""
+    """Cams of the couplers of a model of `mujoco_joints` that need one, and polynomials where the
+    joints forbid one.
+    """
     joints = {name: joint for joint in model.joints for name in joint.coordinates}
-    cams, polynomials = [], []
+    cams = []
+    polynomials = []
     for coupler in model.couplers:
         if coupler.dependent not in joints or is_degree_four(coupler, model):
             continue
@@ -63,12 +68,14 @@ class _Curve:
     """A follower and all that moves with it, as functions of its leader."""
 
     def __init__(self, model: Model, coupler: Coupler, joints: dict[str, Joint]):
-        self.model, self.coupler = model, coupler
+        self.model = model
+        self.coupler = coupler
         leader = coupler.independents[0]
         while leader in model.dependent_coordinates:
             leader = model.dependent_coordinates[leader].independents[0]
         self.leader = model.coordinate(leader)
-        self.follower, self.joint = joints[coupler.dependent], joints[leader]
+        self.follower = joints[coupler.dependent]
+        self.joint = joints[leader]
         self.low, high = range_of(self.leader)
         self.high = max(high, self.low + 1e-3)
 
@@ -79,24 +86,31 @@ class _Curve:
         while ready := [coupler for coupler in waiting if set(coupler.independents) <= set(result)]:
             for coupler in ready:
                 function: Any = coupler.function
-                result[coupler.dependent] = function(*(result[name] for name in coupler.independents))
+                result[coupler.dependent] = function(
+                    *(result[name] for name in coupler.independents)
+                )
             waiting = [coupler for coupler in waiting if coupler not in ready]
         return result
 
     @property
     def alone(self) -> bool:
         """Whether only the leader moves both joints."""
-        return {*self.follower.coordinates, *self.joint.coordinates} <= set(self.values(np.zeros(1)))
+        return {*self.follower.coordinates, *self.joint.coordinates} <= set(
+            self.values(np.zeros(1))
+        )
 
     def _poses(self, joint: Joint, x: Array) -> tuple[Array, Array]:
         """Rotations (n, 3, 3) and origins (n, 3) of a joint's child in its parent."""
-        values, poses = self.values(x), []
+        values = self.values(x)
+        poses = []
         for i in range(len(x)):
             pose = joint.parent_frame
             for axis in joint.axes:
                 pose = pose @ axis.moved(float(axis.function(values[axis.coordinates[0]][i])))
             poses.append(pose)
-        return np.array([pose.rotation for pose in poses]), np.array([pose.translation for pose in poses])
+        return np.array([pose.rotation for pose in poses]), np.array(
+            [pose.translation for pose in poses]
+        )
 
     def polynomial(self) -> Coupler:
         """The coupler by a polynomial of degree four about the leader's default."""
@@ -105,15 +119,23 @@ class _Curve:
         powers = (x[:-1, None] - x[-1]) ** np.arange(1, DEGREE + 1)
         coefficients = np.linalg.lstsq(powers, y[:-1] - y[-1], rcond=None)[0]
         function = PiecewisePolynomial(x[-1:], np.array([[y[-1], *coefficients]]))
-        return Coupler(self.coupler.name, self.coupler.dependent, function, (self.leader.name,))
+        return Coupler(
+            name=self.coupler.name,
+            dependent=self.coupler.dependent,
+            function=function,
+            independents=(self.leader.name,),
+        )
 
     def cam(self) -> Cam:
         """The cam that holds the follower to the leader."""
         inside = np.linspace(self.low + 2.0 * STEP, self.high - 2.0 * STEP, SAMPLES)
         x = np.append(inside, self.leader.default)
         branches = [self._measure(), *self._centers()]
-        lengths, more, less = (self._lengths(branches, x + step) for step in (0.0, STEP, -STEP))
-        inside, slopes = lengths[:-1], SLOPE_WEIGHT * (more - less)[:-1] / (2.0 * STEP)
+        lengths = self._lengths(branches, x + 0.0)
+        more = self._lengths(branches, x + STEP)
+        less = self._lengths(branches, x + (-STEP))
+        inside = lengths[:-1]
+        slopes = SLOPE_WEIGHT * (more - less)[:-1] / (2.0 * STEP)
         constant = np.concatenate([np.ones(len(inside)), np.zeros(len(inside))])
         matrix = np.column_stack([np.concatenate([inside[:, 1:], slopes[:, 1:]]), constant])
         right = np.concatenate([inside[:, 0], slopes[:, 0]])
@@ -121,32 +143,51 @@ class _Curve:
         weights = np.append(1.0, -solution[:-1])
         weights[np.abs(weights) < SMALLEST_WEIGHT] = 0.0
         offset = solution[-1] - lengths[-1] @ weights
-        used = [replace(branch, weight=float(w)) for branch, w in zip(branches, weights, strict=True) if w]
+        used = [
+            replace(branch, weight=float(w))
+            for branch, w in zip(branches, weights, strict=True)
+            if w
+        ]
         return Cam(self.coupler.dependent, float(offset), tuple(used))
 
     def _lengths(self, branches: list[Branch], x: Array) -> Array:
-        """(poses, branches) lengths: the first measures the follower, the others move with the leader's body [m]."""
+        """(poses, branches) lengths: the first measures the follower, the others move with the
+        leader's body [m].
+        """
         joints = [self.follower, *[self.joint] * (len(branches) - 1)]
         poses = {joint.name: self._poses(joint, x) for joint in (self.follower, self.joint)}
         columns = []
         for joint, branch in zip(joints, branches, strict=True):
             rotations, origins = poses[joint.name]
-            columns.append(np.linalg.norm(rotations @ branch.place_2 + origins - branch.place_1, axis=1))
+            columns.append(
+                np.linalg.norm(rotations @ branch.place_2 + origins - branch.place_1, axis=1)
+            )
         return np.column_stack(columns)
 
     def _measure(self) -> Branch:
-        """The distance that measures the follower, to a site that the leader's hinge leaves in place where it can."""
-        axis = next(axis for axis in self.follower.axes if axis.coordinates == (self.coupler.dependent,))
+        """The distance that measures the follower, to a site that the leader's hinge leaves in
+        place where it can.
+        """
+        axis = next(
+            axis for axis in self.follower.axes if axis.coordinates == (self.coupler.dependent,)
+        )
         lead = next(axis for axis in self.joint.axes if axis.coordinates == (self.leader.name,))
         same = self.follower is self.joint and lead.kind == "rotation"
-        place, direction = lead.origin if same else axis.origin, axis.vector
+        place = lead.origin if same else axis.origin
+        direction = axis.vector
         if axis.kind == "rotation":
             lever = lead.vector if same else _across(axis.vector)[0]
             place = place + LEVER * lever
             direction = np.cross(axis.vector, place - axis.origin)
             direction = direction / np.linalg.norm(direction)
         far = self.follower.parent_frame.apply(place - REACH * direction)
-        return Branch(1.0, self.follower.parent, far, self.follower.child, place)
+        return Branch(
+            weight=1.0,
+            body_1=self.follower.parent,
+            place_1=far,
+            body_2=self.follower.child,
+            place_2=place,
+        )
 
     def _centers(self) -> list[Branch]:
         """Distances to sites that those of the leader's body pass, one center after the other."""
@@ -154,13 +195,20 @@ class _Curve:
         centers = self._spread()
         rotations, origins = self._poses(self.joint, centers)
         across = _across(axis.vector)
-        places, aside = [axis.origin], across[0]
+        places = [axis.origin]
+        aside = across[0]
         if axis.kind == "rotation":
             places = [axis.origin + RADIUS * direction for direction in across]
             aside = RADIUS * axis.vector
         asides = np.gradient(centers)[:, None] * (self.joint.parent_frame.rotation @ aside)
         return [
-            Branch(0.0, self.joint.parent, rotation @ place + origin + aside, self.joint.child, place)
+            Branch(
+                weight=0.0,
+                body_1=self.joint.parent,
+                place_1=rotation @ place + origin + aside,
+                body_2=self.joint.child,
+                place_2=place,
+            )
             for place in places
             for rotation, origin, aside in zip(rotations, origins, asides, strict=True)
         ]

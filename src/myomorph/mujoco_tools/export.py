@@ -29,7 +29,8 @@ from myomorph.rigid.tree import compile_tree
 
 FITTED_POSES = 200
 CERTIFIED_POSES = 300
-FITTED_SEED, CERTIFIED_SEED = 0, 1
+FITTED_SEED = 0
+CERTIFIED_SEED = 1
 
 
 def write_mjcf(
@@ -37,9 +38,10 @@ def write_mjcf(
 ) -> Certificate:
     """Write a model as MJCF for MuJoCo 3 and 4, and say how far MuJoCo's copy is the model.
 
-    Masses, inertias, joints and points of paths are the model's; what MuJoCo lacks (joints that follow splines, points
-    that move, surfaces, curves of muscles) is replaced, and the certificate holds the result against the model over
-    the coordinates' ranges. Meshes go into a folder beside the file.
+    Masses, inertias, joints and points of paths are the model's; what MuJoCo lacks (joints that
+    follow splines, points that move, surfaces, curves of muscles) is replaced, and the certificate
+    holds the result against the model over the coordinates' ranges. Meshes go into a folder beside
+    the file.
 
     Source: Todorov, Erez and Tassa 2012, MuJoCo.
 
@@ -51,7 +53,8 @@ def write_mjcf(
 
     Returns
     -------
-    differences of each muscle's length [m] and moment arms [m/rad], of mass [kg] and of inverse dynamics [N m]
+    differences of each muscle's length [m] and moment arms [m/rad], of mass [kg] and of inverse
+    dynamics [N m]
 
     Raises
     ------
@@ -72,11 +75,17 @@ def write_mjcf(
     folders = [Path(folder) for folder in geometry]
     if model.source:
         beside = Path(model.source).parent
-        folders += [folder for folder in (beside, beside / "Geometry", beside / "geometry") if folder.is_dir()]
+        folders += [
+            folder
+            for folder in (beside, beside / "Geometry", beside / "geometry")
+            if folder.is_dir()
+        ]
     surfaces, _ = read_surfaces(model, folders) if folders else ({}, ())
     document = mjcf_document(copied, path, cams, surfaces)
     if not any(muscle.kind == "mujoco" for muscle in model.muscles):
-        notes += tuple(f"read back: {line}" for line in put_original(document.root, _drawn_by(model, document)))
+        notes += tuple(
+            f"read back: {line}" for line in put_original(document.root, _drawn_by(model, document))
+        )
     write_document(document.root, path)
     coordinates, swept = poses_over_ranges(model, CERTIFIED_POSES, CERTIFIED_SEED)
     copy = MujocoCopy(path, copied)
@@ -89,7 +98,9 @@ def _drawn_by(model: Model, document: MjcfDocument) -> Model:
 
     def drawn(mesh: Mesh) -> Mesh:
         file = document.meshes.get(mesh.file)
-        return mesh if file is None else replace(mesh, file=str(PurePosixPath(document.folder, file)))
+        return (
+            mesh if file is None else replace(mesh, file=str(PurePosixPath(document.folder, file)))
+        )
 
     bodies = tuple(replace(body, meshes=tuple(map(drawn, body.meshes))) for body in model.bodies)
     return replace(model, bodies=bodies, ground_meshes=tuple(map(drawn, model.ground_meshes)))
@@ -103,13 +114,18 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]
     made, changed = tendon_paths(jointed, in_copy(jointed, model, coordinates))
     if changed:
         lines = [f"{muscle} without {what}" for muscle, what in changed.items()]
-        notes.append(f"paths of {len(changed)} muscles have fewer surfaces in MuJoCo: {quoted(lines, 3)}")
+        notes.append(
+            f"paths of {len(changed)} muscles have fewer surfaces in MuJoCo: {quoted(lines, 3)}"
+        )
     pairs = zip(mujoco_muscles(model), made.muscles, strict=True)
     muscles = tuple(replace(muscle, path=other.path) for muscle, other in pairs)
     cams, polynomials = cams_of(jointed)
     if polynomials:
         names = [coupler.dependent for coupler in polynomials]
-        notes.append(f"coordinates that follow by a polynomial of degree four, not their curve: {quoted(names, 3)}")
+        notes.append(
+            "coordinates that follow by a polynomial of degree four, not their curve:"
+            f" {quoted(names, 3)}"
+        )
     by_name = {coupler.name: coupler for coupler in polynomials}
     couplers = tuple(by_name.get(coupler.name, coupler) for coupler in made.couplers)
     return replace(made, muscles=muscles, couplers=couplers), cams, tuple(notes)
@@ -117,7 +133,9 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]
 
 def in_copy(copied: Model, model: Model, coordinates: Array) -> Array:
     """Poses (poses, coordinates) of a model in the coordinates of one of `mujoco_joints`."""
-    result = np.tile([coordinate.default for coordinate in copied.coordinates], (len(coordinates), 1))
+    result = np.tile(
+        [coordinate.default for coordinate in copied.coordinates], (len(coordinates), 1)
+    )
     for i, name in enumerate(copied.coordinate_names):
         if name in model.coordinate_names:
             result[:, i] = coordinates[:, model.coordinate_names.index(name)]
@@ -131,21 +149,25 @@ EVERY = 8  # Of the sampled lengths and speeds, those that the table has.
 def write_tables(model: Model, certificate: Certificate, path: Path) -> tuple[Path, ...]:
     """Write `NAME_differences.csv` and `NAME_curves.csv` beside the model's file `NAME.xml`.
 
-    The first has a row a muscle and the certificate's lines at its end. The second has the model's own curves over
-    fiber length along the tendon and over velocity, for whoever computes forces of MuJoCo's tendons by them.
+    The first has a row a muscle and the certificate's lines at its end. The second has the model's
+    own curves over fiber length along the tendon and over velocity, for whoever computes forces of
+    MuJoCo's tendons by them.
     """
     if not model.muscles:
         return ()
-    differences, curves = path.with_name(f"{path.stem}_differences.csv"), path.with_name(f"{path.stem}_curves.csv")
+    differences = path.with_name(f"{path.stem}_differences.csv")
+    curves = path.with_name(f"{path.stem}_curves.csv")
     write_csv(differences, certificate.rows[0], (row.values() for row in certificate.rows))
-    sampled, rows = curves_of(model), []
+    sampled = curves_of(model)
+    rows = []
     for m, muscle in enumerate(model.muscles):
         for curve, x, y in (
             ("active force by length", LENGTHS, sampled.active[:, m]),
             ("passive force by length", LENGTHS, sampled.passive[:, m]),
             ("active force by velocity", SPEEDS, sampled.velocity[:, m]),
         ):
-            strength, every = f"{sampled.strength[m]:.6g}", slice(None, None, EVERY)
+            strength = f"{sampled.strength[m]:.6g}"
+            every = slice(None, None, EVERY)
             rows += [
                 (muscle.name, strength, curve, f"{at:.4g}", f"{value:.6g}")
                 for at, value in zip(x[every], y[every], strict=True)

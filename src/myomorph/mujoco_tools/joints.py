@@ -1,7 +1,8 @@
 """Joints as MuJoCo has them: each axis one hinge or slide with a coordinate of its own.
 
-An axis that moves by a function of a coordinate gets a coordinate that follows the first, and so does each direction in
-which a path point moves: such a point becomes a body without mass. Nothing is approximated here.
+An axis that moves by a function of a coordinate gets a coordinate that follows the first, and so
+does each direction in which a path point moves: such a point becomes a body without mass. Nothing
+is approximated here.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ WIDEST = {"rotational": np.pi, "translational": 0.1, "coupled": np.pi}
 """Range on both sides of a coordinate's default beyond which no joint goes [rad or m]."""
 
 FREE_RANGE = np.pi / 2  # That of a coordinate without a range [rad or m].
-SWEEP, FEWEST, ALTOGETHER = 41, 7, 1600
-"""Poses of each coordinate alone, the others at their defaults: at most, at least, and of all coordinates."""
+SWEEP = 41
+FEWEST = 7
+ALTOGETHER = 1600
+"""Poses of each coordinate alone, the others at their defaults: at most, at least, and of all
+coordinates.
+"""
 
 
 def range_of(coordinate: Coordinate) -> tuple[float, float]:
@@ -33,19 +38,22 @@ def range_of(coordinate: Coordinate) -> tuple[float, float]:
     if coordinate.locked:
         return coordinate.default, coordinate.default
     low, high = coordinate.range
-    widest = min(WIDEST[coordinate.motion], np.inf if np.isfinite([low, high]).all() else FREE_RANGE)
+    widest = min(
+        WIDEST[coordinate.motion], np.inf if np.isfinite([low, high]).all() else FREE_RANGE
+    )
     return max(low, coordinate.default - widest), min(high, coordinate.default + widest)
 
 
 def poses_over_ranges(model: Model, count: int, seed: int = 0) -> tuple[Array, Array]:
-    """Coordinates (poses, coordinates) over their ranges, dependent ones consistent: first each moved alone, then
-    `count` poses of all together [rad or m]; and (poses,) number of the coordinate that moves alone, -1 where all
-    do.
+    """Coordinates (poses, coordinates) over their ranges, dependent ones consistent: first each
+    moved alone, then `count` poses of all together [rad or m]; and (poses,) number of the
+    coordinate that moves alone, -1 where all do.
     """
     tree = compile_tree(model)
     bounds = np.array([range_of(coordinate) for coordinate in model.coordinates])
     count_alone = int(np.clip(ALTOGETHER // max(len(tree.independent), 1), FEWEST, SWEEP))
-    rows, swept = [], []
+    rows = []
+    swept = []
     for j in tree.independent:
         if bounds[j, 1] > bounds[j, 0]:
             rows.append(np.tile(tree.defaults, (count_alone, 1)))
@@ -65,11 +73,13 @@ OWN_KINDS = {"free", "ball", "hinge", "slide", "weld"}
 
 
 def mujoco_joints(model: Model) -> Model:
-    """The model with joints that MuJoCo can hold: unit axes, one coordinate each, in the child's frame.
+    """The model with joints that MuJoCo can hold: unit axes, one coordinate each, in the child's
+    frame.
 
-    The amount of each axis is its coordinate less that coordinate's default, so the default pose is MuJoCo's `qpos0`. A
-    coordinate that moves no axis one to one stays, without an axis, for those that follow it. Raises `BadModel` where
-    an independent coordinate moves no axis one to one, an axis moves by two coordinates, or a body by too many.
+    The amount of each axis is its coordinate less that coordinate's default, so the default pose is
+    MuJoCo's `qpos0`. A coordinate that moves no axis one to one stays, without an axis, for those
+    that follow it. Raises `BadModel` where an independent coordinate moves no axis one to one, an
+    axis moves by two coordinates, or a body by too many.
     """
     coordinates = {coordinate.name: coordinate for coordinate in _at_defaults(model)}
     points = _PointBodies(coordinates)
@@ -106,40 +116,77 @@ class _PointBodies:
     def with_bodies(self, muscle: Muscle) -> Muscle:
         """The muscle with each point that moves fixed to a body that does."""
         points = tuple(
-            self._fixed(muscle, point) if isinstance(point, MovingPathPoint) else point for point in muscle.path.points
+            self._fixed(muscle, point) if isinstance(point, MovingPathPoint) else point
+            for point in muscle.path.points
         )
         return replace(muscle, path=replace(muscle.path, points=points))
 
     def _fixed(self, muscle: Muscle, point: MovingPathPoint) -> PathPoint:
         body = f"{muscle.name}_{point.name}"
-        axes, names, place = [], [], np.zeros(3)
-        for i, (function, leader) in enumerate(zip(point.functions, point.coordinates, strict=True)):
+        axes = []
+        names = []
+        place = np.zeros(3)
+        for i, (function, leader) in enumerate(
+            zip(point.functions, point.coordinates, strict=True)
+        ):
             place[i] = float(function(self.coordinates[leader].default if leader else 0.0))
             if leader and slope_of(function) != 0.0:
                 names.append(f"{body}_{'xyz'[i]}")
-                axes.append(Axis("translation", np.eye(3)[i], linear(1.0, -place[i]), (names[-1],)))
-                self.followers.append(_follower(names[-1], "translation", place[i], function, leader))
-        self.bodies.append(Body(body, 0.0, np.zeros(3), np.zeros((3, 3))))
+                axes.append(
+                    Axis(
+                        kind="translation",
+                        vector=np.eye(3)[i],
+                        function=linear(1.0, -place[i]),
+                        coordinates=(names[-1],),
+                    )
+                )
+                self.followers.append(
+                    _follower(names[-1], "translation", place[i], function, leader)
+                )
+        self.bodies.append(
+            Body(name=body, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+        )
         frame = Transform(np.eye(3), place)
         kind = "+".join("slide" for _ in axes) or "weld"
-        self.joints.append(Joint(body, kind, point.body, body, frame, Transform.identity(), tuple(axes), tuple(names)))
+        self.joints.append(
+            Joint(
+                name=body,
+                kind=kind,
+                parent=point.body,
+                child=body,
+                parent_frame=frame,
+                child_frame=Transform.identity(),
+                axes=tuple(axes),
+                coordinates=tuple(names),
+            )
+        )
         return PathPoint(point.name, body, np.zeros(3))
 
 
-def _follower(name: str, kind: str, value: float, function: Function, leader: str) -> tuple[Coordinate, Coupler]:
-    motion: Literal["rotational", "translational"] = "rotational" if kind == "rotation" else "translational"
-    return Coordinate(name, motion, default=value), Coupler(f"{name}_follows", name, function, (leader,))
+def _follower(
+    name: str, kind: str, value: float, function: Function, leader: str
+) -> tuple[Coordinate, Coupler]:
+    motion: Literal["rotational", "translational"] = (
+        "rotational" if kind == "rotation" else "translational"
+    )
+    return Coordinate(name, motion, default=value), Coupler(
+        name=f"{name}_follows", dependent=name, function=function, independents=(leader,)
+    )
 
 
 def _at_defaults(model: Model) -> list[Coordinate]:
-    """Coordinates with defaults that keep to the couplers; MuJoCo's own stay, as their joints start from them."""
+    """Coordinates with defaults that keep to the couplers; MuJoCo's own stay, as their joints start
+    from them.
+    """
     values = {coordinate.name: coordinate.default for coordinate in model.coordinates}
     own = {name for joint in model.joints if _is_own(joint) for name in joint.coordinates}
     for coupler in model.couplers:
         if coupler.dependent in own:
             continue
         values[coupler.dependent] = value_at(coupler.function, coupler.independents, values)
-    return [replace(coordinate, default=values[coordinate.name]) for coordinate in model.coordinates]
+    return [
+        replace(coordinate, default=values[coordinate.name]) for coordinate in model.coordinates
+    ]
 
 
 def _is_own(joint: Joint) -> bool:
@@ -165,11 +212,18 @@ def _joint(
     leading: dict[str, int] = {}
     for index, axis in enumerate(joint.axes):
         name = axis.coordinates[0] if len(axis.coordinates) == 1 else ""
-        if name in joint.coordinates and name not in leading and abs(slope_of(axis.function) or 0.0) == 1.0:
+        if (
+            name in joint.coordinates
+            and name not in leading
+            and abs(slope_of(axis.function) or 0.0) == 1.0
+        ):
             leading[name] = index
     missing = [name for name in joint.coordinates if name not in leading and name not in dependent]
     if missing:
-        raise BadModel(f"coordinate '{missing[0]}' of joint '{joint.name}' moves no axis one to one, as MuJoCo needs")
+        raise BadModel(
+            f"coordinate '{missing[0]}' of joint '{joint.name}' moves no axis one to one, as MuJoCo"
+            " needs"
+        )
     defaults = {name: coordinate.default for name, coordinate in coordinates.items()}
     made: list[Axis] = []
     followers: list[tuple[Coordinate, Coupler]] = []
@@ -177,27 +231,56 @@ def _joint(
     after = joint.child_frame.inverse()
     for index in reversed(range(len(joint.axes))):
         axis = joint.axes[index]
-        sign, name, amount = 1.0, "", value_at(axis.function, axis.coordinates, defaults)
+        sign = 1.0
+        name = ""
+        amount = value_at(axis.function, axis.coordinates, defaults)
         if index in leading.values():
             name = axis.coordinates[0]
-            sign, reference = slope_of(axis.function) or 1.0, coordinates[name].default
+            sign = slope_of(axis.function) or 1.0
+            reference = coordinates[name].default
         elif axis.function.arity and slope_of(axis.function) != 0.0:
             if axis.function.arity > 1:
                 raise BadModel(
-                    f"joint '{joint.name}' has an axis that moves by two coordinates, {axis.coordinates[0]} and "
-                    f"{axis.coordinates[1]}, which MuJoCo cannot hold"
+                    f"joint '{joint.name}' has an axis that moves by two coordinates,"
+                    f" {axis.coordinates[0]} and {axis.coordinates[1]}, which MuJoCo cannot hold"
                 )
-            name, reference = f"{joint.name}_{axis.kind[0]}{index}", amount
-            followers.insert(0, _follower(name, axis.kind, amount, axis.function, axis.coordinates[0]))
+            name = f"{joint.name}_{axis.kind[0]}{index}"
+            reference = amount
+            followers.insert(
+                0, _follower(name, axis.kind, amount, axis.function, axis.coordinates[0])
+            )
         if name:
-            vector, origin = sign * after.rotation.T @ axis.vector, after.inverse().apply(axis.origin)
-            made.insert(0, Axis(axis.kind, vector, linear(1.0, -reference), (name,), origin))
+            vector = sign * after.rotation.T @ axis.vector
+            origin = after.inverse().apply(axis.origin)
+            made.insert(
+                0,
+                Axis(
+                    kind=axis.kind,
+                    vector=vector,
+                    function=linear(1.0, -reference),
+                    coordinates=(name,),
+                    origin=origin,
+                ),
+            )
         after = axis.moved(amount) @ after
     if len(made) > MAX_AXES:
-        raise BadModel(f"joint '{joint.name}' has {len(made)} axes that move, and MuJoCo allows {MAX_AXES} a body")
+        raise BadModel(
+            f"joint '{joint.name}' has {len(made)} axes that move, and MuJoCo allows {MAX_AXES} a"
+            " body"
+        )
     kind = "+".join("hinge" if axis.kind == "rotation" else "slide" for axis in made) or "weld"
     names = tuple(axis.coordinates[0] for axis in made)
     frame = joint.parent_frame @ after
-    return Joint(
-        joint.name, kind, joint.parent, joint.child, frame, Transform.identity(), tuple(made), names
-    ), followers
+    return (
+        Joint(
+            name=joint.name,
+            kind=kind,
+            parent=joint.parent,
+            child=joint.child,
+            parent_frame=frame,
+            child_frame=Transform.identity(),
+            axes=tuple(made),
+            coordinates=names,
+        ),
+        followers,
+    )

@@ -1,7 +1,8 @@
 """The parameters of MuJoCo's muscles that come nearest to those of a model, and what they lack.
 
-MuJoCo's muscle has a rigid tendon and no pennation. Its fiber is that of ours along the tendon, L0 cos(pennation). Its
-curves are parabolas of the fiber's length and velocity, whose parameters have the least sum of squares to ours.
+MuJoCo's muscle has a rigid tendon and no pennation. Its fiber is that of ours along the tendon, L0
+cos(pennation). Its curves are parabolas of the fiber's length and velocity, whose parameters have
+the least sum of squares to ours.
 """
 
 from __future__ import annotations
@@ -17,16 +18,22 @@ from myomorph.model.paths import Muscle
 from myomorph.mujoco_tools.copy import MujocoCopy
 from myomorph.muscles.hill import hill_forces
 
-SHORTEST, LONGEST = RANGE = (0.5, 1.6)  # Normalized fiber lengths that MuJoCo's `lengthrange` stands for.
+# Normalized fiber lengths that MuJoCo's `lengthrange` stands for.
+SHORTEST, LONGEST = RANGE = (0.5, 1.6)
 
 LENGTHS = np.linspace(0.3, 1.9, 321)
 SPEEDS = np.linspace(-1.5, 1.5, 301)
-USUAL = 0.5  # Velocity up to which curves are fitted; walks and runs stay below it [of the fastest].
-COMPARED = (LENGTHS >= SHORTEST) & (LENGTHS <= LONGEST)  # Lengths at which both muscles are compared.
+# Velocity up to which curves are fitted; walks and runs stay below it [of the fastest].
+USUAL = 0.5
+# Lengths at which both muscles are compared.
+COMPARED = (LENGTHS >= SHORTEST) & (LENGTHS <= LONGEST)
 
-LOW, HIGH = np.linspace(0.0, 0.9, 181), np.linspace(1.1, 3.0, 381)
-"""Choices of `lmin` and `lmax`; MuJoCo takes a negative `lmin` for none and puts its default there."""
-FASTEST, STRONGEST = np.linspace(0.2, 1.5, 261), np.linspace(1.02, 2.5, 297)
+LOW = np.linspace(0.0, 0.9, 181)
+HIGH = np.linspace(1.1, 3.0, 381)
+"""Choices of `lmin` and `lmax`; MuJoCo takes a negative `lmin` for none and puts its default there.
+"""
+FASTEST = np.linspace(0.2, 1.5, 261)
+STRONGEST = np.linspace(1.02, 2.5, 297)
 """Choices of `vmax` over that of ours, and of `fvmax`."""
 
 TIME_CONSTANTS = (0.01, 0.04)  # Activation and deactivation [s].
@@ -34,7 +41,9 @@ TIME_CONSTANTS = (0.01, 0.04)  # Activation and deactivation [s].
 
 @read_only
 class MuscleCurves:
-    """Curves of muscles by fiber length along the tendon and velocity, over the strength at optimal length."""
+    """Curves of muscles by fiber length along the tendon and velocity, over the strength at optimal
+    length.
+    """
 
     active: Array  # active, passive: (lengths, muscles) at `LENGTHS`
     passive: Array
@@ -51,13 +60,19 @@ def curves_of(model: Model) -> MuscleCurves:
     moving = hill_forces(model, optimal, SPEEDS[:, None] * (fastest * fiber))
     strength = hill_forces(model, optimal[:1], still[:1]).active[0]
     scale = np.where(strength > 0.0, strength, 1.0)
-    return MuscleCurves(forces.active / scale, forces.passive / scale, moving.active / scale, strength)
+    return MuscleCurves(
+        active=forces.active / scale,
+        passive=forces.passive / scale,
+        velocity=moving.active / scale,
+        strength=strength,
+    )
 
 
 def _fibers(model: Model) -> tuple[Array, Array, Array]:
     fiber = np.array(
         [
-            muscle.optimal_fiber_length * (np.cos(muscle.pennation_at_optimal) if muscle.kind != "mujoco" else 1.0)
+            muscle.optimal_fiber_length
+            * (np.cos(muscle.pennation_at_optimal) if muscle.kind != "mujoco" else 1.0)
             for muscle in model.muscles
         ]
     )
@@ -71,12 +86,18 @@ def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
         return ()
     curves = curves_of(model)
     fiber, slack, fastest = _fibers(model)
-    rising, falling = COMPARED & (LENGTHS <= 1.0), COMPARED & (LENGTHS >= 1.0)
+    rising = COMPARED & (LENGTHS <= 1.0)
+    falling = COMPARED & (LENGTHS >= 1.0)
     low = _nearest(LOW, _active(1.0 - LENGTHS[rising], 0.5 * (1.0 - LOW)), curves.active[rising])
     half = 0.5 * (HIGH - 1.0)
     high = _nearest(HIGH, _active(LENGTHS[falling] - 1.0, half), curves.active[falling])
-    slower, faster = (SPEEDS >= -USUAL) & (SPEEDS <= 0.0), (SPEEDS >= 0.0) & (SPEEDS <= USUAL)
-    share = _nearest(FASTEST, np.maximum(1.0 + SPEEDS[slower] / FASTEST[:, None], 0.0) ** 2, curves.velocity[slower])
+    slower = (SPEEDS >= -USUAL) & (SPEEDS <= 0.0)
+    faster = (SPEEDS >= 0.0) & (SPEEDS <= USUAL)
+    share = _nearest(
+        FASTEST,
+        np.maximum(1.0 + SPEEDS[slower] / FASTEST[:, None], 0.0) ** 2,
+        curves.velocity[slower],
+    )
     made = []
     for m, muscle in enumerate(model.muscles):
         if muscle.kind == "mujoco":
@@ -118,26 +139,37 @@ def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
 
 
 def _active(away: Array, half: Array) -> Array:
-    """(choices, lengths) of MuJoCo's active curve at lengths `away` from the optimum, half as strong at `half`."""
+    """(choices, lengths) of MuJoCo's active curve at lengths `away` from the optimum, half as
+    strong at `half`.
+    """
     x = away / half[:, None]
     return np.where(x < 1.0, 1.0 - 0.5 * x**2, 0.5 * np.maximum(2.0 - x, 0.0) ** 2)
 
 
 def _nearest(choices: Array, shapes: Array, wanted: Array) -> Array:
-    """(muscles,) the choice whose shape (choices, samples) has the least sum of squares to what is wanted."""
+    """(muscles,) the choice whose shape (choices, samples) has the least sum of squares to what is
+    wanted.
+    """
     costs = (shapes**2).sum(axis=1)[:, None] - 2.0 * shapes @ wanted
     return np.asarray(choices[costs.argmin(axis=0)])
 
 
 def force_differences(model: Model, copy: MujocoCopy) -> tuple[Array, Array]:
-    """(muscles,) largest differences of MuJoCo's forces from ours over each muscle's strength: isometric, active and
-    passive, at fiber lengths from 0.5 to 1.6, and active at the optimal length at any velocity.
+    """(muscles,) largest differences of MuJoCo's forces from ours over each muscle's strength:
+    isometric, active and passive, at fiber lengths from 0.5 to 1.6, and active at the optimal
+    length at any velocity.
     """
     curves = curves_of(model)
     fiber, slack, fastest = _fibers(model)
     strength = np.where(curves.strength > 0.0, curves.strength, np.inf)
-    lengths, speeds = slack + LENGTHS[COMPARED, None] * fiber, SPEEDS[:, None] * (fastest * fiber)
+    lengths = slack + LENGTHS[COMPARED, None] * fiber
+    speeds = SPEEDS[:, None] * (fastest * fiber)
     active, passive = copy.muscle_forces(lengths, np.zeros_like(lengths))
-    still = np.abs(active / strength - curves.active[COMPARED]) + np.abs(passive / strength - curves.passive[COMPARED])
-    moving = copy.muscle_forces(np.broadcast_to(slack + fiber, speeds.shape), speeds)[0] / strength - curves.velocity
+    still = np.abs(active / strength - curves.active[COMPARED]) + np.abs(
+        passive / strength - curves.passive[COMPARED]
+    )
+    moving = (
+        copy.muscle_forces(np.broadcast_to(slack + fiber, speeds.shape), speeds)[0] / strength
+        - curves.velocity
+    )
     return still.max(axis=0), np.abs(moving).max(axis=0)

@@ -1,7 +1,8 @@
-"""Sites and spheres in the place of what MuJoCo lacks, moved until lengths come nearest to the model's.
+"""Sites and spheres in the place of what MuJoCo lacks, moved until lengths come nearest to the
+model's.
 
-Levenberg and Marquardt's steps, for all muscles at once: each has parameters of its own, so one evaluation of all paths
-gives the derivative in one parameter of every muscle.
+Levenberg and Marquardt's steps, for all muscles at once: each has parameters of its own, so one
+evaluation of all paths gives the derivative in one parameter of every muscle.
 """
 
 from __future__ import annotations
@@ -29,13 +30,16 @@ class Movable:
 
     muscle: int  # its number
     points: tuple[int, ...]  # numbers of the path's points, three parameters each [m]
-    spheres: tuple[str, ...]  # names of spheres that no other muscle has, center and radius of each [m]
+    # names of spheres that no other muscle has, center and radius of each [m]
+    spheres: tuple[str, ...]
 
 
-def fitted_paths(model: Model, movables: list[Movable], coordinates: Array, lengths: Array, weights: Array) -> Model:
-    """The model with sites and spheres where lengths come nearest to those wanted. `coordinates`: (poses, coordinates)
-    of the model, consistent; `lengths`, `weights`: (poses, movables) wanted of each movable's muscle [m], and how much
-    each pose counts.
+def fitted_paths(
+    model: Model, movables: list[Movable], coordinates: Array, lengths: Array, weights: Array
+) -> Model:
+    """The model with sites and spheres where lengths come nearest to those wanted. `coordinates`:
+    (poses, coordinates) of the model, consistent; `lengths`, `weights`: (poses, movables) wanted of
+    each movable's muscle [m], and how much each pose counts.
     """
     if not movables:
         return model
@@ -48,15 +52,22 @@ def fitted_paths(model: Model, movables: list[Movable], coordinates: Array, leng
     def errors(trial: Array) -> Array:
         """(movables, poses) weighted errors of lengths."""
         moved = _moved(model, movables, trial)
-        fewer = replace(moved, muscles=tuple(moved.muscles[one.muscle] for one in movables), markers=())
-        return np.asarray((np.sqrt(weights) * (compile_paths(fewer).evaluate(coordinates)[0] - lengths)).T)
+        fewer = replace(
+            moved, muscles=tuple(moved.muscles[one.muscle] for one in movables), markers=()
+        )
+        return np.asarray(
+            (np.sqrt(weights) * (compile_paths(fewer).evaluate(coordinates)[0] - lengths)).T
+        )
 
     def descended(start: Array) -> tuple[Array, Array]:
         """Parameters after all steps, and each muscle's sum of squares."""
-        values, damping = start.copy(), np.full(len(movables), FIRST_DAMPING)
+        values = start.copy()
+        damping = np.full(len(movables), FIRST_DAMPING)
         now = errors(values)
         for _ in range(ITERATIONS):
-            jacobian = np.stack([(errors(values + STEP * unit) - now) / STEP for unit in np.eye(count)], axis=2)
+            jacobian = np.stack(
+                [(errors(values + STEP * unit) - now) / STEP for unit in np.eye(count)], axis=2
+            )
             normal = np.einsum("mpi,mpj->mij", jacobian, jacobian)
             gradient = np.einsum("mpi,mp->mi", jacobian, now)
             size = np.maximum(np.einsum("mii->mi", normal), 1e-12)
@@ -94,7 +105,8 @@ def _parameters(model: Model, movable: Movable) -> list[float]:
 
 def _moved(model: Model, movables: list[Movable], values: Array) -> Model:
     """The model with the parameters (movables, parameters) of its movable parts."""
-    muscles, spheres = list(model.muscles), {}
+    muscles = list(model.muscles)
+    spheres = {}
     for movable, row in zip(movables, values, strict=True):
         muscle = muscles[movable.muscle]
         points = list(muscle.path.points)

@@ -1,16 +1,17 @@
 """Moment arms about coordinates that closed loops tie together, as OpenSim defines them.
 
-A coordinate of a loop cannot move alone. OpenSim's moment arm about coordinate k is the length that the path gains
-per unit of motion of k while the others follow as little as the loop lets them: with P the orthogonal projection
-of speeds onto those that keep loops closed and couplers true,
+A coordinate of a loop cannot move alone. OpenSim's moment arm about coordinate k is the length that
+the path gains per unit of motion of k while the others follow as little as the loop lets them: with
+P the orthogonal projection of speeds onto those that keep loops closed and couplers true,
 
     arm_k = (P e_k)^T r / (P e_k)_k,     r_j = -dl/dq_j with every coordinate moved alone
 
-(Sherman, Seth and Delp 2013; `MomentArmSolver` of OpenSim). Locked coordinates stay, except k itself. What is "as
-little" hangs on the speeds that are counted. OpenSim counts the rates of most coordinates, but for the three rotations
-of a `ScapulothoracicJoint`, `EllipsoidJoint`, `BallJoint` and `FreeJoint` the angular velocity along the joint's axes,
-which stands under the coordinate's name; so are ours where a loop is closed. Sums of these arms do not balance torques,
-for each holds the others' share: muscle forces take the null space instead, see `rigid.closed_motion`.
+(Sherman, Seth and Delp 2013; `MomentArmSolver` of OpenSim). Locked coordinates stay, except k
+itself. What is "as little" hangs on the speeds that are counted. OpenSim counts the rates of most
+coordinates, but for the three rotations of a `ScapulothoracicJoint`, `EllipsoidJoint`, `BallJoint`
+and `FreeJoint` the angular velocity along the joint's axes, which stands under the coordinate's
+name; so are ours where a loop is closed. Sums of these arms do not balance torques, for each holds
+the others' share: muscle forces take the null space instead, see `rigid.closed_motion`.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ class LoopGroup:
 
 def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
     """Groups of coordinates that cannot move without each other because a loop is closed."""
-    arrays, model = tree.arrays, tree.model
+    arrays = tree.arrays
+    model = tree.model
     sets: list[set[int]] = []
     for i in range(len(tree.loops.body_1)):
         between = tree.supports[tree.loops.body_1[i]] ^ tree.supports[tree.loops.body_2[i]]
@@ -60,19 +62,27 @@ def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
     results = []
     for group in groups:
         members = np.array(sorted(group), np.int64)
-        stays = [model.coordinates[j].locked or model.coordinates[j].prescribed is not None for j in members]
-        leading = np.array([place for place, j in enumerate(members) if int(j) not in driven], np.int64)
+        stays = [
+            model.coordinates[j].locked or model.coordinates[j].prescribed is not None
+            for j in members
+        ]
+        leading = np.array(
+            [place for place, j in enumerate(members) if int(j) not in driven], np.int64
+        )
         results.append(LoopGroup(members, leading, np.array(stays, bool)))
     return tuple(results)
 
 
 def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:
     """How fast a group's leading coordinates move per unit speed of each of its coordinates.
-    `coordinates` (frames, coordinates) consistent values. Returns (frames, leading, group) column k holds P e_k / (P
-    e_k)_k of the formula above, of what leads; where k cannot move, its own motion alone.
+    `coordinates` (frames, coordinates) consistent values. Returns (frames, leading, group) column k
+    holds P e_k / (P e_k)_k of the formula above, of what leads; where k cannot move, its own motion
+    alone.
     """
-    members, leading = group.coordinates, group.leading
-    frames, n = len(coordinates), len(members)
+    members = group.coordinates
+    leading = group.leading
+    frames = len(coordinates)
+    n = len(members)
     G = closure_jacobian(tree, coordinates)[:, :, members[leading]]
     T = _leads(tree, group, coordinates)
     _turn(tree, group, coordinates, T)
@@ -87,11 +97,15 @@ def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:
         wanted = np.einsum("fij,fj->fi", inverse, T[:, index][:, free])
         g = G[:, :, free]
         metric = np.einsum("fri,fij,fsj->frs", g, inverse, g)
-        force = np.einsum("frs,fsi,fi->fr", np.linalg.pinv(metric, rcond=RANK, hermitian=True), g, wanted)
+        force = np.einsum(
+            "frs,fsi,fi->fr", np.linalg.pinv(metric, rcond=RANK, hermitian=True), g, wanted
+        )
         v = wanted - np.einsum("fij,frj,fr->fi", inverse, g, force)
         own = np.einsum("fi,fi->f", T[:, index][:, free], v)
         moves = own > STILL
-        result[np.ix_(moves, np.flatnonzero(free), np.array([index]))] = (v[moves] / own[moves, None])[:, :, None]
+        result[np.ix_(moves, np.flatnonzero(free), np.array([index]))] = (
+            v[moves] / own[moves, None]
+        )[:, :, None]
         if index in places:
             result[~moves, places[index], index] = 1.0
     return result
@@ -114,7 +128,9 @@ def _leads(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:
 
 
 def _turn(tree: Tree, group: LoopGroup, coordinates: Array, leads: Array) -> None:
-    """Make angular velocities of the rates of three angles turned about body-fixed axes, in `TURNING` joints."""
+    """Make angular velocities of the rates of three angles turned about body-fixed axes, in
+    `TURNING` joints.
+    """
     names = tree.model.coordinate_names
     places = {int(j): place for place, j in enumerate(group.coordinates)}
     for joint in tree.model.joints:

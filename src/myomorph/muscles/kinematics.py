@@ -36,8 +36,8 @@ class MuscleKinematics(Labelled):
     muscles, coordinates : names
     lengths : (frames, muscles) of the muscle-tendon units [m]
     velocities : (frames, muscles) or None where not asked for [m/s]
-    arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not asked for; `moment_arms` has
-        (frames, muscles, coordinates)
+    arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not asked for;
+        `moment_arms` has (frames, muscles, coordinates)
     coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
     paths : the compiled paths, which hold the pattern of `arms`
     loops : of each group of coordinates that closed loops tie together, `loop_couplings`
@@ -76,8 +76,8 @@ class MuscleKinematics(Labelled):
 
         A coordinate that others follow has what reaches the muscle through them included. One that
         follows has the moment arm of what it follows per unit of its own motion: with d = f(q) and
-        slope g, r_d = r_q / g; where g is 0, its own share. Coordinates of a closed loop have what the
-        others of the loop add while they follow; see `coupled_arms`.
+        slope g, r_d = r_q / g; where g is 0, its own share. Coordinates of a closed loop have what
+        the others of the loop add while they follow; see `coupled_arms`.
 
         Parameters
         ----------
@@ -86,13 +86,16 @@ class MuscleKinematics(Labelled):
         return self._dense(frames, np.arange(len(self.muscles)))
 
     def moment_arm(self, muscle: str, coordinate: str) -> Array:
-        """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises `UnknownName`."""
+        """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises
+        `UnknownName`.
+        """
         i = index_of("muscle", muscle, self.muscles)
         j = index_of("coordinate", coordinate, self.coordinates)
         return self._dense(slice(None), np.array([i]))[:, 0, j]
 
     def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
-        """Moment arms about the coordinates that no coupler drives, each moved alone (loops opened), in sparse form.
+        """Moment arms about the coordinates that no coupler drives, each moved alone (loops
+        opened), in sparse form.
 
         Returns
         -------
@@ -100,15 +103,22 @@ class MuscleKinematics(Labelled):
         muscle, coordinate : (pairs,) indices
         """
         free = self.paths.arm_free
-        return self._arms()[frames][:, free], self.paths.arm_muscle[free], self.paths.arm_coordinate[free]
+        return (
+            self._arms()[frames][:, free],
+            self.paths.arm_muscle[free],
+            self.paths.arm_coordinate[free],
+        )
 
     def _arms(self) -> Array:
         if self.arms is None:
-            raise BadData("these muscle kinematics were made without moment arms: ask for moment_arms=True")
+            raise BadData(
+                "these muscle kinematics were made without moment arms: ask for moment_arms=True"
+            )
         return self.arms
 
     def _dense(self, frames: slice, muscles: Ints) -> Array:
-        arms, starts = self._arms()[frames], self.paths.arrays.start[:, ARMS]
+        arms = self._arms()[frames]
+        starts = self.paths.arrays.start[:, ARMS]
         table = np.zeros((len(arms), len(muscles), len(self.coordinates)))
         for row, m in enumerate(muscles):
             pairs = slice(starts[m], starts[m + 1])
@@ -150,7 +160,8 @@ def muscle_kinematics(
 
     Returns
     -------
-    lengths (frames, muscles) [m], velocities (frames, muscles) [m/s] and moment arms (frames, muscles, coordinates) [m]
+    lengths (frames, muscles) [m], velocities (frames, muscles) [m/s] and moment arms (frames,
+    muscles, coordinates) [m]
 
     Raises
     ------
@@ -168,7 +179,10 @@ def muscle_kinematics(
     """
     paths = compile_paths(model)
     if velocities and motion.velocities is None:
-        raise BadData("lengthening velocities need the velocities of the coordinates: differentiate the motion first")
+        raise BadData(
+            "lengthening velocities need the velocities of the coordinates: differentiate the"
+            " motion first"
+        )
     coordinates = paths.tree.coordinates_of(motion)
     speeds = paths.tree.rates_of(motion)[0] if velocities else None
     if not np.isfinite(coordinates).all() or not (speeds is None or np.isfinite(speeds).all()):
@@ -177,12 +191,21 @@ def muscle_kinematics(
     slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
     _slopes(paths.arrays, coordinates, slopes)
     loops = tuple(
-        (group, loop_couplings(paths.tree, group, coordinates)) for group in loop_groups(paths.tree) if moment_arms
+        (group, loop_couplings(paths.tree, group, coordinates))
+        for group in loop_groups(paths.tree)
+        if moment_arms
     )
     return MuscleKinematics(
-        motion.time, model.muscle_names, model.coordinate_names, lengths, rates if velocities else None,
-        arms if moment_arms else None, slopes, paths, loops,
-    )  # fmt: skip
+        time=motion.time,
+        muscles=model.muscle_names,
+        coordinates=model.coordinate_names,
+        lengths=lengths,
+        velocities=rates if velocities else None,
+        arms=arms if moment_arms else None,
+        coupler_slopes=slopes,
+        paths=paths,
+        loops=loops,
+    )
 
 
 def default_path_lengths(model: Model) -> Array:
@@ -216,8 +239,8 @@ AT_ONCE = 64  # Frames whose moment arms stand in one dense table
 
 class ReportedPaths:
     """The muscle paths of a model as tables report them, a part of a motion at a time.
-    `model`: with muscles. `pairs`: muscle and coordinate of each column of moment arms, in order of coordinates: every
-    pair that can have one.
+    `model`: with muscles. `pairs`: muscle and coordinate of each column of moment arms, in order of
+    coordinates: every pair that can have one.
     """
 
     def __init__(self, model: Model):
@@ -234,27 +257,35 @@ class ReportedPaths:
             crossed[group.coordinates] = crossed[group.coordinates].any(axis=0)
         self._coordinate, self._muscle = np.nonzero(crossed)
         names = model.muscle_names, model.coordinate_names
-        self.pairs = tuple((names[0][m], names[1][j]) for m, j in zip(self._muscle, self._coordinate, strict=True))
+        self.pairs = tuple(
+            (names[0][m], names[1][j]) for m, j in zip(self._muscle, self._coordinate, strict=True)
+        )
 
     def evaluate(
         self, motion: Motion, part: slice, advance: Callable[[int], None] | None = None
     ) -> tuple[Array, Array, Array]:
-        """Lengths [m] and velocities [m/s] (frames, muscles), moment arms (frames, pairs) of some frames of a motion.
-        Frames without coordinates (NaN) stay NaN.
-        `motion`: with velocities; `advance`: called with the number of frames just done.
+        """Lengths [m] and velocities [m/s] (frames, muscles), moment arms (frames, pairs) of some
+        frames of a motion. Frames without coordinates (NaN) stay NaN. `motion`: with velocities;
+        `advance`: called with the number of frames just done.
         """
         if motion.velocities is None:
             raise ValueError("the motion has no velocities")
-        values, rates = motion.values[part], motion.velocities[part]
+        values = motion.values[part]
+        rates = motion.velocities[part]
         unknown = ~(np.isfinite(values) & np.isfinite(rates)).all(axis=1, keepdims=True)
         defaults = {coordinate.name: coordinate.default for coordinate in self.model.coordinates}
         values = np.where(unknown, [defaults.get(name, 0.0) for name in motion.names], values)
-        known = Motion(motion.time[part], motion.names, values, np.where(unknown, 0.0, rates))
+        known = Motion(
+            time=motion.time[part],
+            names=motion.names,
+            values=values,
+            velocities=np.where(unknown, 0.0, rates),
+        )
         found = muscle_kinematics(self.model, known, progress=advance)
         tables = [found.dense(slice(i, i + AT_ONCE)) for i in range(0, len(known), AT_ONCE)]
         arms = np.concatenate([table[:, self._muscle, self._coordinate] for table in tables])
         assert found.velocities is not None
-        lengths, speeds, reported = (
-            np.where(unknown, np.nan, result) for result in (found.lengths, found.velocities, arms)
-        )
+        lengths = np.where(unknown, np.nan, found.lengths)
+        speeds = np.where(unknown, np.nan, found.velocities)
+        reported = np.where(unknown, np.nan, arms)
         return lengths, speeds, reported

@@ -1,7 +1,8 @@
-"""What a class of muscles is: its curves, its parameters, and where OpenSim's static optimization departs from them.
+"""What a class of muscles is: its curves, its parameters, and where OpenSim's static optimization
+departs from them.
 
-A new class is a subclass of `MuscleModel` in a file of its own and a line in `hill.py`: kernels evaluate all curves
-alike and know no class.
+A new class is a subclass of `MuscleModel` in a file of its own and a line in `hill.py`: kernels
+evaluate all curves alike and know no class.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class FiberCurves(NamedTuple):
 class FiberSizes(NamedTuple):
     """Sizes of a muscle."""
 
-    # force, fiber, tendon: maximum isometric force [N], optimal fiber length [m], tendon slack length [m]
+    # force, fiber, tendon: maximum isometric force [N], optimal fiber length [m], tendon slack
+    # length [m]
     force: float
     fiber: float
     tendon: float
@@ -44,23 +46,26 @@ class FiberSizes(NamedTuple):
 
 @dataclass(frozen=True)
 class StaticOptimization:
-    """How the forces that OpenSim 4.6 takes in its static optimization differ from those of a rigid tendon."""
+    """How the forces that OpenSim 4.6 takes in its static optimization differ from those of a rigid
+    tendon.
+    """
 
     bounded: bool = True  # whether fibers end where their part along the tendon is 0
     turning: bool = True  # whether the path's velocity is projected on the fibers
-    # what the normalized fiber length is multiplied with, where the sine of the pennation is the fibers' height over it
-    # [m]; None for the pennation as it is, `NO_PENNATION` for none
+    # what the normalized fiber length is multiplied with, where the sine of the pennation is the
+    # fibers' height over it [m]; None for the pennation as it is, `NO_PENNATION` for none
     pennation_by: float | None = None
 
 
 class MuscleModel:
     """A class of muscles with rigid tendons, and with elastic ones where `tendon` is given.
-    `times`: time constants of activation and deactivation [s], where the muscle has none; `smooth`: whether activation
-    switches smoothly between the two (De Groote et al. 2016); `slowed`: how far activation slows the fibers: v_max (1 -
-    slowed (1 - a)); `damping`, `undamped`: normalized damping of the fibers where the muscle gives none, and below
-    which they have none; `elastic`: whether `tendon` is given; `obeys_flags`: whether the parameters
-    `ignore_tendon_compliance` and `ignore_activation_dynamics` count; `passive_strain`: parameter with the strain of
-    the fibers at which the passive force is 1, and its default; `static_optimization`: where OpenSim's differs.
+    `times`: time constants of activation and deactivation [s], where the muscle has none; `smooth`:
+    whether activation switches smoothly between the two (De Groote et al. 2016); `slowed`: how far
+    activation slows the fibers: v_max (1 - slowed (1 - a)); `damping`, `undamped`: normalized
+    damping of the fibers where the muscle gives none, and below which they have none; `elastic`:
+    whether `tendon` is given; `obeys_flags`: whether the parameters `ignore_tendon_compliance` and
+    `ignore_activation_dynamics` count; `passive_strain`: parameter with the strain of the fibers at
+    which the passive force is 1, and its default; `static_optimization`: where OpenSim's differs.
     """
 
     times: tuple[float, float] = (0.015, 0.060)
@@ -90,11 +95,15 @@ class MuscleModel:
         return self.tendon(muscle).inverse()
 
     def resting_tendon(self, muscle: Muscle) -> Curve | None:
-        """Normalized force over strain, where static optimization takes muscles in equilibrium with it at rest."""
+        """Normalized force over strain, where static optimization takes muscles in equilibrium with
+        it at rest.
+        """
         return None
 
     def greatest_pennation(self, muscle: Muscle) -> float | None:
-        """The pennation at which fibers are shortest and lose their force [rad]; None where nothing ends them."""
+        """The pennation at which fibers are shortest and lose their force [rad]; None where nothing
+        ends them.
+        """
         return None
 
     def pennation(self, muscle: Muscle) -> float:
@@ -109,7 +118,9 @@ class MuscleModel:
         """Parameters of a muscle whose passive force is reached at strains larger by a factor."""
         if self.passive_strain is not None:
             name, default = self.passive_strain
-            parameters[name] = factor * parameters.get(name, parameters.get(name.split("/")[-1], default))
+            parameters[name] = factor * parameters.get(
+                name, parameters.get(name.split("/")[-1], default)
+            )
         return parameters
 
     def has_elastic_tendon(self, muscle: Muscle) -> bool:
@@ -122,14 +133,23 @@ class MuscleModel:
         pennation = self.pennation(muscle)
         height = muscle.optimal_fiber_length * float(np.sin(pennation))
         end = self.greatest_pennation(muscle)
-        shortest, along = height, 0.0
+        shortest = height
+        along = 0.0
         if end is not None:
-            shortest = height / float(np.sin(end)) if end > 1e-14 else 0.01 * muscle.optimal_fiber_length
+            shortest = (
+                height / float(np.sin(end)) if end > 1e-14 else 0.01 * muscle.optimal_fiber_length
+            )
             along = shortest * float(np.cos(end))
         return FiberSizes(
-            muscle.max_isometric_force, muscle.optimal_fiber_length, muscle.tendon_slack_length, height, shortest,
-            along, float(np.cos(pennation)), muscle.max_contraction_velocity * muscle.optimal_fiber_length,
-        )  # fmt: skip
+            force=muscle.max_isometric_force,
+            fiber=muscle.optimal_fiber_length,
+            tendon=muscle.tendon_slack_length,
+            height=height,
+            shortest=shortest,
+            shortest_along=along,
+            cos_optimal=float(np.cos(pennation)),
+            speed=muscle.max_contraction_velocity * muscle.optimal_fiber_length,
+        )
 
 
 def numbers(muscle: Muscle, **defaults: float) -> tuple[float, ...]:

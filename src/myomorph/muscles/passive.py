@@ -1,4 +1,6 @@
-"""Generalized forces of what resists by itself: springs, limits and bushings of joints, and viscosity of muscles."""
+"""Generalized forces of what resists by itself: springs, limits and bushings of joints, and
+viscosity of muscles.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,25 @@ from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import Tree, compile_tree
 
 
-def joint_forces(tree: Tree, coordinates: Array, rates: Array, without: Collection[str] = ()) -> Array:
+def joint_forces(
+    tree: Tree, coordinates: Array, rates: Array, without: Collection[str] = ()
+) -> Array:
     """What passive torques and bushings do at every coordinate, (frames, coordinates) [N m or N].
     `coordinates`, `rates` (frames, coordinates) consistent; `without`: names that are left out, see
     `passive_generalized_forces`.
     """
-    model, left_out = tree.model, set(without)
+    model = tree.model
+    left_out = set(without)
     tau = np.zeros_like(coordinates)
     for torque in model.passive_torques:
-        if not {torque.name, torque.name.removesuffix("_upper"), torque.name.removesuffix("_lower")} & left_out:
+        if (
+            not {
+                torque.name,
+                torque.name.removesuffix("_upper"),
+                torque.name.removesuffix("_lower"),
+            }
+            & left_out
+        ):
             j = model.coordinate_names.index(torque.coordinate)
             tau[:, j] += torque.total(coordinates[:, j], rates[:, j])
     bushings = [bushing for bushing in model.bushings if bushing.name not in left_out]
@@ -33,22 +45,27 @@ def joint_forces(tree: Tree, coordinates: Array, rates: Array, without: Collecti
     return tau
 
 
-def passive_generalized_forces(model: Model, motion: Motion, without: Collection[str] = ()) -> Series:
+def passive_generalized_forces(
+    model: Model, motion: Motion, without: Collection[str] = ()
+) -> Series:
     """What the model's passive torques, bushings and the muscles' viscosity do at every coordinate.
 
         tau = sum torque(q) - damping(q) qdot  +  bushings  +  R^T (viscosity * lengthening velocity)
 
-    Every coordinate keeps its own share, as in `inverse_dynamics`: taken off its torques, this leaves what
-    muscles and reserves have to give. Elastic passive force of muscles is not part of it.
+    Every coordinate keeps its own share, as in `inverse_dynamics`: taken off its torques, this
+    leaves what muscles and reserves have to give. Elastic passive force of muscles is not part of
+    it.
 
-    `motion`: with velocities; a coordinate it lacks rests at its default; `without`: names of passive torques (a
-    limit's, with or without "_upper" or "_lower"), bushings and muscles' dampers ("<muscle>_viscosity") that are left
-    out. Returns Series of (frames, coordinates) [N m or N].
+    `motion`: with velocities; a coordinate it lacks rests at its default; `without`: names of
+    passive torques (a limit's, with or without "_upper" or "_lower"), bushings and muscles' dampers
+    ("<muscle>_viscosity") that are left out. Returns Series of (frames, coordinates) [N m or N].
     """
     tree = compile_tree(model)
     coordinates, rates = rates_of(tree, motion)
     tau = joint_forces(tree, coordinates, rates, without)
-    viscosity = viscosities(model) * [f"{name}_viscosity" not in without for name in model.muscle_names]
+    viscosity = viscosities(model) * [
+        f"{name}_viscosity" not in without for name in model.muscle_names
+    ]
     if viscosity.any():
         tau += _of_muscles(model, motion, viscosity)
     return Series(motion.time, model.coordinate_names, tau)
@@ -61,9 +78,12 @@ def _of_muscles(model: Model, motion: Motion, viscosity: Array) -> Array:
     assert moved.velocities is not None
     force = viscosity * moved.velocities
     tau = np.zeros((len(motion), len(model.coordinates)))
-    for index, (m, j) in enumerate(zip(moved.paths.arm_muscle, moved.paths.arm_coordinate, strict=True)):
+    for index, (m, j) in enumerate(
+        zip(moved.paths.arm_muscle, moved.paths.arm_coordinate, strict=True)
+    ):
         tau[:, j] += moved.arms[:, index] * force[:, m]
-    # The arms hold what reaches a muscle through couplers; here dependent coordinates keep their share.
+    # The arms hold what reaches a muscle through couplers; here dependent coordinates keep their
+    # share.
     tree = moved.paths.tree.arrays
     for index, dependent in enumerate(tree.coupler_coordinate):
         for s, source in enumerate(tree.coupler_source[index]):

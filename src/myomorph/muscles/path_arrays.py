@@ -1,7 +1,8 @@
-"""Muscle paths compiled to flat arrays: points, surfaces, and which coordinates can move which muscle.
+"""Muscle paths compiled to flat arrays: points, surfaces, and which coordinates can move which
+muscle.
 
-The tables hold many columns in few arrays, because every array of a bundle costs compilation time in
-every kernel that takes it.
+The tables hold many columns in few arrays, because every array of a bundle costs compilation time
+in every kernel that takes it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,14 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel, check_name
 from myomorph.model.functions import Function
 from myomorph.model.model import Model, index_of
-from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
+from myomorph.model.paths import (
+    MovingPathPoint,
+    Muscle,
+    PathPoint,
+    PathWrap,
+    TendonWrap,
+    WrapObject,
+)
 from myomorph.muscles.wrap_ellipsoid import AXIAL, HYBRID, MIDPOINT
 from myomorph.muscles.wrap_tendon import BEFORE_FOUR, FOUR
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
@@ -33,37 +41,41 @@ METHODS = {"hybrid": HYBRID, "midpoint": MIDPOINT, "axial": AXIAL}
 class PathArrays(NamedTuple):
     """What the path kernels read."""
 
-    # (muscles + 1, 6) columns POINTS ... FOLLOWS: what belongs to muscle m lies in rows start[m, column] ... start[m +
-    # 1, column] - 1 of `point`, `wrap`, the bodies of muscles (numbered from 0 in each muscle), `axis`, `arm`, `follow`
+    # (muscles + 1, 6) columns POINTS ... FOLLOWS: what belongs to muscle m lies in rows start[m,
+    # column] ... start[m + 1, column] - 1 of `point`, `wrap`, the bodies of muscles (numbered from
+    # 0 in each muscle), `axis`, `arm`, `follow`
     start: Ints
-    # (points, 4) columns BODY (in the tree), LOCAL (among the muscle's bodies), MOVING (row of `moving`), COORDINATE
-    # (through the point only while that is in its range); -1 for none
+    # (points, 4) columns BODY (in the tree), LOCAL (among the muscle's bodies), MOVING (row of
+    # `moving`), COORDINATE (through the point only while that is in its range); -1 for none
     point: Ints
-    # (points, 6) columns X, Y, Z in the body [m], LOW, HIGH of the coordinate, WEIGHT: share in the length of what lies
-    # between the point and the next one
+    # (points, 6) columns X, Y, Z in the body [m], LOW, HIGH of the coordinate, WEIGHT: share in the
+    # length of what lies between the point and the next one
     place: Array
-    # (moving points, 9) functions of x, y, z; their coordinates; the places of those among the muscle's moment arms; -1
-    # for none
+    # (moving points, 9) functions of x, y, z; their coordinates; the places of those among the
+    # muscle's moment arms; -1 for none
     moving: Ints
-    moving_range: Array  # (moving points, 6) low and high of each coordinate, to which it is clamped
+    # (moving points, 6) low and high of each coordinate, to which it is clamped
+    moving_range: Array
     functions: FunctionArrays  # of the moving points, then of the couplers
-    # (wraps, 7) columns OBJECT, OBJECT_LOCAL (its body among the muscle's), METHOD, FIRST and LAST point between which
-    # the path may touch it (OpenSim), AFTER: the point before it (MuJoCo; -1 for OpenSim's rules), SIDE_BODY (-1 for no
-    # side point)
+    # (wraps, 7) columns OBJECT, OBJECT_LOCAL (its body among the muscle's), METHOD, FIRST and LAST
+    # point between which the path may touch it (OpenSim), AFTER: the point before it (MuJoCo; -1
+    # for OpenSim's rules), SIDE_BODY (-1 for no side point)
     wrap: Ints
     wrap_side: Array  # (wraps, 3) side point in its body [m]
-    # (surfaces, 5) columns KIND (index in `KINDS`), OBJECT_BODY, AXIS and SIDE of the constrained half (SIDE 0 for
-    # all), ACTIVE
+    # (surfaces, 5) columns KIND (index in `KINDS`), OBJECT_BODY, AXIS and SIDE of the constrained
+    # half (SIDE 0 for all), ACTIVE
     object: Ints
     object_pose: Array  # (surfaces, 12) rotation row by row and place in the body [m]
     object_size: Array  # (surfaces, 3) [m]
-    # (muscle axes, 6) columns TREE_AXIS: a moving axis of the tree on which some of the muscle's bodies hang and some
-    # do not, ROTATES, SLOT_1, SLOT_2: places of its coordinates among the moment arms (-1 for none), SUPPORT,
-    # SUPPORT_STOP: range in `support`
+    # (muscle axes, 6) columns TREE_AXIS: a moving axis of the tree on which some of the muscle's
+    # bodies hang and some do not, ROTATES, SLOT_1, SLOT_2: places of its coordinates among the
+    # moment arms (-1 for none), SUPPORT, SUPPORT_STOP: range in `support`
     axis: Ints
     support: Ints  # numbers, among the muscle's, of the bodies that hang on the axes
-    arm: Ints  # (moment arms, 2) the pattern: a coordinate that can move the muscle; 1 if it follows no other
-    follow: Ints  # (follows, 4) coupler, place of the dependent's moment arm, places of those it follows
+    # (moment arms, 2) the pattern: a coordinate that can move the muscle; 1 if it follows no other
+    arm: Ints
+    # (follows, 4) coupler, place of the dependent's moment arm, places of those it follows
+    follow: Ints
     coupler: Ints  # (couplers, 3) function, and the coordinates it follows
     sizes: Ints  # (3,) most points (with those on surfaces), wraps and bodies of a muscle
 
@@ -77,7 +89,9 @@ def path_arrays(model: Model, tree: Tree) -> PathArrays:
 
 
 def moved_paths(arrays: PathArrays, model: Model) -> PathArrays:
-    """Arrays of paths whose points lie elsewhere and whose surfaces have other sizes: all else is as it was."""
+    """Arrays of paths whose points lie elsewhere and whose surfaces have other sizes: all else is
+    as it was.
+    """
     points = (point for muscle in model.muscles for point in muscle.path.points)
     place = arrays.place.copy()
     for row, point in zip(place, points, strict=True):
@@ -95,7 +109,8 @@ class _Builder:
     """Collects the rows of `PathArrays` muscle by muscle."""
 
     def __init__(self, model: Model, tree: Tree):
-        self.model, self.tree = model, tree
+        self.model = model
+        self.tree = tree
         self.objects = {item.name: i for i, item in enumerate(model.wrap_objects)}
         self.free = set(tree.independent.tolist())
         self.start = [[0] * 6]
@@ -116,15 +131,25 @@ class _Builder:
     def add(self, muscle: Muscle) -> None:
         path = muscle.path
         if len(path.points) < 2:
-            raise BadModel(f"the path of muscle '{muscle.name}' has {len(path.points)} points: expected two or more")
+            raise BadModel(
+                f"the path of muscle '{muscle.name}' has {len(path.points)} points: expected two or"
+                " more"
+            )
         if len({isinstance(wrap, TendonWrap) for wrap in path.wraps}) > 1:
-            raise BadModel(f"the path of muscle '{muscle.name}' mixes the wraps of OpenSim and MuJoCo")
+            raise BadModel(
+                f"the path of muscle '{muscle.name}' mixes the wraps of OpenSim and MuJoCo"
+            )
         point_bodies = [self.tree.body_number(point.body) for point in path.points]
         wraps: list[PathWrap | TendonWrap] = list(path.wraps)
         objects = [self._object(wrap.wrap_object) for wrap in wraps]
         wrap_bodies = [self.tree.body_number(self.model.wrap_objects[i].body) for i in objects]
         bodies = sorted({*point_bodies, *wrap_bodies})
-        moved = {name for point in path.points if isinstance(point, MovingPathPoint) for name in point.coordinates}
+        moved = {
+            name
+            for point in path.points
+            if isinstance(point, MovingPathPoint)
+            for name in point.coordinates
+        }
         slots = self._add_axes(bodies, {self._coordinate(name) for name in moved} - {-1})
         for index, (point, body) in enumerate(zip(path.points, point_bodies, strict=True)):
             self._add_point(point, body, bodies.index(body), _weight(path.divisors, index), slots)
@@ -133,7 +158,14 @@ class _Builder:
             side = wrap.side if isinstance(wrap, TendonWrap) else None
             self.wrap_side.append(np.zeros(3) if side is None else np.asarray(side))
         self.bodies += len(bodies)
-        counts = (len(self.point), len(self.wrap), self.bodies, len(self.axis), len(self.arm), len(self.follow))
+        counts = (
+            len(self.point),
+            len(self.wrap),
+            self.bodies,
+            len(self.axis),
+            len(self.arm),
+            len(self.follow),
+        )
         self.start.append(list(counts))
         here = (len(path.points) + 2 * len(path.wraps), len(path.wraps), len(bodies))
         self.most = [max(have, new) for have, new in zip(self.most, here, strict=True)]
@@ -146,7 +178,12 @@ class _Builder:
         return index_of("coordinate", name, self.model.coordinate_names) if name else -1
 
     def _add_point(
-        self, point: PathPoint | MovingPathPoint, body: int, local: int, weight: float, slots: dict[int, int]
+        self,
+        point: PathPoint | MovingPathPoint,
+        body: int,
+        local: int,
+        weight: float,
+        slots: dict[int, int],
     ) -> None:
         if isinstance(point, PathPoint):
             self.point.append([body, local, -1, self._coordinate(point.coordinate)])
@@ -167,21 +204,29 @@ class _Builder:
         """Columns METHOD ... SIDE_BODY of a wrap."""
         if isinstance(wrap, TendonWrap):
             if not 0 <= wrap.after < points - 1:
-                raise BadModel(f"wrap object '{wrap.wrap_object}' stands after point {wrap.after} of {points}")
+                raise BadModel(
+                    f"wrap object '{wrap.wrap_object}' stands after point {wrap.after} of {points}"
+                )
             body = -1 if wrap.side is None else self.tree.body_number(wrap.side_body)
             return [BEFORE_FOUR if wrap.version < FOUR else FOUR, 0, points - 1, wrap.after, body]
         if wrap.method not in METHODS:
             known = ", ".join(METHODS)
-            raise BadModel(f"wrap object '{wrap.wrap_object}' has the method '{wrap.method}': expected {known}")
+            raise BadModel(
+                f"wrap object '{wrap.wrap_object}' has the method '{wrap.method}': expected {known}"
+            )
         last = wrap.last if wrap.last >= 1 else points
         return [METHODS[wrap.method], max(wrap.first, 1) - 1, last - 1, -1, -1]
 
     def _add_axes(self, bodies: list[int], moving: set[int]) -> dict[int, int]:
-        """Axes between the bodies and the pattern of moment arms; returns each coordinate's place in it."""
+        """Axes between the bodies and the pattern of moment arms; returns each coordinate's place
+        in it.
+        """
         arrays = self.tree.arrays
         supports = self.tree.supports[bodies]
         between = np.flatnonzero(supports.any(axis=0) & ~supports.all(axis=0))
-        used = moving | {int(j) for number in between for j in arrays.axis_coordinate[number] if j >= 0}
+        used = moving | {
+            int(j) for number in between for j in arrays.axis_coordinate[number] if j >= 0
+        }
         couplers = list(enumerate(arrays.coupler_coordinate.tolist()))[::-1]
         for index, dependent in couplers:
             if dependent in used:
@@ -204,7 +249,10 @@ class _Builder:
         couplers = self.model.couplers
         names = self.model.coordinate_names
         tree = self.tree.arrays
-        ordered = {index_of("coordinate", coupler.dependent, names): coupler.function for coupler in couplers}
+        ordered = {
+            index_of("coordinate", coupler.dependent, names): coupler.function
+            for coupler in couplers
+        }
         first = len(self.functions)
         functions = [*self.functions, *(ordered[int(j)] for j in tree.coupler_coordinate)]
         rows = np.arange(first, len(functions))
@@ -219,7 +267,9 @@ class _Builder:
             wrap=_ints(self.wrap, 7),
             wrap_side=_floats(self.wrap_side, 3),
             object=_ints([self._object_row(item) for item in objects], 5),
-            object_pose=_floats([[*item.pose.rotation.ravel(), *item.pose.translation] for item in objects], 12),
+            object_pose=_floats(
+                [[*item.pose.rotation.ravel(), *item.pose.translation] for item in objects], 12
+            ),
             object_size=_sizes(self.model),
             axis=_ints(self.axis, 6),
             support=np.array(self.support, dtype=np.int64),

@@ -9,7 +9,17 @@ from myomorph.muscles import path_chain as chain
 from myomorph.rigid.coordinates import couple, evaluate, evaluate_at
 from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses, pose_room
-from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, times, turned, vector
+from myomorph.rigid.vectors import (
+    cross,
+    dot,
+    matrix,
+    minus,
+    plus,
+    put_vector,
+    times,
+    turned,
+    vector,
+)
 
 COINCIDENT = 1e-14
 SLACK = 1e-5
@@ -17,48 +27,74 @@ SLACK = 1e-5
 
 @inner
 def path_scratch(P):
-    """Room for `path_frames`, one per thread: x, node, seen, turns, pull, pose, slopes, moved, ends.
-    `x` (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the node, NODE_ARC: length on
-    the surface up to a node that leaves it [m], SEEN ...: place at which OpenSim takes the node to be in ground [m];
-    `node` (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface, NODE_POINT: row of
-    `point`, NODE_WRAP: row of `wrap`, NODE_END: row of `seen`, -1 for none; `seen` (2 wraps, 4) places first seen of
-    the points on surfaces [m], and 1 once they are; `turns` (2, wraps) order of the wraps, and their latest results;
-    `pull` (muscle's bodies, 6) force of unit tension and its moment about the ground's origin; `pose` (surfaces, 12)
-    rotation row by row and place in ground; `slopes` (couplers, 2); `moved` (moving points, 6) place in the body [m],
-    and its derivative in the coordinates; `ends` (9, 3) the arguments of `wrap_tendon`.
+    """Room for `path_frames`, one per thread: x, node, seen, turns, pull, pose, slopes, moved,
+    ends. `x` (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the
+    node, NODE_ARC: length on the surface up to a node that leaves it [m], SEEN ...: place at which
+    OpenSim takes the node to be in ground [m]; `node` (nodes, 5) NODE_LOCAL: number of the body
+    among the muscle's, NODE_OBJECT: surface, NODE_POINT: row of `point`, NODE_WRAP: row of `wrap`,
+    NODE_END: row of `seen`, -1 for none; `seen` (2 wraps, 4) places first seen of the points on
+    surfaces [m], and 1 once they are; `turns` (2, wraps) order of the wraps, and their latest
+    results; `pull` (muscle's bodies, 6) force of unit tension and its moment about the ground's
+    origin; `pose` (surfaces, 12) rotation row by row and place in ground; `slopes` (couplers, 2);
+    `moved` (moving points, 6) place in the body [m], and its derivative in the coordinates; `ends`
+    (9, 3) the arguments of `wrap_tendon`.
     """
-    nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
+    nodes = P.sizes[0] + 2
+    wraps = P.sizes[1]
+    bodies = P.sizes[2]
     return (
-        np.zeros((nodes, 8)), np.zeros((nodes, 5), np.int64), np.zeros((2 * wraps, 4)), np.zeros((2, wraps), np.int64),
-        np.zeros((bodies, 6)), np.zeros((P.object.shape[0], 12)), np.zeros((P.coupler.shape[0], 2)),
-        np.zeros((P.moving.shape[0], 6)), np.zeros((9, 3)),
-    )  # fmt: skip
+        np.zeros((nodes, 8)),
+        np.zeros((nodes, 5), np.int64),
+        np.zeros((2 * wraps, 4)),
+        np.zeros((2, wraps), np.int64),
+        np.zeros((bodies, 6)),
+        np.zeros((P.object.shape[0], 12)),
+        np.zeros((P.coupler.shape[0], 2)),
+        np.zeros((P.moving.shape[0], 6)),
+        np.zeros((9, 3)),
+    )
 
 
 @kernel
 def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
-    `T`, `P`: `TreeArrays`, `PathArrays`; `surfaces`, `tendons`: 1 where a path wraps by the rules of OpenSim or of
-    MuJoCo, else None, for which they are not compiled: they are half of this kernel; `c`, `cdot` (frames, coordinates)
-    values, of which dependent ones are set here, and speeds, of which dependent ones are not read; `lengths`,
-    `velocities` (frames, muscles) filled [m, m/s]; `arms` (frames, moment arms) filled in the order of the pattern; a
-    coordinate that others follow has what reaches the muscle through them included, one that follows has its own share
-    [m/rad or m/m]; `pulls` (frames, muscles' bodies, 6) filled with what unit tension does to each body of each muscle,
-    a force and its moment about the ground's origin [1, m], and `arms` then holds only the work of points that move in
-    their bodies; with 0 bodies where not wanted; `nodes` (frames, muscles, nodes, 4) filled with the places of each
-    path's points and of both ends of its arcs in ground, and the length of the arc that ends there, 0 for a straight
-    part [m]; what is beyond the path's last point is left; with 0 muscles where not wanted.
+    `T`, `P`: `TreeArrays`, `PathArrays`; `surfaces`, `tendons`: 1 where a path wraps by the rules
+    of OpenSim or of MuJoCo, else None, for which they are not compiled: they are half of this
+    kernel; `c`, `cdot` (frames, coordinates) values, of which dependent ones are set here, and
+    speeds, of which dependent ones are not read; `lengths`, `velocities` (frames, muscles) filled
+    [m, m/s]; `arms` (frames, moment arms) filled in the order of the pattern; a coordinate that
+    others follow has what reaches the muscle through them included, one that follows has its own
+    share [m/rad or m/m]; `pulls` (frames, muscles' bodies, 6) filled with what unit tension does to
+    each body of each muscle, a force and its moment about the ground's origin [1, m], and `arms`
+    then holds only the work of points that move in their bodies; with 0 bodies where not wanted;
+    `nodes` (frames, muscles, nodes, 4) filled with the places of each path's points and of both
+    ends of its arcs in ground, and the length of the arc that ends there, 0 for a straight part
+    [m]; what is beyond the path's last point is left; with 0 muscles where not wanted.
     """
-    # Taken out of the bundles once: taking them out in a loop counts references each time, which cost
-    # more than the arithmetic.
-    start, point, place, moving = P.start, P.point, P.place, P.moving
-    wrap, surface, size, side = P.wrap, P.object, P.object_size, P.wrap_side
-    axis, support, arm, follow, fixed_pose = P.axis, P.support, P.arm, P.follow, P.object_pose
+    # Taken out of the bundles once: taking them out in a loop counts references each time, which
+    # cost more than the arithmetic.
+    start = P.start
+    point = P.point
+    place = P.place
+    moving = P.moving
+    wrap = P.wrap
+    surface = P.object
+    size = P.object_size
+    side = P.wrap_side
+    axis = P.axis
+    support = P.support
+    arm = P.arm
+    follow = P.follow
+    fixed_pose = P.object_pose
     x, node, seen, turns, pull, pose, slopes, moved, ends = path_scratch(P)
-    rotation, out, rows = ends[:3], ends[3:5], (ends[5], ends[6], ends[7], ends[8])
+    rotation = ends[:3]
+    out = ends[3:5]
+    rows = (ends[5], ends[6], ends[7], ends[8])
     R, p, w, o, dphi = pose_room(T)
     for f in range(c.shape[0]):
-        here, speeds, row = c[f], cdot[f], arms[f]
+        here = c[f]
+        speeds = cdot[f]
+        row = arms[f]
         couple(T, here)
         body_poses(T, here, R, p, w, o, dphi)
         coupler_slopes(P, here, slopes)
@@ -66,28 +102,59 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
         _place_objects(surface, fixed_pose, R, p, pose)
         for m in range(start.shape[0] - 1):
             first = start[m, columns.POINTS]
-            count = _point_nodes(point, place, moved, first, start[m + 1, columns.POINTS], here, R, p, x, node)
-            begin, end = start[m, columns.WRAPS], start[m + 1, columns.WRAPS]
+            count = _point_nodes(
+                point, place, moved, first, start[m + 1, columns.POINTS], here, R, p, x, node
+            )
+            begin = start[m, columns.WRAPS]
+            end = start[m + 1, columns.WRAPS]
             if end > begin:
                 for i in range(2 * (end - begin)):
                     seen[i, 3] = 0.0
                 by_mujoco = wrap[begin, columns.AFTER] >= 0
-                # Numba leaves out a branch whose condition is None by type, if nothing else stands in the condition.
+                # Numba leaves out a branch whose condition is None by type, if nothing else stands
+                # in the condition.
                 if tendons is not None:  # noqa: SIM102
                     if by_mujoco:
                         count = chain.tendon_nodes(
-                            wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows,
-                            out, count,
-                        )  # fmt: skip
+                            wrap,
+                            side,
+                            surface,
+                            size,
+                            begin,
+                            end,
+                            first,
+                            R,
+                            p,
+                            x,
+                            node,
+                            seen,
+                            pose,
+                            rotation,
+                            rows,
+                            out,
+                            count,
+                        )
                 if surfaces is not None:  # noqa: SIM102
                     if not by_mujoco:
                         count = chain.wrapped_nodes(
-                            wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count
+                            wrap,
+                            surface,
+                            size,
+                            begin,
+                            end,
+                            first,
+                            x,
+                            node,
+                            seen,
+                            turns,
+                            pose,
+                            count,
                         )
             lengths[f, m] = chain.chain_length(x, node, count)
             if nodes.shape[1] > 0:
                 _tell_nodes(x, node, count, nodes[f, m])
-            begin, end = start[m, columns.ARMS], start[m + 1, columns.ARMS]
+            begin = start[m, columns.ARMS]
+            end = start[m + 1, columns.ARMS]
             for index in range(begin, end):
                 row[index] = 0.0
             for b in range(start[m + 1, columns.BODIES] - start[m, columns.BODIES]):
@@ -99,8 +166,21 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
                     for i in range(6):
                         pulls[f, b, i] = pull[b - start[m, columns.BODIES], i]
             else:
-                _gather(axis, support, start[m, columns.AXES], start[m + 1, columns.AXES], w, o, dphi, pull, begin, row)
-            _hand_on(follow, slopes, start[m, columns.FOLLOWS], start[m + 1, columns.FOLLOWS], begin, row)
+                _gather(
+                    axis,
+                    support,
+                    start[m, columns.AXES],
+                    start[m + 1, columns.AXES],
+                    w,
+                    o,
+                    dphi,
+                    pull,
+                    begin,
+                    row,
+                )
+            _hand_on(
+                follow, slopes, start[m, columns.FOLLOWS], start[m + 1, columns.FOLLOWS], begin, row
+            )
             speed = 0.0
             for index in range(begin, end):
                 if arm[index, 1] == 1:
@@ -110,11 +190,17 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
 
 @in_place
 def _tell_nodes(x, node, count, told):
-    """Fill told (nodes, 4) with the places of a path's points, and the length of the arc that ends in each."""
+    """Fill told (nodes, 4) with the places of a path's points, and the length of the arc that ends
+    in each.
+    """
     for n in range(count):
         for i in range(3):
             told[n, i] = x[n, i]
-        arc = n > 0 and node[n, chain.NODE_OBJECT] >= 0 and node[n, chain.NODE_OBJECT] == node[n - 1, chain.NODE_OBJECT]
+        arc = (
+            n > 0
+            and node[n, chain.NODE_OBJECT] >= 0
+            and node[n, chain.NODE_OBJECT] == node[n - 1, chain.NODE_OBJECT]
+        )
         told[n, 3] = x[n, chain.NODE_ARC] if arc else 0.0
 
 
@@ -122,7 +208,8 @@ def _tell_nodes(x, node, count, told):
 def _hand_on(follow, slopes, start, stop, arm, arms):
     """Add what reaches coordinates through those that follow them."""
     for q in range(start, stop):
-        index, own = follow[q, 0], arms[arm + follow[q, 1]]
+        index = follow[q, 0]
+        own = arms[arm + follow[q, 1]]
         for i in range(2):
             if follow[q, 2 + i] >= 0:
                 arms[arm + follow[q, 2 + i]] += slopes[index, i] * own
@@ -132,7 +219,9 @@ def _hand_on(follow, slopes, start, stop, arm, arms):
 def coupler_slopes(P, c, slopes):
     """Fill slopes (couplers, 2) of the dependent coordinates in those they follow."""
     for index in range(slopes.shape[0]):
-        function, i, j = P.coupler[index, 0], P.coupler[index, 1], P.coupler[index, 2]
+        function = P.coupler[index, 0]
+        i = P.coupler[index, 1]
+        j = P.coupler[index, 2]
         _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate_at(P.functions, function, i, j, c)
 
 
@@ -146,7 +235,9 @@ def _place_objects(rows, poses, R, p, placed):
             for j in range(3):
                 x += R[b, i, j] * poses[index, 9 + j]
                 placed[index, 3 * i + j] = (
-                    R[b, i, 0] * poses[index, j] + R[b, i, 1] * poses[index, 3 + j] + R[b, i, 2] * poses[index, 6 + j]
+                    R[b, i, 0] * poses[index, j]
+                    + R[b, i, 1] * poses[index, 3 + j]
+                    + R[b, i, 2] * poses[index, 6 + j]
                 )
             placed[index, 9 + i] = x
 
@@ -157,16 +248,24 @@ def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
     count = 0
     for index in range(start, stop):
         j = point[index, columns.COORDINATE]
-        if j >= 0 and not place[index, columns.LOW] - SLACK <= c[j] <= place[index, columns.HIGH] + SLACK:
+        if (
+            j >= 0
+            and not place[index, columns.LOW] - SLACK <= c[j] <= place[index, columns.HIGH] + SLACK
+        ):
             continue
-        v, b = point[index, columns.MOVING], point[index, columns.BODY]
+        v = point[index, columns.MOVING]
+        b = point[index, columns.BODY]
         at = vector(moved, v) if v >= 0 else vector(place, index)
         put_vector(x, count, plus(turned(matrix(R, b), at), vector(p, b)))
         for i in range(3):
             x[count, chain.SEEN + i] = x[count, i]
-        x[count, chain.NODE_WEIGHT], x[count, chain.NODE_ARC] = place[index, columns.WEIGHT], 0.0
-        node[count, chain.NODE_LOCAL], node[count, chain.NODE_OBJECT] = point[index, columns.LOCAL], -1
-        node[count, chain.NODE_POINT], node[count, chain.NODE_WRAP], node[count, chain.NODE_END] = index, -1, -1
+        x[count, chain.NODE_WEIGHT] = place[index, columns.WEIGHT]
+        x[count, chain.NODE_ARC] = 0.0
+        node[count, chain.NODE_LOCAL] = point[index, columns.LOCAL]
+        node[count, chain.NODE_OBJECT] = -1
+        node[count, chain.NODE_POINT] = index
+        node[count, chain.NODE_WRAP] = -1
+        node[count, chain.NODE_END] = -1
         count += 1
     return count
 
@@ -177,7 +276,8 @@ def _move_points(P, c, moved):
     for v in range(moved.shape[0]):
         for i in range(3):
             j = P.moving[v, 3 + i]
-            low, high = P.moving_range[v, 2 * i], P.moving_range[v, 2 * i + 1]
+            low = P.moving_range[v, 2 * i]
+            high = P.moving_range[v, 2 * i + 1]
             at = min(max(c[j], low), high) if j >= 0 else 0.0
             moved[v, i], slope, _, _, _, _ = evaluate(P.functions, P.moving[v, i], at, 0.0)
             # Beyond the range the point stands still.
@@ -186,14 +286,18 @@ def _move_points(P, c, moved):
 
 @inner
 def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
-    """Add force and moment of unit tension to each body of the muscle; what moves points goes into `arms`."""
+    """Add force and moment of unit tension to each body of the muscle; what moves points goes into
+    `arms`.
+    """
     for n in range(count - 1):
-        index, j = node[n, chain.NODE_POINT], node[n + 1, chain.NODE_POINT]
+        index = node[n, chain.NODE_POINT]
+        j = node[n + 1, chain.NODE_POINT]
         v = point[index, columns.MOVING] if index >= 0 else -1
         u = point[j, columns.MOVING] if j >= 0 else -1
         if node[n, chain.NODE_LOCAL] == node[n + 1, chain.NODE_LOCAL] and v < 0 and u < 0:
             continue
-        start, stop = chain.seen_at(x, n), chain.seen_at(x, n + 1)
+        start = chain.seen_at(x, n)
+        stop = chain.seen_at(x, n + 1)
         length = chain.between(start, stop)
         if length < COINCIDENT:
             continue
@@ -219,7 +323,9 @@ def _pull(pull, b, x, n, force):
 
 @inner
 def _work(moving, moved, v, R, b, force, arm, arms):
-    """Add the work of a force on moving point v of body b, per unit of the coordinates that move it."""
+    """Add the work of a force on moving point v of body b, per unit of the coordinates that move
+    it.
+    """
     for i in range(3):
         if moving[v, 6 + i] >= 0:
             share = R[b, 0, i] * force[0] + R[b, 1, i] * force[1] + R[b, 2, i] * force[2]
@@ -230,13 +336,18 @@ def _work(moving, moved, v, R, b, force, arm, arms):
 def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
     """Add what the forces do along the axes that lie between the muscle's bodies."""
     for q in range(start, stop):
-        force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        force = (0.0, 0.0, 0.0)
+        moment = (0.0, 0.0, 0.0)
         for n in range(axis[q, columns.SUPPORT], axis[q, columns.SUPPORT_STOP]):
             b = support[n]
             force = plus(force, vector(pull, b))
             moment = plus(moment, (pull[b, 3], pull[b, 4], pull[b, 5]))
         index = axis[q, columns.TREE_AXIS]
-        along = minus(moment, cross(vector(o, index), force)) if axis[q, columns.ROTATES] == 1 else force
+        along = (
+            minus(moment, cross(vector(o, index), force))
+            if axis[q, columns.ROTATES] == 1
+            else force
+        )
         work = dot(vector(w, index), along)
         if axis[q, columns.SLOT_1] >= 0:
             arms[arm + axis[q, columns.SLOT_1]] += dphi[index, 0] * work

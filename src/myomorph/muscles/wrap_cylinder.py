@@ -1,9 +1,10 @@
 """The way around a cylinder as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
 
-In the frame of the surface its axis is z and its middle the origin. The path of least length would be a helix; OpenSim
-takes the tangent points of the projection along the axis, slides them along the axis into the plane of both points and
-an apex of the cylinder, and joins them by a helix. Where a path has several surfaces the points are slid on until the
-helix leaves at the angle of the straight parts, to within 0.1 degrees.
+In the frame of the surface its axis is z and its middle the origin. The path of least length would
+be a helix; OpenSim takes the tangent points of the projection along the axis, slides them along the
+axis into the plane of both points and an apex of the cylinder, and joins them by a helix. Where a
+path has several surfaces the points are slid on until the helix leaves at the angle of the straight
+parts, to within 0.1 degrees.
 """
 
 from __future__ import annotations
@@ -13,7 +14,10 @@ import math
 from myomorph.rigid.kernels import inner
 from myomorph.rigid.vectors import EPSILON, along, cross, dot, minus, norm, sign, unit
 
-NO_WRAP, INSIDE, WRAPPED, MANDATORY = 0, 1, 2, 3
+NO_WRAP = 0
+INSIDE = 1
+WRAPPED = 2
+MANDATORY = 3
 PARALLEL = 2e-13
 CHORD = 0.002
 TANGENCY = math.radians(0.1)
@@ -23,14 +27,16 @@ MAX_SLIDES = 100
 @inner
 def wrap_cylinder(a, b, radius, length, axis, side, single):
     """Where the segment from a to b meets and leaves the cylinder.
-    `a`, `b`: points in the frame of the cylinder [m]; `radius`, `length` [m]; `axis`, `side`: the path may only touch
-    the half where sign(component `axis`) is `side`; 0 for all; `single`: the path has no other surface, so the points
-    are not slid to tangency. Returns `code`: NO_WRAP, INSIDE (a point lies in the infinite cylinder), WRAPPED or
-    MANDATORY (the segment runs through the cylinder); `arc`: length on the surface [m]; `r`, `s`: where the path meets
-    and leaves the surface; only on WRAPPED and MANDATORY.
+    `a`, `b`: points in the frame of the cylinder [m]; `radius`, `length` [m]; `axis`, `side`: the
+    path may only touch the half where sign(component `axis`) is `side`; 0 for all; `single`: the
+    path has no other surface, so the points are not slid to tangency. Returns `code`: NO_WRAP,
+    INSIDE (a point lies in the infinite cylinder), WRAPPED or MANDATORY (the segment runs through
+    the cylinder); `arc`: length on the surface [m]; `r`, `s`: where the path meets and leaves the
+    surface; only on WRAPPED and MANDATORY.
     """
     rr = radius * radius
-    da, db = math.sqrt(a[0] * a[0] + a[1] * a[1]), math.sqrt(b[0] * b[0] + b[1] * b[1])
+    da = math.sqrt(a[0] * a[0] + a[1] * a[1])
+    db = math.sqrt(b[0] * b[0] + b[1] * b[1])
     if da * da < rr or db * db < rr:
         return INSIDE, 0.0, a, b
     t, near = _nearest_to_axis(a, b)
@@ -47,15 +53,21 @@ def wrap_cylinder(a, b, radius, length, axis, side, single):
         return NO_WRAP, 0.0, a, b
     ra, rb = _tangents(a, da, radius)
     sa, sb = _tangents(b, db, radius)
-    far, long = False, False
+    far = False
+    long = False
     if side == 0:
-        first, other = ra[0] * sa[0] + ra[1] * sa[1], ra[0] * sb[0] + ra[1] * sb[1]
-        of_a, of_b = nearest_pair(first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1])
-        r, s = ra if of_a else rb, sa if of_b else sb
+        first = ra[0] * sa[0] + ra[1] * sa[1]
+        other = ra[0] * sb[0] + ra[1] * sb[1]
+        of_a, of_b = nearest_pair(
+            first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1]
+        )
+        r = ra if of_a else rb
+        s = sa if of_b else sb
     else:
         # The angle from ra to sb against the one from rb to sa, by their cosines.
         wider = ra[0] * sb[0] + ra[1] * sb[1] < rb[0] * sa[0] + rb[1] * sa[1]
-        on_a, on_b = sign(ra[axis]) == side, sign(rb[axis]) == side
+        on_a = sign(ra[axis]) == side
+        on_b = sign(rb[axis]) == side
         if on_a != on_b:
             first = on_a
         elif sign(sa[axis]) == side:
@@ -88,7 +100,8 @@ def _nearest_to_axis(a, b):
 @inner
 def _tangents(p, distance, radius):
     """Both points where lines across the axis through p touch the circle at p's height."""
-    x, y = p[0] / distance, p[1] / distance
+    x = p[0] / distance
+    y = p[1] / distance
     foot = radius * (radius / distance)
     h = math.sqrt(max(0.0, radius * radius - foot * foot))
     return (foot * x - h * y, foot * y + h * x, p[2]), (foot * x + h * y, foot * y - h * x, p[2])
@@ -96,7 +109,9 @@ def _tangents(p, distance, radius):
 
 @inner
 def nearest_pair(aa, ab, ba, bb):
-    """Of two tangent points a, b at either end, by the cosines of all pairs: whether the nearest has a of each end."""
+    """Of two tangent points a, b at either end, by the cosines of all pairs: whether the nearest
+    has a of each end.
+    """
     if aa > ab and aa > ba and aa > bb:
         return True, True
     if ab > ba and ab > bb:
@@ -111,14 +126,17 @@ def _slide_to_plane(a, b, da, db, r, s, radius, far):
     foot = (0.0, 0.0, middle[2])
     n = unit(cross(unit(minus(a, foot)), unit(minus(b, foot))))
     out = unit((-n[1], n[0], 0.0))
-    one, other = along(foot, radius, out), along(foot, -radius, out)
-    to_one, to_other = minus(middle, one), minus(middle, other)
+    one = along(foot, radius, out)
+    other = along(foot, -radius, out)
+    to_one = minus(middle, one)
+    to_other = minus(middle, other)
     first_is_near = dot(to_one, to_one) < dot(to_other, to_other)
     apex = one if first_is_near != far else other
     n = unit(cross(unit(minus(a, apex)), unit(minus(b, apex))))
     if abs(20.0 * n[2]) < 1e-5:
         return r, s
-    reach, span = 10.0 * (1.0 + 2e-5), (b[2] - a[2]) * (b[2] - a[2])
+    reach = 10.0 * (1.0 + 2e-5)
+    span = (b[2] - a[2]) * (b[2] - a[2])
     # OpenSim measures from a in the direction of b's foot on the axis, which is no direction at 0.
     degenerate = abs(b[2]) < EPSILON
     z = r[2] - dot(n, minus(r, a)) / n[2]
@@ -140,23 +158,29 @@ def _helix(a, b, r, s, radius, long, single):
         angle = 2.0 * math.pi - angle
     turn = -angle if long else angle
     flat = radius * angle
-    z, y = r[2], s[2]
+    z = r[2]
+    y = s[2]
     arc = math.sqrt(flat * flat + (y - z) * (y - z))
     slides = 0 if not single else MAX_SLIDES
-    known, t = 0, 0.0
-    at_r, at_s = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    known = 0
+    t = 0.0
+    at_r = (0.0, 0.0, 0.0, 0.0)
+    at_s = (0.0, 0.0, 0.0, 0.0)
     while slides < MAX_SLIDES and arc >= 2.0 * CHORD:
         chords = int(arc / CHORD)
         if chords != known:
-            known, t = chords, 1.0 / chords
-            at_r, at_s = _flat_view(a, r, r, t * turn), _flat_view(b, s, r, (1.0 - t) * turn)
+            known = chords
+            t = 1.0 / chords
+            at_r = _flat_view(a, r, r, t * turn)
+            at_s = _flat_view(b, s, r, (1.0 - t) * turn)
         rise = y - z
         slid_r, new_z = _slide_to_tangency(a[2], z, z + t * rise, at_r)
         # The other end is compared with the helix of the new r, as OpenSim does.
         slid_s, new_y = _slide_to_tangency(b[2], y, new_z + (1.0 - t) * rise, at_s)
         if not slid_r and not slid_s:
             break
-        z, y = new_z, new_y
+        z = new_z
+        y = new_y
         arc = math.sqrt(flat * flat + (y - z) * (y - z))
         slides += 1
     return arc, (r[0], r[1], z), (s[0], s[1], y)
@@ -164,12 +188,18 @@ def _helix(a, b, r, s, radius, long, single):
 
 @inner
 def _flat_view(p, q, r, turn):
-    """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by `turn` makes.
-    Seen along the axis: squares of the distances p q, q w and p w, and how far along p w the point nearest to q lies.
+    """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by
+    `turn` makes. Seen along the axis: squares of the distances p q, q w and p w, and how far along
+    p w the point nearest to q lies.
     """
-    c, s = math.cos(turn), math.sin(turn)
-    w0, w1 = c * r[0] - s * r[1], s * r[0] + c * r[1]
-    q0, q1, d0, d1 = q[0] - p[0], q[1] - p[1], w0 - p[0], w1 - p[1]
+    c = math.cos(turn)
+    s = math.sin(turn)
+    w0 = c * r[0] - s * r[1]
+    w1 = s * r[0] + c * r[1]
+    q0 = q[0] - p[0]
+    q1 = q[1] - p[1]
+    d0 = w0 - p[0]
+    d1 = w1 - p[1]
     pw = d0 * d0 + d1 * d1
     share = (q0 * d0 + q1 * d1) / pw if pw > 0.0 else 0.0
     return q0 * q0 + q1 * q1, (w0 - q[0]) ** 2 + (w1 - q[1]) ** 2, pw, share
@@ -177,15 +207,19 @@ def _flat_view(p, q, r, turn):
 
 @inner
 def _slide_to_tangency(p, q, w, view):
-    """Slide a tangent point where the line to it and the helix away from it do not meet at one angle.
-    Takes and gives heights along the axis: of the outer point, the tangent point and a point on the helix.
+    """Slide a tangent point where the line to it and the helix away from it do not meet at one
+    angle. Takes and gives heights along the axis: of the outer point, the tangent point and a point
+    on the helix.
     """
     pq, qw, pw, share = view
-    into, away = q - p, w - q
-    v, u = into / math.sqrt(pq + into * into), away / math.sqrt(qw + away * away)
+    into = q - p
+    away = w - q
+    v = into / math.sqrt(pq + into * into)
+    u = away / math.sqrt(qw + away * away)
     # acos is steep: only cosines this near need their angles.
     slides = abs(v - u) > TANGENCY or abs(math.acos(v) - math.acos(u)) > TANGENCY
     if slides and abs(w - p) >= EPSILON and pw > PARALLEL * (pw + (w - p) * (w - p)):
-        # To the height of the line from p to w where it passes the tangent point, and half as far again.
+        # To the height of the line from p to w where it passes the tangent point, and half as far
+        # again.
         return True, q + 1.5 * (p + share * (w - p) - q)
     return False, q

@@ -4,8 +4,9 @@ The path lies in a plane through both points and a third point c on the surface,
 nearest surface points of the chord inside the ellipsoid: in the coordinate plane that the segment
 crosses most squarely ("axial"), of the chord's middle ("midpoint"), or of all the chord ("fan"),
 blended with the first ("hybrid"). It is not the shortest path. All lengths are divided by the mean
-half axis, for the sake of OpenSim's tolerances, which are kept because they are felt in the result. So are the special
-cases near axes and planes of the search for the nearest point (Eberly, Graphics Gems IV).
+half axis, for the sake of OpenSim's tolerances, which are kept because they are felt in the result.
+So are the special cases near axes and planes of the search for the nearest point (Eberly, Graphics
+Gems IV).
 """
 
 from __future__ import annotations
@@ -41,28 +42,43 @@ def nearest_in_plane(a, p, plane):
 @inner
 def nearest_on_ellipsoid(a, p):
     """Nearest point of the ellipsoid with half axes a around the origin to p.
-    `a`: half axes, about 1; `p`: the given point. Returns `found`: false where Newton's iteration did not end;
-    `nearest` (3,).
+    `a`: half axes, about 1; `p`: the given point. Returns `found`: false where Newton's iteration
+    did not end; `nearest` (3,).
     """
-    plane, narrowest = -1, math.inf
+    plane = -1
+    narrowest = math.inf
     for i in range(3):
         others = a[0] + a[1] + a[2] - a[i]
         if abs(p[i]) <= ROUNDING and others < narrowest:
-            plane, narrowest = i, others
+            plane = i
+            narrowest = others
     if plane >= 0:
         return True, nearest_in_plane(a, p, plane)
-    a2, b2, c2 = a[0] * a[0], a[1] * a[1], a[2] * a[2]
-    u, v, w = a2 * p[0] * p[0], b2 * p[1] * p[1], c2 * p[2] * p[2]
+    a2 = a[0] * a[0]
+    b2 = a[1] * a[1]
+    c2 = a[2] * a[2]
+    u = a2 * p[0] * p[0]
+    v = b2 * p[1] * p[1]
+    w = c2 * p[2] * p[2]
     t = 0.0
     if u / (a2 * a2) + v / (b2 * b2) + w / (c2 * c2) >= 1.0:
         t = max(a[0], a[1], a[2]) * math.sqrt(dot(p, p))
     for _ in range(MAX_STEPS):
-        P, Q, R = t + a2, t + b2, t + c2
-        P2, Q2, R2 = P * P, Q * Q, R * R
+        P = t + a2
+        Q = t + b2
+        R = t + c2
+        P2 = P * P
+        Q2 = Q * Q
+        R2 = R * R
         f = P2 * Q2 * R2 - u * Q2 * R2 - v * P2 * R2 - w * P2 * Q2
         if abs(f) < SMALL:
             return True, (a2 * p[0] / P, b2 * p[1] / Q, c2 * p[2] / R)
-        slope = P * Q * R * (Q * R + P * R + P * Q) - u * Q * R * (Q + R) - v * P * R * (P + R) - w * P * Q * (P + Q)
+        slope = (
+            P * Q * R * (Q * R + P * R + P * Q)
+            - u * Q * R * (Q + R)
+            - v * P * R * (P + R)
+            - w * P * Q * (P + Q)
+        )
         t -= f / (2.0 * slope)
     return False, p
 
@@ -70,8 +86,10 @@ def nearest_on_ellipsoid(a, p):
 @inner
 def _nearest_on_ellipse(a, b, u, v):
     """Nearest point of the ellipse with half axes a, b to (u, v)."""
-    a2, b2 = a * a, b * b
-    on_y, on_x = abs(u) <= ROUNDING, abs(v) <= ROUNDING
+    a2 = a * a
+    b2 = b * b
+    on_y = abs(u) <= ROUNDING
+    on_x = abs(v) <= ROUNDING
     if on_x and on_y:
         if a < b:
             return -a if u < 0.0 else a, v
@@ -89,9 +107,11 @@ def _nearest_on_ellipse(a, b, u, v):
     t = 0.0
     if u * u / a2 + v * v / b2 >= 1.0:
         t = max(a, b) * math.hypot(u, v)
-    P, Q = t + a2, t + b2
+    P = t + a2
+    Q = t + b2
     for _ in range(MAX_STEPS):
-        P, Q = t + a2, t + b2
+        P = t + a2
+        Q = t + b2
         f = P * P * Q * Q - a2 * u * u * Q * Q - b2 * v * v * P * P
         if abs(f) < SMALL:
             break
@@ -113,8 +133,10 @@ def tangent_point(p, r, a, n, d):
     h = -_weighted(w, r, r)
     e = _residuals(p, r, h, w, n, d)
     before = _squares(e)
-    now, damping = before, 0.01
-    A, b = np.empty((4, 4)), np.empty(4)
+    now = before
+    damping = 0.01
+    A = np.empty((4, 4))
+    b = np.empty(4)
     steps = 0
     while now > SMALL_RESIDUAL and steps < MAX_NEWTON_STEPS:
         steps += 1
@@ -125,18 +147,24 @@ def tangent_point(p, r, a, n, d):
         u = (0.0, 0.0, 0.0, 0.0)
         while now >= before and tries < MAX_TRIES:
             u = _solved(A, b, damping, gain)
-            r, h = (r[0] + u[0], r[1] + u[1], r[2] + u[2]), h + u[3]
-            before, now = now, _squares(_residuals(p, r, h, w, n, d))
+            r = (r[0] + u[0], r[1] + u[1], r[2] + u[2])
+            h = h + u[3]
+            before = now
+            now = _squares(_residuals(p, r, h, w, n, d))
             damping *= 4.0
             tries += 1
         damping /= 8.0
-        stretch, tries = 0.5, 0
+        stretch = 0.5
+        tries = 0
         while now <= before and tries < MAX_TRIES:
             stretch *= 2.0
-            r, h = (r[0] + stretch * u[0], r[1] + stretch * u[1], r[2] + stretch * u[2]), h + stretch * u[3]
-            before, now = now, _squares(_residuals(p, r, h, w, n, d))
+            r = (r[0] + stretch * u[0], r[1] + stretch * u[1], r[2] + stretch * u[2])
+            h = h + stretch * u[3]
+            before = now
+            now = _squares(_residuals(p, r, h, w, n, d))
             tries += 1
-        r, h = (r[0] - stretch * u[0], r[1] - stretch * u[1], r[2] - stretch * u[2]), h - stretch * u[3]
+        r = (r[0] - stretch * u[0], r[1] - stretch * u[1], r[2] - stretch * u[2])
+        h = h - stretch * u[3]
         e = _residuals(p, r, h, w, n, d)
         now = _squares(e)
         before = now
@@ -177,10 +205,14 @@ def _solved(A, b, damping, gain):
     """Solution of (A + damping diag(A)) u = gain b by the factors L D L^T."""
     scale = 1.0 + damping
     i0 = 1.0 / (A[0, 0] * scale)
-    l10, l20, l30 = A[1, 0] * i0, A[2, 0] * i0, A[3, 0] * i0
+    l10 = A[1, 0] * i0
+    l20 = A[2, 0] * i0
+    l30 = A[3, 0] * i0
     i1 = 1.0 / (A[1, 1] * scale - l10 * A[1, 0])
-    e2, e3 = A[2, 1] - l20 * A[1, 0], A[3, 1] - l30 * A[1, 0]
-    l21, l31 = e2 * i1, e3 * i1
+    e2 = A[2, 1] - l20 * A[1, 0]
+    e3 = A[3, 1] - l30 * A[1, 0]
+    l21 = e2 * i1
+    l31 = e3 * i1
     i2 = 1.0 / (A[2, 2] * scale - l20 * A[2, 0] - l21 * e2)
     f3 = A[3, 2] - l30 * A[2, 0] - l31 * e2
     l32 = f3 * i2
@@ -196,8 +228,11 @@ def _solved(A, b, damping, gain):
     return u0, u1, u2, u3
 
 
-HYBRID, MIDPOINT, AXIAL = 0, 1, 2
-BLEND_FROM, BLEND_TO = 0.7073, 0.9
+HYBRID = 0
+MIDPOINT = 1
+AXIAL = 2
+BLEND_FROM = 0.7073
+BLEND_TO = 0.9
 EDGE = 0.3
 FAN = 300
 CHORD = 0.001
@@ -207,15 +242,16 @@ MAX_CHORDS = 499
 @inner
 def wrap_ellipsoid(p, q, size, method, axis, side):
     """Where the segment from p to q meets and leaves the ellipsoid around the origin.
-    `p`, `q`: points in the frame of the ellipsoid [m]; `size`: half axes [m]; `method`: HYBRID, MIDPOINT or AXIAL;
-    `axis`, `side`: the half that constrains the path, as of `wrap_cylinder`; 0 for all. Returns `code`, `arc`, `r`,
-    `s`: as of `wrap_cylinder`, but never WRAPPED.
+    `p`, `q`: points in the frame of the ellipsoid [m]; `size`: half axes [m]; `method`: HYBRID,
+    MIDPOINT or AXIAL; `axis`, `side`: the half that constrains the path, as of `wrap_cylinder`; 0
+    for all. Returns `code`, `arc`, `r`, `s`: as of `wrap_cylinder`, but never WRAPPED.
     """
     factor = 3.0 / (size[0] + size[1] + size[2])
     a = (size[0] * factor, size[1] * factor, size[2] * factor)
     x = (p[0] * factor, p[1] * factor, p[2] * factor)
     y = (q[0] * factor, q[1] * factor, q[2] * factor)
-    x_out, y_out = _outside(x, a), _outside(y, a)
+    x_out = _outside(x, a)
+    y_out = _outside(y, a)
     if x_out < -0.0001 or y_out < -0.0001:
         return INSIDE, 0.0, p, q
     if abs(dot(unit(x), unit(y)) - 1.0) < 0.0001:
@@ -226,10 +262,12 @@ def wrap_ellipsoid(p, q, size, method, axis, side):
     best, square, place = _most_square(x, y, r, s)
     c, square, fan = _plane_point(r, s, a, method, best, square, place)
     if method != AXIAL or 0.0 < place < 1.0:
-        r, s = c, c
+        r = c
+        s = c
     if side != 0 and sign(c[axis]) != side:
         c = replaced(c, axis, -c[axis])
-        r, s = c, c
+        r = c
+        s = c
         if fan > 0.0:
             # The middle between c and its mirror image has a zero there.
             target = replaced(c, axis, (1.0 - min(fan, 1.0)) * c[axis])
@@ -256,7 +294,9 @@ def _scaled(p, factor):
 
 @inner
 def _outside(p, a):
-    u, v, w = p[0] / a[0], p[1] / a[1], p[2] / a[2]
+    u = p[0] / a[0]
+    v = p[1] / a[1]
+    w = p[2] / a[2]
     return u * u + v * v + w * w - 1.0
 
 
@@ -266,12 +306,15 @@ def _chord(x, y, a):
     d = minus(x, y)
     f = (d[0] / a[0], d[1] / a[1], d[2] / a[2])
     g = (y[0] / a[0], y[1] / a[1], y[2] / a[2])
-    A, B, C = dot(f, f), 2.0 * dot(f, g), dot(g, g) - 1.0
+    A = dot(f, f)
+    B = 2.0 * dot(f, g)
+    C = dot(g, g) - 1.0
     discriminant = B * B - 4.0 * A * C
     if discriminant < 0.0 or A == 0.0:
         return False, x, y
     root = math.sqrt(discriminant)
-    one, other = (-B + root) / (2.0 * A), (-B - root) / (2.0 * A)
+    one = (-B + root) / (2.0 * A)
+    other = (-B - root) / (2.0 * A)
     if not (0.0 < one < 1.0 and 0.0 < other < 1.0):
         return False, x, y
     return True, along(y, one, d), along(y, other, d)
@@ -279,7 +322,9 @@ def _chord(x, y, a):
 
 @inner
 def _most_square(x, y, r, s):
-    """Axis most parallel to the segment, its cosine, and where the chord crosses the plane across it."""
+    """Axis most parallel to the segment, its cosine, and where the chord crosses the plane across
+    it.
+    """
     d = unit(minus(x, y))
     best = 0
     for i in range(1, 3):
@@ -290,7 +335,9 @@ def _most_square(x, y, r, s):
 
 @inner
 def _plane_point(r, s, a, method, best, square, place):
-    """The surface point that sets the plane, the cosine after fading, the share of the fan (-inf where unset)."""
+    """The surface point that sets the plane, the cosine after fading, the share of the fan (-inf
+    where unset).
+    """
     chord = minus(s, r)
     middle = along(r, 0.5, chord)
     if method == MIDPOINT:
@@ -335,7 +382,9 @@ def _fan(r, chord, a):
 
 @inner
 def _arc(x, y, r, s, a, n, d, factor, constrained):
-    """Length from r to s on the surface, in the plane n . x + d = 0; the other way round if need be."""
+    """Length from r to s on the surface, in the plane n . x + d = 0; the other way round if need
+    be.
+    """
     gap = norm(minus(r, s))
     if gap / factor < CHORD:
         return gap
@@ -351,24 +400,35 @@ def _arc(x, y, r, s, a, n, d, factor, constrained):
     f = cross(unit(cross(e, f)), e)
     length, second, last = _chords_length(center, e, f, whole / chords, chords, r, s, a)
     if constrained and chords > 1:
-        start, end = minus(second, r), minus(last, s)
+        start = minus(second, r)
+        end = minus(last, s)
         if dot(minus(x, r), start) > 0.0 or dot(minus(y, s), end) > 0.0:
-            length, second, last = _chords_length(center, e, f, (whole - 2.0 * math.pi) / chords, chords, r, s, a)
+            length, second, last = _chords_length(
+                center, e, f, (whole - 2.0 * math.pi) / chords, chords, r, s, a
+            )
     return length
 
 
 @inner
 def _chords_length(center, e, f, step, chords, r, s, a):
-    """Length of the chords from r to s at even angles about `center`, and the second and last but one points."""
+    """Length of the chords from r to s at even angles about `center`, and the second and last but
+    one points.
+    """
     g = (center[0] / a[0], center[1] / a[1], center[2] / a[2])
     C = dot(g, g) - 1.0
-    length, before, second = 0.0, r, s
-    c, d, turn_c, turn_d = 1.0, 0.0, math.cos(step), math.sin(step)
+    length = 0.0
+    before = r
+    second = s
+    c = 1.0
+    d = 0.0
+    turn_c = math.cos(step)
+    turn_d = math.sin(step)
     for i in range(1, chords):
         c, d = c * turn_c - d * turn_d, d * turn_c + c * turn_d
         direction = (c * e[0] + d * f[0], c * e[1] + d * f[1], c * e[2] + d * f[2])
         h = (direction[0] / a[0], direction[1] / a[1], direction[2] / a[2])
-        A, B = dot(h, h), 2.0 * dot(h, g)
+        A = dot(h, h)
+        B = 2.0 * dot(h, g)
         point = along(center, (-B + math.sqrt(B * B - 4.0 * A * C)) / (2.0 * A), direction)
         length += norm(minus(point, before))
         before = point

@@ -23,25 +23,29 @@ MAX_CALLS = 500
 @inner
 def wrap_torus(a, b, inner_radius, outer, axis, side, single):
     """Where the segment from a to b meets and leaves the tube of radius `inner_radius`.
-    `a`, `b`: points in the frame of the torus, whose circle of radius `outer` lies in z = 0 [m]; `inner_radius`,
-    `outer` [m]; `axis`, `side`: the half of the circle that may be touched, as of `wrap_cylinder`; 0 for all; `single`:
-    as of `wrap_cylinder`. Returns `code`, `arc`, `r`, `s`: as of `wrap_cylinder`, but never MANDATORY; arc is NaN where
-    the code is WRAPPED although the cylinder was missed, which only matters to the order of several surfaces.
+    `a`, `b`: points in the frame of the torus, whose circle of radius `outer` lies in z = 0 [m];
+    `inner_radius`, `outer` [m]; `axis`, `side`: the half of the circle that may be touched, as of
+    `wrap_cylinder`; 0 for all; `single`: as of `wrap_cylinder`. Returns `code`, `arc`, `r`, `s`: as
+    of `wrap_cylinder`, but never MANDATORY; arc is NaN where the code is WRAPPED although the
+    cylinder was missed, which only matters to the order of several surfaces.
     """
     result, x, y = _nearest_on_circle(a, b, outer, axis, side)
     if not result:
         return NO_WRAP, 0.0, a, b
     # Cylinder frame: x towards the center of the torus, y down, z along the circle.
-    cx, cy = -x / outer, -y / outer
+    cx = -x / outer
+    cy = -y / outer
     p = (cx * a[0] + cy * a[1] + outer, -a[2], -cy * a[0] + cx * a[1])
     q = (cx * b[0] + cy * b[1] + outer, -b[2], -cy * b[0] + cx * b[1])
-    # OpenSim's helper cylinder keeps the side it is born with: the half towards the center. (Written as
-    # variables, since a call with literals would compile the cylinder once more.)
-    x_axis, positive = axis * 0, side * 0 + 1
+    # OpenSim's helper cylinder keeps the side it is born with: the half towards the center.
+    # (Written as variables, since a call with literals would compile the cylinder once more.)
+    x_axis = axis * 0
+    positive = side * 0 + 1
     code, arc, r, s = wrap_cylinder(p, q, inner_radius, CYLINDER_LENGTH, x_axis, positive, single)
     if code < WRAPPED:
         return WRAPPED, math.nan, a, b
-    u, v = r[0] - outer, s[0] - outer
+    u = r[0] - outer
+    v = s[0] - outer
     r = (cx * u - cy * r[2], cy * u + cx * r[2], -r[1])
     s = (cx * v - cy * s[2], cy * v + cx * s[2], -s[1])
     return WRAPPED, arc, r, s
@@ -49,14 +53,17 @@ def wrap_torus(a, b, inner_radius, outer, axis, side, single):
 
 @inner
 def _nearest_on_circle(a, b, radius, axis, side):
-    """Point of the circle nearest to the line, searched from both ends; false where on the wrong half."""
+    """Point of the circle nearest to the line, searched from both ends; false where on the wrong
+    half.
+    """
     d = unit(minus(b, a))
     one = along(a, _search(a, d, radius), d)
     d = (-d[0], -d[1], -d[2])
     other = along(b, _search(b, d, radius), d)
     nearer = _distance(one, radius) < _distance(other, radius)
     if side != 0:
-        one_on, other_on = sign(one[axis]) == side, sign(other[axis]) == side
+        one_on = sign(one[axis]) == side
+        other_on = sign(other[axis]) == side
         if not one_on and not other_on:
             return False, 0.0, 0.0
         if one_on != other_on:
@@ -76,7 +83,8 @@ def _distance(p, radius):
 @inner
 def _slope(p, d, radius, u):
     """Derivative along the line of the squared distance to the circle, at p + u d."""
-    flat, level = p[0] * d[0] + p[1] * d[1], d[0] * d[0] + d[1] * d[1]
+    flat = p[0] * d[0] + p[1] * d[1]
+    level = d[0] * d[0] + d[1] * d[1]
     across = math.sqrt(u * u * level + 2.0 * flat * u + p[0] * p[0] + p[1] * p[1])
     if across == 0.0:
         return math.nan
@@ -86,9 +94,14 @@ def _slope(p, d, radius, u):
 @inner
 def _search(p, d, radius):
     """Root of `_slope` from u = 0 by Levenberg and Marquardt as MINPACK does it, in one unknown."""
-    x, par, delta, scale, x_norm = 0.0, 0.0, 0.0, 0.0, 0.0
+    x = 0.0
+    par = 0.0
+    delta = 0.0
+    scale = 0.0
+    x_norm = 0.0
     f = _slope(p, d, radius, x)
-    calls, first = 1, True
+    calls = 1
+    first = True
     while True:
         slope = (_slope(p, d, radius, x + STEP) - f) / STEP
         if f == 0.0 or slope == 0.0 or math.isnan(slope):
@@ -110,8 +123,10 @@ def _search(p, d, radius):
                 return x
             calls += 1
             actual = 1.0 - (f_new / f) * (f_new / f) if 0.1 * abs(f_new) < abs(f) else -1.0
-            t1, t2 = abs(slope * step / f), math.sqrt(par) * size / abs(f)
-            predicted, direction = t1 * t1 + 2.0 * t2 * t2, -(t1 * t1 + t2 * t2)
+            t1 = abs(slope * step / f)
+            t2 = math.sqrt(par) * size / abs(f)
+            predicted = t1 * t1 + 2.0 * t2 * t2
+            direction = -(t1 * t1 + t2 * t2)
             ratio = actual / predicted if predicted != 0.0 else 0.0
             if ratio <= 0.25:
                 factor = 0.5 if actual >= 0.0 else 0.5 * direction / (direction + 0.5 * actual)
@@ -155,7 +170,8 @@ def _bounded_step(slope, f, scale, delta, par):
             par = max(1e-38, 0.001 * high)
         square = slope * slope + par * scale * scale
         step = slope * f / square
-        before, excess = excess, scale * abs(step) - delta
+        before = excess
+        excess = scale * abs(step) - delta
         if abs(excess) <= 0.1 * delta or (low == 0.0 and excess <= before < 0.0) or i == 10:
             break
         ratio = scale / math.sqrt(square)

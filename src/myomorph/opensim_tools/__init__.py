@@ -1,4 +1,5 @@
-"""OpenSim's setup files, run: scaling, inverse kinematics and dynamics, and the analyses of AnalyzeTool.
+"""OpenSim's setup files, run: scaling, inverse kinematics and dynamics, and the analyses of
+AnalyzeTool.
 
 Reading a setup is the work of `io.osim`; the computation is that of the rooms below.
 """

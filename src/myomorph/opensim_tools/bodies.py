@@ -1,4 +1,6 @@
-"""OpenSim's BodyKinematics, PointKinematics, Kinematics and MuscleAnalysis: how bodies and muscles move."""
+"""OpenSim's BodyKinematics, PointKinematics, Kinematics and MuscleAnalysis: how bodies and muscles
+move.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from myomorph.rigid.kinematics import BodyMotion, body_motion
 
 WHOLE = "center_of_mass"
 
-MAX_ENTRIES = 20_000_000  # Moment arms (frames x muscles x coordinates) that are in memory at a time.
+# Moment arms (frames x muscles x coordinates) that are in memory at a time.
+MAX_ENTRIES = 20_000_000
 FIBERS = {
     "PennationAngle": "pennation",
     "FiberLength": "fiber_length",
@@ -46,13 +49,17 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
     moving = analysis.flag("compute_moments", True)
     about: tuple[str, ...] = ()
     if moving:
-        about, left_out = listed(analysis, "moment_arm_coordinate_list", "coordinate", model.coordinate_names)
+        about, left_out = listed(
+            analysis, "moment_arm_coordinate_list", "coordinate", model.coordinate_names
+        )
         notes += left_out
     columns = [model.muscle_names.index(name) for name in names]
     quantities: dict[str, Array] = {"Length": here.paths.lengths[:, columns]}
     if here.without_fibers:
         classes = ", ".join(here.without_fibers)
-        notes.append(f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not built")
+        notes.append(
+            f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not built"
+        )
     else:
         quantities |= _fibers(here, columns)
         notes += here.unbalanced
@@ -62,7 +69,10 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
         if pulls is not None:
             quantities[f"Moment_{name}"] = arms * pulls
     tables = {name: here.table(names, values, name) for name, values in quantities.items()}
-    text = f"muscle analysis: {len(here.motion)} frames, {len(names)} muscles, {len(about)} coordinates"
+    text = (
+        f"muscle analysis: {len(here.motion)} frames, {len(names)} muscles, {len(about)}"
+        " coordinates"
+    )
     return tables, text, tuple(notes)
 
 
@@ -77,11 +87,14 @@ def _fibers(here: Analyzed, columns: list[int]) -> dict[str, Array]:
     return result
 
 
-def _moment_arms(here: Analyzed, columns: list[int], about: tuple[str, ...]) -> Iterator[tuple[str, Array]]:
+def _moment_arms(
+    here: Analyzed, columns: list[int], about: tuple[str, ...]
+) -> Iterator[tuple[str, Array]]:
     """Moment arms (frames, muscles) about each coordinate [m or 1]."""
     if not about:
         return
-    model, frames = here.model, len(here.motion)
+    model = here.model
+    frames = len(here.motion)
     arms = np.empty((len(about), frames, len(columns)))
     wanted = [model.coordinate_names.index(name) for name in about]
     block = max(1, MAX_ENTRIES // (len(model.muscles) * len(model.coordinates)))
@@ -91,21 +104,28 @@ def _moment_arms(here: Analyzed, columns: list[int], about: tuple[str, ...]) -> 
     yield from zip(about, arms, strict=True)
 
 
-def listed(analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
-    """The names that a list of an analysis asks for, in its order, and a note for each that the model lacks. `tag`: of
-    the list; empty or beginning with "all" it asks for all names; `kind`: of what is listed, for the notes.
+def listed(
+    analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]
+) -> tuple[tuple[str, ...], list[str]]:
+    """The names that a list of an analysis asks for, in its order, and a note for each that the
+    model lacks. `tag`: of the list; empty or beginning with "all" it asks for all names; `kind`: of
+    what is listed, for the notes.
     """
     asked = tuple(analysis.options.get(tag, "").split())
     if not asked or asked[0].lower() == "all":
         return names, []
-    notes = [f"{analysis.name}: {kind} '{name}' is not in the model: left out" for name in asked if name not in names]
+    notes = [
+        f"{analysis.name}: {kind} '{name}' is not in the model: left out"
+        for name in asked
+        if name not in names
+    ]
     return tuple(name for name in asked if name in names), notes
 
 
 def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
-    """Mass centers and orientations of bodies, and the center of mass of the model: pos, vel and acc. In ground;
-    velocities and accelerations in the bodies' own axes where the analysis says so. Orientations are body-fixed X-Y-Z
-    angles.
+    """Mass centers and orientations of bodies, and the center of mass of the model: pos, vel and
+    acc. In ground; velocities and accelerations in the bodies' own axes where the analysis says so.
+    Orientations are body-fixed X-Y-Z angles.
     """
     model = here.model
     known = (*model.body_names, WHOLE)
@@ -120,15 +140,23 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     in_body = analysis.flag("express_results_in_body_local_frame", False)
     factor = 180.0 / np.pi if in_degrees(analysis) else 1.0
     turns = moved.rotations[:, index]
-    angles = (euler_xyz_from_rotation(turns), moved.angular_velocities[:, index], moved.angular_accelerations[:, index])
+    angles = (
+        euler_xyz_from_rotation(turns),
+        moved.angular_velocities[:, index],
+        moved.angular_accelerations[:, index],
+    )
     tables: Tables = {}
     titles = (("pos", "Positions"), ("vel", "Velocities"), ("acc", "Accelerations"))
     whole = _center_of_mass(model, moved, numbers) if WHOLE in names else None
-    columns = tuple(f"{body}_{axis}" for body in bodies for axis in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
+    columns = tuple(
+        f"{body}_{axis}" for body in bodies for axis in ("X", "Y", "Z", "Ox", "Oy", "Oz")
+    )
     for order, (kind, title) in enumerate(titles):
-        places, turning = moved.of_points(index, centers)[order], angles[order]
+        places = moved.of_points(index, centers)[order]
+        turning = angles[order]
         if in_body and kind != "pos":
-            places, turning = (np.einsum("fbji,fbj->fbi", turns, vectors) for vectors in (places, turning))
+            places = np.einsum("fbji,fbj->fbi", turns, places)
+            turning = np.einsum("fbji,fbj->fbi", turns, turning)
         values = np.concatenate([places, factor * turning], axis=2).reshape(len(here.motion), -1)
         labels = columns
         if whole is not None:
@@ -141,12 +169,12 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
-    """Position, velocity and acceleration of a point of a body, in ground or in the axes of another body."""
+    """Position, velocity and acceleration of a point of a body, in ground or in the axes of another
+    body.
+    """
     moved, numbers = _moved(here)
-    body, other = (
-        analysis.options.get(tag, default).strip().rsplit("/", 1)[-1]
-        for tag, default in (("body_name", GROUND), ("relative_to_body_name", "none"))
-    )
+    body = analysis.options.get("body_name", GROUND).strip().rsplit("/", 1)[-1]
+    other = analysis.options.get("relative_to_body_name", "none").strip().rsplit("/", 1)[-1]
     for name in (body, other):
         if name not in numbers and name != "none":
             raise UnknownName("body", name, tuple(numbers), f"for {analysis.name} the model")
@@ -157,9 +185,12 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
         place = np.zeros(0)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise BadData(f"{analysis.name}: point is '{text}': expected three numbers")
-    derivatives = [of_point[:, 0] for of_point in moved.of_points(np.array([numbers[body]]), place[None])]
+    derivatives = [
+        of_point[:, 0] for of_point in moved.of_points(np.array([numbers[body]]), place[None])
+    ]
     if other != "none":
-        turn, origin = moved.rotations[:, numbers[other]], moved.origins[:, numbers[other]]
+        turn = moved.rotations[:, numbers[other]]
+        origin = moved.origins[:, numbers[other]]
         derivatives[0] = derivatives[0] - origin
         derivatives = [np.einsum("fji,fj->fi", turn, vectors) for vectors in derivatives]
     point = analysis.options.get("point_name", "") or "NONAME"
@@ -177,7 +208,9 @@ def kinematics(here: Analyzed, analysis: Analysis) -> Result:
     names, notes = listed(analysis, "coordinates", "coordinate", model.coordinate_names)
     arrays = motion_arrays(here.tree, here.caused)
     columns = [model.coordinate_names.index(name) for name in names]
-    turning = np.array([in_degrees(analysis) and model.coordinate(name).motion == "rotational" for name in names])
+    turning = np.array(
+        [in_degrees(analysis) and model.coordinate(name).motion == "rotational" for name in names]
+    )
     factor = np.where(turning, 180.0 / np.pi, 1.0)
     titles = (("q", "Coordinates"), ("u", "Speeds"), ("dudt", "Accelerations"))
     tables = {
@@ -193,7 +226,9 @@ def in_degrees(analysis: Analysis) -> bool:
 
 
 def _moved(here: Analyzed) -> tuple[BodyMotion, dict[str, int]]:
-    return body_motion(here.tree, *motion_arrays(here.tree, here.caused)), dict(here.tree.body_index)
+    return body_motion(here.tree, *motion_arrays(here.tree, here.caused)), dict(
+        here.tree.body_index
+    )
 
 
 def _center_of_mass(model: Model, moved: BodyMotion, numbers: dict[str, int]) -> tuple[Array, ...]:

@@ -1,4 +1,6 @@
-"""OpenSim's Actuation, ForceReporter, StatesReporter, JointReaction and (of OpenSim 3) InverseDynamics."""
+"""OpenSim's Actuation, ForceReporter, StatesReporter, JointReaction and (of OpenSim 3)
+InverseDynamics.
+"""
 
 from __future__ import annotations
 
@@ -33,13 +35,16 @@ def actuation(here: Analyzed, analysis: Analysis) -> Result:
     signs = np.array([-1.0 if name in here.model.muscle_names else 1.0 for name in forces.names])
     quantities = {"force": forces.values, "speed": speeds, "power": signs * forces.values * speeds}
     titles = {"force": "ActuatorForces", "speed": "ActuatorSpeeds", "power": "ActuatorPowers"}
-    tables = {name: here.table(forces.names, values, titles[name]) for name, values in quantities.items()}
+    tables = {
+        name: here.table(forces.names, values, titles[name]) for name, values in quantities.items()
+    }
     return tables, f"actuation: {len(here.motion)} frames, {len(forces.names)} actuators", ()
 
 
 def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
     """How fast muscles lengthen and actuators move, (frames, actuators) [m/s or rad/s]."""
-    model, tree = here.model, here.tree
+    model = here.model
+    tree = here.tree
     result = np.full((len(here.motion), len(names)), np.nan)
     arrays = here.arrays
     actuators = {actuator.name: actuator for actuator in (*model.actuators, *here.actuators)}
@@ -49,7 +54,9 @@ def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
             assert here.paths.velocities is not None
             result[:, index] = here.paths.velocities[:, model.muscle_names.index(name)]
         elif actuators[name].kind == "coordinate":
-            result[:, index] = arrays[1][:, model.coordinate_names.index(actuators[name].coordinate)]
+            result[:, index] = arrays[1][
+                :, model.coordinate_names.index(actuators[name].coordinate)
+            ]
         else:
             moved = body_motion(tree, *arrays) if moved is None else moved
             result[:, index] = _speed_on_bodies(actuators[name], moved, tree.body_index)
@@ -57,15 +64,22 @@ def _speeds(here: Analyzed, names: tuple[str, ...]) -> Array:
 
 
 def _speed_on_bodies(actuator: Actuator, moved: BodyMotion, numbers: Mapping[str, int]) -> Array:
-    """OpenSim's speed of an actuator between bodies: of a point without sign, of a torque about its axis in ground."""
-    body, other = (numbers[name or GROUND] for name in (actuator.body, actuator.other_body))
+    """OpenSim's speed of an actuator between bodies: of a point without sign, of a torque about its
+    axis in ground.
+    """
+    body = numbers[actuator.body or GROUND]
+    other = numbers[actuator.other_body or GROUND]
     if actuator.kind == "torque":
         axis = actuator.direction / (np.linalg.norm(actuator.direction) or 1.0)
         turning = moved.angular_velocities[:, body] - moved.angular_velocities[:, other]
         return np.asarray(turning @ axis)
 
     def place(number: int, point: Array) -> tuple[Array, Array]:
-        arm = point - moved.origins[:, number] if actuator.point_is_global else moved.rotations[:, number] @ point
+        arm = (
+            point - moved.origins[:, number]
+            if actuator.point_is_global
+            else moved.rotations[:, number] @ point
+        )
         return moved.origins[:, number] + arm, moved.velocities[:, number] + np.cross(
             moved.angular_velocities[:, number], arm
         )
@@ -88,27 +102,43 @@ def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
     return tables, text, tuple(f"{analysis.name}: {note}" for note in notes)
 
 
-def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
-    """All forces of muscles and actuators at each frame as OpenSim reports them: names, values (frames, columns), and
-    what is left out. External forces and torques are in ground, the points that they act on in the frame of their body.
+def force_columns(
+    here: Analyzed, forces: Series | None
+) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+    """All forces of muscles and actuators at each frame as OpenSim reports them: names, values
+    (frames, columns), and what is left out. External forces and torques are in ground, the points
+    that they act on in the frame of their body.
     """
-    model, frames = here.model, len(here.motion)
+    model = here.model
+    frames = len(here.motion)
     c, rates, _ = here.arrays
-    pulling = [] if forces is None else [name for name in forces.names if name in model.muscle_names]
+    pulling = (
+        [] if forces is None else [name for name in forces.names if name in model.muscle_names]
+    )
     columns: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
     limits = {
-        torque.name.removesuffix("_upper").removesuffix("_lower") for torque in model.passive_torques if _limit(torque)
+        torque.name.removesuffix("_upper").removesuffix("_lower")
+        for torque in model.passive_torques
+        if _limit(torque)
     }
     for torque in model.passive_torques:
         j = model.coordinate_names.index(torque.coordinate)
-        name = torque.name.removesuffix("_upper").removesuffix("_lower") if _limit(torque) else f"{torque.name}_Force"
+        name = (
+            torque.name.removesuffix("_upper").removesuffix("_lower")
+            if _limit(torque)
+            else f"{torque.name}_Force"
+        )
         columns[name] = columns.get(name, np.zeros(frames)) + torque.total(c[:, j], rates[:, j])
     if forces is not None:
         columns |= {name: forces[name] for name in forces.names if name not in pulling}
     columns |= _external(here)
-    notes = [f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out"] if limits else []
+    notes = (
+        [f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out"] if limits else []
+    )
     if model.bushings:
-        notes.append(f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out")
+        notes.append(
+            f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out"
+        )
     values = np.stack(list(columns.values()), axis=1) if columns else np.zeros((frames, 0))
     return tuple(columns), values, tuple(notes)
 
@@ -129,8 +159,14 @@ def _external(here: Analyzed) -> dict[str, Array]:
         b = tree.body_index[body]
         apart = loads.points[:, index] - poses.origins[:, b]
         point = np.einsum("fji,fj->fi", poses.rotations[:, b], apart)
-        for letter, vector in (("F", loads.forces[:, index]), ("p", point), ("T", loads.torques[:, index])):
-            result |= {f"{body}_{name}_{letter}{axis}": vector[:, i] for i, axis in enumerate("xyz")}
+        for letter, vector in (
+            ("F", loads.forces[:, index]),
+            ("p", point),
+            ("T", loads.torques[:, index]),
+        ):
+            result |= {
+                f"{body}_{name}_{letter}{axis}": vector[:, i] for i, axis in enumerate("xyz")
+            }
     return result
 
 
@@ -146,7 +182,12 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
             columns[f"/jointset/{joint.name}/{name}/speed"] = arrays[1][:, column]
     notes: tuple[str, ...] = ()
     if here.without_fibers:
-        notes = (f"{analysis.name} leaves out states of muscles: {', '.join(here.without_fibers)}: not built",)
+        notes = (
+            (
+                f"{analysis.name} leaves out states of muscles: {', '.join(here.without_fibers)}:"
+                " not built"
+            ),
+        )
     else:
         for muscle in model.muscles:
             for state in state_names(muscle):
@@ -157,22 +198,29 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
-    """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4 no longer has."""
+    """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4
+    no longer has.
+    """
     reading.has_mass(here.model, "inverse dynamics")
     if analysis.flag("use_model_force_set", True):
-        raise BadData(f"{analysis.name}: use_model_force_set is not built: expected false, or InverseDynamicsTool")
+        raise BadData(
+            f"{analysis.name}: use_model_force_set is not built: expected false, or"
+            " InverseDynamicsTool"
+        )
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     text = f"inverse dynamics: {len(torques)} frames, {len(torques.names)} coordinates"
     return {"": torque_table(torques, here.model)}, text, ()
 
 
 def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
-    """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings. As OpenSim, the
-    analysis takes the accelerations that all forces together cause; those of the motion are not read. Without a
-    forces_file, forces of muscles are those of their states.
+    """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings.
+    As OpenSim, the analysis takes the accelerations that all forces together cause; those of the
+    motion are not read. Without a forces_file, forces of muscles are those of their states.
     """
     reading.has_mass(here.model, "joint reactions")
-    model, motion, actuators = here.model, here.motion, here.actuators
+    model = here.model
+    motion = here.motion
+    actuators = here.actuators
     known = tuple(joint.name for joint in model.joints)
     names = tuple(analysis.options.get("joint_names", "").split()) or ("ALL",)
     if names[0].upper() == "ALL":
@@ -213,21 +261,36 @@ def _of_each(
     kept: Sequence[int],
     spelt: Callable[[str], str] = str,
 ) -> list[str]:
-    """The word of a list for each joint that is kept: one for all, or one a joint as they are listed."""
+    """The word of a list for each joint that is kept: one for all, or one a joint as they are
+    listed.
+    """
     words = [spelt(word) for word in analysis.options.get(tag, "").split()] or [default]
     if len(words) not in (1, len(names)):
-        raise BadData(f"{analysis.name}: {tag} names {len(words)} for {len(names)} joints: expected 1 or as many")
+        raise BadData(
+            f"{analysis.name}: {tag} names {len(words)} for {len(names)} joints: expected 1 or as"
+            " many"
+        )
     return [words[index] if len(words) > 1 else words[0] for index in kept]
 
 
 def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str, ...]]:
-    """Forces of all muscles and actuators at the motion's times, between rows of the file along straight lines."""
-    model, time, actuators = here.model, here.motion.time, here.actuators
+    """Forces of all muscles and actuators at the motion's times, between rows of the file along
+    straight lines.
+    """
+    model = here.model
+    time = here.motion.time
+    actuators = here.actuators
     added = {actuator.name for actuator in actuators}
     helpers = [actuator.name for actuator in (*model.actuators, *actuators) if actuator.enabled]
-    names = tuple(dict.fromkeys([muscle.name for muscle in model.muscles if muscle.enabled] + helpers))
+    names = tuple(
+        dict.fromkeys([muscle.name for muscle in model.muscles if muscle.enabled] + helpers)
+    )
     if path is None:
-        notes = (f"no forces_file: {len(helpers)} actuators are taken to do nothing",) if helpers else ()
+        notes = (
+            (f"no forces_file: {len(helpers)} actuators are taken to do nothing",)
+            if helpers
+            else ()
+        )
         return here.forces, notes
     with reading.about(path):
         table = read_sto(path)
@@ -239,7 +302,7 @@ def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str
             values[:, index] = np.interp(time, table.time, table[name])
         if time[0] < table.time[0] - 1e-6 or time[-1] > table.time[-1] + 1e-6:
             raise BadData(
-                f"has forces from {table.time[0]:g} to {table.time[-1]:g} s, but the analysis runs from {time[0]:g} to "
-                f"{time[-1]:g} s"
+                f"has forces from {table.time[0]:g} to {table.time[-1]:g} s, but the analysis runs"
+                f" from {time[0]:g} to {time[-1]:g} s"
             )
     return Series(time, names, values), ()

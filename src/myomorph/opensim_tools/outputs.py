@@ -10,7 +10,8 @@ from pathlib import Path
 
 from myomorph.model.errors import BadData, BadFile
 
-Writers = Mapping[Path, Callable[[Path], object]]  # What writes each file under the name that it is given.
+# What writes each file under the name that it is given.
+Writers = Mapping[Path, Callable[[Path], object]]
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,9 @@ def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> Non
     for path in outputs:
         place = path.resolve()
         if place in read:
-            raise BadFile(path, "is both read and written by this setup", "give the output another name")
+            raise BadFile(
+                path, "is both read and written by this setup", "give the output another name"
+            )
         if place in seen:
             raise BadFile(path, "is the name of two results", "give one of them another name")
         if path.is_dir():
@@ -44,7 +47,9 @@ def write_outputs(writers: Writers) -> tuple[Path, ...]:
     try:
         for target, write in writers.items():
             target.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
+            handle, name = tempfile.mkstemp(
+                prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent
+            )
             os.close(handle)
             temporary[target] = Path(name)
             write(Path(name))

@@ -1,4 +1,6 @@
-"""OpenSim's ScaleTool: a generic model made as large and as heavy as a person, its markers where a trial shows them."""
+"""OpenSim's ScaleTool: a generic model made as large and as heavy as a person, its markers where a
+trial shows them.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,13 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion, Table
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.measurements import Placement, frames_around, measure, place_on_pose, with_measured
+from myomorph.motion.measurements import (
+    Placement,
+    frames_around,
+    measure,
+    place_on_pose,
+    with_measured,
+)
 from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
@@ -33,7 +41,8 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     """Scale a model and place its markers; see OpenSim's ScaleTool."""
     if setup.model is None:
         raise BadData(f"{source}: names no model_file: expected that of the generic model")
-    lines, warnings = [], list(setup.warnings)
+    lines = []
+    warnings = list(setup.warnings)
     read: list[Path | None] = [source, setup.model, setup.marker_set]
     writers: dict[Path, Callable[[Path], object]] = {}
     targets: list[Path] = []
@@ -42,7 +51,8 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         names = ("output_model", "output_factors", "output_motion", "output_markers")
         targets += [path for name in names if (path := getattr(part, name, None)) is not None]
     if _one_model(setup) and setup.scaler is not None and setup.scaler.output_model is not None:
-        # Both steps may write the same file, as many setups say: the placer's model is the one that stays.
+        # Both steps may write the same file, as many setups say: the placer's model is the one that
+        # stays.
         targets.remove(setup.scaler.output_model)
     check_outputs(targets, read)
 
@@ -72,21 +82,34 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         if setup.placer.output_markers is not None:
             writers[setup.placer.output_markers] = partial(write_marker_set, placement.model)
         if setup.placer.output_motion is not None:
-            writers[setup.placer.output_motion] = partial(write_sto, pose_table(placement.fit.motion, model))
+            writers[setup.placer.output_motion] = partial(
+                write_sto, pose_table(placement.fit.motion, model)
+            )
     written = write_outputs(writers)
-    return ToolResult("ScaleTool", tuple(lines), written, tuple(dict.fromkeys(warnings)))
+    return ToolResult(
+        tool="ScaleTool",
+        lines=tuple(lines),
+        written=written,
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
 
 
 def _one_model(setup: ScaleSetup) -> bool:
     """Whether scaling and placing want to write one file."""
-    paths = [part.output_model for part in (setup.scaler, setup.placer) if part is not None and part.output_model]
+    paths = [
+        part.output_model
+        for part in (setup.scaler, setup.placer)
+        if part is not None and part.output_model
+    ]
     return len(paths) == 2 and paths[0].resolve() == paths[1].resolve()
 
 
 def scaled(
     model: Model, setup: ScalerSetup, mass: float | None, source: Path
 ) -> tuple[Model, dict[str, Array], list[str]]:
-    """The scaled model, the factors (3,) of all its bodies and of the ground, and what is odd about them."""
+    """The scaled model, the factors (3,) of all its bodies and of the ground, and what is odd about
+    them.
+    """
     notes: list[str] = []
     factors: dict[str, Array] = {}
     for kind in setup.order:
@@ -97,10 +120,16 @@ def scaled(
                 raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
             trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
             measured = [measure(model, trial, measurement) for measurement in setup.measurements]
-            notes += [f"{setup.markers.name}: {note}" for measurement in measured for note in measurement.notes]
+            notes += [
+                f"{setup.markers.name}: {note}"
+                for measurement in measured
+                for note in measurement.notes
+            ]
             factors = with_measured(measured, factors)
     unknown = [body for body in factors if body not in model.body_names and body != "ground"]
-    notes += [f"scale factors of '{body}' are not used: the model has no such body" for body in unknown]
+    notes += [
+        f"scale factors of '{body}' are not used: the model has no such body" for body in unknown
+    ]
     known = {body: factors[body] for body in model.body_names if body in factors}
     larger = scale(
         model,
@@ -119,12 +148,17 @@ def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:
         raise BadData(f"{source}: MarkerPlacer names no marker_file: expected a static trial")
     notes: list[str] = []
     trial = _markers(setup.markers, model, notes)
-    # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is millimetres off.
-    exact = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-10, iterations=500, root_bounds=True)
+    # With weights of 1000 and 1 the trunk lies in a flat valley of the cost: a usual end is
+    # millimetres off.
+    exact = InverseKinematicsOptions(
+        tolerance=1e-9, posture_weight=1e-10, iterations=500, root_bounds=True
+    )
     options = tasks_of_setup(exact, setup.tasks, setup.coordinates, model, source)
     with reading.about(setup.markers):
         placement = place_on_pose(model, trial, *setup.time_range, options, setup.most_movement)
-    return replace(placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes)))
+    return replace(
+        placement, notes=(*notes, *(f"{setup.markers.name}: {note}" for note in placement.notes))
+    )
 
 
 def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
@@ -135,7 +169,9 @@ def _markers(path: Path, model: Model, notes: list[str]) -> Markers:
 
 
 def pose_table(motion: Motion, model: Model) -> Table:
-    """A pose as a table of states at rest, as OpenSim writes the static pose [rad, m]; muscles at their defaults."""
+    """A pose as a table of states at rest, as OpenSim writes the static pose [rad, m]; muscles at
+    their defaults.
+    """
     owner = {name: joint.name for joint in model.joints for name in joint.coordinates}
     paths = [f"/jointset/{owner[name]}/{name}" for name in motion.names]
     values = np.zeros((len(motion), len(paths), 2))
@@ -145,7 +181,9 @@ def pose_table(motion: Motion, model: Model) -> Table:
     rest = np.tile(list(states.values()), (len(motion), 1)).reshape(len(motion), -1)
     facts = FrozenMap({"name": "static pose"})
     labels = (*names, *(f"/forceset/{muscle}/{state}" for muscle, state in states))
-    return Table(motion.time, labels, np.hstack([values.reshape(len(motion), -1), rest]), facts=facts)
+    return Table(
+        motion.time, labels, np.hstack([values.reshape(len(motion), -1), rest]), facts=facts
+    )
 
 
 def _write_model(model: Model, warnings: list[str], path: Path) -> None:
@@ -161,21 +199,36 @@ def _factors_line(factors: dict[str, Array], model: Model) -> str:
 
 
 def _markers_line(placement: Placement) -> str:
-    rms, worst = (100.0 * float(values[0]) for values in (placement.fit.rms, placement.fit.largest))
-    text = f"{len(placement.moved)} markers moved; before, root mean square {rms:.2f} cm, largest {worst:.2f} cm"
-    return text + (f"; {len(placement.removed)} that were not recorded removed" if placement.removed else "")
+    rms = 100.0 * float(placement.fit.rms[0])
+    worst = 100.0 * float(placement.fit.largest[0])
+    text = (
+        f"{len(placement.moved)} markers moved; before, root mean square {rms:.2f} cm, largest"
+        f" {worst:.2f} cm"
+    )
+    return text + (
+        f"; {len(placement.removed)} that were not recorded removed" if placement.removed else ""
+    )
 
 
 def tasks_of_setup(
-    options: InverseKinematicsOptions, tasks: IkTasks, coordinates: Path | None, model: Model, source: Path
+    options: InverseKinematicsOptions,
+    tasks: IkTasks,
+    coordinates: Path | None,
+    model: Model,
+    source: Path,
 ) -> InverseKinematicsOptions:
-    """Options with the tasks of a setup file, and the motion that coordinate tasks take their values from: of a file
-    that is not read where no task does.
+    """Options with the tasks of a setup file, and the motion that coordinate tasks take their
+    values from: of a file that is not read where no task does.
     """
     options = with_tasks(options, tasks, model, str(source))
-    wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]
+    wanted = [
+        aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0
+    ]
     if not wanted:
         return options
     if coordinates is None:
-        raise BadData(f"{source}: the task of '{wanted[0]}' takes its value from a file, without coordinate_file")
+        raise BadData(
+            f"{source}: the task of '{wanted[0]}' takes its value from a file, without"
+            " coordinate_file"
+        )
     return replace(options, coordinates=reading.read_motion(coordinates, model))

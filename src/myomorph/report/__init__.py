@@ -1,1 +1,3 @@
-"""What was computed, for people: charts, pictures, scenes and HTML pages. Changes no result and computes none."""
+"""What was computed, for people: charts, pictures, scenes and HTML pages. Changes no result and
+computes none.
+"""

@@ -12,13 +12,15 @@ from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree
 
 
-def bushing_forces(tree: Tree, bushings: Sequence[Bushing], coordinates: Array, rates: Array) -> Array:
+def bushing_forces(
+    tree: Tree, bushings: Sequence[Bushing], coordinates: Array, rates: Array
+) -> Array:
     """What bushings do at every coordinate, (frames, coordinates) [N m or N].
 
         tau = -B^T (K q + D B cdot),   B = dq/dc
 
-    with q (6,) the body-fixed x-y-z angles and the origin of the second frame seen from the first. Dependent
-    coordinates keep their own share.
+    with q (6,) the body-fixed x-y-z angles and the origin of the second frame seen from the first.
+    Dependent coordinates keep their own share.
 
     `coordinates`, `rates` (frames, coordinates) consistent.
     """
@@ -34,7 +36,9 @@ def bushing_forces(tree: Tree, bushings: Sequence[Bushing], coordinates: Array, 
 
 
 def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> tuple[Array, Array]:
-    """A bushing's q (frames, 6) and dq/dc (frames, 6, coordinates); singular where the middle angle is 90 degrees."""
+    """A bushing's q (frames, 6) and dq/dc (frames, 6, coordinates); singular where the middle angle
+    is 90 degrees.
+    """
     ends = []
     for body, pose in ((bushing.body_1, bushing.pose_1), (bushing.body_2, bushing.pose_2)):
         b = tree.body_index[body]
@@ -43,19 +47,24 @@ def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> tuple[Array, Array
     (b1, R1, x1), (b2, R2, x2) = ends
     towards = np.swapaxes(R1, 1, 2)
     Q = towards @ R2
-    x, y = np.arctan2(-Q[:, 1, 2], Q[:, 2, 2]), np.arcsin(np.clip(Q[:, 0, 2], -1.0, 1.0))
+    x = np.arctan2(-Q[:, 1, 2], Q[:, 2, 2])
+    y = np.arcsin(np.clip(Q[:, 0, 2], -1.0, 1.0))
     z = np.arctan2(-Q[:, 0, 1], Q[:, 0, 0])
     apart = np.einsum("fij,fj->fi", towards, x2 - x1)
-    # Both bodies' motion at the second frame's origin: what is left turns or moves one frame against the other.
+    # Both bodies' motion at the second frame's origin: what is left turns or moves one frame
+    # against the other.
     moved = poses.jacobian(b2, x2) - poses.jacobian(b1, x2)
     B = np.concatenate(
-        [np.linalg.solve(angular_velocities(x, y), towards @ moved[:, :3]), towards @ moved[:, 3:]], axis=1
+        [np.linalg.solve(angular_velocities(x, y), towards @ moved[:, :3]), towards @ moved[:, 3:]],
+        axis=1,
     )
     return np.column_stack([x, y, z, apart]), B
 
 
 def angular_velocities(x: Array, y: Array) -> Array:
-    """E (frames, 3, 3): angular velocity along the first frame = E (xdot, ydot, zdot) of body-fixed angles x, y, z."""
+    """E (frames, 3, 3): angular velocity along the first frame = E (xdot, ydot, zdot) of body-fixed
+    angles x, y, z.
+    """
     E = np.zeros((len(x), 3, 3))
     E[:, 0, 0] = 1.0
     E[:, 1, 1], E[:, 2, 1] = np.cos(x), np.sin(x)

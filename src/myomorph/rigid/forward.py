@@ -14,7 +14,9 @@ from myomorph.rigid.tree import Tree
 
 
 def gathered(tree: Tree, coordinates: Array, forces: Array) -> Array:
-    """Generalized forces (frames, coordinates) with the share of coordinates that follow handed on to what leads."""
+    """Generalized forces (frames, coordinates) with the share of coordinates that follow handed on
+    to what leads.
+    """
     result = np.array(forces, dtype=np.float64, order="C")
     _gather(tree.arrays, np.array(coordinates, dtype=np.float64, order="C"), result)
     return result
@@ -38,10 +40,11 @@ def forward_accelerations(
 
     on the coordinates that neither follow, nor are locked or prescribed.
 
-    `c`, `cdot` (frames, coordinates) consistent; `cddot` (frames, coordinates) of which those of prescribed coordinates
-    are read; locked ones have none; `applied` (frames, bodies, 6) as of `joint_wrenches`; `generalized` (frames,
-    coordinates) other forces along coordinates, `gathered` [N m or N]. Returns `accelerations` (frames, coordinates);
-    `multipliers` (frames, rows of loops) forces that hold the loops closed, see `loop_wrenches`.
+    `c`, `cdot` (frames, coordinates) consistent; `cddot` (frames, coordinates) of which those of
+    prescribed coordinates are read; locked ones have none; `applied` (frames, bodies, 6) as of
+    `joint_wrenches`; `generalized` (frames, coordinates) other forces along coordinates, `gathered`
+    [N m or N]. Returns `accelerations` (frames, coordinates); `multipliers` (frames, rows of loops)
+    forces that hold the loops closed, see `loop_wrenches`.
     """
     free = free_coordinates(tree)
     base = np.array(cddot, dtype=np.float64)
@@ -67,18 +70,25 @@ def forward_accelerations(
 
 def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
     """M (frames, free, free), column by column from what unit accelerations need at rest."""
-    still, nothing = np.zeros_like(c), np.zeros((len(c), len(tree.arrays.parent), 6))
+    still = np.zeros_like(c)
+    nothing = np.zeros((len(c), len(tree.arrays.parent), 6))
     weight = _needed(tree, c, still, still, nothing)[:, free]
     M = np.empty((len(c), len(free), len(free)))
     for column, j in enumerate(free):
         unit = still.copy()
         unit[:, j] = 1.0
-        M[:, :, column] = _needed(tree, c, still, _consistent(tree, c, still, unit), nothing)[:, free] - weight
+        M[:, :, column] = (
+            _needed(tree, c, still, _consistent(tree, c, still, unit), nothing)[:, free] - weight
+        )
     return M
 
 
-def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array) -> Array:
-    """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that explain its balance."""
+def balancing_multipliers(
+    tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array
+) -> Array:
+    """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that
+    explain its balance.
+    """
     if not tree.model.loops:
         return np.zeros((len(c), 0))
     free = free_coordinates(tree)
@@ -97,12 +107,15 @@ def _pseudo_inverse(matrices: Array) -> Array:
 
 def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
     """What closed loops do to the bodies they tie, (frames, bodies, 6) as of `joint_wrenches`.
-    A multiplier is a force [N] or moment [N m] on the second body along the axes of the first tied frame.
+    A multiplier is a force [N] or moment [N m] on the second body along the axes of the first tied
+    frame.
     """
-    poses, L = forward_kinematics(tree, c), tree.loops
+    poses = forward_kinematics(tree, c)
+    L = tree.loops
     result = np.zeros((len(c), len(tree.arrays.parent), 6))
     for i in range(len(L.body_1)):
-        b1, b2 = L.body_1[i], L.body_2[i]
+        b1 = L.body_1[i]
+        b2 = L.body_2[i]
         turn = poses.rotations[:, b1] @ L.turn_1[i]
         point = poses.origins[:, b2] + poses.rotations[:, b2] @ L.point_2[i]
         rows = multipliers[:, L.row[i] : L.row[i + 1]]
@@ -118,11 +131,15 @@ def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
 
 def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
     """Accelerations with those of coordinates that follow set."""
-    values, rates, result = (np.array(array, dtype=np.float64, order="C") for array in (c, cdot, cddot))
+    values = np.array(c, dtype=np.float64, order="C")
+    rates = np.array(cdot, dtype=np.float64, order="C")
+    result = np.array(cddot, dtype=np.float64, order="C")
     couple_rates_frames(tree.arrays, values, rates, result)
     return result
 
 
 def _needed(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array) -> Array:
-    """Generalized forces (frames, coordinates), gathered, that the accelerations need beside what is applied."""
+    """Generalized forces (frames, coordinates), gathered, that the accelerations need beside what
+    is applied.
+    """
     return gathered(tree, c, joint_wrenches(tree, c, cdot, cddot, applied).torques)

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-CHUNK = 64  # Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing
+# Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing
+CHUNK = 64
 _ALONE = ContextVar("_ALONE", default=False)
 
 
@@ -24,7 +25,9 @@ def one_thread() -> Iterator[None]:
 
 
 def thread_count() -> int:
-    """Threads to use: one within `one_thread`, else the environment variable MYOMORPH_THREADS, or all cores."""
+    """Threads to use: one within `one_thread`, else the environment variable MYOMORPH_THREADS, or
+    all cores.
+    """
     if _ALONE.get():
         return 1
     asked = os.environ.get("MYOMORPH_THREADS", "")
@@ -32,7 +35,10 @@ def thread_count() -> int:
 
 
 def over_frames(
-    task: Callable[[int, int], None], frames: int, progress: Callable[[int], None] | None = None, chunk: int = CHUNK
+    task: Callable[[int, int], None],
+    frames: int,
+    progress: Callable[[int], None] | None = None,
+    chunk: int = CHUNK,
 ) -> None:
     """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads."""
     parts = [(start, min(start + chunk, frames)) for start in range(0, frames, chunk)]
@@ -57,7 +63,16 @@ def over_frames(
 
 
 def run_frames(
-    kernel: Callable[..., Any], fixed: Iterable[Any], *arrays: Any, progress: Callable[[int], None] | None = None
+    kernel: Callable[..., Any],
+    fixed: Iterable[Any],
+    *arrays: Any,
+    progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Call `kernel(*fixed, *parts)` for all frames as `over_frames`; `parts`: of the arrays (frames, ...)."""
-    over_frames(lambda start, stop: kernel(*fixed, *(part[start:stop] for part in arrays)), len(arrays[0]), progress)
+    """Call `kernel(*fixed, *parts)` for all frames as `over_frames`; `parts`: of the arrays
+    (frames, ...).
+    """
+    over_frames(
+        lambda start, stop: kernel(*fixed, *(part[start:stop] for part in arrays)),
+        len(arrays[0]),
+        progress,
+    )

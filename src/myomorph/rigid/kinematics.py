@@ -33,29 +33,36 @@ from myomorph.rigid.vectors import (
 @inner
 def pose_room(T):
     """Arrays R, p, w, o and dphi that `body_poses` fills, for one frame."""
-    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    bodies = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
     return np.empty((bodies, 3, 3)), np.empty((bodies, 3)), w, o, dphi
 
 
 @bare
 def body_poses(T, c, R, p, w, o, dphi):
     """Poses of all bodies and the moving axes in ground, for one frame.
-    `c` (coordinates,) all coordinates, dependent ones consistent; `R`, `p` (bodies, 3, 3), (bodies, 3) filled with
-    poses in ground; `w`, `o` (axes, 3) filled with each axis's direction and a point on it, in ground; `dphi` (axes, 2)
-    filled with the derivative of the axis's motion in its two coordinates.
+    `c` (coordinates,) all coordinates, dependent ones consistent; `R`, `p` (bodies, 3, 3), (bodies,
+    3) filled with poses in ground; `w`, `o` (axes, 3) filled with each axis's direction and a point
+    on it, in ground; `dphi` (axes, 2) filled with the derivative of the axis's motion in its two
+    coordinates.
     """
     put_matrix(R, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
     put_vector(p, 0, (0.0, 0.0, 0.0))
     for b in range(1, T.parent.shape[0]):
-        r, x = matrix(R, T.parent[b]), vector(p, T.parent[b])
+        r = matrix(R, T.parent[b])
+        x = vector(p, T.parent[b])
         for axis in range(T.axis_start[b], T.axis_start[b + 1]):
             x = plus(x, turned(r, vector(T.pre_p, axis)))
             if not T.pre_is_shift[axis]:
                 r = product(r, matrix(T.pre_R, axis))
-            i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+            i = T.axis_coordinate[axis, 0]
+            j = T.axis_coordinate[axis, 1]
             q, d1, d2, _, _, _ = evaluate_at(T.functions, T.axis_function[axis], i, j, c)
-            dphi[axis, 0], dphi[axis, 1] = d1, d2
+            dphi[axis, 0] = d1
+            dphi[axis, 1] = d2
             u = vector(T.axis_vector, axis)
             direction = turned(r, u)
             put_vector(w, axis, direction)
@@ -80,11 +87,16 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     for b in range(1, T.parent.shape[0]):
         h = T.parent[b]
         # Angular rates W, E of the moving frame, and rates V, B of its point that coincides with x.
-        x, W, E, V, B = vector(p, h), vector(omega, h), vector(alpha, h), vector(v, h), vector(a, h)
+        x = vector(p, h)
+        W = vector(omega, h)
+        E = vector(alpha, h)
+        V = vector(v, h)
+        B = vector(a, h)
         for index in range(T.axis_start[b], T.axis_start[b + 1]):
             V, B = carried(W, E, V, B, minus(vector(o, index), x))
             x = vector(o, index)
-            i, j = T.axis_coordinate[index, 0], T.axis_coordinate[index, 1]
+            i = T.axis_coordinate[index, 0]
+            j = T.axis_coordinate[index, 1]
             # Of the axis's motion: Phi cdot and Phi cddot + Phidot cdot.
             q1, q2 = function_rates(T.functions, T.axis_function[index], i, j, c, cdot, cddot)
             u = vector(w, index)
@@ -93,8 +105,8 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
                 E = along(along(E, q2, u), q1, turning)
                 W = along(W, q1, u)
             else:
-                # The moved frame's velocity field is the old one plus u qdot everywhere, so the point
-                # at which both are compared need not move along.
+                # The moved frame's velocity field is the old one plus u qdot everywhere, so the
+                # point at which both are compared need not move along.
                 B = along(along(B, q2, u), 2.0 * q1, turning)
                 V = along(V, q1, u)
         V, B = carried(W, E, V, B, minus(vector(p, b), x))
@@ -125,10 +137,13 @@ class Poses:
 
     def points(self, bodies: Ints, locations: Array) -> Array:
         """Points fixed to bodies, in ground.
-        `bodies` (points,) body numbers; `locations` (points, 3) in the bodies' frames [m]. Returns (frames, points, 3)
-        [m].
+        `bodies` (points,) body numbers; `locations` (points, 3) in the bodies' frames [m]. Returns
+        (frames, points, 3) [m].
         """
-        return np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations) + self.origins[:, bodies]
+        return (
+            np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations)
+            + self.origins[:, bodies]
+        )
 
     def markers(self, markers: Sequence[Marker]) -> Array:
         """Places of markers in ground, (frames, markers, 3) [m]."""
@@ -137,20 +152,26 @@ class Poses:
 
     def transforms(self, frame: int = 0) -> dict[str, Transform]:
         """Pose in ground of the ground and of every body, by name, in a frame."""
-        rotations, origins = self.rotations[frame], self.origins[frame]
-        return {body: Transform(rotations[number], origins[number]) for body, number in self.tree.body_index.items()}
+        rotations = self.rotations[frame]
+        origins = self.origins[frame]
+        return {
+            body: Transform(rotations[number], origins[number])
+            for body, number in self.tree.body_index.items()
+        }
 
     def jacobian(self, body: int, points: Array) -> Array:
-        """d(twist)/d(coordinates) of a body, (frames, 6, coordinates): angular, then linear at points.
-        All rows are in ground; `points` (frames, 3) or (3,) in ground [m]. Dependent coordinates keep columns of their
-        own.
+        """d(twist)/d(coordinates) of a body, (frames, 6, coordinates): angular, then linear at
+        points. All rows are in ground; `points` (frames, 3) or (3,) in ground [m]. Dependent
+        coordinates keep columns of their own.
         """
         arrays = self.tree.arrays
         columns = np.zeros((len(self.origins), 6, len(self.tree.model.coordinates)))
         for support in np.flatnonzero(self.tree.supports[body]):
             w = self.axis_directions[:, support]
             if arrays.axis_kind[support] == ROTATION:
-                twist = np.concatenate([w, np.cross(w, points - self.axis_points[:, support])], axis=1)
+                twist = np.concatenate(
+                    [w, np.cross(w, points - self.axis_points[:, support])], axis=1
+                )
             else:
                 twist = np.concatenate([np.zeros_like(w), w], axis=1)
             for s, j in enumerate(arrays.axis_coordinate[support]):
@@ -167,20 +188,32 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     # A copy, because a kernel is compiled anew for an array that is read-only.
     coordinates = np.array(coordinates, dtype=np.float64, order="C")
     arrays = tree.arrays
-    frames, bodies, axes = len(coordinates), len(arrays.parent), len(arrays.axis_kind)
-    R, p = np.empty((frames, bodies, 3, 3)), np.empty((frames, bodies, 3))
-    w, o = np.empty((frames, axes, 3)), np.empty((frames, axes, 3))
+    frames = len(coordinates)
+    bodies = len(arrays.parent)
+    axes = len(arrays.axis_kind)
+    R = np.empty((frames, bodies, 3, 3))
+    p = np.empty((frames, bodies, 3))
+    w = np.empty((frames, axes, 3))
+    o = np.empty((frames, axes, 3))
     dphi = np.empty((frames, axes, 2))
     run_frames(_poses, (arrays,), coordinates, R, p, w, o, dphi)
-    return Poses(tree, R, p, w, o, dphi)
+    return Poses(
+        tree=tree, rotations=R, origins=p, axis_directions=w, axis_points=o, axis_slopes=dphi
+    )
 
 
 def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
-    """Pose in ground of the ground and of every body at given coordinates [rad or m], the others at their defaults."""
+    """Pose in ground of the ground and of every body at given coordinates [rad or m], the others at
+    their defaults.
+    """
     values = values or {}
     for name in values:
         model.coordinate(name)
-    posture = Motion(np.zeros(1), tuple(values), np.array([list(values.values())], dtype=np.float64).reshape(1, -1))
+    posture = Motion(
+        np.zeros(1),
+        tuple(values),
+        np.array([list(values.values())], dtype=np.float64).reshape(1, -1),
+    )
     tree = compile_tree(model)
     return forward_kinematics(tree, tree.coordinates_of(posture)).transforms()
 
@@ -199,7 +232,8 @@ def center_of_mass(tree: Tree, poses: Poses) -> Array:
 
 
 def marker_positions(model: Model, motion: Motion) -> Markers:
-    """Positions of a model's markers in a motion, as a camera system without errors would record them.
+    """Positions of a model's markers in a motion, as a camera system without errors would record
+    them.
 
     Source: Featherstone 2008, forward kinematics.
 
@@ -260,12 +294,20 @@ class BodyMotion:
 
 def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
     """Poses, velocities and accelerations of all bodies."""
-    frames, bodies = len(c), len(tree.arrays.parent)
+    frames = len(c)
+    bodies = len(tree.arrays.parent)
     arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]
     R = np.empty((frames, bodies, 3, 3))
     p, omega, v, alpha, a = (np.empty((frames, bodies, 3)) for _ in range(5))
     run_frames(_body_motion, (tree.arrays,), *arrays, R, p, omega, v, alpha, a)
-    return BodyMotion(R, p, omega, alpha, v, a)
+    return BodyMotion(
+        rotations=R,
+        origins=p,
+        angular_velocities=omega,
+        angular_accelerations=alpha,
+        velocities=v,
+        accelerations=a,
+    )
 
 
 @kernel
@@ -274,5 +316,15 @@ def _body_motion(T, c, cdot, cddot, R, p, omega, v, alpha, a):
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)
         body_rates(
-            T, c[frame], cdot[frame], cddot[frame], p[frame], w, o, omega[frame], v[frame], alpha[frame], a[frame]
+            T,
+            c[frame],
+            cdot[frame],
+            cddot[frame],
+            p[frame],
+            w,
+            o,
+            omega[frame],
+            v[frame],
+            alpha[frame],
+            a[frame],
         )

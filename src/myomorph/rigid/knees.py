@@ -10,13 +10,16 @@ from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-THIGH, SHANK = ("femur", "thigh"), ("tibia", "shank")  # Words in the names of the bodies above and below a knee
+THIGH = ("femur", "thigh")
+SHANK = ("tibia", "shank")  # Words in the names of the bodies above and below a knee
 FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])  # At which knees are looked at [rad]
 
 
 def knee_joints(model: Model) -> tuple[Joint, ...]:
     """Joints between a body called femur or thigh and one called tibia or shank."""
-    return tuple(joint for joint in model.joints if _is(joint.parent, THIGH) and _is(joint.child, SHANK))
+    return tuple(
+        joint for joint in model.joints if _is(joint.parent, THIGH) and _is(joint.child, SHANK)
+    )
 
 
 def _is(body: str, words: tuple[str, ...]) -> bool:
@@ -37,10 +40,14 @@ def flexion_coordinate(model: Model, knee: Joint) -> str:
 
 
 def long_axis(model: Model, joint: Joint) -> Array | None:
-    """Unit vector on the joint's child from its center to that of the next joint, None where none follows."""
+    """Unit vector on the joint's child from its center to that of the next joint, None where none
+    follows.
+    """
     center = joint.child_frame.translation
     ways = [
-        next_joint.parent_frame.translation - center for next_joint in model.joints if next_joint.parent == joint.child
+        next_joint.parent_frame.translation - center
+        for next_joint in model.joints
+        if next_joint.parent == joint.child
     ]
     lengths = [float(np.linalg.norm(way)) for way in ways]
     if not lengths or max(lengths) < 1e-9:
@@ -50,7 +57,9 @@ def long_axis(model: Model, joint: Joint) -> Array | None:
 
 
 def flexed(model: Model, knee: Joint) -> Poses | None:
-    """Poses of the model, but for a knee at its defaults, at `FLEXIONS` of it; None of a knee that does not turn."""
+    """Poses of the model, but for a knee at its defaults, at `FLEXIONS` of it; None of a knee that
+    does not turn.
+    """
     tree = compile_tree(model)
     turning = flexion_coordinate(model, knee)
     if not turning:
@@ -58,16 +67,23 @@ def flexed(model: Model, knee: Joint) -> Poses | None:
     low, high = model.coordinate(turning).range
     # A knee that bends towards negative angles has its range there.
     sign = -1.0 if abs(low) > abs(high) else 1.0
-    motion = Motion(np.arange(len(FLEXIONS), dtype=np.float64), (turning,), sign * FLEXIONS[:, None])
+    motion = Motion(
+        np.arange(len(FLEXIONS), dtype=np.float64), (turning,), sign * FLEXIONS[:, None]
+    )
     return forward_kinematics(tree, tree.coordinates_of(motion))
 
 
 def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
-    """Unit vector across the tibia about which a knee turns; `poses`: of `flexed`; `down`: the tibia's `long_axis`."""
+    """Unit vector across the tibia about which a knee turns; `poses`: of `flexed`; `down`: the
+    tibia's `long_axis`.
+    """
     index = compile_tree(model).body_index
-    femur, tibia = index[knee.parent], index[knee.child]
+    femur = index[knee.parent]
+    tibia = index[knee.child]
     turned = poses.rotations[:, tibia].transpose(0, 2, 1) @ poses.rotations[:, femur]
     change = turned[-1] @ turned[0].T
-    axis = np.array([change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]])
+    axis = np.array(
+        [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
+    )
     axis -= (axis @ down) * down
     return axis / np.linalg.norm(axis)

@@ -8,10 +8,24 @@ from myomorph.rigid.coordinates import gather_dependents
 from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, carried, pose_room
 from myomorph.rigid.tree import ROTATION
-from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, product, times, turned, turned_back, vector
+from myomorph.rigid.vectors import (
+    along,
+    cross,
+    dot,
+    matrix,
+    minus,
+    plus,
+    product,
+    times,
+    turned,
+    turned_back,
+    vector,
+)
 
 HALF_TURN = -1.0 + 1e-12
-"""Cosine below which two frames stand turned by half a turn, where the sine no longer shows the axis."""
+"""Cosine below which two frames stand turned by half a turn, where the sine no longer shows the
+axis.
+"""
 
 
 @bare
@@ -22,8 +36,11 @@ def transposed(r):
 
 @bare
 def tied_frames(L, i, R, p):
-    """In ground the first tied frame of loop i and its second point; in that frame the pose (Q, e) of the second."""
-    b1, b2 = L.body_1[i], L.body_2[i]
+    """In ground the first tied frame of loop i and its second point; in that frame the pose (Q, e)
+    of the second.
+    """
+    b1 = L.body_1[i]
+    b2 = L.body_2[i]
     r1 = product(matrix(R, b1), matrix(L.turn_1, i))
     x1 = plus(vector(p, b1), turned(matrix(R, b1), vector(L.point_1, i)))
     x2 = plus(vector(p, b2), turned(matrix(R, b2), vector(L.point_2, i)))
@@ -44,13 +61,18 @@ def half_rotation(Q):
     scale = 1.0 / np.sqrt(2.0 * (1.0 + Q[4 * largest]))
     u = (scale * Q[largest], scale * Q[3 + largest], scale * Q[6 + largest])
     grown = scale * (1.0 + Q[4 * largest])
-    return 0.0, (grown if largest == 0 else u[0], grown if largest == 1 else u[1], grown if largest == 2 else u[2])
+    return 0.0, (
+        grown if largest == 0 else u[0],
+        grown if largest == 1 else u[1],
+        grown if largest == 2 else u[2],
+    )
 
 
 @bare
 def loop_errors(L, R, p, errors):
-    """Errors (rows,) of all loops at the poses R, p: of a weld first the turning 2 u [rad], then the gap e [m].
-    Both are those of the second tied frame seen from the first, so what moves both together changes nothing.
+    """Errors (rows,) of all loops at the poses R, p: of a weld first the turning 2 u [rad], then
+    the gap e [m]. Both are those of the second tied frame seen from the first, so what moves both
+    together changes nothing.
     """
     for i in range(L.body_1.shape[0]):
         _, _, Q, gap = tied_frames(L, i, R, p)
@@ -76,21 +98,27 @@ def turned_error(a, u, W):
 
 @bare
 def loop_rows(T, L, c, R, p, w, o, dphi, rows):
-    """Derivatives (rows, coordinates) of `loop_errors`, dependent coordinates folded into what they follow."""
+    """Derivatives (rows, coordinates) of `loop_errors`, dependent coordinates folded into what they
+    follow.
+    """
     rows[:] = 0.0
     for i in range(L.body_1.shape[0]):
         r1, x2, Q, _ = tied_frames(L, i, R, p)
         a, u = half_rotation(Q)
         row = L.row[i]
         turns = L.row[i + 1] - row == 6
-        b1, b2 = L.body_1[i], L.body_2[i]
+        b1 = L.body_1[i]
+        b2 = L.body_2[i]
         while b1 != b2:
-            # A parent has the smaller number: the larger of both cannot be an ancestor of the other.
+            # A parent has the smaller number: the larger of both cannot be an ancestor of the
+            # other.
             b, sign = (b2, 1.0) if b2 > b1 else (b1, -1.0)
             for axis in range(T.axis_start[b], T.axis_start[b + 1]):
                 direction = vector(w, axis)
                 rotates = T.axis_kind[axis] == ROTATION
-                shift = turned_back(r1, cross(direction, minus(x2, vector(o, axis))) if rotates else direction)
+                shift = turned_back(
+                    r1, cross(direction, minus(x2, vector(o, axis))) if rotates else direction
+                )
                 turn = turned_error(a, u, turned_back(r1, direction))
                 for s in range(2):
                     j = T.axis_coordinate[axis, s]
@@ -112,7 +140,9 @@ def loop_rows(T, L, c, R, p, w, o, dphi, rows):
 
 @kernel
 def loop_frames(T, L, c, errors, rows):
-    """`loop_errors` and `loop_rows` of frames: errors (frames, rows), rows (frames, rows, coordinates)."""
+    """`loop_errors` and `loop_rows` of frames: errors (frames, rows), rows (frames, rows,
+    coordinates).
+    """
     R, p, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
@@ -122,29 +152,43 @@ def loop_frames(T, L, c, errors, rows):
 
 @kernel
 def loop_rate_frames(T, L, c, cdot, cddot, first, second):
-    """First and second time derivative (frames, rows) of the loops' errors; c, cdot, cddot consistent."""
+    """First and second time derivative (frames, rows) of the loops' errors; c, cdot, cddot
+    consistent.
+    """
     R, p, w, o, dphi = pose_room(T)
-    omega, v, alpha, acc = np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
+    omega = np.empty_like(p)
+    v = np.empty_like(p)
+    alpha = np.empty_like(p)
+    acc = np.empty_like(p)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
         body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, acc)
         for i in range(L.body_1.shape[0]):
-            b1, b2, row = L.body_1[i], L.body_2[i], L.row[i]
+            b1 = L.body_1[i]
+            b2 = L.body_2[i]
+            row = L.row[i]
             r1, _, Q, _ = tied_frames(L, i, R, p)
-            W1, E1, W2, E2 = vector(omega, b1), vector(alpha, b1), vector(omega, b2), vector(alpha, b2)
+            W1 = vector(omega, b1)
+            E1 = vector(alpha, b1)
+            W2 = vector(omega, b2)
+            E2 = vector(alpha, b2)
             if L.row[i + 1] - row == 6:
-                W, E = turned_back(r1, minus(W2, W1)), turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
+                W = turned_back(r1, minus(W2, W1))
+                E = turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
                 a, u = half_rotation(Q)
                 rate = turned_error(a, u, W)
                 change = along(turned_error(a, u, E), -0.5 * dot(W, u), W)
                 put(first[frame], row, 1.0, rate)
                 put(second[frame], row, 1.0, along(change, 0.5, cross(W, rate)))
                 row += 3
-            # Both rates at the second point: of the body it belongs to, and of the first body carried there.
+            # Both rates at the second point: of the body it belongs to, and of the first body
+            # carried there.
             x2 = turned(matrix(R, b2), vector(L.point_2, i))
             x1 = minus(plus(vector(p, b2), x2), vector(p, b1))
             v1, a1 = carried(W1, E1, vector(v, b1), vector(acc, b1), x1)
             v2, a2 = carried(W2, E2, vector(v, b2), vector(acc, b2), x2)
             gap = minus(v2, v1)
             put(first[frame], row, 1.0, turned_back(r1, gap))
-            put(second[frame], row, 1.0, turned_back(r1, along(minus(a2, a1), -2.0, cross(W1, gap))))
+            put(
+                second[frame], row, 1.0, turned_back(r1, along(minus(a2, a1), -2.0, cross(W1, gap)))
+            )

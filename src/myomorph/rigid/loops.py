@@ -1,4 +1,6 @@
-"""Closed kinematic loops: errors of closure, coordinates and rates that keep them closed, and who follows whom."""
+"""Closed kinematic loops: errors of closure, coordinates and rates that keep them closed, and who
+follows whom.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from myomorph.rigid.loop_kernels import loop_frames, loop_rate_frames
 from myomorph.rigid.tree import Tree, compile_tree
 
 CLOSED = 1e-10  # A loop is closed when no error is larger [m or rad]
-RANK = 1e-8  # A direction of a Jacobian counts where its singular value is at least this share of the largest
+# A direction of a Jacobian counts where its singular value is at least this share of the largest
+RANK = 1e-8
 NEAREST = 1e-9  # A projection has arrived when its last step is shorter [rad or m, weighted]
 STEPS = 200  # Steps of a projection
 ELSEWHERE = 30  # Random poses from which a loop is closed that does not close from where it is
@@ -27,27 +30,32 @@ FRAMES_AT_ONCE = 256
 
 def closure(tree: Tree, coordinates: Array) -> Array:
     """How far the loops stand open, (frames, rows).
-    Of every loop the second tied frame is seen from the first. A point constraint has three rows, the second point
-    [m]; a weld has before them three of turning, 2 sin(angle / 2) axis [rad]. What moves both bodies together
-    changes nothing.
-    `coordinates` (frames, coordinates) in the model's order, dependent ones consistent [rad or m].
+    Of every loop the second tied frame is seen from the first. A point constraint has three rows,
+    the second point [m]; a weld has before them three of turning, 2 sin(angle / 2) axis [rad]. What
+    moves both bodies together changes nothing. `coordinates` (frames, coordinates) in the model's
+    order, dependent ones consistent [rad or m].
     """
     return _closures(tree, coordinates)[0]
 
 
 def closure_jacobian(tree: Tree, coordinates: Array) -> Array:
     """Derivatives of `closure` in the coordinates, (frames, rows, coordinates).
-    Columns of independent coordinates include what reaches the loop through the coordinates that follow them;
-    columns of those stand as they are by themselves (`gather_dependents`).
+    Columns of independent coordinates include what reaches the loop through the coordinates that
+    follow them; columns of those stand as they are by themselves (`gather_dependents`).
     """
     return _closures(tree, coordinates)[1]
 
 
-def closure_rates(tree: Tree, coordinates: Array, velocities: Array, accelerations: Array) -> tuple[Array, Array]:
-    """First and second time derivative of `closure`: G qdot and G qddot + Gdot qdot, (frames, rows) each.
-    `coordinates`, `velocities`, `accelerations` (frames, coordinates), dependent ones consistent.
+def closure_rates(
+    tree: Tree, coordinates: Array, velocities: Array, accelerations: Array
+) -> tuple[Array, Array]:
+    """First and second time derivative of `closure`: G qdot and G qddot + Gdot qdot, (frames, rows)
+    each. `coordinates`, `velocities`, `accelerations` (frames, coordinates), dependent ones
+    consistent.
     """
-    c, cdot, cddot = (_copy(values) for values in (coordinates, velocities, accelerations))
+    c = _copy(coordinates)
+    cdot = _copy(velocities)
+    cddot = _copy(accelerations)
     first, second = np.empty((2, len(c), tree.loops.row[-1]))
     run_frames(loop_rate_frames, (tree.arrays, tree.loops), c, cdot, cddot, first, second)
     return first, second
@@ -75,20 +83,25 @@ def close_loops(tree: Tree, coordinates: Array) -> Array:
         loop = tree.model.loops[int(np.searchsorted(tree.loops.row, row, side="right")) - 1]
         before = float(np.abs(closure(tree, targets[good[worst]][None])).max())
         raise BadData(
-            f"frame {good[worst]}: {loop.kind} '{loop.name}' cannot be closed, {error[worst, row]:.2g} are left of "
-            f"{before:.2g} m or rad; do the coordinates belong to this model, and is "
-            f"enough of {', '.join(_movers(tree))} free to move?"
+            f"frame {good[worst]}: {loop.kind} '{loop.name}' cannot be closed,"
+            f" {error[worst, row]:.2g} are left of {before:.2g} m or rad; do the coordinates belong"
+            f" to this model, and is enough of {', '.join(_movers(tree))} free to move?"
         )
     return closed
 
 
-def project_rates(tree: Tree, coordinates: Array, velocities: Array, accelerations: Array) -> tuple[Array, Array]:
+def project_rates(
+    tree: Tree, coordinates: Array, velocities: Array, accelerations: Array
+) -> tuple[Array, Array]:
     """Velocities and accelerations nearest to those given with which closed loops stay closed.
-    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible. Locked and prescribed coordinates keep their
-    rates, coupled ones follow. `coordinates`, `velocities`, `accelerations` (frames, coordinates), the coordinates
-    closed (`close_loops`). Returns `velocities`, `accelerations` (frames, coordinates).
+    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible. Locked and prescribed
+    coordinates keep their rates, coupled ones follow. `coordinates`, `velocities`, `accelerations`
+    (frames, coordinates), the coordinates closed (`close_loops`). Returns `velocities`,
+    `accelerations` (frames, coordinates).
     """
-    c, v, a = (_copy(values) for values in (coordinates, velocities, accelerations))
+    c = _copy(coordinates)
+    v = _copy(velocities)
+    a = _copy(accelerations)
     couple_rates_frames(tree.arrays, c, v, a)
     good = np.isfinite(c + v + a).all(axis=1)
     if not tree.model.loops or not good.any():
@@ -102,33 +115,38 @@ def project_rates(tree: Tree, coordinates: Array, velocities: Array, acceleratio
         left = np.abs(closure_rates(tree, c[good], v[good], a[good])[order])
         if left.max() > 1e-9 * (1.0 + np.abs(wrong).max() + np.abs(rates[good]).max()):
             raise BadData(
-                f"rates cannot keep the loops closed: {left.max():.2g} are left of {np.abs(wrong).max():.2g}; "
-                f"is enough of {', '.join(_movers(tree))} free to move?"
+                f"rates cannot keep the loops closed: {left.max():.2g} are left of"
+                f" {np.abs(wrong).max():.2g}; is enough of {', '.join(_movers(tree))} free to move?"
             )
     return v, a
 
 
 @dataclass(frozen=True, eq=False)
 class LoopBasis:
-    """Which coordinates follow which where loops stay closed: qdot[dependent] = slopes @ qdot[independent]."""
+    """Which coordinates follow which where loops stay closed: qdot[dependent] = slopes @
+    qdot[independent].
+    """
 
     # independent, dependent: indices of coordinates, together all that were free
     independent: Ints
     dependent: Ints
     slopes: Array  # (frames, dependent, independent)
     rank: int  # how many directions the loops take, over all frames (dependent coordinates)
-    # (frames,) smallest singular value of the dependent columns relative to the largest of all free columns; near 0 the
-    # choice is singular and the slopes are large
+    # (frames,) smallest singular value of the dependent columns relative to the largest of all free
+    # columns; near 0 the choice is singular and the slopes are large
     margin: Array
 
 
-def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None = None) -> LoopBasis:
-    """Dependent and independent coordinates of closed loops, the same in all frames, and the slopes between them.
-    One dependent coordinate after the other is taken, each the one whose column of the Jacobian stays largest in
-    the frame where it is smallest, after the columns taken before are projected off (QR with column pivoting
-    over all frames at once); a clamped coordinate counts half, so that it rather stays independent.
-    `coordinates` (frames, coordinates), closed; frames that hold NaN get slopes of NaN; `free`: indices of the
-    coordinates that may move, by default all that are neither coupled, locked nor prescribed.
+def loop_basis(
+    tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None = None
+) -> LoopBasis:
+    """Dependent and independent coordinates of closed loops, the same in all frames, and the slopes
+    between them. One dependent coordinate after the other is taken, each the one whose column of
+    the Jacobian stays largest in the frame where it is smallest, after the columns taken before are
+    projected off (QR with column pivoting over all frames at once); a clamped coordinate counts
+    half, so that it rather stays independent. `coordinates` (frames, coordinates), closed; frames
+    that hold NaN get slopes of NaN; `free`: indices of the coordinates that may move, by default
+    all that are neither coupled, locked nor prescribed.
     """
     free = free_coordinates(tree) if free is None else np.asarray(free, np.int64)
     good = np.isfinite(coordinates).all(axis=1)
@@ -140,20 +158,32 @@ def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None
     if len(chosen):
         slopes[good] = -_pseudo_inverse(G[:, :, chosen]) @ G[:, :, rest]
         largest = np.linalg.svd(G, compute_uv=False)[:, 0]
-        margin[good] = np.linalg.svd(G[:, :, chosen], compute_uv=False)[:, -1] / np.maximum(largest, 1e-300)
-    return LoopBasis(free[rest], free[chosen], slopes, len(chosen), margin)
+        margin[good] = np.linalg.svd(G[:, :, chosen], compute_uv=False)[:, -1] / np.maximum(
+            largest, 1e-300
+        )
+    return LoopBasis(
+        independent=free[rest],
+        dependent=free[chosen],
+        slopes=slopes,
+        rank=len(chosen),
+        margin=margin,
+    )
 
 
 def free_coordinates(tree: Tree) -> Ints:
     """Indices of the coordinates that are neither coupled, locked nor prescribed."""
-    stays = [coordinate.locked or coordinate.prescribed is not None for coordinate in tree.model.coordinates]
+    stays = [
+        coordinate.locked or coordinate.prescribed is not None
+        for coordinate in tree.model.coordinates
+    ]
     return np.array([j for j in tree.independent if not stays[j]], np.int64)
 
 
 def _closures(tree: Tree, coordinates: Array) -> tuple[Array, Array]:
     c = _copy(coordinates)
     rows = int(tree.loops.row[-1])
-    errors, jacobian = np.empty((len(c), rows)), np.empty((len(c), rows, c.shape[1]))
+    errors = np.empty((len(c), rows))
+    jacobian = np.empty((len(c), rows, c.shape[1]))
     if rows:
         run_frames(loop_frames, (tree.arrays, tree.loops), c, errors, jacobian)
     return errors, jacobian
@@ -165,12 +195,16 @@ def _copy(array: Array) -> Array:
 
 
 def _pseudo_inverse(G: Array) -> Array:
-    """(frames, n, rows) Moore-Penrose inverse of (frames, rows, n), directions below `RANK` left out."""
+    """(frames, n, rows) Moore-Penrose inverse of (frames, rows, n), directions below `RANK` left
+    out.
+    """
     return np.asarray(np.linalg.pinv(G, rcond=RANK), np.float64)
 
 
 def _project(tree: Tree, targets: Array, free: Ints) -> Array:
-    """Nearest closed coordinates: steps towards those given along the constraint, closed again after each."""
+    """Nearest closed coordinates: steps towards those given along the constraint, closed again
+    after each.
+    """
     c = _shut(tree, targets, free)
     for frame in np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) > CLOSED):
         c[frame] = _elsewhere(tree, targets[frame], free)
@@ -187,7 +221,9 @@ def _project(tree: Tree, targets: Array, free: Ints) -> Array:
         trial[:, free] += share[moving, None] * along
         trial = _shut(tree, trial, free)
         left = (targets[moving][:, free] - trial[:, free]) ** 2
-        nearer = (left.sum(axis=1) < (back**2).sum(axis=1)) & (np.abs(closure(tree, trial)).max(axis=1) <= CLOSED)
+        nearer = (left.sum(axis=1) < (back**2).sum(axis=1)) & (
+            np.abs(closure(tree, trial)).max(axis=1) <= CLOSED
+        )
         c[moving[nearer]] = trial[nearer]
         share[moving] = np.where(nearer, np.minimum(1.0, 2.0 * share[moving]), 0.25 * share[moving])
         moving = moving[share[moving] * np.abs(along).max(axis=1, initial=0.0) > NEAREST]
@@ -197,25 +233,29 @@ def _project(tree: Tree, targets: Array, free: Ints) -> Array:
 
 
 def _elsewhere(tree: Tree, target: Array, free: Ints) -> Array:
-    """The nearest of the closed poses that the default and random poses lead to, where the given one leads to none."""
+    """The nearest of the closed poses that the default and random poses lead to, where the given
+    one leads to none.
+    """
     starts = np.tile(target, (ELSEWHERE + 1, 1))
     starts[:, free] = tree.defaults[free]
     shares = np.random.default_rng(0).random((ELSEWHERE, len(free)))
     for i, j in enumerate(free):
         coordinate = tree.model.coordinates[j]
         reach = np.pi if coordinate.motion == "rotational" else 0.5
-        low, high = (
-            max(coordinate.range[0], coordinate.default - reach),
-            min(coordinate.range[1], coordinate.default + reach),
-        )
+        low = max(coordinate.range[0], coordinate.default - reach)
+        high = min(coordinate.range[1], coordinate.default + reach)
         starts[1:, j] = low + (high - low) * shares[:, i]
     shut = _shut(tree, starts, free)
     far = ((shut - target)[:, free] ** 2).sum(axis=1)
-    return shut[int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))]
+    return shut[
+        int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))
+    ]
 
 
 def _shut(tree: Tree, start: Array, free: Ints) -> Array:
-    """Newton steps of least norm on the closure, each as long as it lowers it, until loops close or none does."""
+    """Newton steps of least norm on the closure, each as long as it lowers it, until loops close or
+    none does.
+    """
     c = start.copy()
     moving = np.arange(len(c))
     for _ in range(STEPS):
@@ -223,7 +263,10 @@ def _shut(tree: Tree, start: Array, free: Ints) -> Array:
         error, G = _closures(tree, c[moving])
         size = np.abs(error).max(axis=1)
         open_ = size > 1e-3 * CLOSED
-        moving, error, G, size = moving[open_], error[open_], G[open_], size[open_]
+        moving = moving[open_]
+        error = error[open_]
+        G = G[open_]
+        size = size[open_]
         if not len(moving):
             break
         step = -np.einsum("fjr,fr->fj", _pseudo_inverse(G[:, :, free]), error)
@@ -289,19 +332,20 @@ def refuse_open(tree: Tree, coordinates: Array) -> float:
         row = int(np.argmax(errors.max(axis=0)))
         loop = tree.model.loops[int(np.searchsorted(tree.loops.row, row, side="right")) - 1]
         raise BadData(
-            f"the motion holds {loop.kind} '{loop.name}' open by up to {worst:.3g} m or rad: at most {OPEN:g} are "
-            "closed by projection; does the motion belong to this model? Inverse kinematics gives one that does"
+            f"the motion holds {loop.kind} '{loop.name}' open by up to {worst:.3g} m or rad: at"
+            f" most {OPEN:g} are closed by projection; does the motion belong to this model?"
+            " Inverse kinematics gives one that does"
         )
     return worst
 
 
 def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion nearest to the one given that keeps every loop closed, and what it took.
-    Coordinates, velocities and accelerations move as little as possible in the plain norm over [rad] and [m];
-    locked and prescribed ones stay. A model without loops gets its motion back.
-    `motion`: with or without velocities and accelerations; what it lacks rests at the model's default. Returns
-    `motion`: of all the model's coordinates where there are loops; `notes`: one line where loops stood open by more
-    than `TOLD`.
+    Coordinates, velocities and accelerations move as little as possible in the plain norm over
+    [rad] and [m]; locked and prescribed ones stay. A model without loops gets its motion back.
+    `motion`: with or without velocities and accelerations; what it lacks rests at the model's
+    default. Returns `motion`: of all the model's coordinates where there are loops; `notes`: one
+    line where loops stood open by more than `TOLD`.
     """
     if not model.loops:
         return motion, ()
@@ -329,9 +373,12 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
 
 @read_only
 class LoopTorques:
-    """Generalized forces of the coordinates that follow no other, couplers' and loops' share handed on."""
+    """Generalized forces of the coordinates that follow no other, couplers' and loops' share handed
+    on.
+    """
 
-    torques: Series  # (frames, independent coordinates) tau_ind + (d dependent / d independent)^T tau_dep [N m or N]
+    # (frames, independent coordinates) tau_ind + (d dependent / d independent)^T tau_dep [N m or N]
+    torques: Series
     dependent: tuple[str, ...]  # names of the coordinates that a loop makes follow
     margin: Array  # (frames,) how well the choice of those is conditioned, see `LoopBasis`
 
@@ -339,12 +386,14 @@ class LoopTorques:
 def loop_torques(model: Model, motion: Motion, torques: Series) -> LoopTorques:
     """What has to act at the independent coordinates to make the model move, loops closed.
 
-    A closed loop carries forces of its own, so the torque of one of its coordinates alone means nothing: any
-    tau + G^T lambda moves the model alike (G derivative of the closure). Folding through the null space of G,
+    A closed loop carries forces of its own, so the torque of one of its coordinates alone means
+    nothing: any tau + G^T lambda moves the model alike (G derivative of the closure). Folding
+    through the null space of G,
 
         tau_ind + slopes^T tau_dep,   qdot_dep = slopes qdot_ind,
 
-    leaves what does not depend on lambda. Forces that hold locked and prescribed coordinates stay as they are.
+    leaves what does not depend on lambda. Forces that hold locked and prescribed coordinates stay
+    as they are.
 
     `torques`: of `inverse_dynamics`, a column for every coordinate.
     """
@@ -363,7 +412,9 @@ def loop_torques(model: Model, motion: Motion, torques: Series) -> LoopTorques:
 
 
 def loop_slopes(basis: LoopBasis | None, coordinates: Array) -> Array:
-    """(frames, dependents, coordinates) derivatives of what loops make follow, 0 columns where nothing leads."""
+    """(frames, dependents, coordinates) derivatives of what loops make follow, 0 columns where
+    nothing leads.
+    """
     count = 0 if basis is None else len(basis.dependent)
     slopes = np.zeros((len(coordinates), count, coordinates.shape[1]))
     if basis is not None:

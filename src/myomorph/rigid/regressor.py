@@ -17,7 +17,16 @@ from myomorph.rigid.frames import run_frames
 from myomorph.rigid.kernels import in_place, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, pose_room
 from myomorph.rigid.tree import compile_tree
-from myomorph.rigid.vectors import cross, matrix, minus, plus, put_vector, turned, turned_back, vector
+from myomorph.rigid.vectors import (
+    cross,
+    matrix,
+    minus,
+    plus,
+    put_vector,
+    turned,
+    turned_back,
+    vector,
+)
 
 WRENCH = ("M_x", "M_y", "M_z", "F_x", "F_y", "F_z")
 """The rows of a base wrench: moment about the reference point [N m] and force [N], ground axes."""
@@ -34,10 +43,11 @@ class RegressorBlock(NamedTuple):
 
 def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:
     """(frames, 6, 10 bodies) the six base rows Y of the equation of motion, [D] eq. 3.1.
-    Y @ inertial_parameters(model).ravel() is the total external wrench that the motion needs, gravity
-    taken off: moment about the reference point [N m], then force [N], in ground axes.
-    `motion`: with velocities and accelerations; coordinates it lacks rest at their default; `reference` (3,) a point
-    fixed in ground, e.g. of a force plate [m]; None for the origin of the first body, the base, in each frame.
+    Y @ inertial_parameters(model).ravel() is the total external wrench that the motion needs,
+    gravity taken off: moment about the reference point [N m], then force [N], in ground axes.
+    `motion`: with velocities and accelerations; coordinates it lacks rest at their default;
+    `reference` (3,) a point fixed in ground, e.g. of a force plate [m]; None for the origin of the
+    first body, the base, in each frame.
     """
     rows = np.empty((len(motion), 6, 10 * len(model.bodies)))
     for block in regressor_blocks(model, motion, reference):
@@ -48,7 +58,9 @@ def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = N
 def regressor_blocks(
     model: Model, motion: Motion, reference: ArrayLike | None = None, frames: int = BLOCK
 ) -> Iterator[RegressorBlock]:
-    """`base_regressor` block by block, which bounds memory: every block uses the arrays of the one before again."""
+    """`base_regressor` block by block, which bounds memory: every block uses the arrays of the one
+    before again.
+    """
     tree = compile_tree(model)
     fixed = _fixed_point(reference)
     size = min(frames, len(motion))
@@ -60,30 +72,46 @@ def regressor_blocks(
         if fixed is not None:
             points[:] = fixed
         c, cdot, cddot = motion_arrays(tree, motion.frames(span))
-        run_frames(_base_regressor, (tree.arrays, fixed is None), c, cdot, cddot, points[:length], rows[:length])
+        run_frames(
+            _base_regressor,
+            (tree.arrays, fixed is None),
+            c,
+            cdot,
+            cddot,
+            points[:length],
+            rows[:length],
+        )
         yield RegressorBlock(span, rows[:length], points[:length])
 
 
-def base_wrench(model: Model, motion: Motion, wrenches: Wrenches | None, reference: ArrayLike | None = None) -> Array:
+def base_wrench(
+    model: Model, motion: Motion, wrenches: Wrenches | None, reference: ArrayLike | None = None
+) -> Array:
     """(frames, 6) the external wrench that was measured, in the rows of `base_regressor`.
     NaN in frames where a force is missing. A wrench on the ground does not count.
-    `motion`, `reference`: as in `base_regressor`; the reference point moves with the motion's base; `wrenches`: at the
-    motion's times; None for no external force.
+    `motion`, `reference`: as in `base_regressor`; the reference point moves with the motion's base;
+    `wrenches`: at the motion's times; None for no external force.
     """
     return sum_of_wrenches(model, motion, wrenches, reference_points(model, motion, reference))
 
 
-def sum_of_wrenches(model: Model, motion: Motion, wrenches: Wrenches | None, points: Array) -> Array:
+def sum_of_wrenches(
+    model: Model, motion: Motion, wrenches: Wrenches | None, points: Array
+) -> Array:
     """(frames, 6) moment about points (frames, 3) and force of all wrenches that act on the model."""
     bodies, forces, places, torques = external_arrays(compile_tree(model), motion, wrenches)
     counted = bodies != 0
-    forces, places, torques = forces[:, counted], places[:, counted], torques[:, counted]
+    forces = forces[:, counted]
+    places = places[:, counted]
+    torques = torques[:, counted]
     moments = torques + np.cross(places - points[:, None], forces)
     return np.concatenate([moments.sum(axis=1), forces.sum(axis=1)], axis=1)
 
 
 def reference_points(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:
-    """(frames, 3) the point that moments are about: the base body's origin, or one fixed in ground [m]."""
+    """(frames, 3) the point that moments are about: the base body's origin, or one fixed in ground
+    [m].
+    """
     fixed = _fixed_point(reference)
     if fixed is not None:
         return np.tile(fixed, (len(motion), 1))
@@ -99,7 +127,9 @@ def _fixed_point(reference: ArrayLike | None) -> Array | None:
         return None
     point = np.asarray(reference, dtype=np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
-        raise BadData(f"expected a reference point (3,) in ground, but got {np.asarray(reference).tolist()}")
+        raise BadData(
+            f"expected a reference point (3,) in ground, but got {np.asarray(reference).tolist()}"
+        )
     return point
 
 
@@ -114,7 +144,10 @@ def _base_origins(T, c, points):
 @kernel
 def _base_regressor(T, moving, c, cdot, cddot, points, rows):
     R, p, w, o, dphi = pose_room(T)
-    omega, v, alpha, a = np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
+    omega = np.empty_like(p)
+    v = np.empty_like(p)
+    alpha = np.empty_like(p)
+    a = np.empty_like(p)
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
@@ -125,29 +158,36 @@ def _base_regressor(T, moving, c, cdot, cddot, points, rows):
         for b in range(1, T.parent.shape[0]):
             r = matrix(R, b)
             lift = turned_back(r, minus(vector(a, b), gravity))
-            W, E = turned_back(r, vector(omega, b)), turned_back(r, vector(alpha, b))
+            W = turned_back(r, vector(omega, b))
+            E = turned_back(r, vector(alpha, b))
             body_columns(r, minus(vector(p, b), about), lift, W, E, rows[frame], 10 * (b - 1))
 
 
 @in_place
 def body_columns(r, arm, lift, W, E, rows, first):
     """Ten columns of one body: rows (6, columns) of moment about a point and force, in ground.
-    In the body's frame, with h = m c, acceleration of the origin less gravity `lift`, angular rates W, E:
-    force = m lift + E x h + W x (W x h),  moment about the origin = h x lift + I E + W x (I W).
-    `arm` leads from the point to the origin, in ground; r turns the body's frame into ground.
+    In the body's frame, with h = m c, acceleration of the origin less gravity `lift`, angular rates
+    W, E: force = m lift + E x h + W x (W x h),  moment about the origin = h x lift + I E + W x (I
+    W). `arm` leads from the point to the origin, in ground; r turns the body's frame into ground.
     """
     zero = (0.0, 0.0, 0.0)
     for parameter in range(10):
-        force, moment = zero, zero
+        force = zero
+        moment = zero
         if parameter == 0:
             force = lift
         elif parameter < 4:
-            e = (1.0 if parameter == 1 else 0.0, 1.0 if parameter == 2 else 0.0, 1.0 if parameter == 3 else 0.0)
+            e = (
+                1.0 if parameter == 1 else 0.0,
+                1.0 if parameter == 2 else 0.0,
+                1.0 if parameter == 3 else 0.0,
+            )
             force = plus(cross(E, e), cross(W, cross(W, e)))
             moment = cross(e, lift)
         else:
             moment = plus(_inertia_column(parameter, E), cross(W, _inertia_column(parameter, W)))
-        force, moment = turned(r, force), turned(r, moment)
+        force = turned(r, force)
+        moment = turned(r, moment)
         if parameter < 4:
             moment = plus(moment, cross(arm, force))
         for i in range(3):

@@ -17,7 +17,8 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions, couple_frames
 
-ROTATION, TRANSLATION = 0, 1
+ROTATION = 0
+TRANSLATION = 1
 
 
 class TreeArrays(NamedTuple):
@@ -42,7 +43,8 @@ class TreeArrays(NamedTuple):
     # (couplers,) the dependent coordinate and its function, in an order of evaluation
     coupler_coordinate: Ints
     coupler_function: Ints
-    # (couplers, 2) the dependent coordinate, its function and what it follows, in an order of evaluation
+    # (couplers, 2) the dependent coordinate, its function and what it follows, in an order of
+    # evaluation
     coupler_source: Ints
     mass: Array  # (bodies,)
     mass_center: Array  # (bodies, 3)
@@ -51,7 +53,9 @@ class TreeArrays(NamedTuple):
 
 
 class LoopArrays(NamedTuple):
-    """The constraints that close loops: a point of one body stays on a point of another, of a weld turned alike."""
+    """The constraints that close loops: a point of one body stays on a point of another, of a weld
+    turned alike.
+    """
 
     # body_1, body_2: (loops,)
     body_1: Ints
@@ -62,8 +66,8 @@ class LoopArrays(NamedTuple):
     # turn_1, turn_2: (loops, 3, 3) tied frames in their bodies
     turn_1: Array
     turn_2: Array
-    # (loops + 1,) loop i has the rows row[i] ... row[i + 1] - 1: three of a point [m], or of a weld three of its
-    # turning [rad], then three of its point [m]
+    # (loops + 1,) loop i has the rows row[i] ... row[i + 1] - 1: three of a point [m], or of a weld
+    # three of its turning [rad], then three of its point [m]
     row: Ints
 
 
@@ -73,7 +77,8 @@ class Tree:
 
     model: Model
     arrays: TreeArrays
-    body_index: dict[str, int] = field(repr=False)  # number of each body in the arrays, the ground 0
+    # number of each body in the arrays, the ground 0
+    body_index: dict[str, int] = field(repr=False)
 
     def body_number(self, name: str, where: str = "the model") -> int:
         """Number of a body in the arrays; raises `UnknownName`, by default of "the model"."""
@@ -83,13 +88,18 @@ class Tree:
     @cached_property
     def defaults(self) -> Array:
         """(coordinates,) default value of every coordinate [rad or m]."""
-        return np.array([coordinate.default for coordinate in self.model.coordinates], dtype=np.float64)
+        return np.array(
+            [coordinate.default for coordinate in self.model.coordinates], dtype=np.float64
+        )
 
     @cached_property
     def independent(self) -> Ints:
         """Indices of the coordinates that no coupler drives."""
         driven = self.model.dependent_coordinates
-        return np.array([i for i, name in enumerate(self.model.coordinate_names) if name not in driven], np.int64)
+        return np.array(
+            [i for i, name in enumerate(self.model.coordinate_names) if name not in driven],
+            np.int64,
+        )
 
     @cached_property
     def supports(self) -> np.ndarray:
@@ -103,7 +113,9 @@ class Tree:
 
     @cached_property
     def roots(self) -> Ints:
-        """(bodies,) the body next to the ground that each hangs on, which separates subjects and objects."""
+        """(bodies,) the body next to the ground that each hangs on, which separates subjects and
+        objects.
+        """
         roots = np.arange(len(self.arrays.parent))
         for body, parent in enumerate(self.arrays.parent):
             if parent > 0:
@@ -123,13 +135,13 @@ class Tree:
         loops = self.model.loops
         sizes = [6 if loop.kind.lower().startswith("weld") else 3 for loop in loops]
         return LoopArrays(
-            np.array([self.body_index[loop.body_1] for loop in loops], np.int64),
-            np.array([self.body_index[loop.body_2] for loop in loops], np.int64),
-            _stack([loop.pose_1.translation for loop in loops], (3,)),
-            _stack([loop.pose_2.translation for loop in loops], (3,)),
-            _stack([loop.pose_1.rotation for loop in loops], (3, 3)),
-            _stack([loop.pose_2.rotation for loop in loops], (3, 3)),
-            np.cumsum([0, *sizes]),
+            body_1=np.array([self.body_index[loop.body_1] for loop in loops], np.int64),
+            body_2=np.array([self.body_index[loop.body_2] for loop in loops], np.int64),
+            point_1=_stack([loop.pose_1.translation for loop in loops], (3,)),
+            point_2=_stack([loop.pose_2.translation for loop in loops], (3,)),
+            turn_1=_stack([loop.pose_1.rotation for loop in loops], (3, 3)),
+            turn_2=_stack([loop.pose_2.rotation for loop in loops], (3, 3)),
+            row=np.cumsum([0, *sizes]),
         )
 
     def coordinates_of(self, motion: Motion) -> Array:
@@ -142,7 +154,9 @@ class Tree:
         return values
 
     def rates_of(self, motion: Motion) -> tuple[Array, Array]:
-        """(frames, coordinates) velocities and accelerations in the model's order, 0 for what the motion lacks."""
+        """(frames, coordinates) velocities and accelerations in the model's order, 0 for what the
+        motion lacks.
+        """
         rates = np.zeros((2, len(motion), len(self.model.coordinates)))
         for values, filled in zip((motion.velocities, motion.accelerations), rates, strict=True):
             if values is not None:
@@ -162,17 +176,21 @@ def compile_tree(model: Model) -> Tree:
 
 
 def compile_tree_as(model: Model, like: Model) -> Tree:
-    """`compile_tree` of a model made of another by changing joint frames, masses, mass centers and inertias alone.
-    `like`: the other one, with the same parts in the same order; what was compiled of it is used again.
+    """`compile_tree` of a model made of another by changing joint frames, masses, mass centers and
+    inertias alone. `like`: the other one, with the same parts in the same order; what was compiled
+    of it is used again.
     """
     tree = compile_tree(like)
     T = tree.arrays
-    pre_R, pre_p, shift, post_R, post_p = (
-        array.copy() for array in (T.pre_R, T.pre_p, T.pre_is_shift, T.post_R, T.post_p)
-    )
+    pre_R = T.pre_R.copy()
+    pre_p = T.pre_p.copy()
+    shift = T.pre_is_shift.copy()
+    post_R = T.post_R.copy()
+    post_p = T.post_p.copy()
     before = {joint.child: joint for joint in like.joints}
     for joint in model.joints:
-        was, b = before[joint.child], tree.body_index[joint.child]
+        was = before[joint.child]
+        b = tree.body_index[joint.child]
         if joint.parent_frame is was.parent_frame and joint.child_frame is was.child_frame:
             continue
         first = T.axis_start[b]
@@ -208,7 +226,9 @@ def _compile(model: Model) -> Tree:
     joints = {joint.child: joint for joint in model.joints}
     functions: list[Function] = []
     axes: list[tuple[Transform, Axis, int]] = []
-    parent, axis_start, post = [-1], [0, 0], [Transform.identity()]
+    parent = [-1]
+    axis_start = [0, 0]
+    post = [Transform.identity()]
     for body in model.bodies:
         joint = joints[body.name]
         pending = joint.parent_frame
@@ -229,11 +249,17 @@ def _compile(model: Model) -> Tree:
         axis_start=np.array(axis_start, np.int64),
         pre_R=_stack([pre.rotation for pre, _, _ in axes], (3, 3)),
         pre_p=_stack([pre.translation for pre, _, _ in axes], (3,)),
-        pre_is_shift=np.array([bool(np.all(pre.rotation == np.eye(3))) for pre, _, _ in axes], np.bool_),
+        pre_is_shift=np.array(
+            [bool(np.all(pre.rotation == np.eye(3))) for pre, _, _ in axes], np.bool_
+        ),
         post_R=_stack([frame.rotation for frame in post], (3, 3)),
         post_p=_stack([frame.translation for frame in post], (3,)),
-        axis_kind=np.array([ROTATION if axis.kind == "rotation" else TRANSLATION for _, axis, _ in axes], np.int64),
-        axis_vector=_stack([axis.vector / np.linalg.norm(axis.vector) for _, axis, _ in axes], (3,)),
+        axis_kind=np.array(
+            [ROTATION if axis.kind == "rotation" else TRANSLATION for _, axis, _ in axes], np.int64
+        ),
+        axis_vector=_stack(
+            [axis.vector / np.linalg.norm(axis.vector) for _, axis, _ in axes], (3,)
+        ),
         axis_body=np.array([body for _, _, body in axes], np.int64),
         axis_function=np.arange(len(axes), dtype=np.int64),
         axis_coordinate=_sources([axis.coordinates for _, axis, _ in axes], names),
@@ -262,14 +288,17 @@ def _sources(names_of_each: list[tuple[str, ...]], names: tuple[str, ...]) -> In
     table = np.full((len(names_of_each), 2), -1, dtype=np.int64)
     for row, used in zip(table, names_of_each, strict=True):
         if len(used) > 2:
-            raise BadModel(f"a function of {len(used)} coordinates ({', '.join(used)}): at most two are built")
+            raise BadModel(
+                f"a function of {len(used)} coordinates ({', '.join(used)}): at most two are built"
+            )
         row[: len(used)] = [index_of("coordinate", name, names) for name in used]
     return table
 
 
 def _evaluation_order(couplers: tuple[Coupler, ...]) -> list[Coupler]:
     """Couplers so that each comes after those that drive what it follows."""
-    waiting, ordered = list(couplers), []
+    waiting = list(couplers)
+    ordered = []
     while waiting:
         driven = {coupler.dependent for coupler in waiting}
         ready = [coupler for coupler in waiting if not driven & set(coupler.independents)]

@@ -19,10 +19,16 @@ def vector(array, index):
 def matrix(array, index):
     """Matrix index of an array (n, 3, 3)."""
     return (
-        array[index, 0, 0], array[index, 0, 1], array[index, 0, 2],
-        array[index, 1, 0], array[index, 1, 1], array[index, 1, 2],
-        array[index, 2, 0], array[index, 2, 1], array[index, 2, 2],
-    )  # fmt: skip
+        array[index, 0, 0],
+        array[index, 0, 1],
+        array[index, 0, 2],
+        array[index, 1, 0],
+        array[index, 1, 1],
+        array[index, 1, 2],
+        array[index, 2, 0],
+        array[index, 2, 1],
+        array[index, 2, 2],
+    )
 
 
 @bare
@@ -141,10 +147,17 @@ def product(a, b):
 @bare
 def about(u, angle):
     """Rotation by `angle` about the unit vector u (Rodrigues)."""
-    s, c = math.sin(angle), math.cos(angle)
+    s = math.sin(angle)
+    c = math.cos(angle)
     v = 1.0 - c
     return (
-        c + u[0] * u[0] * v, u[0] * u[1] * v - u[2] * s, u[0] * u[2] * v + u[1] * s,
-        u[0] * u[1] * v + u[2] * s, c + u[1] * u[1] * v, u[1] * u[2] * v - u[0] * s,
-        u[0] * u[2] * v - u[1] * s, u[1] * u[2] * v + u[0] * s, c + u[2] * u[2] * v,
-    )  # fmt: skip
+        c + u[0] * u[0] * v,
+        u[0] * u[1] * v - u[2] * s,
+        u[0] * u[2] * v + u[1] * s,
+        u[0] * u[1] * v + u[2] * s,
+        c + u[1] * u[1] * v,
+        u[1] * u[2] * v - u[0] * s,
+        u[0] * u[2] * v - u[1] * s,
+        u[1] * u[2] * v + u[0] * s,
+        c + u[2] * u[2] * v,
+    )

@@ -1,15 +1,17 @@
-"""A bout: two simulated fighters moved through a plan by their muscles, and every force that passed.
+"""A bout: two simulated fighters moved through a plan by their muscles, and every force that
+passed.
 
-Each fighter chooses its muscles' activations for the movement and the pull it intends. The choice is no copy of the
-criterion that the estimate uses. At every instant the activations a, the forces f under the soles and the force g of
-the lapel minimise
+Each fighter chooses its muscles' activations for the movement and the pull it intends. The choice
+is no copy of the criterion that the estimate uses. At every instant the activations a, the forces f
+under the soles and the force g of the lapel minimise
 
     |qdd - wanted|^2 + |feet and lapel stay|^2 + |g - intended|^2 + |sleeve - intended|^2 + sum_m w_m |a_m - a0_m|^3
 
-over a in 0..1 and f in a friction pyramid, with qdd of the equations of motion of both bodies. Weights w differ from
-muscle to muscle by a random factor, a0 is a random tone, the cube is taken as a square weighted by the distance an
-instant before, and the pull is intended, not economical. What then acts at the soles and in the grips is what MuJoCo's
-contacts and constraints make of the activations, not f and g.
+over a in 0..1 and f in a friction pyramid, with qdd of the equations of motion of both bodies.
+Weights w differ from muscle to muscle by a random factor, a0 is a random tone, the cube is taken as
+a square weighted by the distance an instant before, and the pull is intended, not economical. What
+then acts at the soles and in the grips is what MuJoCo's contacts and constraints make of the
+activations, not f and g.
 """
 
 from __future__ import annotations
@@ -22,16 +24,28 @@ import numpy as np
 import piqp
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.simulate.fighter import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP, Build, sole_points
+from myomorph.simulate.fighter import (
+    PARTS,
+    SLEEVE_DAMPING,
+    SLEEVE_LENGTH,
+    SLEEVE_STIFFNESS,
+    STEP,
+    Build,
+    sole_points,
+)
 from myomorph.simulate.plan import Plan, jacobian, roots
 
-HORIZON = 0.012  # Time over which a choice of activations is to give the accelerations that are wanted [s].
+# Time over which a choice of activations is to give the accelerations that are wanted [s].
+HORIZON = 0.012
 SMALL = 1e-3  # Difference of speeds for a slope [m/s].
 
 
 # How far off each aim may be for a cost of 1; the smaller, the more the fighters want it.
-ACCELERATION, ROOT = 6.0, 2.0  # Accelerations of joints and of pelves [rad/s^2, m/s^2]
-FOOT, LAPEL, SLEEVE = 0.3, 1.0, 1.0  # Those of soles, of the lapel's gap and of the sleeve's length [m/s^2]
+ACCELERATION = 6.0
+ROOT = 2.0  # Accelerations of joints and of pelves [rad/s^2, m/s^2]
+FOOT = 0.3
+LAPEL = 1.0
+SLEEVE = 1.0  # Those of soles, of the lapel's gap and of the sleeve's length [m/s^2]
 PULL = 25.0  # The intended force at the lapel [N]
 EFFORT = 0.3  # Factor of the muscles' cost
 FRICTION = 0.6  # Coefficient that the fighters count on
@@ -39,20 +53,30 @@ STIFFNESS = 120.0  # Of the way back to the plan [1/s^2]
 
 
 class Controller:
-    """Activations of both fighters from the state, instant by instant; `weight`, `tone`: (muscles,) w and a0."""
+    """Activations of both fighters from the state, instant by instant; `weight`, `tone`: (muscles,)
+    w and a0.
+    """
 
     def __init__(self, compiled: Any, weight: Array, tone: Array):
-        self._m, self._weight, self._tone = compiled, weight, tone
+        self._m = compiled
+        self._weight = weight
+        self._tone = tone
         self._before = tone.copy()
         self._scale = np.full(compiled.nv, ACCELERATION)
         self._scale[roots(compiled)] = ROOT
 
     def activations(
-        self, data: Any, wanted: Array, standing: Sequence[tuple[int, Array, Array]], lapel: Array, pull: float
+        self,
+        data: Any,
+        wanted: Array,
+        standing: Sequence[tuple[int, Array, Array]],
+        lapel: Array,
+        pull: float,
     ) -> Array:
-        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date. `wanted`:
-        (nv,) accelerations; `standing`: corners of soles on the mat: number of the body, point in it (3,), and where
-        it came down (3,) [m]; `lapel`: (3,) intended force on tori's hand [N]; `pull`: intended at the sleeve [N].
+        """Activations (muscles,) at the state of `data`, of which positions and velocities are up
+        to date. `wanted`: (nv,) accelerations; `standing`: corners of soles on the mat: number of
+        the body, point in it (3,), and where it came down (3,) [m]; `lapel`: (3,) intended force on
+        tori's hand [N]; `pull`: intended at the sleeve [N].
         """
         m = self._m
         soles = [jacobian(m, data, body, point) for body, point, _ in standing]
@@ -62,7 +86,9 @@ class Controller:
         aims = _Aims(B, b)
         aims.add(np.eye(m.nv), wanted, self._scale)
         if soles:
-            missed = np.concatenate([at - kept for (_, at), (_, _, kept) in zip(soles, standing, strict=True)])
+            missed = np.concatenate(
+                [at - kept for (_, at), (_, _, kept) in zip(soles, standing, strict=True)]
+            )
             aims.add(feet, -_RATE * (feet @ data.qvel) - _STIFF * missed, FOOT)
         aims.add(grip, -_RATE * (grip @ data.qvel) - _STIFF * gap, LAPEL)
         sleeve, longer, rate = self._sleeve(data, pull)
@@ -80,7 +106,8 @@ class Controller:
         m = self._m
         arms = -moments(m, data)
         active, passive, slope = muscle_strength(m, data)
-        # What muscles lose by moving faster is stiff on light bodies such as feet: a step of implicit Euler.
+        # What muscles lose by moving faster is stiff on light bodies such as feet: a step of
+        # implicit Euler.
         mass = mass_matrix(m, data) + HORIZON * (arms.T * (self._before * slope)) @ arms
         # The passive forces of MuJoCo are the sleeve's alone.
         free = data.qfrc_passive - data.qfrc_bias + arms.T @ passive
@@ -88,14 +115,17 @@ class Controller:
         return B[:, :-1], B[:, -1]
 
     def _sleeve(self, data: Any, pull: float) -> tuple[Array, float, float]:
-        """d(length)/d(rates) (nv,) of the sleeve, what it lacks for a pull [m], and how fast it grows [m/s]."""
+        """d(length)/d(rates) (nv,) of the sleeve, what it lacks for a pull [m], and how fast it
+        grows [m/s].
+        """
         J, apart = _between(self._m, data, "tori_grip_l", "cuff")
         length = float(np.linalg.norm(apart))
         slope = apart / length @ J
         return slope, SLEEVE_LENGTH + pull / SLEEVE_STIFFNESS - length, float(slope @ data.qvel)
 
 
-_STIFF, _RATE = 400.0, 40.0
+_STIFF = 400.0
+_RATE = 40.0
 """Of what holds soles, lapel and sleeve where they should be: critically damped [1/s^2], [1/s]."""
 
 
@@ -103,12 +133,15 @@ class _Aims:
     """A sum of squares x'Hx / 2 + c'x of accelerations B x + b and of x itself."""
 
     def __init__(self, B: Array, b: Array):
-        self._B, self._b = B, b
-        self.H, self.c = np.zeros((B.shape[1], B.shape[1])), np.zeros(B.shape[1])
+        self._B = B
+        self._b = b
+        self.H = np.zeros((B.shape[1], B.shape[1]))
+        self.c = np.zeros(B.shape[1])
 
     def add(self, J: Array, target: Array, scale: Array | float) -> None:
         """The square of (J qdd - target) / scale."""
-        A, miss = J @ self._B / np.reshape(scale, (-1, 1)), (target - J @ self._b) / scale
+        A = J @ self._B / np.reshape(scale, (-1, 1))
+        miss = (target - J @ self._b) / scale
         self.H += A.T @ A
         self.c -= A.T @ miss
 
@@ -121,7 +154,8 @@ class _Aims:
 
 def mass_matrix(m: Any, data: Any) -> Array:
     """(nv, nv)."""
-    M, column = np.empty((m.nv, m.nv)), np.empty(m.nv)
+    M = np.empty((m.nv, m.nv))
+    column = np.empty(m.nv)
     for j, unit in enumerate(np.eye(m.nv)):
         mujoco.mj_mulM(m, data, column, unit)
         M[j] = column
@@ -138,10 +172,15 @@ def moments(m: Any, data: Any) -> Array:
 
 
 def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
-    """Of every muscle at the state: pull per activation, passive pull [N], what the first gains by speed [N s/m]."""
-    active, passive, slope = np.empty(m.nu), np.empty(m.nu), np.empty(m.nu)
+    """Of every muscle at the state: pull per activation, passive pull [N], what the first gains by
+    speed [N s/m].
+    """
+    active = np.empty(m.nu)
+    passive = np.empty(m.nu)
+    slope = np.empty(m.nu)
     for i in range(m.nu):
-        length, speed = float(data.actuator_length[i]), float(data.actuator_velocity[i])
+        length = float(data.actuator_length[i])
+        speed = float(data.actuator_velocity[i])
         limits = m.actuator_lengthrange[i], float(m.actuator_acc0[i])
         slow, active[i], fast = (
             -mujoco.mju_muscleGain(length, speed + step, *limits, m.actuator_gainprm[i, :9])
@@ -154,8 +193,10 @@ def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
 
 def _between(m: Any, data: Any, first: str, second: str) -> tuple[Array, Array]:
     """d/d(rates) (3, nv) of the way from the second site to the first, and that way (3,) [m]."""
-    first_jacobian, other = np.zeros((3, m.nv)), np.zeros((3, m.nv))
-    a, b = m.site(first).id, m.site(second).id
+    first_jacobian = np.zeros((3, m.nv))
+    other = np.zeros((3, m.nv))
+    a = m.site(first).id
+    b = m.site(second).id
     mujoco.mj_jacSite(m, data, first_jacobian, None, a)
     mujoco.mj_jacSite(m, data, other, None, b)
     return first_jacobian - other, data.site_xpos[a] - data.site_xpos[b]
@@ -164,8 +205,10 @@ def _between(m: Any, data: Any, first: str, second: str) -> tuple[Array, Array]:
 def _solve(H: Array, c: Array, muscles: int, corners: int) -> Array:
     """Min x'Hx/2 + c'x with activations in 0..1 and forces of corners inside pyramids about y."""
     n = len(c)
-    low, high = np.full(n, -np.inf), np.full(n, np.inf)
-    low[:muscles], high[:muscles] = 0.0, 1.0
+    low = np.full(n, -np.inf)
+    high = np.full(n, np.inf)
+    low[:muscles] = 0.0
+    high[:muscles] = 1.0
     forces = slice(muscles, muscles + 3 * corners)
     low[forces][1::3] = 0.0
     G = np.zeros((4 * corners, n))
@@ -175,7 +218,12 @@ def _solve(H: Array, c: Array, muscles: int, corners: int) -> Array:
 
 def pyramids(corners: int, friction: float) -> Array:
     """G (4 corners, 3 corners) of forces inside friction pyramids about y: those of G f <= 0."""
-    across = [[1.0, -friction, 0.0], [-1.0, -friction, 0.0], [0.0, -friction, 1.0], [0.0, -friction, -1.0]]
+    across = [
+        [1.0, -friction, 0.0],
+        [-1.0, -friction, 0.0],
+        [0.0, -friction, 1.0],
+        [0.0, -friction, -1.0],
+    ]
     return np.asarray(np.kron(np.eye(corners), across), dtype=np.float64)
 
 
@@ -203,8 +251,8 @@ class Run:
     # activations, tensions: (steps, muscles) [1, N]
     activations: Array
     tensions: Array
-    # forces, moments: (steps, contacts, 3) on tori (of soles: on the foot), moments about the ground's origin, of the
-    # four feet and the two grips [N], [N m]
+    # forces, moments: (steps, contacts, 3) on tori (of soles: on the foot), moments about the
+    # ground's origin, of the four feet and the two grips [N], [N m]
     forces: Array
     moments: Array
     places: Array  # (steps, grips, 3) where the grips' forces act [m]
@@ -212,9 +260,16 @@ class Run:
 
 
 def simulate_bout(
-    compiled: Any, builds: Mapping[str, Build], plan: Plan, weight: Array, tone: Array, until: float = np.inf
+    compiled: Any,
+    builds: Mapping[str, Build],
+    plan: Plan,
+    weight: Array,
+    tone: Array,
+    until: float = np.inf,
 ) -> Run:
-    """Move both fighters through a plan, until its end or `until` [s]; `weight`, `tone`: see `Controller`."""
+    """Move both fighters through a plan, until its end or `until` [s]; `weight`, `tone`: see
+    `Controller`.
+    """
     m = compiled
     data = mujoco.MjData(m)
     data.qpos[:] = plan.poses[0]
@@ -222,13 +277,18 @@ def simulate_bout(
     steps = round(min(plan.duration, until) / STEP)
     contacts = len(FEET) + len(GRIPS)
     record: dict[str, Array] = {
-        "time": np.empty(steps), "qpos": np.empty((steps, m.nq)), "activations": np.empty((steps, m.nu)),
-        "tensions": np.empty((steps, m.nu)), "forces": np.zeros((steps, contacts, 3)),
-        "moments": np.zeros((steps, contacts, 3)), "places": np.zeros((steps, len(GRIPS), 3)),
+        "time": np.empty(steps),
+        "qpos": np.empty((steps, m.nq)),
+        "activations": np.empty((steps, m.nu)),
+        "tensions": np.empty((steps, m.nu)),
+        "forces": np.zeros((steps, contacts, 3)),
+        "moments": np.zeros((steps, contacts, 3)),
+        "places": np.zeros((steps, len(GRIPS), 3)),
         "strayed": np.zeros(steps),
-    }  # fmt: skip
+    }
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
-    activation, chosen = tone.copy(), tone
+    activation = tone.copy()
+    chosen = tone
     error = np.empty(m.nv)
     for index in range(steps):
         mujoco.mj_step1(m, data)
@@ -239,10 +299,14 @@ def simulate_bout(
             record["strayed"][index : index + CONTROL] = np.abs(error).max()
             aim = accelerations + STIFFNESS * error + 2.0 * np.sqrt(STIFFNESS) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(index * STEP)
-            chosen = controller.activations(data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve)
+            chosen = controller.activations(
+                data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve
+            )
         activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
         data.ctrl[:] = activation
-        record["time"][index], record["qpos"][index], record["activations"][index] = index * STEP, data.qpos, activation
+        record["time"][index] = index * STEP
+        record["qpos"][index] = data.qpos
+        record["activations"][index] = activation
         mujoco.mj_step2(m, data)
         record["tensions"][index] = -data.actuator_force
         _record_forces(m, data, record, index)
@@ -268,15 +332,21 @@ def _standing(
         size = builds[foot.partition("_")[0]].size
         corners = [size * point for point in sole_points(foot[-1]).values()]
         places = [data.xpos[body] + data.xmat[body].reshape(3, 3) @ point for point in corners]
-        anchors[foot] = [(body, corner, at * (1.0, 0.0, 1.0)) for corner, at in zip(corners, places, strict=True)]
+        anchors[foot] = [
+            (body, corner, at * (1.0, 0.0, 1.0)) for corner, at in zip(corners, places, strict=True)
+        ]
     return [corner for corners in anchors.values() for corner in corners]
 
 
 def _record_forces(m: Any, data: Any, record: Mapping[str, Array], step: int) -> None:
-    mat, lapel, sleeve = m.geom("mat").id, len(FEET), len(FEET) + 1
+    mat = m.geom("mat").id
+    lapel = len(FEET)
+    sleeve = len(FEET) + 1
     feet = {m.body(name).id: c for c, name in enumerate(FEET)}
     count = int(data.ncon)
-    forces, owners, wrench = np.empty((count, 3)), np.empty(count, int), np.empty(6)
+    forces = np.empty((count, 3))
+    owners = np.empty(count, int)
+    wrench = np.empty(6)
     for i in range(count):
         contact = data.contact[i]
         mujoco.mj_contactForce(m, data, i, wrench)
@@ -285,13 +355,20 @@ def _record_forces(m: Any, data: Any, record: Mapping[str, Array], step: int) ->
         owners[i] = feet[int(m.geom_bodyid[contact.geom2 if below else contact.geom1])]
     np.add.at(record["forces"][step], owners, forces)
     np.add.at(record["moments"][step], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
-    rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (data.efc_id == m.equality("lapel").id)
+    rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (
+        data.efc_id == m.equality("lapel").id
+    )
     record["places"][step, 0] = data.site_xpos[m.site("tori_grip_r").id]
     record["forces"][step, lapel] = data.efc_force[rows]
-    fist, cuff = (data.site_xpos[m.site(name).id] for name in ("tori_grip_l", "cuff"))
+    fist = data.site_xpos[m.site("tori_grip_l").id]
+    cuff = data.site_xpos[m.site("cuff").id]
     t = m.tendon("sleeve").id
     stretch = float(data.ten_length[t]) - SLEEVE_LENGTH
-    tension = (SLEEVE_STIFFNESS * stretch if stretch > 0.0 else 0.0) + SLEEVE_DAMPING * float(data.ten_velocity[t])
+    tension = (SLEEVE_STIFFNESS * stretch if stretch > 0.0 else 0.0) + SLEEVE_DAMPING * float(
+        data.ten_velocity[t]
+    )
     record["places"][step, 1] = fist
     record["forces"][step, sleeve] = tension * (cuff - fist) / np.linalg.norm(cuff - fist)
-    record["moments"][step, lapel:] = np.cross(record["places"][step], record["forces"][step, lapel:])
+    record["moments"][step, lapel:] = np.cross(
+        record["places"][step], record["forces"][step, lapel:]
+    )

@@ -1,4 +1,5 @@
-"""The case of `demo --study morph`: a leg, the same leg's bones deformed by a known smooth field, and landmarks.
+"""The case of `demo --study morph`: a leg, the same leg's bones deformed by a known smooth field,
+and landmarks.
 
 The bones are the left ones of `myo-sim`, mirrored to the right and deformed; nobody was scanned.
 """
@@ -24,8 +25,10 @@ from myomorph.simulate.jump import leg_model
 from myomorph.study.subject.morph_files import source_bones
 
 BODIES = ("pelvis", "femur", "patella", "tibia", "talus", "calcn", "toes")
-LANDMARKS, PICKED = 12, 0.001
-"""Landmarks of each bone, and the standard deviation with which they are picked in the target [m]."""
+LANDMARKS = 12
+PICKED = 0.001
+"""Landmarks of each bone, and the standard deviation with which they are picked in the target [m].
+"""
 
 STRETCH = (1.06, 0.95, 1.09)
 WAVES = (
@@ -41,7 +44,9 @@ MIRROR = np.array([1.0, 1.0, -1.0])  # The left side's frames are the right side
 
 @read_only
 class Deformation:
-    """A smooth field over the ground: y = diag(stretch) x + the sum of waves amplitude direction sin(k x + phase)."""
+    """A smooth field over the ground: y = diag(stretch) x + the sum of waves amplitude direction
+    sin(k x + phase).
+    """
 
     stretch: Array
     waves: tuple[tuple[Array, Array, float], ...]
@@ -60,7 +65,11 @@ class Deformation:
         x = np.asarray(points, dtype=np.float64)
         slopes: Array = np.broadcast_to(np.diag(self.stretch), (*x.shape[:-1], 3, 3)).copy()
         for wave, direction, phase in self.waves:
-            slopes += self.amplitude * np.cos(x @ wave + phase)[..., None, None] * np.outer(direction, wave)
+            slopes += (
+                self.amplitude
+                * np.cos(x @ wave + phase)[..., None, None]
+                * np.outer(direction, wave)
+            )
         return slopes
 
 
@@ -91,7 +100,10 @@ def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str
     names = {body: body if body == "pelvis" else f"{body}_r" for body in BODIES}
     left = {names[body]: surfaces[body if body == "pelvis" else f"{body}_l"] for body in BODIES}
     truth = truths(model)
-    right = {body: Surface(surface.vertices * MIRROR, surface.faces[:, ::-1]) for body, surface in left.items()}
+    right = {
+        body: Surface(surface.vertices * MIRROR, surface.faces[:, ::-1])
+        for body, surface in left.items()
+    }
     theirs = {body: _deformed(surface, truth[body]) for body, surface in right.items()}
     return model, {body: surfaces[body] for body in truth}, theirs, truth
 
@@ -99,17 +111,30 @@ def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str
 def right_leg(whole: Model) -> Model:
     """Pelvis and right leg of the legs of `myo-sim`, the pelvis held where it stands."""
     kept = {body if body == "pelvis" else f"{body}_r" for body in BODIES}
-    root = Joint("ground_pelvis", "WeldJoint", GROUND, "pelvis", standing_poses(whole)["pelvis"], Transform.identity())
+    root = Joint(
+        name="ground_pelvis",
+        kind="WeldJoint",
+        parent=GROUND,
+        child="pelvis",
+        parent_frame=standing_poses(whole)["pelvis"],
+        child_frame=Transform.identity(),
+    )
     joints = [joint for joint in whole.joints if joint.child in kept and joint.child != "pelvis"]
     moved = {name for joint in joints for name in joint.coordinates}
-    muscles = tuple(_led(muscle) for muscle in whole.muscles if {point.body for point in muscle.path.points} <= kept)
+    muscles = tuple(
+        _led(muscle)
+        for muscle in whole.muscles
+        if {point.body for point in muscle.path.points} <= kept
+    )
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     return replace(
         whole,
         name="right leg",
         bodies=tuple(body for body in whole.bodies if body.name in kept),
         joints=(root, *joints),
-        coordinates=tuple(coordinate for coordinate in whole.coordinates if coordinate.name in moved),
+        coordinates=tuple(
+            coordinate for coordinate in whole.coordinates if coordinate.name in moved
+        ),
         muscles=muscles,
         wrap_objects=tuple(item for item in whole.wrap_objects if item.name in used),
         couplers=tuple(coupler for coupler in whole.couplers if coupler.dependent in moved),
@@ -122,20 +147,29 @@ def right_leg(whole: Model) -> Model:
 
 
 def _led(muscle: Muscle) -> Muscle:
-    """A muscle that goes past side sites by the rule of MuJoCo 4.0, whichever is installed. By the rule before, the
-    iliacus changes the side of its surface in bones that are bent a little.
+    """A muscle that goes past side sites by the rule of MuJoCo 4.0, whichever is installed. By the
+    rule before, the iliacus changes the side of its surface in bones that are bent a little.
     """
-    wraps = tuple(replace(wrap, version=4) for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap))
+    wraps = tuple(
+        replace(wrap, version=4) for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap)
+    )
     return replace(muscle, path=replace(muscle.path, wraps=wraps)) if wraps else muscle
 
 
 def truths(model: Model) -> dict[str, BodyTruth]:
-    """The one deformation as each body sees it; each frame moves with its origin and keeps its directions."""
-    waves = tuple((np.array(wave), np.array(d) / np.linalg.norm(d), phase) for wave, d, phase in WAVES)
+    """The one deformation as each body sees it; each frame moves with its origin and keeps its
+    directions.
+    """
+    waves = tuple(
+        (np.array(wave), np.array(d) / np.linalg.norm(d), phase) for wave, d, phase in WAVES
+    )
     field = Deformation(np.array(STRETCH), waves, AMPLITUDE)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None]).transforms()
-    return {body: BodyTruth(field, poses[body], field.apply(poses[body].translation)) for body in model.body_names}
+    return {
+        body: BodyTruth(field, poses[body], field.apply(poses[body].translation))
+        for body in model.body_names
+    }
 
 
 def _deformed(surface: Surface, truth: BodyTruth) -> Surface:
@@ -147,19 +181,27 @@ def _deformed(surface: Surface, truth: BodyTruth) -> Surface:
     return Surface(truth.apply(vertices), faces)
 
 
-def picked_landmarks(ours: Mapping[str, Surface], truth: Mapping[str, BodyTruth]) -> dict[str, FeaturePoints]:
-    """Landmarks spread over each bone, picked in the target with an error of `PICKED`; the same each time."""
+def picked_landmarks(
+    ours: Mapping[str, Surface], truth: Mapping[str, BodyTruth]
+) -> dict[str, FeaturePoints]:
+    """Landmarks spread over each bone, picked in the target with an error of `PICKED`; the same
+    each time.
+    """
     random = np.random.default_rng(0)
     result = {}
     for body, surface in ours.items():
         points = surface.vertices[spread_vertices(surface, LANDMARKS)]
         seen = truth[body].apply(points) + PICKED * random.standard_normal(points.shape)
-        result[body] = FeaturePoints(tuple(f"{body} {i + 1}" for i in range(len(points))), points, seen)
+        result[body] = FeaturePoints(
+            tuple(f"{body} {i + 1}" for i in range(len(points))), points, seen
+        )
     return result
 
 
 def spread_vertices(surface: Surface, count: int) -> np.ndarray:
-    """Vertices as far from each other as can be: the one furthest from the middle, then always the loneliest."""
+    """Vertices as far from each other as can be: the one furthest from the middle, then always the
+    loneliest.
+    """
     vertices = surface.vertices
     chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))]
     while len(chosen) < min(count, len(vertices)):

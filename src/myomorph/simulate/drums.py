@@ -1,9 +1,10 @@
-"""A drummer in a room, made up: strokes of known time and impulse, and what microphones hear of them.
+"""A drummer in a room, made up: strokes of known time and impulse, and what microphones hear of
+them.
 
-A stroke is a half-sine of force on a membrane of a few modes, with the noise of the stick's contact; harder
-strokes are shorter (Hertz: duration in proportion to impulse^-1/5) and so brighter. Each drum reaches each
-microphone by its direct way, by the mirror images of a box-shaped room to the second order, and by a diffuse
-tail that decays with the room's reverberation time.
+A stroke is a half-sine of force on a membrane of a few modes, with the noise of the stick's
+contact; harder strokes are shorter (Hertz: duration in proportion to impulse^-1/5) and so brighter.
+Each drum reaches each microphone by its direct way, by the mirror images of a box-shaped room to
+the second order, and by a diffuse tail that decays with the room's reverberation time.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ class Scene:
     snr : energy of a median stroke in 20 ms over that of the noise, in its own microphone [dB]
     interval : mean time between two strokes on one drum [s]
     softest, loudest : impulses [N s], evenly spread in logarithm
-    scatter : standard deviation of each mode's amplitude from stroke to stroke, as a share: where the head is hit
+    scatter : standard deviation of each mode's amplitude from stroke to stroke, as a share: where
+        the head is hit
     drums : how many
     tied : share of the strokes that fall with one on another drum, 0 to 30 ms apart
     far : distance of the microphones from their drums over that of close ones, 9 cm
@@ -75,7 +77,9 @@ class Truth:
 def instruments(scene: Scene) -> tuple[Instrument, ...]:
     """The drums with their microphones, distances to their own known."""
     far = float(np.linalg.norm(NEAR) * scene.far)
-    return tuple(Instrument(name, str(k + 1), far) for k, name in enumerate(list(DRUMS)[: scene.drums]))
+    return tuple(
+        Instrument(name, str(k + 1), far) for k, name in enumerate(list(DRUMS)[: scene.drums])
+    )
 
 
 def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
@@ -91,7 +95,9 @@ def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
             if stroke.drum == name:
                 _add(source, stroke, scene, rng)
         for m, other in enumerate(names):
-            reply = _reply(DRUMS[name][0], DRUMS[other][0] + scene.far * NEAR, scene.reverberation, rng)
+            reply = _reply(
+                DRUMS[name][0], DRUMS[other][0] + scene.far * NEAR, scene.reverberation, rng
+            )
             heard[:, m] += fftconvolve(source, reply)[:length]
     window = int(0.02 * RATE)
     for m, name in enumerate(names):
@@ -105,7 +111,8 @@ def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
 def _strokes(scene: Scene, rng: np.random.Generator) -> tuple[Truth, ...]:
     """Impacts of all drums; between two on one drum lie 0.7 to 1.3 of the interval."""
     found = []
-    low, high = np.log(scene.softest), np.log(scene.loudest)
+    low = np.log(scene.softest)
+    high = np.log(scene.loudest)
     for k, name in enumerate(list(DRUMS)[: scene.drums]):
         time = 0.5 + 0.37 * k * scene.interval
         while time < scene.duration - 1.0:
@@ -114,14 +121,20 @@ def _strokes(scene: Scene, rng: np.random.Generator) -> tuple[Truth, ...]:
     apart = 0.06
     kept: list[Truth] = []
     for one in sorted(found, key=lambda stroke: stroke.time):
-        near = [k for k, other in enumerate(kept) if one.time - other.time < apart and other.drum != one.drum]
+        near = [
+            k
+            for k, other in enumerate(kept)
+            if one.time - other.time < apart and other.drum != one.drum
+        ]
         if near and rng.uniform() >= scene.tied:
             continue
         kept.append(one)
     extra = []
     for one in kept:
         if rng.uniform() < scene.tied and scene.drums > 1:
-            other = str(rng.choice([name for name in list(DRUMS)[: scene.drums] if name != one.drum]))
+            other = str(
+                rng.choice([name for name in list(DRUMS)[: scene.drums] if name != one.drum])
+            )
             at = one.time + rng.uniform(0.0, 0.03)
             if all(abs(at - s.time) > 0.1 for s in kept if s.drum == other):
                 extra.append(Truth(other, at, float(np.exp(rng.uniform(low, high)))))
@@ -135,8 +148,12 @@ def _add(source: Array, stroke: Truth, scene: Scene, rng: np.random.Generator) -
     late = stroke.time * RATE
     first = int(np.ceil(late))
     t = (np.arange(int(4.0 * decay * RATE)) + first - late) / RATE
-    force = np.where(t < contact, np.pi * stroke.impulse / (2.0 * contact) * np.sin(np.pi * t / contact), 0.0)
-    amplitudes = (1.0 + scene.scatter * rng.standard_normal(len(MODES))) / np.arange(1, len(MODES) + 1)
+    force = np.where(
+        t < contact, np.pi * stroke.impulse / (2.0 * contact) * np.sin(np.pi * t / contact), 0.0
+    )
+    amplitudes = (1.0 + scene.scatter * rng.standard_normal(len(MODES))) / np.arange(
+        1, len(MODES) + 1
+    )
     ringing = sum(
         a * np.sin(2.0 * np.pi * lowest * m * t) * np.exp(-t * m / decay)
         for a, m in zip(amplitudes, MODES, strict=True)
@@ -148,14 +165,17 @@ def _add(source: Array, stroke: Truth, scene: Scene, rng: np.random.Generator) -
     source[first:last] += heard[: last - first]
 
 
-def _reply(source: Array, microphone: Array, reverberation: float, rng: np.random.Generator) -> Array:
+def _reply(
+    source: Array, microphone: Array, reverberation: float, rng: np.random.Generator
+) -> Array:
     """Impulse response of the room from a place to another."""
     length = int((0.1 + 1.2 * reverberation) * RATE)
     reply = np.zeros(length)
     if reverberation == 0.0:
         _arrive(reply, float(np.linalg.norm(microphone - source)), 1.0)
         return reply
-    volume, surface = float(np.prod(ROOM)), 2.0 * float(ROOM[0] * ROOM[1] + ROOM[0] * ROOM[2] + ROOM[1] * ROOM[2])
+    volume = float(np.prod(ROOM))
+    surface = 2.0 * float(ROOM[0] * ROOM[1] + ROOM[0] * ROOM[2] + ROOM[1] * ROOM[2])
     # Sabine: reverberation = 0.161 V / (S absorption).
     mirror = np.sqrt(max(1.0 - 0.161 * volume / (surface * reverberation), 0.04))
     for image in np.ndindex(5, 5, 5):

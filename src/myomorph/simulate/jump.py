@@ -2,9 +2,9 @@
 
 The recording comes with `biomdp` (MIT licence), the model with `myo-sim` (Apache-2.0): nothing of
 either is copied here. `jump_study` brings them together: it turns the recording and the model into
-one ground frame (x forward, y up, z to the right), scales the model's segments to the recorded joint
-centers, puts the recorded markers on it where quiet standing shows them, and shares the force of the
-one plate between both feet.
+one ground frame (x forward, y up, z to the right), scales the model's segments to the recorded
+joint centers, puts the recorded markers on it where quiet standing shows them, and shares the force
+of the one plate between both feet.
 """
 
 from __future__ import annotations
@@ -38,10 +38,18 @@ RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
 QUIET = (1.5, 3.0)  # When the jumper stands still [s].
 PELVIS_MARKERS = ("LASI", "RASI", "LASIMID", "RASIMID", "LPSI", "RPSI")
 LEG_MARKERS = {
-    "Right_MusloPS": "femur_r", "Right_MusloAS": "femur_r", "Right_MusloAI": "femur_r", "Right_MusloPI": "femur_r",
-    "Right_PiernaPS": "tibia_r", "Right_PiernaAS": "tibia_r", "Right_PiernaAI": "tibia_r", "Right_PiernaPI": "tibia_r",
-    "Right_TalonSup": "calcn_r", "Right_TalonInf": "calcn_r", "Right_Meta": "calcn_r",
-}  # fmt: skip
+    "Right_MusloPS": "femur_r",
+    "Right_MusloAS": "femur_r",
+    "Right_MusloAI": "femur_r",
+    "Right_MusloPI": "femur_r",
+    "Right_PiernaPS": "tibia_r",
+    "Right_PiernaAS": "tibia_r",
+    "Right_PiernaAI": "tibia_r",
+    "Right_PiernaPI": "tibia_r",
+    "Right_TalonSup": "calcn_r",
+    "Right_TalonInf": "calcn_r",
+    "Right_Meta": "calcn_r",
+}
 SHOULDER = "Right_Hombro"
 
 
@@ -50,12 +58,17 @@ def recording_path() -> Path:
     spec = importlib.util.find_spec("biomdp")
     path = Path(spec.origin).parent / RECORDING if spec is not None and spec.origin else None
     if path is None or not path.exists():
-        raise BadData("the recording of the jump comes with the package 'biomdp': install it (pip install biomdp)")
+        raise BadData(
+            "the recording of the jump comes with the package 'biomdp': install it (pip install"
+            " biomdp)"
+        )
     return path
 
 
 def with_mirrored(markers: Markers) -> Markers:
-    """The recording with the right leg's markers mirrored in the pelvis' middle plane, for a left leg."""
+    """The recording with the right leg's markers mirrored in the pelvis' middle plane, for a left
+    leg.
+    """
     middle, side = middle_plane(markers)
     used = (*PELVIS_MARKERS, SHOULDER, *LEG_MARKERS)
     columns = [markers[name] for name in used]
@@ -65,9 +78,9 @@ def with_mirrored(markers: Markers) -> Markers:
 
 
 def middle_plane(markers: Markers) -> tuple[Array, Array]:
-    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the pelvis. It lies halfway
-    between the spines of the pelvis, across the level part of the line from left to right: upright, so that the mirror
-    image of a foot on the floor stands on the floor.
+    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the
+    pelvis. It lies halfway between the spines of the pelvis, across the level part of the line from
+    left to right: upright, so that the mirror image of a foot on the floor stands on the floor.
     """
     side = markers["RASI"] - markers["LASI"] + markers["RPSI"] - markers["LPSI"]
     side[:, 1] = 0.0
@@ -86,19 +99,22 @@ def mirrored_name(name: str) -> str:
 
 
 def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
-    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate shows. The force on
-    the right foot acts as far forward as the center of pressure of the plate, on the line from the heel through the
-    ankle's center. Were the left foot as far from the middle of the hips as the right one, the center of pressure would
-    divide their distance by the shares of the feet.
+    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate
+    shows. The force on the right foot acts as far forward as the center of pressure of the plate,
+    on the line from the heel through the ankle's center. Were the left foot as far from the middle
+    of the hips as the right one, the center of pressure would divide their distance by the shares
+    of the feet.
     """
-    plate, markers = trial.plates[0], trial.markers
+    plate = trial.plates[0]
+    markers = trial.markers
     assert markers is not None
     clock = trial.plate_time
     center = plate.points
     loaded = np.isfinite(center[:, 0])
-    heel, ankle, left, right = (
-        _at(clock, markers.time, markers[name]) for name in ("Right_TalonInf", "RAJC", "LHJC", "RHJC")
-    )
+    heel = _at(clock, markers.time, markers["Right_TalonInf"])
+    ankle = _at(clock, markers.time, markers["RAJC"])
+    left = _at(clock, markers.time, markers["LHJC"])
+    right = _at(clock, markers.time, markers["RHJC"])
     still = (clock >= QUIET[0]) & (clock <= QUIET[1])
     run = (ankle - heel)[still].mean(axis=0)
     point = center.copy()
@@ -111,7 +127,14 @@ def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
     points = np.stack([point, middle + mirrored(point - middle, side)], axis=1)
     # A torque is an axial vector: its mirror image turns the other way.
     torques = np.stack([torque, -mirrored(torque, side)], axis=1)
-    wrenches = Wrenches(clock, ("right_foot", "left_foot"), ("calcn_r", "calcn_l"), forces, points, torques)
+    wrenches = Wrenches(
+        time=clock,
+        names=("right_foot", "left_foot"),
+        bodies=("calcn_r", "calcn_l"),
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
     hips = 0.5 * (left + right)[:, 2]
     share = 0.5 + 0.5 * (center[:, 2] - hips) / (point[:, 2] - hips)
     return wrenches, np.where(loaded, share, np.nan)
@@ -122,27 +145,38 @@ def _at(clock: Array, time: Array, column: Array) -> Array:
 
 
 def events_of(trial: Trial) -> tuple[Event, ...]:
-    """Phases of the jump, read off the vertical force of plate 1. Start: the force leaves quiet standing by five of its
-    standard deviations for good; lowest: the pelvis markers are lowest before take-off; take-off and landing: the plate
-    is unloaded and loaded again; peak: the largest force after landing.
+    """Phases of the jump, read off the vertical force of plate 1. Start: the force leaves quiet
+    standing by five of its standard deviations for good; lowest: the pelvis markers are lowest
+    before take-off; take-off and landing: the plate is unloaded and loaded again; peak: the largest
+    force after landing.
     """
-    plate, markers, clock = trial.plates[0], trial.markers, trial.plate_time
+    plate = trial.plates[0]
+    markers = trial.markers
+    clock = trial.plate_time
     assert markers is not None
     force = plate.forces[:, 1]
     loaded = np.isfinite(plate.points).all(axis=1)
     flight = np.flatnonzero(~loaded & (clock > QUIET[1]))
     if not len(flight):
         raise BadData("plate 1 is never unloaded: this is no jump")
-    takeoff, landing = clock[flight[0]], clock[flight[-1]]
+    takeoff = clock[flight[0]]
+    landing = clock[flight[-1]]
     still = (clock >= QUIET[0]) & (clock <= QUIET[1])
-    level, spread = force[still].mean(), force[still].std()
+    level = force[still].mean()
+    spread = force[still].std()
     before = np.flatnonzero((np.abs(force - level) < 5.0 * spread) & (clock < takeoff - 0.5))
     height = np.mean([markers[name][:, 1] for name in PELVIS_MARKERS], axis=0)
     early = markers.time < takeoff
     lowest = markers.time[early][np.argmin(height[early])]
     start = clock[before[-1]]
     peak = clock[np.argmax(np.where(clock >= landing, force, 0.0))]
-    events = {"Start": start, "Lowest": lowest, "Take-off": takeoff, "Landing": landing, "Peak": peak}
+    events = {
+        "Start": start,
+        "Lowest": lowest,
+        "Take-off": takeoff,
+        "Landing": landing,
+        "Peak": peak,
+    }
     return tuple(Event(float(time), label) for label, time in events.items())
 
 
@@ -150,8 +184,8 @@ TRUNK_BEND = "lumbar_extension"
 LOCKED = ("lumbar_bending", "lumbar_rotation", "mtp_angle_r", "mtp_angle_l")
 FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
 """A jumper's ankle bends further than the model's range."""
-# Where the model has what the recording's joint centers and bony landmarks name [m]; the spines of the
-# pelvis were read off its mesh, the skin over them is some 10 mm thick.
+# Where the model has what the recording's joint centers and bony landmarks name [m]; the spines of
+# the pelvis were read off its mesh, the skin over them is some 10 mm thick.
 LANDMARKS = {
     "RASI": ("pelvis", (0.010, 0.0, 0.121)),
     "LASI": ("pelvis", (0.010, 0.0, -0.121)),
@@ -170,29 +204,54 @@ LANDMARK_WEIGHTS = {"RHJC": 10.0, "LHJC": 10.0, "RKJC": 10.0, "RAJC": 10.0}
 
 
 def leg_model() -> Model:
-    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
-    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list` and
-    `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side bending and twist of
-    the trunk and the toes are locked.
+    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x
+    forward, y up, z right. The pelvis moves by the six coordinates that OpenSim's gait models have:
+    `pelvis_tilt`, `pelvis_list` and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`,
+    `pelvis_ty`, `pelvis_tz`. Side bending and twist of the trunk and the toes are locked.
     """
     model = legs_and_trunk()
     girdle, rise, lift = _shoulder_girdle()
     held = [
-        replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
-        else replace(coordinate, clamped=False) if coordinate.name in FREED
-        else coordinate
+        (
+            replace(coordinate, locked=True, default=0.0)
+            if coordinate.name in LOCKED
+            else replace(coordinate, clamped=False)
+            if coordinate.name in FREED
+            else coordinate
+        )
         for coordinate in model.coordinates
-    ]  # fmt: skip
-    return replace(model, bodies=(*model.bodies, girdle), joints=(*model.joints, rise), coordinates=(*held, lift))
+    ]
+    return replace(
+        model,
+        bodies=(*model.bodies, girdle),
+        joints=(*model.joints, rise),
+        coordinates=(*held, lift),
+    )
 
 
 def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
-    """A weightless body that slides up and down the trunk: the arms' swing lifts the shoulder by centimeters."""
+    """A weightless body that slides up and down the trunk: the arms' swing lifts the shoulder by
+    centimeters.
+    """
     name = "shoulder_elevation_r"
     still = Transform.identity()
-    axis = Axis("translation", np.array([0.0, 1.0, 0.0]), linear(1.0), (name,))
-    body = Body("shoulder_r", 0.0, np.zeros(3), np.zeros((3, 3)))
-    joint = Joint(name, "SliderJoint", "torso", body.name, still, still, (axis,), (name,))
+    axis = Axis(
+        kind="translation",
+        vector=np.array([0.0, 1.0, 0.0]),
+        function=linear(1.0),
+        coordinates=(name,),
+    )
+    body = Body(name="shoulder_r", mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+    joint = Joint(
+        name=name,
+        kind="SliderJoint",
+        parent="torso",
+        child=body.name,
+        parent_frame=still,
+        child_frame=still,
+        axes=(axis,),
+        coordinates=(name,),
+    )
     return body, joint, Coordinate(name, "translational", range=(-0.15, 0.15), clamped=True)
 
 
@@ -203,49 +262,69 @@ def _default_poses(model: Model) -> dict[str, Transform]:
 
 
 def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:
-    """The model with segments as long as the jumper's, and the factors by which each body grew. Pelvis by the distance
-    of the hip centers, thighs from hip to knee, shanks and feet from knee to ankle, the trunk by the mean of thigh and
-    shank. Both legs get the right leg's factors.
+    """The model with segments as long as the jumper's, and the factors by which each body grew.
+    Pelvis by the distance of the hip centers, thighs from hip to knee, shanks and feet from knee to
+    ankle, the trunk by the mean of thigh and shank. Both legs get the right leg's factors.
     """
     poses = _default_poses(model)
 
     def ratio(body: str, other: str, marker: str, other_marker: str) -> float:
         recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)
-        return float(np.mean(recorded) / np.linalg.norm(poses[body].translation - poses[other].translation))
+        return float(
+            np.mean(recorded) / np.linalg.norm(poses[body].translation - poses[other].translation)
+        )
 
     pelvis = ratio("femur_r", "femur_l", "RHJC", "LHJC")
     thigh = ratio("femur_r", "tibia_r", "RHJC", "RKJC")
     shank = ratio("tibia_r", "talus_r", "RKJC", "RAJC")
-    groups = {"femur": thigh, "patella": thigh, "tibia": shank, "talus": shank, "calcn": shank, "toes": shank}
+    groups = {
+        "femur": thigh,
+        "patella": thigh,
+        "tibia": shank,
+        "talus": shank,
+        "calcn": shank,
+        "toes": shank,
+    }
     whole = {"pelvis": pelvis, "sacrum": pelvis}
     factors = {
-        name: groups.get(name.rsplit("_", 1)[0], whole.get(name, 0.5 * (thigh + shank))) for name in model.body_names
+        name: groups.get(name.rsplit("_", 1)[0], whole.get(name, 0.5 * (thigh + shank)))
+        for name in model.body_names
     }
     sizes = {name: np.full(3, factor) for name, factor in factors.items()}
-    fitted = scale(model, sizes, mass, preserve_mass_distribution=True, path_lengths=default_path_lengths)
+    fitted = scale(
+        model, sizes, mass, preserve_mass_distribution=True, path_lengths=default_path_lengths
+    )
     return fitted, factors
 
 
 def calibrated(model: Model, quiet: Markers) -> Model:
-    """The model with all markers where quiet standing shows them. Its pose there: joint centers and bony landmarks by
-    inverse kinematics, the sole level (the jumper wears shoes, so heights of foot markers show nothing), the trunk
-    upright. The mirrored markers lie on the left leg as their originals on the right one.
+    """The model with all markers where quiet standing shows them. Its pose there: joint centers and
+    bony landmarks by inverse kinematics, the sole level (the jumper wears shoes, so heights of foot
+    markers show nothing), the trunk upright. The mirrored markers lie on the left leg as their
+    originals on the right one.
     """
     neutral = _default_poses(model)
-    talus, calcn = (neutral[name].translation for name in ("talus_r", "calcn_r"))
+    talus = neutral["talus_r"].translation
+    calcn = neutral["calcn_r"].translation
     still = Markers(quiet.time[:1], quiet.names, quiet.values.mean(axis=0)[None])
     values = still.values.copy()
     for name in ("Right_TalonInf", "Right_Meta"):
         values[0, still.names.index(name), 1] = still["RAJC"][0, 1] - (talus - calcn)[1]
-    landmarks = tuple(Marker(name, body, np.array(place)) for name, (body, place) in LANDMARKS.items())
+    landmarks = tuple(
+        Marker(name, body, np.array(place)) for name, (body, place) in LANDMARKS.items()
+    )
     options = InverseKinematicsOptions(marker_weights=LANDMARK_WEIGHTS)
-    fit = inverse_kinematics(model.with_markers(landmarks), Markers(still.time, still.names, values), options)
+    fit = inverse_kinematics(
+        model.with_markers(landmarks), Markers(still.time, still.names, values), options
+    )
     pose = _upright(model, fit.motion)
     bodies = dict.fromkeys(PELVIS_MARKERS, "pelvis") | {SHOULDER: "shoulder_r"} | LEG_MARKERS
     placed = place_markers(model, pose, still, bodies)
     # Left bodies have the axes of the right ones and the shape of their mirror image.
     left = (
-        Marker(mirrored_name(one.name), one.body.replace("_r", "_l"), one.location * (1.0, 1.0, -1.0))
+        Marker(
+            mirrored_name(one.name), one.body.replace("_r", "_l"), one.location * (1.0, 1.0, -1.0)
+        )
         for one in placed
         if one.name in LEG_MARKERS
     )
@@ -255,7 +334,8 @@ def calibrated(model: Model, quiet: Markers) -> Model:
 def _upright(model: Model, motion: Motion) -> Motion:
     """The pose with the trunk bent so that the chest's own vertical is the ground's."""
     tree = compile_tree(model)
-    column, torso = motion.names.index(TRUNK_BEND), tree.body_index["torso"]
+    column = motion.names.index(TRUNK_BEND)
+    torso = tree.body_index["torso"]
 
     def lean(bend: float) -> float:
         values = motion.values.copy()
@@ -270,13 +350,26 @@ def _upright(model: Model, motion: Motion) -> Motion:
 
 
 WINDOW = (3.0, 5.6)
-"""From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere [s]."""
-CUTOFF = 10.0  # Low-pass of motion and forces [Hz]: kept the same so that the landing makes no artefact of its own.
+"""From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere
+[s].
+"""
+# Low-pass of motion and forces [Hz]: kept the same so that the landing makes no artefact of its
+# own.
+CUTOFF = 10.0
 LAB_TO_GROUND = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""The jumper faces the laboratory's +y, which becomes x; z up becomes y; +x, to the right, becomes z."""
-SEGMENTS = {"pelvis": "pelvis", "thigh": "femur_r", "shank": "tibia_r", "foot": "calcn_r", "trunk": "torso"}
+"""The jumper faces the laboratory's +y, which becomes x; z up becomes y; +x, to the right, becomes
+z.
+"""
+SEGMENTS = {
+    "pelvis": "pelvis",
+    "thigh": "femur_r",
+    "shank": "tibia_r",
+    "foot": "calcn_r",
+    "trunk": "torso",
+}
 EMG_CHANNELS = ("EMG1.v", "EMG2.v", "EMG3.v", "EMG4.v", "EMG5.v", "EMG6.v")
-MIRRORED_WEIGHT = 0.1  # Of the mirrored left markers: enough to place the left leg, too little to pull on the pelvis.
+# Of the mirrored left markers: enough to place the left leg, too little to pull on the pelvis.
+MIRRORED_WEIGHT = 0.1
 SHOULDER_WEIGHT = 0.2  # Of the shoulder: it moves on the trunk, which is rigid here.
 
 
@@ -284,9 +377,11 @@ SHOULDER_WEIGHT = 0.2  # Of the shoulder: it moves on the trunk, which is rigid 
 class JumpStudy:
     """All that inverse kinematics, inverse dynamics and tensions of the jump need."""
 
-    model: Model  # scaled to the jumper, with the recording's markers; ground x forward, y up, z right
+    # scaled to the jumper, with the recording's markers; ground x forward, y up, z right
+    model: Model
     trial: Trial  # the recording in that ground, with its plates
-    # recorded markers of pelvis, trunk and right leg, and the right leg's mirror images (named `Left_... (mirrored)`)
+    # recorded markers of pelvis, trunk and right leg, and the right leg's mirror images (named
+    # `Left_... (mirrored)`)
     markers: Markers
     marker_weights: dict[str, float]  # for inverse kinematics
     wrenches: Wrenches  # half of plate 1 on each foot, at the plates' clock; see `share`
@@ -297,7 +392,8 @@ class JumpStudy:
     # window, cutoff: what to use of the recording [s], low-pass of motion and forces [Hz]
     window: tuple[float, float]
     cutoff: float
-    # (samples,) share of the right foot in the load that the center of pressure shows, NaN in flight; 0.5 is assumed
+    # (samples,) share of the right foot in the load that the center of pressure shows, NaN in
+    # flight; 0.5 is assumed
     share: Array
     # real, assumed: sentences for the first lines of a report
     real: tuple[str, ...]
@@ -332,7 +428,12 @@ def jump_study() -> JumpStudy:
         markers=with_mirrored(trial.markers),
         marker_weights=weights | {SHOULDER: SHOULDER_WEIGHT},
         wrenches=wrenches,
-        analog=Analog(trial.analog.time, EMG_CHANNELS, trial.analog.values[:, channels], units),
+        analog=Analog(
+            time=trial.analog.time,
+            names=EMG_CHANNELS,
+            values=trial.analog.values[:, channels],
+            units=units,
+        ),
         events=events,
         mass=mass,
         factors=factors,
@@ -340,8 +441,10 @@ def jump_study() -> JumpStudy:
         cutoff=CUTOFF,
         share=share,
         real=(
-            "A countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on pelvis, right leg "
-            "and right shoulder at 200 Hz, force plates and EMG at 2000 Hz.",
+            (
+                "A countermovement jump recorded by Vicon (package biomdp, MIT licence): markers on"
+                " pelvis, right leg and right shoulder at 200 Hz, force plates and EMG at 2000 Hz."
+            ),
             f"The mass of the jumper, {mass:.1f} kg, from the plate in quiet standing.",
         ),
         assumed=_assumed(factors, share, trial, events),
@@ -349,22 +452,38 @@ def jump_study() -> JumpStudy:
     )
 
 
-def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tuple[Event, ...]) -> tuple[str, ...]:
-    clock, takeoff = trial.plate_time, next(event.time for event in events if event.label == "Take-off")
+def _assumed(
+    factors: dict[str, float], share: Array, trial: Trial, events: tuple[Event, ...]
+) -> tuple[str, ...]:
+    clock = trial.plate_time
+    takeoff = next(event.time for event in events if event.label == "Take-off")
     still = (clock >= QUIET[0]) & (clock <= QUIET[1])
     pushing = (clock > QUIET[1]) & (clock < takeoff) & np.isfinite(share)
     low, high = np.percentile(share[pushing], [5, 95])
     grown = ", ".join(f"{name} {factors[body]:.3f}" for name, body in SEGMENTS.items())
     return (
-        "Both feet stand on one plate, so each gets half of its force. As a check, where the center of "
-        f"pressure lies between the feet gives the right foot {share[still].mean():.0%} in quiet standing and "
-        f"{low:.0%} to {high:.0%} until take-off; after landing the feet stand too close for this check.",
-        "The left leg, which has no markers, and its force are the mirror image of the right one in the "
-        "upright plane that halves the pelvis.",
-        f"The model is myo-sim's legs (Apache-2.0), scaled to the recorded joint centers ({grown}), with the "
-        "arms' mass in the trunk, so that what the swing of the arms takes shows up as residual force; toes, side "
-        "bending and twist of the trunk are locked.",
-        "In quiet standing the soles are level and the trunk is upright; the shoulder, which the arms' "
-        "swing lifts along the trunk, shows how far it bends.",
-        "The file does not name the muscles of EMG channels 1 to 6: they are shown without saying which is which.",
+        (
+            "Both feet stand on one plate, so each gets half of its force. As a check, where the"
+            " center of pressure lies between the feet gives the right foot"
+            f" {share[still].mean():.0%} in quiet standing and {low:.0%} to {high:.0%} until"
+            " take-off; after landing the feet stand too close for this check."
+        ),
+        (
+            "The left leg, which has no markers, and its force are the mirror image of the right"
+            " one in the upright plane that halves the pelvis."
+        ),
+        (
+            "The model is myo-sim's legs (Apache-2.0), scaled to the recorded joint centers"
+            f" ({grown}), with the arms' mass in the trunk, so that what the swing of the arms"
+            " takes shows up as residual force; toes, side bending and twist of the trunk are"
+            " locked."
+        ),
+        (
+            "In quiet standing the soles are level and the trunk is upright; the shoulder, which"
+            " the arms' swing lifts along the trunk, shows how far it bends."
+        ),
+        (
+            "The file does not name the muscles of EMG channels 1 to 6: they are shown without"
+            " saying which is which."
+        ),
     )

@@ -1,4 +1,6 @@
-"""A virtual laboratory: swings in MuJoCo as markers and a force plate measure them, a rod on the plate, and a CT."""
+"""A virtual laboratory: swings in MuJoCo as markers and a force plate measure them, a rod on the
+plate, and a CT.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.viscosity.specimen.model import Specimen
 
-MARKER_RATE, FORCE_RATE = 200.0, 2000.0  # Of [S] section III [Hz].
+MARKER_RATE = 200.0
+FORCE_RATE = 2000.0  # Of [S] section III [Hz].
 SENSORS = """
   <sensor>
     <framequat name="pose" objtype="xbody" objname="{body}"/>
@@ -36,8 +39,10 @@ SENSORS = """
     <torque name="torque" site="plate"/>
     <force name="force" site="plate"/>
   </sensor>"""
-"""What a swing needs. The limb's first body `body` has a site "center" at the joint, along its axes; the base, which
-weighs nothing, carries it, and has a site "plate" there along the ground's. Speeds of tendons come after these."""
+"""What a swing needs. The limb's first body `body` has a site "center" at the joint, along its
+axes; the base, which weighs nothing, carries it, and has a site "plate" there along the ground's.
+Speeds of tendons come after these.
+"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,8 @@ class Sampled:
     # rates, accelerations: (frames, 3) angular, along the limb's axes [rad/s], [rad/s^2]
     rates: Array
     accelerations: Array
-    wrench: Array  # (frames, 6) of the base on the limb, moment about the joint's center, in ground [N m], [N]
+    # (frames, 6) of the base on the limb, moment about the joint's center, in ground [N m], [N]
+    wrench: Array
     lengthening: Array  # (frames, tendons) speed of each tendon [m/s]
 
     def every(self, number: int) -> Sampled:
@@ -75,19 +81,21 @@ class VirtualTrial:
 
     name: str
     markers: Markers  # 200 Hz, with noise
-    wrenches: Wrenches  # of the plate on the base, 2000 Hz on its own clock, with noise: force, point, torque
+    # of the plate on the base, 2000 Hz on its own clock, with noise: force, point, torque
+    wrenches: Wrenches
     exact: Sampled  # the simulation at the forces' instants, without noise, on the true clock
 
 
 def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: float) -> Sampled:
-    """The swing of a compiled model with the `SENSORS` from a state, by the Runge-Kutta method of order 4. That method
-    leaves joint and tendon dampers as they are; MuJoCo's others treat them implicitly, by which a step of finite length
-    alters them.
+    """The swing of a compiled model with the `SENSORS` from a state, by the Runge-Kutta method of
+    order 4. That method leaves joint and tendon dampers as they are; MuJoCo's others treat them
+    implicitly, by which a step of finite length alters them.
     """
     compiled.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     compiled.opt.timestep = step
     data = mujoco.MjData(compiled)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data.qpos[:] = qpos
+    data.qvel[:] = qvel
     whole = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
     start = np.empty(mujoco.mj_stateSize(compiled, whole))
     mujoco.mj_getState(compiled, data, start, whole)
@@ -107,7 +115,14 @@ def sampled(compiled: Any, time: Array, sensed: Array) -> Sampled:
     wrench = np.concatenate([values("torque"), values("force")], axis=1)
     accelerations = np.einsum("fji,fj->fi", rotations, values("accelerations"))
     speeds = sensed[:, sensed.shape[1] - compiled.ntendon :]
-    return Sampled(time, rotations, values("rates"), accelerations, wrench, speeds)
+    return Sampled(
+        time=time,
+        rotations=rotations,
+        rates=values("rates"),
+        accelerations=accelerations,
+        wrench=wrench,
+        lengthening=speeds,
+    )
 
 
 def matrices(quaternions: Array) -> Array:
@@ -123,20 +138,32 @@ def measured_markers(
     noise: Noise,
     random: np.random.Generator,
 ) -> Markers:
-    """Markers at rest in ground (`base`) and on the limb (`limb`, from the joint's center), with noise."""
+    """Markers at rest in ground (`base`) and on the limb (`limb`, from the joint's center), with
+    noise.
+    """
     seen = exact.every(round(1.0 / (MARKER_RATE * (exact.time[1] - exact.time[0]))))
     fixed = np.broadcast_to(np.array(list(base.values())), (len(seen.time), len(base), 3))
     moving = center + np.einsum("fij,mj->fmi", seen.rotations, np.array(list(limb.values())))
     places = np.concatenate([fixed, moving], axis=1)
-    return Markers(seen.time, (*base, *limb), places + noise.marker * random.standard_normal(places.shape))
+    return Markers(
+        seen.time, (*base, *limb), places + noise.marker * random.standard_normal(places.shape)
+    )
 
 
 def measured_wrench(
-    exact: Sampled, center: Array, plate: Array, body: str, noise: Noise, random: np.random.Generator
+    exact: Sampled,
+    center: Array,
+    plate: Array,
+    body: str,
+    noise: Noise,
+    random: np.random.Generator,
 ) -> Wrenches:
-    """The wrench on `body` as the plate measures it on its own clock: force and moment at its origin `plate`."""
+    """The wrench on `body` as the plate measures it on its own clock: force and moment at its
+    origin `plate`.
+    """
     scale = 1.0 + noise.drift
-    first, last = (noise.offset + scale * time for time in (exact.time[0], exact.time[-1]))
+    first = noise.offset + scale * exact.time[0]
+    last = noise.offset + scale * exact.time[-1]
     clock = np.arange(np.ceil(first * FORCE_RATE), np.floor(last * FORCE_RATE) + 1.0) / FORCE_RATE
     wrench = exact.wrench
     true = np.clip((clock - noise.offset) / scale, exact.time[0], exact.time[-1])
@@ -146,19 +173,33 @@ def measured_wrench(
     moment = wrench[:, :3] + np.cross(center - plate, wrench[:, 3:])
     moment += noise.force * noise.lever * random.standard_normal(moment.shape)
     points = np.broadcast_to(plate, (len(true), 1, 3))
-    return Wrenches(clock, ("plate",), (body,), force[:, None], points, moment[:, None])
+    return Wrenches(
+        time=clock,
+        names=("plate",),
+        bodies=(body,),
+        forces=force[:, None],
+        points=points,
+        torques=moment[:, None],
+    )
 
 
 def inertial(parameters: Array) -> str:
     """MJCF of inertial parameters (10,) about the body's origin, [D] order."""
     center = parameters[1:4] / parameters[0]
-    about = inertia_matrices(parameters) - parameters[0] * (center @ center * np.eye(3) - np.outer(center, center))
+    about = inertia_matrices(parameters) - parameters[0] * (
+        center @ center * np.eye(3) - np.outer(center, center)
+    )
     full = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
-    return f'<inertial pos="{text(center)}" mass="{float(parameters[0])!r}" fullinertia="{text(full)}"/>'
+    return (
+        f'<inertial pos="{text(center)}" mass="{float(parameters[0])!r}"'
+        f' fullinertia="{text(full)}"/>'
+    )
 
 
 def write_recording(trial: VirtualTrial, stem: Path) -> None:
-    """`<stem>.trc` with the markers and `<stem>.mot` with force, point and torque on the base, in ground."""
+    """`<stem>.trc` with the markers and `<stem>.mot` with force, point and torque on the base, in
+    ground.
+    """
     write_trc(trial.markers, stem.with_suffix(".trc"))
     write_sto(loads_table(trial.wrenches), stem.with_suffix(".mot"))
 
@@ -167,7 +208,11 @@ def loads_table(wrenches: Wrenches) -> Table:
     """One wrench as OpenSim writes it, to 1 mN, 1 um and 0.1 mN m, far below the noise."""
     parts = ((wrenches.forces, 3), (wrenches.points, 6), (wrenches.torques, 4))
     columns = np.concatenate([np.round(values[:, 0], digits) for values, digits in parts], axis=1)
-    names = [f"{what}{axis}" for what in ("ground_force_v", "ground_force_p", "ground_torque_") for axis in "xyz"]
+    names = [
+        f"{what}{axis}"
+        for what in ("ground_force_v", "ground_force_p", "ground_torque_")
+        for axis in "xyz"
+    ]
     return Table(wrenches.time, tuple(names), columns)
 
 
@@ -176,35 +221,57 @@ DEPTH = 0.035  # Of its sensors' origin under the top surface [m].
 PLACES = ((0.12, 0.2), (-0.12, 0.2), (-0.12, -0.2), (0.12, -0.2), (0.0, 0.0))
 """Where the rod is pushed onto the plate, in its axes [m]."""
 ROD = {"rod_1": 0.12, "rod_2": 0.62}  # Distance of its markers from its tip [m].
-PUSH, REST = 4.0, 1.0  # Length of a push and of the pause after it [s].
+PUSH = 4.0
+REST = 1.0  # Length of a push and of the pause after it [s].
 BALL = 0.009  # Diameter of a marker [m].
-BONES = {"scapula_r": "scapula.stl", "humerus_r": "humerus.stl", "ulna_r": "ulna.stl", "radius_r": "radius.stl",
-         "thirdmc_r": "3mc.stl"}  # fmt: skip
+BONES = {
+    "scapula_r": "scapula.stl",
+    "humerus_r": "humerus.stl",
+    "ulna_r": "ulna.stl",
+    "radius_r": "radius.stl",
+    "thirdmc_r": "3mc.stl",
+}
 
 
 class VirtualPlate:
-    """A plate that lies elsewhere than its file says: by some millimeters and a degree or two, at random."""
+    """A plate that lies elsewhere than its file says: by some millimeters and a degree or two, at
+    random.
+    """
 
     def __init__(self, true: Transform, random: np.random.Generator) -> None:
         self.true = true
         turn = Rotation.from_rotvec(np.deg2rad(random.uniform(-1.5, 1.5, 3))).as_matrix()
-        self.nominal = Transform(turn @ true.rotation, true.translation + random.uniform(-8e-3, 8e-3, 3))
+        self.nominal = Transform(
+            turn @ true.rotation, true.translation + random.uniform(-8e-3, 8e-3, 3)
+        )
 
     def recording(self, force: Array, moment: Array) -> PlateRecording:
-        """What the plate stores of forces (samples, 3) and moments about its center, both in ground [N, N m]."""
+        """What the plate stores of forces (samples, 3) and moments about its center, both in ground
+        [N, N m].
+        """
         origin = np.array([0.0, 0.0, -DEPTH])
         plate_force = force @ self.true.rotation
-        channels = np.hstack([plate_force, moment @ self.true.rotation - np.cross(plate_force, origin)])
+        channels = np.hstack(
+            [plate_force, moment @ self.true.rotation - np.cross(plate_force, origin)]
+        )
         half = 0.5 * np.array([*SIZE, 0.0])
-        corners = self.nominal.apply(half * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]))
-        return PlateRecording("plate", 2, corners, origin, channels)
+        corners = self.nominal.apply(
+            half * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
+        )
+        return PlateRecording(
+            name="plate", kind=2, corners=corners, origin=origin, channels=channels
+        )
 
 
 def write_swing_c3d(trial: VirtualTrial, plate: VirtualPlate, path: Path) -> None:
-    """A swing's markers and plate in one C3D file, from the first to the last frame that both clocks count."""
-    markers, wrenches = trial.markers, trial.wrenches
+    """A swing's markers and plate in one C3D file, from the first to the last frame that both
+    clocks count.
+    """
+    markers = trial.markers
+    wrenches = trial.wrenches
     every = int(FORCE_RATE / MARKER_RATE)
-    begin, end = (round(float(wrenches.time[edge]) * FORCE_RATE) for edge in (0, -1))
+    begin = round(float(wrenches.time[0]) * FORCE_RATE)
+    end = round(float(wrenches.time[(-1)]) * FORCE_RATE)
     frames = np.arange(len(markers)) * every
     both = (frames >= begin) & (frames + every - 1 <= end)
     first = int(frames[both][0]) - begin
@@ -221,14 +288,17 @@ def at_center(wrenches: Wrenches, center: Array) -> tuple[Array, Array]:
 
 
 def write_rod(plate: VirtualPlate, noise: Noise, random: np.random.Generator, path: Path) -> None:
-    """A rod with two markers pushed onto the plate at `PLACES`, in directions that go round, with pauses."""
+    """A rod with two markers pushed onto the plate at `PLACES`, in directions that go round, with
+    pauses.
+    """
     every = int(FORCE_RATE / MARKER_RATE)
     frames = round(len(PLACES) * (PUSH + REST) * MARKER_RATE)
     time = np.arange(frames * every) / FORCE_RATE
     number = np.minimum((time / (PUSH + REST)).astype(int), len(PLACES) - 1)
     phase = np.clip((time - number * (PUSH + REST)) / PUSH, 0.0, 1.0)
     tips = np.column_stack([np.array(PLACES)[number], np.zeros(len(time))])
-    tilt, azimuth = np.deg2rad(22.0), 2.0 * np.pi * phase + number
+    tilt = np.deg2rad(22.0)
+    azimuth = 2.0 * np.pi * phase + number
     level = np.sin(tilt) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     along = np.column_stack([level, np.full(len(time), np.cos(tilt))]) @ plate.true.rotation.T
     tips = plate.true.apply(tips)
@@ -242,19 +312,27 @@ def write_rod(plate: VirtualPlate, noise: Noise, random: np.random.Generator, pa
 
 
 def write_scans(
-    specimen: Specimen, folder: Path, random: np.random.Generator, modelled: Callable[[Array], Array] | None = None
+    specimen: Specimen,
+    folder: Path,
+    random: np.random.Generator,
+    modelled: Callable[[Array], Array] | None = None,
 ) -> str:
-    """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's `ct`. Of each bone: the
-    model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined, turned, shifted, 0.2 mm of noise), the
-    cluster `<bone>_cluster.stl` of three balls [mm], and five picked points, 0.5 mm off. `modelled`: points (..., 3) of
-    the specimen's bones as the bones of the model have them; by default they are the same [m].
+    """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's
+    `ct`. Of each bone: the model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined,
+    turned, shifted, 0.2 mm of noise), the cluster `<bone>_cluster.stl` of three balls [mm], and
+    five picked points, 0.5 mm off. `modelled`: points (..., 3) of the specimen's bones as the bones
+    of the model have them; by default they are the same [m].
     """
     modelled = modelled or (lambda points: points)
     entries = []
     for bone in specimen.model.body_names:
         mesh = bone_of(specimen, bone)
-        markers = {marker.name: marker.location for marker in specimen.model.markers if marker.body == bone}
-        pose = Transform(Rotation.random(random_state=random).as_matrix(), random.uniform(-0.2, 0.2, 3))
+        markers = {
+            marker.name: marker.location for marker in specimen.model.markers if marker.body == bone
+        }
+        pose = Transform(
+            Rotation.random(random_state=random).as_matrix(), random.uniform(-0.2, 0.2, 3)
+        )
         fine = trimesh.Trimesh(mesh.vertices, mesh.faces).subdivide()
         scan = pose.apply(fine.vertices) + 2e-4 * random.standard_normal(fine.vertices.shape)
         balls = trimesh.util.concatenate(
@@ -272,11 +350,19 @@ def write_scans(
             for i, (seen, place) in enumerate(zip(picked, modelled(ends), strict=True))
         ]
         head = "name,x,y,z,bone_x,bone_y,bone_z"
-        (folder / f"{bone}_points.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+        (folder / f"{bone}_points.csv").write_text(
+            "\n".join([head, *lines]) + "\n", encoding="utf-8"
+        )
         names = ", ".join(f'"{name}"' for name in markers)
-        files = f'surface = "{folder.name}/{bone}.stl", cluster = "{folder.name}/{bone}_cluster.stl"'
-        model = f'mesh = "{folder.name}/{bone}_model.stl", picked = "{folder.name}/{bone}_points.csv"'
-        entries.append(f'  {{ bone = "{bone}", {files}, markers = [{names}], {model}, unit = "mm" }}')
+        files = (
+            f'surface = "{folder.name}/{bone}.stl", cluster = "{folder.name}/{bone}_cluster.stl"'
+        )
+        model = (
+            f'mesh = "{folder.name}/{bone}_model.stl", picked = "{folder.name}/{bone}_points.csv"'
+        )
+        entries.append(
+            f'  {{ bone = "{bone}", {files}, markers = [{names}], {model}, unit = "mm" }}'
+        )
     return "[\n" + ",\n".join(entries) + ",\n]"
 
 

@@ -1,8 +1,10 @@
-"""Two simulated fighters pulling on each other, with every force known: what a laboratory would record of them.
+"""Two simulated fighters pulling on each other, with every force known: what a laboratory would
+record of them.
 
-Nobody was measured. MuJoCo moves both bodies forward under the forces of their muscles; the mat holds the soles by its
-contacts, tori's right hand holds uke's lapel by a constraint, and a sleeve that can only pull joins tori's left fist to
-uke's right forearm. How the fighters choose activations stands in `bout`; it is not how the estimate does.
+Nobody was measured. MuJoCo moves both bodies forward under the forces of their muscles; the mat
+holds the soles by its contacts, tori's right hand holds uke's lapel by a constraint, and a sleeve
+that can only pull joins tori's left fist to uke's right forearm. How the fighters choose
+activations stands in `bout`; it is not how the estimate does.
 """
 
 from __future__ import annotations
@@ -31,7 +33,16 @@ from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
 
 SETTLING = 0.3  # Time at the start that is not recorded, while the fighters settle [s].
 FALLEN = 0.5  # Distance of a joint from the plan at which a bout counts as lost [rad].
-CHANNELS = ("delt_ant", "delt_post", "bic_long", "tri_lat", "rect_fem", "bifemlh", "tib_ant", "gas_lat")
+CHANNELS = (
+    "delt_ant",
+    "delt_post",
+    "bic_long",
+    "tri_lat",
+    "rect_fem",
+    "bifemlh",
+    "tib_ant",
+    "gas_lat",
+)
 """The muscles (a) to (h) of [D] fig. 5.3, of which a laboratory would measure both sides."""
 LOADED = 0.02  # Share of a fighter's weight from which on a foot touches.
 
@@ -40,18 +51,22 @@ LOADED = 0.02  # Share of a fighter's weight from which on a foot touches.
 class PairOptions:
     """What is simulated, and how badly it is measured."""
 
-    kind: Kind = "pull"  # "pull": both lean back and pull; "sway": and sway to the sides; "step": tori steps back
+    # "pull": both lean back and pull; "sway": and sway to the sides; "step": tori steps back
+    kind: Kind = "pull"
     seed: int = 0  # of builds, measures of the movement, criteria of the fighters and noise
     rate: float = 100.0  # of markers [Hz]
     marker_noise: float = 0.0005  # standard deviation of each coordinate of a marker, white [m]
-    # of what the laboratory takes for the muscles' maximum forces, standard deviation of its logarithm
+    # of what the laboratory takes for the muscles' maximum forces, standard deviation of its
+    # logarithm
     strength_error: float = 0.15
-    # emg_gain, emg_noise: of envelopes: standard deviation of a channel's gain about 1, and white noise
+    # emg_gain, emg_noise: of envelopes: standard deviation of a channel's gain about 1, and white
+    # noise
     emg_gain: float = 0.1
     emg_noise: float = 0.02
     # standard deviation of the logarithm of a muscle's weight in its fighter's own criterion
     weight_spread: float = 0.5
-    tone: tuple[float, float] = (0.01, 0.05)  # least and greatest activation that a muscle keeps without need
+    # least and greatest activation that a muscle keeps without need
+    tone: tuple[float, float] = (0.01, 0.05)
     vigor: float = 1.0  # factor of the pulls, and of how far the fighters lean back for them
     until: float = float("inf")  # when the bout ends, where the plan is not over sooner [s]
 
@@ -64,7 +79,8 @@ class PairTruth:
     # activations, tensions: (frames, muscles) [1, N]
     activations: Series
     tensions: Series
-    forces: Series  # (frames, contacts, 3) of `FEET` on the feet and of `GRIPS` on tori's hands, in ground [N]
+    # (frames, contacts, 3) of `FEET` on the feet and of `GRIPS` on tori's hands, in ground [N]
+    forces: Series
     wrenches: Wrenches  # the same as loads, with those on uke beside them
     models: Mapping[str, Model]  # the fighters' own, by part
 
@@ -80,7 +96,8 @@ class VirtualPair:
     # markers, emg: as recorded; channels of `emg` are all muscles of `model`
     markers: Markers
     emg: Emg
-    plates: Mapping[str, Wrenches]  # of each fighter, by part, what plates under both of its feet would measure
+    # of each fighter, by part, what plates under both of its feet would measure
+    plates: Mapping[str, Wrenches]
     sites: tuple[Site, ...]  # heels and toes of the feet, and the grips
     touching: Series  # (frames, sites) 1 where a site bears load, as a camera would tell
     builds: Mapping[str, fighter.Build]  # of the fighters as the laboratory knows them
@@ -88,7 +105,9 @@ class VirtualPair:
 
 
 def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None) -> VirtualPair:
-    """Simulate a bout. `cutoff`: low-pass of the true forces, to compare with an estimate that filters so [Hz]."""
+    """Simulate a bout. `cutoff`: low-pass of the true forces, to compare with an estimate that
+    filters so [Hz].
+    """
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
     with silent_mujoco():
@@ -97,12 +116,11 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
         strayed = float(run.strayed[round(SETTLING / fighter.STEP) :].max())
         if strayed > FALLEN:
             raise BadData(
-                f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
-                "another seed"
+                f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g}"
+                " rad off; take another seed"
             )
-        models, known = (
-            {part: fighter_model(part, bodies[part]) for part in fighter.PARTS} for bodies in (builds, believed)
-        )
+        models = {part: fighter_model(part, builds[part]) for part in fighter.PARTS}
+        known = {part: fighter_model(part, believed[part]) for part in fighter.PARTS}
     truth = _truth(compiled, models, run, options, cutoff)
     return _recorded(believed, known, truth, options, random)
 
@@ -110,9 +128,13 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
 def _setting(
     options: PairOptions, random: np.random.Generator
 ) -> tuple[Any, dict[str, fighter.Build], dict[str, fighter.Build], Plan, Array, Array]:
-    """The pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and tone (muscles,)."""
+    """The pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and tone
+    (muscles,).
+    """
     builds = {
-        part: fighter.Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15))
+        part: fighter.Build(
+            random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15)
+        )
         for part in fighter.PARTS
     }
     compiled = fighter.compile_pair(builds)
@@ -121,14 +143,20 @@ def _setting(
     plan = make_plan(compiled, builds, options.kind, random, options.vigor)
     weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
     tone = random.uniform(*options.tone, compiled.nu)
-    believed = {part: fighter.misjudged(build, options.strength_error, random) for part, build in builds.items()}
+    believed = {
+        part: fighter.misjudged(build, options.strength_error, random)
+        for part, build in builds.items()
+    }
     return compiled, builds, believed, plan, weight, tone
 
 
 def fighter_model(part: str, build: fighter.Build) -> Model:
     """One fighter's model with its markers."""
     compiled = mujoco.MjModel.from_xml_string(fighter.fighter_text(part, build))
-    markers = tuple(Marker(name, body, build.size * place) for name, (body, place) in fighter.marker_points().items())
+    markers = tuple(
+        Marker(name, body, build.size * place)
+        for name, (body, place) in fighter.marker_points().items()
+    )
     return model_from_mujoco(compiled, name=part).with_markers(markers)
 
 
@@ -139,7 +167,8 @@ def _truth(
     rows = slice(round(SETTLING / fighter.STEP), None, every)
     time = run.time[rows] - run.time[rows][0]
     whole = join_models(models)
-    values, start = [], 0
+    values = []
+    start = 0
     for model in models.values():
         width = len(model.coordinates) + 1
         values.append(coordinates_from_qpos(model, run.qpos[rows, start : start + width]))
@@ -150,26 +179,27 @@ def _truth(
     def seen(values: Array) -> Array:
         return (values if cutoff is None else lowpass(values, 1.0 / fighter.STEP, cutoff))[rows]
 
-    forces, moments = seen(run.forces), seen(run.moments)
+    forces = seen(run.forces)
+    moments = seen(run.moments)
     points = _points(run, rows, forces, moments)
     torques = moments - np.cross(points, forces)
     bodies = (*FEET, "tori_forearm_r", "tori_forearm_l", "uke_torso", "uke_forearm_r")
     grips = slice(len(FEET), None)
     wrenches = Wrenches(
-        time,
-        (*FEET, *GRIPS, *(f"{grip}_on_uke" for grip in GRIPS)),
-        bodies,
-        np.concatenate([forces, -forces[:, grips]], axis=1),
-        np.concatenate([points, points[:, grips]], axis=1),
-        np.concatenate([torques, -torques[:, grips]], axis=1),
+        time=time,
+        names=(*FEET, *GRIPS, *(f"{grip}_on_uke" for grip in GRIPS)),
+        bodies=bodies,
+        forces=np.concatenate([forces, -forces[:, grips]], axis=1),
+        points=np.concatenate([points, points[:, grips]], axis=1),
+        torques=np.concatenate([torques, -torques[:, grips]], axis=1),
     )
     return PairTruth(
-        Motion(time, whole.coordinate_names, coordinates),
-        Series(time, muscles, run.activations[rows]),
-        Series(time, muscles, run.tensions[rows]),
-        Series(time, (*FEET, *GRIPS), forces),
-        wrenches,
-        FrozenMap(dict(models)),
+        motion=Motion(time, whole.coordinate_names, coordinates),
+        activations=Series(time, muscles, run.activations[rows]),
+        tensions=Series(time, muscles, run.tensions[rows]),
+        forces=Series(time, (*FEET, *GRIPS), forces),
+        wrenches=wrenches,
+        models=FrozenMap(dict(models)),
     )
 
 
@@ -197,22 +227,33 @@ def _recorded(
     time = truth.motion.time
     gain = np.exp(options.emg_gain * random.standard_normal(len(whole.muscles)))
     envelope = gain * truth.activations.values
-    envelope = np.clip(envelope + options.emg_noise * random.standard_normal(envelope.shape), 0.0, 1.0)
+    envelope = np.clip(
+        envelope + options.emg_noise * random.standard_normal(envelope.shape), 0.0, 1.0
+    )
     sites = pair_sites(builds)
     feet = {i: body for i, body in enumerate(truth.wrenches.bodies) if body in FEET}
     plates = {
-        part: truth.wrenches.columns([i for i, body in feet.items() if body.startswith(part)]) for part in fighter.PARTS
+        part: truth.wrenches.columns([i for i, body in feet.items() if body.startswith(part)])
+        for part in fighter.PARTS
     }
     return VirtualPair(
-        options, FrozenMap(dict(known)), whole, Markers(time, whole.marker_names, places),
-        Emg(time, whole.muscle_names, envelope), FrozenMap(plates), sites, _touching(truth, known, sites),
-        FrozenMap(dict(builds)), truth,
-    )  # fmt: skip
+        options=options,
+        models=FrozenMap(dict(known)),
+        model=whole,
+        markers=Markers(time, whole.marker_names, places),
+        emg=Emg(time, whole.muscle_names, envelope),
+        plates=FrozenMap(plates),
+        sites=sites,
+        touching=_touching(truth, known, sites),
+        builds=FrozenMap(dict(builds)),
+        truth=truth,
+    )
 
 
 def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> tuple[Site, ...]:
-    """Heels and toes of the four feet, and the two grips. `directed`: grips can only be pulled, straight ahead of
-    tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force may pass them any way.
+    """Heels and toes of the four feet, and the two grips. `directed`: grips can only be pulled,
+    straight ahead of tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force
+    may pass them any way.
     """
     sites = []
     for foot in FEET:
@@ -226,8 +267,14 @@ def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> t
         lapel = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=1.0)
         sleeve = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=0.5)
     fist = (builds["tori"].size * np.array(fighter.GRIP))[None]
-    sites.append(Site("lapel", "tori_forearm_r", fist, lapel, "uke_torso"))
-    sites.append(Site("sleeve", "tori_forearm_l", fist, sleeve, "uke_forearm_r"))
+    sites.append(
+        Site(name="lapel", body="tori_forearm_r", points=fist, cone=lapel, against="uke_torso")
+    )
+    sites.append(
+        Site(
+            name="sleeve", body="tori_forearm_l", points=fist, cone=sleeve, against="uke_forearm_r"
+        )
+    )
     return tuple(sites)
 
 

@@ -1,4 +1,6 @@
-"""What two simulated fighters do: poses with feet on the mat and grips closed, a pull, a sway or a step."""
+"""What two simulated fighters do: poses with feet on the mat and grips closed, a pull, a sway or a
+step.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ class Aim:
 
 
 def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.03) -> Array:
-    """The pose (nq,) nearest to `start` (by the weight `posture`) that meets the aims, by damped Gauss-Newton steps."""
+    """The pose (nq,) nearest to `start` (by the weight `posture`) that meets the aims, by damped
+    Gauss-Newton steps.
+    """
     data = mujoco.MjData(compiled)
     q = start.copy()
     n = compiled.nv
@@ -45,12 +49,14 @@ def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.0
         mujoco.mj_differentiatePos(compiled, away, 1.0, q, start)
         keep = np.full(n, posture)
         keep[roots(compiled)] = 1e-4
-        rows, errors = [np.diag(keep)], [keep * away]
+        rows = [np.diag(keep)]
+        errors = [keep * away]
         for aim in aims:
             J, error = _row(compiled, data, aim)
             rows.append(aim.weight * J)
             errors.append(aim.weight * error)
-        A, b = np.vstack(rows), np.concatenate(errors)
+        A = np.vstack(rows)
+        b = np.concatenate(errors)
         step = np.linalg.solve(A.T @ A + 1e-9 * np.eye(n), A.T @ b)
         step *= min(1.0, 0.3 / max(1e-12, float(np.abs(step).max())))
         mujoco.mj_integratePos(compiled, q, step, 1.0)
@@ -72,7 +78,9 @@ def _row(compiled: Any, data: Any, aim: Aim) -> tuple[Array, Array]:
         turning = np.zeros((3, n))
         mujoco.mj_jacBody(compiled, data, None, turning, body)
         miss = np.asarray(aim.target) @ data.xmat[body].reshape(3, 3).T
-        axis = 0.5 * np.array([miss[2, 1] - miss[1, 2], miss[0, 2] - miss[2, 0], miss[1, 0] - miss[0, 1]])
+        axis = 0.5 * np.array(
+            [miss[2, 1] - miss[1, 2], miss[0, 2] - miss[2, 0], miss[1, 0] - miss[0, 1]]
+        )
         return turning, axis
     J, place = jacobian(compiled, data, body, aim.point)
     if aim.other:
@@ -91,13 +99,23 @@ def jacobian(compiled: Any, data: Any, body: int, point: Array) -> tuple[Array, 
 
 
 Kind = Literal["pull", "sway", "step"]
-FEET = {"tori": {"r": (-0.2, 0.15), "l": (0.08, -0.14)}, "uke": {"r": (0.2, -0.15), "l": (-0.08, 0.14)}}
+FEET = {
+    "tori": {"r": (-0.2, 0.15), "l": (0.08, -0.14)},
+    "uke": {"r": (0.2, -0.15), "l": (-0.08, 0.14)},
+}
 """Places of the ankles on the mat from the middle of each stance, x and z in ground [m]."""
 MIDDLE = {"tori": 0.0, "uke": APART}
 BACKWARD = {"tori": -1.0, "uke": 1.0}
-BENT = {"knee_angle": -0.5, "hip_flexion": 0.45, "ankle_angle": 0.12, "elbow_flex": 1.0, "arm_flex": 0.5}
+BENT = {
+    "knee_angle": -0.5,
+    "hip_flexion": 0.45,
+    "ankle_angle": 0.12,
+    "elbow_flex": 1.0,
+    "arm_flex": 0.5,
+}
 """Joints of the pose that all poses start from [rad]."""
-HOLD = (-0.065, 0.0, -0.01)  # From where the sleeve is sewn on to the fist that holds it, in ground [m].
+# From where the sleeve is sewn on to the fist that holds it, in ground [m].
+HOLD = (-0.065, 0.0, -0.01)
 
 
 @dataclass(frozen=True)
@@ -105,7 +123,8 @@ class Stance:
     """One instant of the plan."""
 
     time: float  # [s]
-    back: tuple[float, float] = (0.1, 0.1)  # how far each pelvis is behind the middle of its stance [m]
+    # how far each pelvis is behind the middle of its stance [m]
+    back: tuple[float, float] = (0.1, 0.1)
     lean: tuple[float, float] = (0.1, 0.1)  # how far each trunk leans back [rad]
     sway: tuple[float, float] = (0.0, 0.0)  # of the pelves to tori's right [m]
     drop: float = 0.07  # of the pelves below straight legs [m]
@@ -122,7 +141,8 @@ class Plan:
 
     stances: tuple[Stance, ...]  # in the order of time
     poses: Array  # (stances, nq)
-    lifted: tuple[float, float] = (0.0, 0.0)  # from when to when tori's right foot is off the mat [s]; both 0 for never
+    # from when to when tori's right foot is off the mat [s]; both 0 for never
+    lifted: tuple[float, float] = (0.0, 0.0)
 
     @property
     def duration(self) -> float:
@@ -136,7 +156,8 @@ class Plan:
         length = float(times[pose + 1] - times[pose])
         x = float(np.clip((time - times[pose]) / length, 0.0, 1.0))
         weight = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        first, second = 30.0 * x * x * (1.0 - x) ** 2 / length, 60.0 * x * (1.0 - 3.0 * x + 2.0 * x * x) / length**2
+        first = 30.0 * x * x * (1.0 - x) ** 2 / length
+        second = 60.0 * x * (1.0 - 3.0 * x + 2.0 * x * x) / length**2
         way = np.empty(compiled.nv)
         mujoco.mj_differentiatePos(compiled, way, 1.0, self.poses[pose], self.poses[pose + 1])
         q = self.poses[pose].copy()
@@ -146,14 +167,21 @@ class Plan:
     def pulls(self, time: float) -> tuple[float, float]:
         """Intended pulls at lapel and sleeve [N]."""
         times = [stance.time for stance in self.stances]
-        lapel, sleeve = ([getattr(stance, what) for stance in self.stances] for what in ("lapel", "sleeve"))
+        lapel = [stance.lapel for stance in self.stances]
+        sleeve = [stance.sleeve for stance in self.stances]
         return float(np.interp(time, times, lapel)), float(np.interp(time, times, sleeve))
 
 
 def make_plan(
-    compiled: Any, builds: Mapping[str, Build], kind: str, random: np.random.Generator, vigor: float = 1.0
+    compiled: Any,
+    builds: Mapping[str, Build],
+    kind: str,
+    random: np.random.Generator,
+    vigor: float = 1.0,
 ) -> Plan:
-    """A plan of one kind, its measures drawn; `vigor`: factor of the pulls, and of how far the fighters lean back."""
+    """A plan of one kind, its measures drawn; `vigor`: factor of the pulls, and of how far the
+    fighters lean back.
+    """
     check_name("kind of bout", kind, get_args(Kind), "the simulation")
     base = Stance(
         0.0,
@@ -173,16 +201,31 @@ def make_plan(
     lifted = (0.0, 0.0)
     still = replace(base, time=0.3)
     if kind == "pull":
-        stances = [base, still, replace(hard, time=1.0), replace(hard, time=1.4), replace(base, time=2.1)]
+        stances = [
+            base,
+            still,
+            replace(hard, time=1.0),
+            replace(hard, time=1.4),
+            replace(base, time=2.1),
+        ]
     elif kind == "sway":
         s = random.uniform(0.015, 0.03)
         stances = [base, still, replace(hard, time=1.0, sway=(s, s), twist=0.05)]
         stances += [replace(hard, time=1.8, sway=(-s, -s), twist=-0.05), replace(hard, time=2.5)]
     else:
-        far, over = random.uniform(0.08, 0.14), (-0.115, -0.02)
-        stances = [base, still, replace(base, time=1.2, sway=over), replace(base, time=1.3, sway=over)]
+        far = random.uniform(0.08, 0.14)
+        over = (-0.115, -0.02)
+        stances = [
+            base,
+            still,
+            replace(base, time=1.2, sway=over),
+            replace(base, time=1.3, sway=over),
+        ]
         stances += [replace(base, time=1.55, sway=over, foot=(0.5 * far, 0.05))]
-        stances += [replace(base, time=1.8, sway=over, foot=(far, 0.0)), replace(base, time=2.8, foot=(far, 0.0))]
+        stances += [
+            replace(base, time=1.8, sway=over, foot=(far, 0.0)),
+            replace(base, time=2.8, foot=(far, 0.0)),
+        ]
         lifted = (1.3, 1.8)
     start = start_pose(compiled)
     poses = []
@@ -193,7 +236,9 @@ def make_plan(
 
 
 def start_pose(compiled: Any, begins: Sequence[str] = ("tori_", "uke_")) -> Array:
-    """Bent knees and elbows (nq,), from which poses are sought. `begins`: of the names of each person's joints."""
+    """Bent knees and elbows (nq,), from which poses are sought. `begins`: of the names of each
+    person's joints.
+    """
     q = np.array(compiled.qpos0)
     for begin in begins:
         for name, angle in BENT.items():
@@ -203,7 +248,9 @@ def start_pose(compiled: Any, begins: Sequence[str] = ("tori_", "uke_")) -> Arra
 
 
 def aims_of(builds: Mapping[str, Build], stance: Stance) -> Sequence[Aim]:
-    """What a pose has to reach: feet on their places, grips closed, pelves and trunks as the stance says."""
+    """What a pose has to reach: feet on their places, grips closed, pelves and trunks as the stance
+    says.
+    """
     aims: list[Aim] = []
     size = {part: builds[part].size for part in PARTS}
     for part, forward in (("tori", 1.0), ("uke", -1.0)):
@@ -211,19 +258,37 @@ def aims_of(builds: Mapping[str, Build], stance: Stance) -> Sequence[Aim]:
             moves = part == "tori" and side == "r"
             back, up = stance.foot if moves else (0.0, 0.0)
             for point in sole_points(side).values():
-                place = np.array([x + MIDDLE[part] - back, up, z]) + forward * size[part] * point * (1.0, 0.0, 1.0)
+                place = np.array([x + MIDDLE[part] - back, up, z]) + forward * size[
+                    part
+                ] * point * (1.0, 0.0, 1.0)
                 aims.append(Aim(f"{part}_foot_{side}", size[part] * point, place, weight=10.0))
         fighter = PARTS.index(part)
         straight = size[part] * LEG
         pelvis = np.array(
-            [MIDDLE[part] + BACKWARD[part] * stance.back[fighter], straight - stance.drop, stance.sway[fighter]]
+            [
+                MIDDLE[part] + BACKWARD[part] * stance.back[fighter],
+                straight - stance.drop,
+                stance.sway[fighter],
+            ]
         )
         aims.append(Aim(f"{part}_pelvis", np.zeros(3), pelvis))
         turn, twist = (0.0, stance.twist) if part == "tori" else (np.pi, 0.0)
         for body, share in (("torso", 1.0), ("pelvis", 0.6)):
             lean = axis_rotation((0, 0, 1), share * stance.lean[fighter])
-            aims.append(Aim(f"{part}_{body}", None, axis_rotation((0, 1, 0), turn + share * twist) @ lean, weight=0.5))
-    fist, other = size["tori"] * np.array(GRIP), size["uke"]
-    aims.append(Aim("tori_forearm_r", fist, other="uke_torso", other_point=other * LAPEL, weight=10.0))
-    aims.append(Aim("tori_forearm_l", fist, other="uke_forearm_r", other_point=other * CUFF, offset=HOLD))
+            aims.append(
+                Aim(
+                    f"{part}_{body}",
+                    None,
+                    axis_rotation((0, 1, 0), turn + share * twist) @ lean,
+                    weight=0.5,
+                )
+            )
+    fist = size["tori"] * np.array(GRIP)
+    other = size["uke"]
+    aims.append(
+        Aim("tori_forearm_r", fist, other="uke_torso", other_point=other * LAPEL, weight=10.0)
+    )
+    aims.append(
+        Aim("tori_forearm_l", fist, other="uke_forearm_r", other_point=other * CUFF, offset=HOLD)
+    )
     return aims

@@ -1,9 +1,11 @@
-"""Six virtual specimens with the masses, mass centers and viscosities of [S] tables I and II, swung in MuJoCo.
+"""Six virtual specimens with the masses, mass centers and viscosities of [S] tables I and II, swung
+in MuJoCo.
 
-Their bones and muscles are those of the arm that comes with `myo-sim`. The tables' viscosities cannot all hold
-with muscles of that size: (d_{M+J} - d_J) / d_M is the mean square of the moment arms, about 3.3 mm, where the
-model's are some 20 mm. So the muscles are scaled about the joint's center (`VirtualSpecimen.factor`) until the
-total viscosity over the true swing is that of table II; or they keep their size and d_M is made to fit.
+Their bones and muscles are those of the arm that comes with `myo-sim`. The tables' viscosities
+cannot all hold with muscles of that size: (d_{M+J} - d_J) / d_M is the mean square of the moment
+arms, about 3.3 mm, where the model's are some 20 mm. So the muscles are scaled about the joint's
+center (`VirtualSpecimen.factor`) until the total viscosity over the true swing is that of table II;
+or they keep their size and d_M is made to fit.
 """
 
 from __future__ import annotations
@@ -21,16 +23,32 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, least_rotation
-from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
+from myomorph.simulate.laboratory import (
+    Noise,
+    Sampled,
+    VirtualTrial,
+    measured_markers,
+    measured_wrench,
+    simulate,
+)
+from myomorph.simulate.limb import (
+    BaseLoad,
+    HeldLimb,
+    swing_mjcf,
+    with_clusters,
+    with_scaled_muscles,
+)
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 
-BASE, FIRST, FURTHER = "scapula_r", "humerus_r", ("ulna_r", "radius_r", "thirdmc_r")
+BASE = "scapula_r"
+FIRST = "humerus_r"
+FURTHER = ("ulna_r", "radius_r", "thirdmc_r")
 HELD = {"elbow_flexion_r": np.deg2rad(20.0), "pro_sup_r": np.deg2rad(15.0)}
 """The wires of [S] hold the elbow and the forearm so; the wrist is straight [rad]."""
-STEP, COARSE = 2.5e-3, 5e-3  # Of the integrator, and where the muscles' scale is sought [s].
+STEP = 2.5e-3
+COARSE = 5e-3  # Of the integrator, and where the muscles' scale is sought [s].
 USUAL_ARM = 0.02  # A moment arm of a shoulder muscle, where the search begins [m].
 PLATE = np.array([0.2, 0.0, -0.8])  # Origin of the plate, from the joint's center, in ground [m].
 TIGHT = 1e-5  # Relative change of the muscles' scale at which its search ends.
@@ -41,7 +59,8 @@ class VirtualCondition:
     """What truly is of a specimen with its muscles or without, and what was recorded."""
 
     parameters: Array  # (10,) of the limb about the joint's center, in the axes of its first bone
-    # d_J, or with muscles d_{M+J}: the one value nearest to the passive torque of all trials [N m s/rad]
+    # d_J, or with muscles d_{M+J}: the one value nearest to the passive torque of all trials [N m
+    # s/rad]
     viscosity: float
     trials: tuple[VirtualTrial, ...]
 
@@ -71,8 +90,8 @@ class VirtualSpecimen:
     joint_viscosity: float
     muscle_viscosity: float  # d_M of every muscle [N s/m]
     factor: float  # of the muscles' size about the joint's center, 1 for the model's own
-    # root mean square over the muscles and the intact swings, of the arm that the motion uses: lengthening speed over
-    # angular speed [m]
+    # root mean square over the muscles and the intact swings, of the arm that the motion uses:
+    # lengthening speed over angular speed [m]
     moment_arm: float
     noise: Noise
 
@@ -85,9 +104,11 @@ def arm_model() -> Model:
 
 @lru_cache(maxsize=1)
 def arm_specimen() -> Specimen:
-    """The specimen of [S] out of that arm: five bones with three markers each, the muscles of figure 1."""
+    """The specimen of [S] out of that arm: five bones with three markers each, the muscles of
+    figure 1.
+    """
     model = arm_model()
-    names = SpecimenNames(BASE, FIRST, FURTHER, fig1_muscles(model))
+    names = SpecimenNames(base=BASE, first=FIRST, bones=FURTHER, muscles=fig1_muscles(model))
     return with_clusters(build_specimen(model, names))
 
 
@@ -101,9 +122,10 @@ def virtual_specimen(
     seed: int | None = None,
     loads: tuple[BaseLoad | None, BaseLoad | None] = (None, None),
 ) -> VirtualSpecimen:
-    """One of the six (the row of the tables), swung without muscles and with them. `noise`: by default 0.3 mm, 0.3 N,
-    and clocks apart by tens of milliseconds and of millionths; `full_size`: muscles of the model's size, and d_M such
-    that the total viscosity is the table's; `loads`: on the base, muscles removed and intact.
+    """One of the six (the row of the tables), swung without muscles and with them. `noise`: by
+    default 0.3 mm, 0.3 N, and clocks apart by tens of milliseconds and of millionths; `full_size`:
+    muscles of the model's size, and d_M such that the total viscosity is the table's; `loads`: on
+    the base, muscles removed and intact.
     """
     if not 1 <= number <= len(SPECIMENS):
         raise BadData(f"there is no specimen {number}: [S] has 1 to {len(SPECIMENS)}")
@@ -122,11 +144,18 @@ def virtual_specimen(
     arm = _mean_square_arm(swings)
     total = row.joint_viscosity + muscle * arm
     return VirtualSpecimen(
-        row, limb.specimen,
-        VirtualCondition(bare, row.joint_viscosity, _recorded(limb, bare_swings, "without", noise, random)),
-        VirtualCondition(whole, total, _recorded(limb, swings, "with", noise, random)), row.joint_viscosity, muscle,
-        factor, float(np.sqrt(arm / len(limb.specimen.model.muscles))), noise,
-    )  # fmt: skip
+        published=row,
+        specimen=limb.specimen,
+        without=VirtualCondition(
+            bare, row.joint_viscosity, _recorded(limb, bare_swings, "without", noise, random)
+        ),
+        intact=VirtualCondition(whole, total, _recorded(limb, swings, "with", noise, random)),
+        joint_viscosity=row.joint_viscosity,
+        muscle_viscosity=muscle,
+        factor=factor,
+        moment_arm=float(np.sqrt(arm / len(limb.specimen.model.muscles))),
+        noise=noise,
+    )
 
 
 def _sized(
@@ -137,8 +166,8 @@ def _sized(
     seconds: float,
     full_size: bool,
 ) -> tuple[HeldLimb, float, float]:
-    """The limb, its muscles' scale and viscosity that give the total viscosity; one of the two is sought. By fixed
-    point: the swing that weighs the arms depends on them too.
+    """The limb, its muscles' scale and viscosity that give the total viscosity; one of the two is
+    sought. By fixed point: the swing that weighs the arms depends on them too.
     """
     excess = row.total_viscosity - row.joint_viscosity
     factor, muscle = (1.0, excess / USUAL_ARM**2) if full_size else (0.1, row.muscle_viscosity)
@@ -148,12 +177,16 @@ def _sized(
         change = excess / (muscle * _mean_square_arm(swings))
         if abs(change - 1.0) < TIGHT:
             break
-        factor, muscle = (1.0, muscle * change) if full_size else (factor * float(np.sqrt(change)), muscle)
+        factor, muscle = (
+            (1.0, muscle * change) if full_size else (factor * float(np.sqrt(change)), muscle)
+        )
     return made, factor, muscle
 
 
 def _mean_square_arm(swings: Sequence[Sampled]) -> float:
-    """What a common muscle viscosity is to be multiplied by to give the nearest viscosity of the joint [m^2]."""
+    """What a common muscle viscosity is to be multiplied by to give the nearest viscosity of the
+    joint [m^2].
+    """
     speeds = sum(float(np.sum(swing.lengthening**2)) for swing in swings)
     return speeds / sum(float(np.sum(swing.rates**2)) for swing in swings)
 
@@ -170,7 +203,9 @@ def _swings(
 ) -> list[Sampled]:
     stand = limb.specimen.stand
     rest = hanging(limb, parameters)
-    compiled = mujoco.MjModel.from_xml_string(swing_mjcf(limb, parameters, stand, rest, damping, muscle, load=load))
+    compiled = mujoco.MjModel.from_xml_string(
+        swing_mjcf(limb, parameters, stand, rest, damping, muscle, load=load)
+    )
     result = []
     for axis, rates in starts:
         turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
@@ -179,7 +214,9 @@ def _swings(
 
 
 def hanging(limb: HeldLimb, parameters: Array) -> Array:
-    """(3, 3) of the limb in ground where it hangs at rest, turned the shortest way from the model's default pose."""
+    """(3, 3) of the limb in ground where it hangs at rest, turned the shortest way from the model's
+    default pose.
+    """
     model = limb.specimen.model
     joint = next(joint for joint in model.joints if joint.child == limb.specimen.first)
     pose = limb.specimen.stand.rotation @ joint.parent_frame.rotation
@@ -189,7 +226,9 @@ def hanging(limb: HeldLimb, parameters: Array) -> Array:
 
 
 def released(random: np.random.Generator) -> tuple[Array, Array]:
-    """Rotation vector from hanging [rad] and angular velocity [rad/s] of a release by hand, in ground."""
+    """Rotation vector from hanging [rad] and angular velocity [rad/s] of a release by hand, in
+    ground.
+    """
     azimuth = random.uniform(0.0, 2.0 * np.pi)
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     across = np.array([-level[1], level[0], 0.0])
@@ -212,10 +251,12 @@ def _recorded(
     at_base = {name: center + stand.rotation @ place for name, place in on_base.items()}
     return tuple(
         VirtualTrial(
-            f"{word} {number}",
-            measured_markers(exact, center, at_base, on_limb, noise, random),
-            measured_wrench(exact, center, center + PLATE, limb.specimen.base, noise, random),
-            exact,
+            name=f"{word} {number}",
+            markers=measured_markers(exact, center, at_base, on_limb, noise, random),
+            wrenches=measured_wrench(
+                exact, center, center + PLATE, limb.specimen.base, noise, random
+            ),
+            exact=exact,
         )
         for number, exact in enumerate(swings, 1)
     )

@@ -1,10 +1,11 @@
-"""A full-body capture that the project simulates itself: a squat with raised arms whose truth is known.
+"""A full-body capture that the project simulates itself: a squat with raised arms whose truth is
+known.
 
-The body is MyoFullBody, which comes with `myo-sim`. Smooth coordinates are laid through poses that keep
-both feet on the floor; markers follow from them, with noise; the force on the feet is the one that
-balances the equations of motion, so that nothing is left at the root; torques follow by inverse
-dynamics, and activations by the same least-effort criterion that the estimate uses. What the report
-compares is thus the effect of noise and filters, not the criterion itself.
+The body is MyoFullBody, which comes with `myo-sim`. Smooth coordinates are laid through poses that
+keep both feet on the floor; markers follow from them, with noise; the force on the feet is the one
+that balances the equations of motion, so that nothing is left at the root; torques follow by
+inverse dynamics, and activations by the same least-effort criterion that the estimate uses. What
+the report compares is thus the effect of noise and filters, not the criterion itself.
 """
 
 from __future__ import annotations
@@ -37,22 +38,60 @@ from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (
-    "pelvis", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l", "torso", "head",
-    "humerus_r", "ulna_r", "thirdmc_r", "humerus_l", "ulna_l", "thirdmc_l",
-)  # fmt: skip
+    "pelvis",
+    "femur_r",
+    "tibia_r",
+    "calcn_r",
+    "femur_l",
+    "tibia_l",
+    "calcn_l",
+    "torso",
+    "head",
+    "humerus_r",
+    "ulna_r",
+    "thirdmc_r",
+    "humerus_l",
+    "ulna_l",
+    "thirdmc_l",
+)
 KEPT_FREE = (
-    "root_", "flex_extension", "lat_bending", "axial_rotation", "elv_angle_", "shoulder_elv_", "shoulder_rot_",
-    "elbow_flexion_", "pro_sup_", "hip_", "knee_angle_", "ankle_angle_", "subtalar_angle_",
-)  # fmt: skip
-STANDING = FrozenMap({"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0})
-"""The highest pose, differences from the default pose [deg], as hanging arms have no plane of elevation."""
-_BENT = {"hip_flexion": 55.0, "hip_adduction": -5.0, "knee_angle": 65.0, "ankle_angle": 22.0,
-         "shoulder_elv": 40.0, "elbow_flexion": 50.0}  # fmt: skip
-SQUAT = FrozenMap({"root_rx": 14.0} | {f"{name}_{side}": angle for name, angle in _BENT.items() for side in "rl"})
+    "root_",
+    "flex_extension",
+    "lat_bending",
+    "axial_rotation",
+    "elv_angle_",
+    "shoulder_elv_",
+    "shoulder_rot_",
+    "elbow_flexion_",
+    "pro_sup_",
+    "hip_",
+    "knee_angle_",
+    "ankle_angle_",
+    "subtalar_angle_",
+)
+STANDING = FrozenMap(
+    {"elv_angle_r": 80.0, "elv_angle_l": 80.0, "shoulder_elv_r": 20.0, "shoulder_elv_l": 20.0}
+)
+"""The highest pose, differences from the default pose [deg], as hanging arms have no plane of
+elevation.
+"""
+_BENT = {
+    "hip_flexion": 55.0,
+    "hip_adduction": -5.0,
+    "knee_angle": 65.0,
+    "ankle_angle": 22.0,
+    "shoulder_elv": 40.0,
+    "elbow_flexion": 50.0,
+}
+SQUAT = FrozenMap(
+    {"root_rx": 14.0} | {f"{name}_{side}": angle for name, angle in _BENT.items() for side in "rl"}
+)
 """The lowest pose, the coordinates' differences from the highest [deg]."""
 SOLE = 0.012  # Height of the heel bones' origins above their lowest point [m].
 KNOT_RATE = 20.0
-CLUSTER = 0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+CLUSTER = 0.05 * np.array(
+    [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
+)
 """Markers of a body about its mass center [m]."""
 
 
@@ -83,7 +122,8 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     model = marked_body()
     tree = compile_tree(model)
     splines = squat_splines(model, options)
-    truth, forces_motion = (splines.at(rate, options.duration) for rate in (options.rate, options.force_rate))
+    truth = splines.at(options.rate, options.duration)
+    forces_motion = splines.at(options.force_rate, options.duration)
     wrenches = balancing_wrenches(tree, forces_motion)
     at_markers = balancing_wrenches(tree, truth)
     torques = inverse_dynamics(model, truth, at_markers)
@@ -93,7 +133,9 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     random = np.random.default_rng(options.seed)
     markers = measured_markers(model, truth, options, random)
     noisy = replace(
-        wrenches, forces=wrenches.forces + options.force_noise * random.standard_normal(wrenches.forces.shape)
+        wrenches,
+        forces=wrenches.forces
+        + options.force_noise * random.standard_normal(wrenches.forces.shape),
     )
     times = "once" if options.squats == 1 else f"{options.squats} times"
     used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
@@ -117,20 +159,32 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         notes=TrialNotes(
             assumed=(
                 "Fingers and wrists do not move; each foot carries half of the force.",
-                "The true activations are the least-effort ones of the noise-free motion, the criterion that the "
-                "estimate uses too: their difference shows what noise and filters do, not whether the criterion is "
-                "right.",
+                (
+                    "The true activations are the least-effort ones of the noise-free motion, the"
+                    " criterion that the estimate uses too: their difference shows what noise and"
+                    " filters do, not whether the criterion is right."
+                ),
             ),
             simulated=(
-                f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)} muscles) squats {times} in "
-                f"{options.duration:g} s with raised arms; nobody was measured.",
-                f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm white and "
-                f"{1000 * options.tissue:g} mm slow shift on the skin, forces {options.force_noise:g} N white; seed "
-                f"{options.seed}.",
+                (
+                    f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)}"
+                    f" muscles) squats {times} in {options.duration:g} s with raised arms; nobody"
+                    " was measured."
+                ),
+                (
+                    f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm"
+                    f" white and {1000 * options.tissue:g} mm slow shift on the skin, forces"
+                    f" {options.force_noise:g} N white; seed {options.seed}."
+                ),
             ),
         ),
         sources=(
-            value_source("model", "demo:simulated", *(body.mass for body in model.bodies), *model.coordinate_names),
+            value_source(
+                "model",
+                "demo:simulated",
+                *(body.mass for body in model.bodies),
+                *model.coordinate_names,
+            ),
             value_source("markers", "simulated markers", markers.values),
             value_source("loads", "simulated forces", noisy.forces, noisy.points, noisy.torques),
         ),
@@ -138,18 +192,26 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
 
 
 def marked_body() -> Model:
-    """MyoFullBody with a cluster of four markers on each of 15 bodies; fingers and wrists are locked."""
+    """MyoFullBody with a cluster of four markers on each of 15 bodies; fingers and wrists are
+    locked.
+    """
     model = composed_model("myofullbody")
     dependent = model.dependent_coordinates
     coordinates = tuple(
-        replace(coordinate, locked=not coordinate.name.startswith(KEPT_FREE) and coordinate.name not in dependent)
+        replace(
+            coordinate,
+            locked=not coordinate.name.startswith(KEPT_FREE) and coordinate.name not in dependent,
+        )
         for coordinate in model.coordinates
     )
     markers = []
     for name in MARKED:
         center = model.body(name).mass_center
         shrink = 0.6 if name.startswith(("calcn", "thirdmc")) else 1.0
-        markers += [Marker(f"{name}_{i + 1}", name, center + shrink * offset) for i, offset in enumerate(CLUSTER)]
+        markers += [
+            Marker(f"{name}_{i + 1}", name, center + shrink * offset)
+            for i, offset in enumerate(CLUSTER)
+        ]
     return replace(model, coordinates=coordinates, markers=tuple(markers))
 
 
@@ -168,8 +230,9 @@ class Splines:
 
 
 def squat_splines(model: Model, options: SimulationOptions) -> Splines:
-    """Smooth coordinates through poses that keep the feet where they stand. Between standing and `SQUAT` the depth is
-    (1 - cos) / 2; each pose is the one nearest to that whose heel markers stay in place.
+    """Smooth coordinates through poses that keep the feet where they stand. Between standing and
+    `SQUAT` the depth is (1 - cos) / 2; each pose is the one nearest to that whose heel markers stay
+    in place.
     """
     time = np.arange(round(KNOT_RATE * options.duration) + 1) / KNOT_RATE
     depth = 0.5 - 0.5 * np.cos(2.0 * np.pi * options.squats * time / options.duration)
@@ -180,10 +243,13 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     ]
     names = tuple(coordinate.name for coordinate in free)
     default = np.array([coordinate.default for coordinate in free])
-    high, low = (np.deg2rad([pose.get(name, 0.0) for name in names]) for pose in (STANDING, SQUAT))
+    high = np.deg2rad([STANDING.get(name, 0.0) for name in names])
+    low = np.deg2rad([SQUAT.get(name, 0.0) for name in names])
     wanted = default + high + np.outer(depth, low)
     planted = tuple(marker.name for marker in model.markers if marker.body in FEET)
-    feet = Markers(time, planted, np.repeat(default_markers(model, planted)[None], len(time), axis=0))
+    feet = Markers(
+        time, planted, np.repeat(default_markers(model, planted)[None], len(time), axis=0)
+    )
     pull = [CoordinateTask(name, 1e-5) for name in names if not name.startswith("root_t")]
     pulled = InverseKinematicsOptions(tasks=pull, coordinates=Motion(time, names, wanted))
     poses = inverse_kinematics(model, feet, pulled).motion
@@ -192,12 +258,14 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
 
 
 def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
-    """Forces on both feet, half each, that leave nothing at the root. The force that the whole body needs is moved to
-    the feet: its center of pressure on the floor lies midway between two points that are as far apart as the feet.
+    """Forces on both feet, half each, that leave nothing at the root. The force that the whole body
+    needs is moved to the feet: its center of pressure on the floor lies midway between two points
+    that are as far apart as the feet.
     """
     arrays = motion_arrays(tree, motion)
     whole = joint_wrenches(tree, *arrays, np.zeros((len(motion), len(tree.arrays.parent), 6)))
-    force, moment = whole.forces[:, 0], whole.moments[:, 0]
+    force = whole.forces[:, 0]
+    moment = whole.moments[:, 0]
     feet = [whole.origins[:, tree.body_index[name]] for name in FEET]
     up = -tree.model.gravity / np.linalg.norm(tree.model.gravity)
     floor = float(np.min([foot @ up for foot in feet])) - SOLE
@@ -209,10 +277,19 @@ def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
     apart = (apart - np.outer(apart @ up, up)) / 2.0
     points = np.stack([center + apart, center - apart], axis=1)
     halves = np.repeat(force[:, None] / 2.0, 2, axis=1)
-    return Wrenches(motion.time, ("right foot", "left foot"), FEET, halves, points, np.repeat(free[:, None], 2, axis=1))
+    return Wrenches(
+        time=motion.time,
+        names=("right foot", "left foot"),
+        bodies=FEET,
+        forces=halves,
+        points=points,
+        torques=np.repeat(free[:, None], 2, axis=1),
+    )
 
 
-def measured_markers(model: Model, motion: Motion, options: SimulationOptions, random: np.random.Generator) -> Markers:
+def measured_markers(
+    model: Model, motion: Motion, options: SimulationOptions, random: np.random.Generator
+) -> Markers:
     """Markers of a motion, with white noise and a slow shift of each on the skin."""
     places = marker_positions(model, motion).values
     # The filter's ends are not like its middle: they are cut off.

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from myomorph.tension.certificates import ContactIntervals
     from myomorph.tension.relaxation import Relaxation
 
-SITES, CHECKED, WARNINGS = "contact_sites", "contact_sites_checked", "contact_warnings"
+SITES = "contact_sites"
+CHECKED = "contact_sites_checked"
+WARNINGS = "contact_warnings"
 SITUATION = "contact_situation"
 
 JOINT_MEANINGS = {
@@ -46,12 +48,34 @@ def put_contact_forces(writer: ResultWriter, contact_forces: ContactForces) -> N
     writer.fact(SITES, json.dumps([_plain_site(site) for site in contact_forces.sites]))
     three = ("time", "contact_site", "axis")
     ready = contact_forces.activations
-    writer.put("contact_activation", ("time", "contact_site"), ready, "1", "activation of a contact, 0 to 1")
     writer.put(
-        "contact_force", three, contact_forces.forces, "N", "estimated force on the body at a contact site, in ground"
+        "contact_activation",
+        ("time", "contact_site"),
+        ready,
+        "1",
+        "activation of a contact, 0 to 1",
     )
-    writer.put("contact_point", three, contact_forces.points, "m", "center of pressure of a contact site, in ground")
-    writer.put("contact_torque", three, contact_forces.torques, "N m", "free torque about that point, in ground")
+    writer.put(
+        "contact_force",
+        three,
+        contact_forces.forces,
+        "N",
+        "estimated force on the body at a contact site, in ground",
+    )
+    writer.put(
+        "contact_point",
+        three,
+        contact_forces.points,
+        "m",
+        "center of pressure of a contact site, in ground",
+    )
+    writer.put(
+        "contact_torque",
+        three,
+        contact_forces.torques,
+        "N m",
+        "free torque about that point, in ground",
+    )
 
 
 def get_contact_forces(stored: Stored) -> ContactForces | None:
@@ -64,18 +88,24 @@ def get_contact_forces(stored: Stored) -> ContactForces | None:
     return ContactForces(stored.time, sites, *parts)
 
 
-def put_contacts(writer: ResultWriter, contacts: Contacts, situation: Situation = "unknown") -> None:
+def put_contacts(
+    writer: ResultWriter, contacts: Contacts, situation: Situation = "unknown"
+) -> None:
     """Which site touches what, and when, and how the forces came to be known."""
     writer.fact(SITUATION, situation)
     writer.fact(CHECKED, json.dumps(contacts.sites))
     writer.fact(WARNINGS, json.dumps(contacts.warnings))
     writer.sizes("contact_interval", len(contacts.intervals))
     for name, unit, meaning in INTERVAL_NUMBERS:
-        values = np.array([getattr(interval, name) for interval in contacts.intervals], dtype=np.float64)
+        values = np.array(
+            [getattr(interval, name) for interval in contacts.intervals], dtype=np.float64
+        )
         writer.put(f"contact_interval_{name}", ("contact_interval",), values, unit, meaning)
     for name in INTERVAL_TEXTS:
         writer.texts(
-            f"contact_interval_{name}", "contact_interval", [getattr(interval, name) for interval in contacts.intervals]
+            f"contact_interval_{name}",
+            "contact_interval",
+            [getattr(interval, name) for interval in contacts.intervals],
         )
 
 
@@ -83,18 +113,32 @@ def get_contacts(stored: Stored) -> Contacts | None:
     """What `put_contacts` wrote, or None."""
     if CHECKED not in stored.facts:
         return None
-    numbers = [stored.values[f"contact_interval_{name}"].tolist() for name, _, _ in INTERVAL_NUMBERS]
+    numbers = [
+        stored.values[f"contact_interval_{name}"].tolist() for name, _, _ in INTERVAL_NUMBERS
+    ]
     texts = [stored.names.get(f"contact_interval_{name}", ()) for name in INTERVAL_TEXTS]
     names = (*(name for name, _, _ in INTERVAL_NUMBERS), *INTERVAL_TEXTS)
-    intervals = tuple(Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True))
-    return Contacts(tuple(json.loads(stored.facts[CHECKED])), intervals, tuple(json.loads(stored.facts[WARNINGS])))
+    intervals = tuple(
+        Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True)
+    )
+    return Contacts(
+        tuple(json.loads(stored.facts[CHECKED])),
+        intervals,
+        tuple(json.loads(stored.facts[WARNINGS])),
+    )
 
 
 def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:
     """Generalized forces under all external forces, those of estimated contacts included."""
     writer.names("coordinate", torques.names)
     meaning = "generalized force of inverse dynamics with estimated contacts"
-    writer.put("generalized_force_with_contacts", ("time", "coordinate"), torques.values, "N m or N", meaning)
+    writer.put(
+        "generalized_force_with_contacts",
+        ("time", "coordinate"),
+        torques.values,
+        "N m or N",
+        meaning,
+    )
 
 
 def get_forces_with_contacts(stored: Stored) -> Series | None:
@@ -109,13 +153,23 @@ def get_situation(stored: Stored) -> Situation:
     return situation
 
 
-def put_warnings(writer: ResultWriter, intervals: ContactIntervals | None, infeasible: Sequence[Relaxation]) -> None:
+def put_warnings(
+    writer: ResultWriter, intervals: ContactIntervals | None, infeasible: Sequence[Relaxation]
+) -> None:
     """Intervals and frames that could not be carried, in a result file."""
     writer.sizes("infeasible_contact", len(infeasible))
     times = np.array([relaxation.time for relaxation in infeasible], dtype=np.float64)
-    writer.put("infeasible_contact_time", ("infeasible_contact",), times, "s", "frame whose contacts are infeasible")
+    writer.put(
+        "infeasible_contact_time",
+        ("infeasible_contact",),
+        times,
+        "s",
+        "frame whose contacts are infeasible",
+    )
     writer.texts(
-        "infeasible_contact_relaxation", "infeasible_contact", [relaxation.sentence for relaxation in infeasible]
+        "infeasible_contact_relaxation",
+        "infeasible_contact",
+        [relaxation.sentence for relaxation in infeasible],
     )
     if intervals is None:
         return
@@ -141,14 +195,21 @@ def get_intervals(stored: Stored) -> ForceIntervals | None:
     if "interval_low" not in values:
         return None
     names = stored.names["contact_group"]
-    return ForceIntervals(values["interval_time"], names, values["interval_low"], values["interval_high"])
+    return ForceIntervals(
+        time=values["interval_time"],
+        names=names,
+        lower=values["interval_low"],
+        upper=values["interval_high"],
+    )
 
 
 def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
     """Frames of a result that its contacts cannot carry."""
     times = stored.values.get("infeasible_contact_time", ())
     texts = stored.names.get("infeasible_contact_relaxation", ())
-    return tuple(InfeasibleContact(float(time), text) for time, text in zip(times, texts, strict=True))
+    return tuple(
+        InfeasibleContact(float(time), text) for time, text in zip(times, texts, strict=True)
+    )
 
 
 def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> None:
@@ -165,7 +226,8 @@ def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> No
 
 def get_joint_contacts(stored: Stored) -> JointContactForces | None:
     """What `put_joint_contacts` wrote, or None."""
-    values, names = stored.values, stored.names
+    values = stored.values
+    names = stored.names
     if "joint_contact_force" not in values:
         return None
     return JointContactForces(

@@ -19,7 +19,8 @@ from filelock import FileLock, Timeout
 from myomorph import __version__
 from myomorph.model.errors import BadData, BadFile
 
-FORMAT = 1  # Of the folders that a study writes; one higher where older versions would misread them.
+# Of the folders that a study writes; one higher where older versions would misread them.
+FORMAT = 1
 MARK = "study.json"
 LOCK = ".study.lock"
 PATIENCE = 600.0  # How long a trial waits for a process that still writes into its folder [s].
@@ -27,7 +28,9 @@ PATIENCE = 600.0  # How long a trial waits for a process that still writes into 
 
 @dataclass(frozen=True)
 class RunMark:
-    """The run that a folder belongs to: identifier, host, process, begin; `format` and `version` of what wrote it."""
+    """The run that a folder belongs to: identifier, host, process, begin; `format` and `version` of
+    what wrote it.
+    """
 
     folder: Path
     run: str
@@ -38,10 +41,15 @@ class RunMark:
     format: int = FORMAT
 
     def check(self) -> None:
-        """Raise `BadData` where another run has begun meanwhile, so that this process has been given up."""
+        """Raise `BadData` where another run has begun meanwhile, so that this process has been
+        given up.
+        """
         now = read_mark(self.folder)
         if now is not None and now.run != self.run:
-            raise BadData(f"{self.folder}: another run has begun, since {now.since} on {now.host}: this one ends")
+            raise BadData(
+                f"{self.folder}: another run has begun, since {now.since} on {now.host}: this one"
+                " ends"
+            )
 
 
 def read_mark(folder: Path) -> RunMark | None:
@@ -55,7 +63,9 @@ def read_mark(folder: Path) -> RunMark | None:
         return None
     except (ValueError, KeyError, TypeError) as error:
         raise BadFile(
-            path, f"does not show which run wrote here ({error})", "remove it, or give --out another"
+            path,
+            f"does not show which run wrote here ({error})",
+            "remove it, or give --out another",
         ) from None
 
 
@@ -65,8 +75,8 @@ def check_age(mark: RunMark | None) -> None:
         return
     if mark.format > FORMAT or _numbers(mark.version) > _numbers(__version__):
         raise BadData(
-            f"{mark.folder}: was written by Myomorph {mark.version}, which is newer than this one ({__version__}): "
-            "update Myomorph, or give --out another folder"
+            f"{mark.folder}: was written by Myomorph {mark.version}, which is newer than this one"
+            f" ({__version__}): update Myomorph, or give --out another folder"
         )
 
 
@@ -91,7 +101,13 @@ def study_lock(out: Path) -> Iterator[RunMark]:
     try:
         check_age(read_mark(out))
         now = datetime.now().astimezone().isoformat(timespec="seconds")
-        mark = RunMark(out, uuid.uuid4().hex, platform.node() or socket.gethostname(), os.getpid(), now)
+        mark = RunMark(
+            folder=out,
+            run=uuid.uuid4().hex,
+            host=platform.node() or socket.gethostname(),
+            process=os.getpid(),
+            since=now,
+        )
         content = {name: value for name, value in asdict(mark).items() if name != "folder"}
         try:
             write_whole(out / MARK, json.dumps(content, indent=1) + "\n")
@@ -115,7 +131,9 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def _unwritable(folder: Path, error: OSError) -> BadFile:
-    return BadFile(folder, f"cannot be written ({error.strerror or error})", "give --out another folder")
+    return BadFile(
+        folder, f"cannot be written ({error.strerror or error})", "give --out another folder"
+    )
 
 
 def _taken(out: Path) -> str:
@@ -127,14 +145,20 @@ def _taken(out: Path) -> str:
 
 
 @contextmanager
-def folder_lock(folder: Path, mark: RunMark | None = None, patience: float = PATIENCE) -> Iterator[None]:
-    """Keep other processes away from a trial's folder: one of a run that was killed, or one that was cut off."""
+def folder_lock(
+    folder: Path, mark: RunMark | None = None, patience: float = PATIENCE
+) -> Iterator[None]:
+    """Keep other processes away from a trial's folder: one of a run that was killed, or one that
+    was cut off.
+    """
     folder.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder.with_name(f".{folder.name}.lock"), timeout=patience, poll_interval=0.05)
     try:
         lock.acquire()
     except Timeout:
-        raise BadData(f"{folder}: another process still writes there: end it, then run again") from None
+        raise BadData(
+            f"{folder}: another process still writes there: end it, then run again"
+        ) from None
     try:
         if mark is not None:
             mark.check()
@@ -144,8 +168,9 @@ def folder_lock(folder: Path, mark: RunMark | None = None, patience: float = PAT
 
 
 def _let_go(lock: FileLock) -> None:
-    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it before. Whoever waits
-    for a file that is removed meanwhile sees that and begins anew: filelock does so since 3.24.
+    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it
+    before. Whoever waits for a file that is removed meanwhile sees that and begins anew: filelock
+    does so since 3.24.
     """
     path = Path(lock.lock_file)
     try:

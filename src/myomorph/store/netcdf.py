@@ -1,8 +1,9 @@
-"""A NetCDF-4 file as the HDF5 that it is, on disk or in memory: dimensions are scales, and variables refer to them.
+"""A NetCDF-4 file as the HDF5 that it is, on disk or in memory: dimensions are scales, and
+variables refer to them.
 
-Libraries for NetCDF look through the whole file for every variable they make, which for the many small ones of a short
-recording takes longer than the recording's steps. A result that is quickly computed is held in memory, not on disk,
-until it is whole.
+Libraries for NetCDF look through the whole file for every variable they make, which for the many
+small ones of a short recording takes longer than the recording's steps. A result that is quickly
+computed is held in memory, not on disk, until it is whole.
 """
 
 from __future__ import annotations
@@ -18,12 +19,21 @@ import numpy as np
 
 BARE = "This is a netCDF dimension but not a netCDF variable."
 SCALE = "DIMENSION_SCALE"
-INTERNAL = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue", "_Netcdf4Dimid", "_Netcdf4Coordinates")
+INTERNAL = (
+    "CLASS",
+    "NAME",
+    "DIMENSION_LIST",
+    "REFERENCE_LIST",
+    "_FillValue",
+    "_Netcdf4Dimid",
+    "_Netcdf4Coordinates",
+)
 """Attributes that belong to the format itself."""
 
 
 NUMBERS = {"mass": "kg"}
-"""Attributes of a whole file that are numbers, with their units; one that is not known is left out."""
+"""Attributes of a whole file that are numbers, with their units; one that is not known is left out.
+"""
 
 
 class NetcdfFile:
@@ -50,7 +60,9 @@ class NetcdfFile:
         """Make a variable; its values may also come later, part by part."""
         shape = tuple(self.dimensions[dimension] for dimension in dimensions)
         filler = np.nan if np.dtype(kind).kind == "f" and values is None else None
-        made = self._file.create_dataset(name, shape, kind, data=values, chunks=chunks, fillvalue=filler)
+        made = self._file.create_dataset(
+            name, shape, kind, data=values, chunks=chunks, fillvalue=filler
+        )
         if filler is not None:
             made.attrs["_FillValue"] = np.array([filler], kind)
         self._variables[name] = (made, dimensions)
@@ -90,10 +102,13 @@ class NetcdfFile:
 
 
 def _texts_of() -> Callable[[Any, str, str], None]:
-    """A function that writes a new attribute, as the library does, but without looking for it first: there are many."""
+    """A function that writes a new attribute, as the library does, but without looking for it
+    first: there are many.
+    """
     import h5py
 
-    kind, space = h5py.h5t.py_create(h5py.string_dtype(), logical=True), h5py.h5s.create(h5py.h5s.SCALAR)
+    kind = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
+    space = h5py.h5s.create(h5py.h5s.SCALAR)
 
     def write(owner: Any, name: str, text: str) -> None:
         h5py.h5a.create(owner.id, name.encode(), kind, space).write(np.array(text, dtype=object))
@@ -102,7 +117,9 @@ def _texts_of() -> Callable[[Any, str, str], None]:
 
 
 class _Disk:
-    """A file for HDF5, which ends the whole process where a write fails: the first failure is reported after."""
+    """A file for HDF5, which ends the whole process where a write fails: the first failure is
+    reported after.
+    """
 
     def __init__(self, path: str | os.PathLike[str]):
         # Without a buffer of Python's: what fails must fail here and not when the file is closed.
@@ -171,8 +188,8 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
 
 @dataclass(frozen=True)
 class NetcdfVariable:
-    """A variable of an open file: the data set, read by its parts, its attributes but those of the format, and the
-    names of its dimensions.
+    """A variable of an open file: the data set, read by its parts, its attributes but those of the
+    format, and the names of its dimensions.
     """
 
     name: str
@@ -191,10 +208,16 @@ class NetcdfSource:
     @cached_property
     def attributes(self) -> dict[str, str]:
         """Texts about the whole file."""
-        return {name: as_text(value) for name, value in self._file.attrs.items() if not name.startswith("_NC")}
+        return {
+            name: as_text(value)
+            for name, value in self._file.attrs.items()
+            if not name.startswith("_NC")
+        }
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-        """Name and data set of variables (of `only`, () for all), in the order in which they were made where known."""
+        """Name and data set of variables (of `only`, () for all), in the order in which they were
+        made where known.
+        """
         for name in [name for name in only if name in self._file] if only else self._file:
             values = self._file[name]
             if "NAME" not in values.attrs or not as_text(values.attrs["NAME"]).startswith(BARE):
@@ -203,14 +226,23 @@ class NetcdfSource:
     def variables(self) -> Iterator[NetcdfVariable]:
         """The same with all their attributes."""
         for name, values in self._file.items():
-            # Attributes are slow to find: they are read once, but never the long list of who refers to a dimension.
-            attributes = {attr: values.attrs[attr] for attr in values.attrs if attr != "REFERENCE_LIST"}
+            # Attributes are slow to find: they are read once, but never the long list of who refers
+            # to a dimension.
+            attributes = {
+                attr: values.attrs[attr] for attr in values.attrs if attr != "REFERENCE_LIST"
+            }
             if as_text(attributes.get("NAME", "")).startswith(BARE):
                 continue
-            told = {attribute: value for attribute, value in attributes.items() if attribute not in INTERNAL}
-            dimensions = tuple(self._name(first) for first, *_ in attributes.get("DIMENSION_LIST", ()))
+            told = {
+                attribute: value
+                for attribute, value in attributes.items()
+                if attribute not in INTERNAL
+            }
+            dimensions = tuple(
+                self._name(first) for first, *_ in attributes.get("DIMENSION_LIST", ())
+            )
             own = (name,) if as_text(attributes.get("CLASS", "")) == SCALE else ()
-            yield NetcdfVariable(name, values, told, dimensions or own)
+            yield NetcdfVariable(name=name, values=values, told=told, dimensions=dimensions or own)
 
     def _name(self, reference: Any) -> str:
         """What a reference to a dimension leads to; looked up once."""
@@ -249,7 +281,9 @@ class HeldVariable:
 
 
 class HeldFile:
-    """Takes dimensions, variables and attributes as `NetcdfFile` does, and gives them as `NetcdfSource` does."""
+    """Takes dimensions, variables and attributes as `NetcdfFile` does, and gives them as
+    `NetcdfSource` does.
+    """
 
     def __init__(self) -> None:
         self.dimensions: dict[str, int] = {}
@@ -284,7 +318,9 @@ class HeldFile:
         variable.attrs.update(told)
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-        """Name and values of every variable, or `only` of some, in the order in which they were made."""
+        """Name and values of every variable, or `only` of some, in the order in which they were
+        made.
+        """
         for name in [name for name in only if name in self] if only else self._variables:
             yield name, self._variables[name].values
 
@@ -293,4 +329,6 @@ class HeldFile:
         for name, variable in self._variables.items():
             # In the order in which a file gives them.
             told = dict(sorted(variable.attrs.items()))
-            yield NetcdfVariable(name, variable.values, told, variable.dimensions)
+            yield NetcdfVariable(
+                name=name, values=variable.values, told=told, dimensions=variable.dimensions
+            )

@@ -10,7 +10,9 @@ from pathlib import Path
 from myomorph.model.errors import MyomorphError
 
 Key = tuple[str, str]
-"""Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for the study."""
+"""Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for
+the study.
+"""
 GATHERED = ("", "")  # Key of the job that makes the tables of a study.
 FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
 WINDOWS_FULL = (39, 112)  # ERROR_HANDLE_DISK_FULL and ERROR_DISK_FULL.
@@ -29,7 +31,8 @@ class Outcome:
     reused : steps reused from an earlier run
     changed : what made other steps be computed again that an earlier run had done, one line each
     frames : of the motion
-    rms, largest : mean over frames of the markers' root mean square error, and the largest error [m]
+    rms, largest : mean over frames of the markers' root mean square error, and the largest error
+        [m]
     seconds : it took [s]
     error : why it stopped, "" where all went well
     fault : whether that is a fault of Myomorph rather than of the input
@@ -92,7 +95,9 @@ class Conditions:
 
 
 def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
-    """The outcome of a trial that an error ended, in a step if any; of several errors, the first is reported."""
+    """The outcome of a trial that an error ended, in a step if any; of several errors, the first is
+    reported.
+    """
     text = " ".join(str(error).split())
     full = disk_full(error, outcome.folder)
     fault = not full and not isinstance(error, MyomorphError | OSError | MemoryError)
@@ -103,12 +108,21 @@ def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
     elif fault:
         text = f"{type(error).__name__}: {text}"
     message = f"{step}: {text}" if step else text
-    return replace(outcome, error=outcome.error or message, fault=outcome.fault or fault, full=outcome.full or full)
+    return replace(
+        outcome,
+        error=outcome.error or message,
+        fault=outcome.fault or fault,
+        full=outcome.full or full,
+    )
 
 
 def disk_full(error: BaseException, folder: Path) -> bool:
-    """Whether an error came of a file system without space; libraries hide the number of the system's error."""
-    if isinstance(error, OSError) and (error.errno in FULL or getattr(error, "winerror", None) in WINDOWS_FULL):
+    """Whether an error came of a file system without space; libraries hide the number of the
+    system's error.
+    """
+    if isinstance(error, OSError) and (
+        error.errno in FULL or getattr(error, "winerror", None) in WINDOWS_FULL
+    ):
         return True
     if isinstance(error, MyomorphError) or not isinstance(error, OSError | RuntimeError):
         return False

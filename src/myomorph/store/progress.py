@@ -19,17 +19,21 @@ _SILENT = False
 
 
 def silence(silent: bool = True) -> bool:
-    """Let `progress` say nothing here, because another tells how far all is; whether it was silent before."""
+    """Let `progress` say nothing here, because another tells how far all is; whether it was silent
+    before.
+    """
     global _SILENT
-    before, _SILENT = _SILENT, silent
+    before = _SILENT
+    _SILENT = silent
     return before
 
 
 @contextmanager
 def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
-    """Show how far a piece of work has come, on standard error; yields the function to call with the number of units
-    just done. Where that is a terminal, a bar with the time left appears once the work has taken `PATIENCE`; else one
-    line tells at the end what was done and how long it took. Shorter work stays silent.
+    """Show how far a piece of work has come, on standard error; yields the function to call with
+    the number of units just done. Where that is a terminal, a bar with the time left appears once
+    the work has taken `PATIENCE`; else one line tells at the end what was done and how long it
+    took. Shorter work stays silent.
     """
     started = time.monotonic()
     bar: Progress | None = None
@@ -60,7 +64,13 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
 def shown_bar(title: str, total: int, done: float = 0.0) -> Progress:
     """A bar on standard error with the time left."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     bar = Progress(
         TextColumn("{task.description}", markup=False),
@@ -68,7 +78,8 @@ def shown_bar(title: str, total: int, done: float = 0.0) -> Progress:
         MofNCompleteColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
         console=Console(stderr=True),
-        # Lines of results go above the bar, but stay where they are told to go where that is a file.
+        # Lines of results go above the bar, but stay where they are told to go where that is a
+        # file.
         redirect_stdout=sys.stdout.isatty(),
     )
     bar.update(bar.add_task(title, total=total), completed=done)

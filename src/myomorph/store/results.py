@@ -24,17 +24,31 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
-from myomorph.store.netcdf import HeldFile, NetcdfFile, NetcdfSource, NetcdfVariable, as_text, new_netcdf, open_netcdf
+from myomorph.store.netcdf import (
+    HeldFile,
+    NetcdfFile,
+    NetcdfSource,
+    NetcdfVariable,
+    as_text,
+    new_netcdf,
+    open_netcdf,
+)
 
 STORED = ".nc"
-PROVENANCE, REMARKS = "provenance_", "warnings_"
+PROVENANCE = "provenance_"
+REMARKS = "warnings_"
 """What facts of a single step begin with: what its values were made from, and its warnings."""
 STEP = "step"
-BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
-WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}  # What every result file tells first.
+BLOCK_ROWS = 512
+BLOCK_COLUMNS = 64
+# What every result file tells first.
+WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
 SETTLED = 10.0
-"""A file is taken to be the same while its size and times are, if it has not been touched for so long [s]."""
-LARGE, MAX_HASHES = 1 << 16, 256
+"""A file is taken to be the same while its size and times are, if it has not been touched for so
+long [s].
+"""
+LARGE = 1 << 16
+MAX_HASHES = 256
 _HASHES: dict[tuple[int, ...], str] = {}
 
 
@@ -58,7 +72,13 @@ def _hash_of(path: str | os.PathLike[str]) -> str:
     digest = hashlib.sha256()
     with open(path, "rb") as stream:
         status = os.fstat(stream.fileno())
-        look = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+        look = (
+            status.st_dev,
+            status.st_ino,
+            status.st_size,
+            status.st_mtime_ns,
+            status.st_ctime_ns,
+        )
         # One that was written just now could be written again without its time telling.
         settled = time.time() - max(status.st_mtime, status.st_ctime) > SETTLED
         if settled and look in _HASHES:
@@ -73,7 +93,9 @@ def _hash_of(path: str | os.PathLike[str]) -> str:
 
 
 def value_source(role: str, name: str, *values: object) -> Source:
-    """A value that was made in memory as an input of a step: arrays by their bytes, the rest by its text."""
+    """A value that was made in memory as an input of a step: arrays by their bytes, the rest by its
+    text.
+    """
     digest = hashlib.sha256()
     for value in values:
         if isinstance(value, np.ndarray):
@@ -83,14 +105,23 @@ def value_source(role: str, name: str, *values: object) -> Source:
     return Source(role, name, digest.hexdigest())
 
 
-def provenance_of(step: str, sources: Iterable[Source], options: Mapping[str, object]) -> Provenance:
+def provenance_of(
+    step: str, sources: Iterable[Source], options: Mapping[str, object]
+) -> Provenance:
     """Provenance of a result that is being made now, by this version."""
-    return Provenance(step, tuple(sources), dict(options), __version__, made_at())
+    return Provenance(
+        step=step,
+        sources=tuple(sources),
+        options=dict(options),
+        version=__version__,
+        date=made_at(),
+    )
 
 
 def fixed_date() -> int | None:
-    """The time that results are to be dated with [s since 1970], from SOURCE_DATE_EPOCH; None for that of the clock.
-    Results of the same inputs are then equal byte for byte, whenever they were made.
+    """The time that results are to be dated with [s since 1970], from SOURCE_DATE_EPOCH; None for
+    that of the clock. Results of the same inputs are then equal byte for byte, whenever they were
+    made.
     """
     seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
     return int(seconds) if seconds.isdigit() else None
@@ -104,10 +135,13 @@ def made_at() -> str:
 
 
 class ResultWriter:
-    """An open NetCDF file that takes named values, made by `new_result`, or one that is held in memory."""
+    """An open NetCDF file that takes named values, made by `new_result`, or one that is held in
+    memory.
+    """
 
     def __init__(self, file: NetcdfFile | HeldFile, step: str = ""):
-        self._file, self._step = file, step
+        self._file = file
+        self._step = step
 
     def names(self, dimension: str, names: Sequence[str]) -> None:
         """Make a dimension whose entries have names, unless it exists already; none makes none."""
@@ -130,14 +164,27 @@ class ResultWriter:
         """Make the dimension of time [s]."""
         if "time" not in self._file.dimensions:
             self.sizes("time", len(time))
-            self._file.variable("time", ("time",), np.float64, np.asarray(time)).attrs["units"] = "s"
+            self._file.variable("time", ("time",), np.float64, np.asarray(time)).attrs["units"] = (
+                "s"
+            )
 
-    def create(self, name: str, dimensions: tuple[str, ...], unit: str, meaning: str, kind: Any = np.float64) -> Any:
+    def create(
+        self,
+        name: str,
+        dimensions: tuple[str, ...],
+        unit: str,
+        meaning: str,
+        kind: Any = np.float64,
+    ) -> Any:
         """Make a variable to be filled part by part: `variable[start:stop] = values`."""
-        attributes = {"units": unit, "long_name": meaning} | ({STEP: self._step} if self._step else {})
+        attributes = {"units": unit, "long_name": meaning} | (
+            {STEP: self._step} if self._step else {}
+        )
         return self._create(name, dimensions, kind, attributes)
 
-    def _create(self, name: str, dimensions: tuple[str, ...], kind: Any, attributes: Mapping[str, Any]) -> Any:
+    def _create(
+        self, name: str, dimensions: tuple[str, ...], kind: Any, attributes: Mapping[str, Any]
+    ) -> Any:
         shape = tuple(self._file.dimensions[dimension] for dimension in dimensions)
         chunks = None
         if shape and min(shape) > 0 and np.prod(shape) > BLOCK_ROWS * BLOCK_COLUMNS:
@@ -147,7 +194,9 @@ class ResultWriter:
         self._file.tell(variable, attributes)
         return variable
 
-    def put(self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str) -> None:
+    def put(
+        self, name: str, dimensions: tuple[str, ...], values: Any, unit: str, meaning: str
+    ) -> None:
         """Make a variable and fill it; truth values become 0 and 1."""
         values = np.asarray(values)
         kind = np.int8 if values.dtype == bool else values.dtype
@@ -168,8 +217,8 @@ class ResultWriter:
         self.fact(REMARKS + step, json.dumps(list(texts)))
 
     def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
-        """Put the warnings of the steps of this file together, in their order and before other lines. A step of a
-        result that an older version wrote left its lines among all of them.
+        """Put the warnings of the steps of this file together, in their order and before other
+        lines. A step of a result that an older version wrote left its lines among all of them.
         """
         facts = self._file.attributes
         known = [step for step in steps if REMARKS + step in facts]
@@ -178,7 +227,9 @@ class ResultWriter:
         self.fact("warnings", json.dumps(list(dict.fromkeys([*remarks, *others, *kept]))))
 
     def copy(self, path: Path, steps: Sequence[str]) -> None:
-        """Take over what some steps wrote into another result, block by block, unless it is here already."""
+        """Take over what some steps wrote into another result, block by block, unless it is here
+        already.
+        """
         with open_netcdf(path) as other:
             self.take(other, steps)
 
@@ -190,13 +241,16 @@ class ResultWriter:
                 self._copy_variable(variable)
         for name, value in other.attributes.items():
             marked = any(
-                name.startswith(prefix) and name[len(prefix) :] not in steps for prefix in (PROVENANCE, REMARKS)
+                name.startswith(prefix) and name[len(prefix) :] not in steps
+                for prefix in (PROVENANCE, REMARKS)
             )
             if name not in self._file.attributes and not marked:
                 self.fact(name, value)
 
     def _copy_variable(self, variable: NetcdfVariable) -> None:
-        name, values, dimensions = variable.name, variable.values, variable.dimensions
+        name = variable.name
+        values = variable.values
+        dimensions = variable.dimensions
         for dimension, size in zip(dimensions, values.shape, strict=True):
             known = self._file.dimensions.setdefault(dimension, size)
             if known != size:
@@ -222,7 +276,9 @@ def _texts() -> Any:
 
 @contextmanager
 def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultWriter]:
-    """A NetCDF file that appears under its name only when it is whole; `step` is what makes its values."""
+    """A NetCDF file that appears under its name only when it is whole; `step` is what makes its
+    values.
+    """
     path = Path(path)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     os.close(handle)
@@ -265,32 +321,50 @@ class Stored:
 def result_files(folder: Path) -> list[Path]:
     """The result files in a folder, or the one that is given; raises `BadFile` where there is none."""
     if not folder.exists():
-        raise BadFile(folder, "does not exist", "give a folder that run, tension, muscles or demo wrote")
+        raise BadFile(
+            folder, "does not exist", "give a folder that run, tension, muscles or demo wrote"
+        )
     inside = [folder] if folder.is_file() else sorted(folder.rglob(f"*{STORED}"))
     paths = [path for path in inside if ".steps" not in path.parts]
     if not paths:
-        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
+        raise BadFile(
+            folder,
+            f"holds no results: no file in it ends in {STORED}",
+            "give the --out of run or tension",
+        )
     return paths
 
 
 DAMAGED = (OSError, ValueError, KeyError, AttributeError, TypeError, RuntimeError, MemoryError)
-"""What HDF5 raises on a damaged file, or on one of another kind: links to nothing, groups, sizes beyond all memory."""
+"""What HDF5 raises on a damaged file, or on one of another kind: links to nothing, groups, sizes
+beyond all memory.
+"""
 
 
 def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> Stored:
-    """Read a NetCDF that `new_result` wrote, without variables that are not needed and may be large."""
+    """Read a NetCDF that `new_result` wrote, without variables that are not needed and may be
+    large.
+    """
     try:
         with open_netcdf(path) as file:
             return stored_values(path, file, leave_out)
     except DAMAGED as error:
-        raise BadFile(path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote") from None
+        raise BadFile(
+            path, f"is not a result of Myomorph ({error})", "give a NetCDF file that a step wrote"
+        ) from None
 
 
 def stored_values(
-    path: str | os.PathLike[str], file: NetcdfSource | HeldFile, leave_out: Sequence[str] = (), only: Sequence[str] = ()
+    path: str | os.PathLike[str],
+    file: NetcdfSource | HeldFile,
+    leave_out: Sequence[str] = (),
+    only: Sequence[str] = (),
 ) -> Stored:
-    """What a file holds that is open, or in memory until it has that path; variables of `only`, () for all."""
-    values, names = {}, {}
+    """What a file holds that is open, or in memory until it has that path; variables of `only`, ()
+    for all.
+    """
+    values = {}
+    names = {}
     for name, variable in file.data(only):
         if name in leave_out:
             continue
@@ -300,7 +374,9 @@ def stored_values(
             values[name] = variable[...]
     attributes = dict(file.attributes)
     facts = {name: text for name, text in attributes.items() if not name.startswith(PROVENANCE)}
-    return Stored(Path(path), values, names, made_from(attributes), facts)
+    return Stored(
+        path=Path(path), values=values, names=names, provenance=made_from(attributes), facts=facts
+    )
 
 
 def made_from(attributes: Mapping[str, str]) -> dict[str, Provenance]:
@@ -322,8 +398,8 @@ def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
 
 @contextmanager
 def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
-    """A folder whose new files appear all together: they are written beside it and then moved in. Files that are in the
-    folder already stay, unless a new one has their name.
+    """A folder whose new files appear all together: they are written beside it and then moved in.
+    Files that are in the folder already stay, unless a new one has their name.
     """
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
@@ -344,8 +420,12 @@ def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def file_name(name: str) -> str:
-    """A name of the model as part of a file's name: other signs than letters, digits, - . _ become _."""
-    return "".join(character if character.isalnum() or character in "-._" else "_" for character in name)
+    """A name of the model as part of a file's name: other signs than letters, digits, - . _ become
+    _.
+    """
+    return "".join(
+        character if character.isalnum() or character in "-._" else "_" for character in name
+    )
 
 
 def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
@@ -372,4 +452,7 @@ def findings_text(findings: Sequence[Finding]) -> str:
 def findings_of(text: str) -> tuple[Finding, ...]:
     """What `findings_text` wrote."""
     records = json.loads(text)
-    return tuple(Finding(**{**record, "times": tuple((a, b) for a, b in record["times"])}) for record in records)
+    return tuple(
+        Finding(**{**record, "times": tuple((a, b) for a, b in record["times"])})
+        for record in records
+    )

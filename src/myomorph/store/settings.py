@@ -1,4 +1,6 @@
-"""A step's options as settings that the command line and study files share, taken from its option dataclass."""
+"""A step's options as settings that the command line and study files share, taken from its option
+dataclass.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,17 @@ import types
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, Self, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    Literal,
+    Self,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from myomorph.model.errors import BadData
 
@@ -28,8 +40,8 @@ SIMPLE = (bool, int, float, str)
 
 @dataclass(frozen=True)
 class Setting:
-    """An option of a command or a study file; `kind` bool, int, float, str, a Literal of texts, or one of these or
-    None.
+    """An option of a command or a study file; `kind` bool, int, float, str, a Literal of texts, or
+    one of these or None.
     """
 
     name: str
@@ -40,15 +52,17 @@ class Setting:
 
 @dataclass(frozen=True)
 class Differentiation:
-    """Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by default the one
-    that the motion asks for, none where it is smooth already (`automatic_cutoff`).
+    """Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by
+    default the one that the motion asks for, none where it is smooth already (`automatic_cutoff`).
     """
 
     cutoff: float | None = None
 
     def __post_init__(self) -> None:
         if self.cutoff is not None and not 0.0 <= self.cutoff < float("inf"):
-            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter")
+            raise BadData(
+                f"cutoff {self.cutoff} Hz: expected a positive frequency, or 0 for no filter"
+            )
 
 
 @dataclass(frozen=True)
@@ -57,14 +71,15 @@ class ForceOptions:
 
     Attributes
     ----------
-    force_checks : external forces are held against the motion: mend what is wrong and safe to mend, report it only, or
-        none
+    force_checks : external forces are held against the motion: mend what is wrong and safe to mend,
+        report it only, or none
     force_shift : added to the times of external forces, where their clock is not the motion's [s]
-    force_columns : names of the columns of a table of forces in their order, between commas, where its heading does
-        not say them: time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mx1, ...; - for a column to leave out
+    force_columns : names of the columns of a table of forces in their order, between commas, where
+        its heading does not say them: time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mx1, ...; - for a column
+        to leave out
     force_rate : rows a second of a table of forces without times [Hz]
-    force_origins : points that moments of forces without a center of pressure are about, along the table's axes [m]:
-        x,y,z of each force, between semicolons; by default the origin
+    force_origins : points that moments of forces without a center of pressure are about, along the
+        table's axes [m]: x,y,z of each force, between semicolons; by default the origin
     """
 
     force_checks: Literal["mend", "report", "none"] = "mend"
@@ -84,10 +99,12 @@ class TorqueTable:
 
     Attributes
     ----------
-    net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as OpenSim's tool
-        does where forces_to_exclude is Muscles; by default nothing is taken off, as with ALL
-    independent_coordinates : only independent coordinates, with the forces of dependent ones (of couplers and closed
-        loops) projected onto them; by default every coordinate has its own column, as in OpenSim
+    net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as
+        OpenSim's tool does where forces_to_exclude is Muscles; by default nothing is taken off, as
+        with ALL
+    independent_coordinates : only independent coordinates, with the forces of dependent ones (of
+        couplers and closed loops) projected onto them; by default every coordinate has its own
+        column, as in OpenSim
     """
 
     net: bool = False
@@ -107,10 +124,10 @@ class TensionTables:
 
     Attributes
     ----------
-    reactions : loads that joints transmit to their child bodies, in the axes of the child, the parent or the ground
-        (OpenSim's default); written as joint_reactions.sto
-    intervals : at how many instants, evenly spaced, to ask what the data leave open of estimated contact forces
-        (contact_intervals.sto); 0 for none
+    reactions : loads that joints transmit to their child bodies, in the axes of the child, the
+        parent or the ground (OpenSim's default); written as joint_reactions.sto
+    intervals : at how many instants, evenly spaced, to ask what the data leave open of estimated
+        contact forces (contact_intervals.sto); 0 for none
     """
 
     reactions: Literal["none", "child", "parent", "ground"] = "none"
@@ -127,9 +144,10 @@ class ReportOptions:
 
     Attributes
     ----------
-    preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what the recording shows
-        where it is not specified
-    muscles : muscles shown, by the report's names ("Soleus") or the model's, instead of those of the preset
+    preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what
+        the recording shows where it is not specified
+    muscles : muscles shown, by the report's names ("Soleus") or the model's, instead of those of
+        the preset
     """
 
     preset: Preset = ""
@@ -137,18 +155,25 @@ class ReportOptions:
 
 
 def settings_of(options: type) -> tuple[Setting, ...]:
-    """Settings of an option dataclass: every field that a number, a text or a switch can give. Fields of other types
-    (mappings, motions) are not settings: they come from files. Where a dataclass has a `SETTING_PREFIX`, names begin
-    with it, so that they are told from those of other steps.
+    """Settings of an option dataclass: every field that a number, a text or a switch can give.
+    Fields of other types (mappings, motions) are not settings: they come from files. Where a
+    dataclass has a `SETTING_PREFIX`, names begin with it, so that they are told from those of other
+    steps.
     """
     return _settings_of(options)
 
 
 @cache
 def _settings_of(options: type) -> tuple[Setting, ...]:
-    hints, helps = get_type_hints(options), attribute_help(options)
+    hints = get_type_hints(options)
+    helps = attribute_help(options)
     return tuple(
-        Setting(prefix_of(options) + field.name, hints[field.name], field.default, helps.get(field.name, ""))
+        Setting(
+            name=prefix_of(options) + field.name,
+            kind=hints[field.name],
+            default=field.default,
+            help=helps.get(field.name, ""),
+        )
         for field in dataclasses.fields(options)
         if _is_simple(hints[field.name]) and field.default is not dataclasses.MISSING
     )
@@ -160,14 +185,22 @@ def prefix_of(options: type) -> str:
 
 
 def attribute_help(owner: Any, heading: str = "Attributes") -> dict[str, str]:
-    """What a section of a numpydoc docstring says of each attribute or parameter, as one line; those of bases too. Of
-    an only attribute the docstring itself tells it.
+    """What a section of a numpydoc docstring says of each attribute or parameter, as one line;
+    those of bases too. Of an only attribute the docstring itself tells it.
     """
     text = inspect.cleandoc(owner.__doc__ or "")
-    if dataclasses.is_dataclass(owner) and len(alone := dataclasses.fields(owner)) == 1 and "\n---" not in text:
+    if (
+        dataclasses.is_dataclass(owner)
+        and len(alone := dataclasses.fields(owner)) == 1
+        and "\n---" not in text
+    ):
         return {alone[0].name: " ".join(text.split())}
     section = re.search(rf"^{heading}\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
-    result = {name: text for base in getattr(owner, "__bases__", ()) for name, text in attribute_help(base).items()}
+    result = {
+        name: text
+        for base in getattr(owner, "__bases__", ())
+        for name, text in attribute_help(base).items()
+    }
     names: list[str] = []
     for line in section.group(1).splitlines() if section else []:
         start = re.match(r"(\w+(?:, \w+)*) : (.*)", line)
@@ -180,11 +213,15 @@ def attribute_help(owner: Any, heading: str = "Attributes") -> dict[str, str]:
 
 
 def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
-    """The options with the settings among `settings` that are theirs; None leaves a default as it is."""
+    """The options with the settings among `settings` that are theirs; None leaves a default as it
+    is.
+    """
     names = {setting.name for setting in settings_of(type(options))}
     prefix = prefix_of(type(options))
     changes = {
-        name.removeprefix(prefix): value for name, value in settings.items() if name in names and value is not None
+        name.removeprefix(prefix): value
+        for name, value in settings.items()
+        if name in names and value is not None
     }
     return dataclasses.replace(options, **changes)  # type: ignore[type-var]
 
@@ -198,8 +235,8 @@ def plain_settings(options: object) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class TrialMotion:
-    """Trials go on with the refined motion, forces filtered alike; else with that of inverse kinematics on the refined
-    model.
+    """Trials go on with the refined motion, forces filtered alike; else with that of inverse
+    kinematics on the refined model.
     """
 
     use_motions: bool = True
@@ -214,7 +251,10 @@ class SettingGroup:
         """Each with the settings of a command line or a study file that are its own."""
         empty = cls()
         return cls(
-            **{field.name: with_settings(getattr(empty, field.name), values) for field in dataclasses.fields(cls)}
+            **{
+                field.name: with_settings(getattr(empty, field.name), values)
+                for field in dataclasses.fields(cls)
+            }
         )
 
     def plain(self) -> dict[str, object]:

@@ -28,7 +28,9 @@ class StudyTable(Strict):
 
 
 def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
-    """The table `[options]`: one table a step, its keys the settings of the step's option dataclasses."""
+    """The table `[options]`: one table a step, its keys the settings of the step's option
+    dataclasses.
+    """
     tables: dict[str, Any] = {}
     for step, setting in settings.items():
         keys: dict[str, Any] = {option.name: (option.kind, option.default) for option in setting}
@@ -37,7 +39,8 @@ def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
     return create_model("StepOptions", __base__=Strict, **tables)
 
 
-MAX_PROBLEMS, MAX_CHARACTERS = 200, 200  # Problems of a file that are told, and signs of a value.
+MAX_PROBLEMS = 200
+MAX_CHARACTERS = 200  # Problems of a file that are told, and signs of a value.
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -45,19 +48,28 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
-        beside = sorted(file.name for file in path.parent.glob("*.toml")) if path.parent.is_dir() else []
-        hint = f"{path.parent} has {listing(path.name, beside)}" if beside else "give a study file in TOML"
+        beside = (
+            sorted(file.name for file in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+        )
+        hint = (
+            f"{path.parent} has {listing(path.name, beside)}"
+            if beside
+            else "give a study file in TOML"
+        )
         raise BadFile(path, f"cannot be read ({error.strerror or error})", hint) from None
     except UnicodeDecodeError:
         raise BadFile(path, "is not text", "give a study file in TOML") from None
     except (ValueError, RecursionError) as error:
         # Not only of `tomllib`: a whole number of thousands of digits is refused by `int`.
-        raise BadFile(path, f"is not TOML: {error}", "see docs/getting-started.md for an example") from None
+        raise BadFile(
+            path, f"is not TOML: {error}", "see docs/getting-started.md for an example"
+        ) from None
 
 
 def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
-    """The file as checked values and what is wrong; None for the values unless all that is wrong are unknown keys.
-    These are left out, so that what else is wrong with the file, as files that it names, is found with them.
+    """The file as checked values and what is wrong; None for the values unless all that is wrong
+    are unknown keys. These are left out, so that what else is wrong with the file, as files that it
+    names, is found with them.
     """
     try:
         return file.model_validate(raw), []
@@ -79,7 +91,9 @@ def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[st
 
 
 def _leave_out(table: Any, place: Sequence[Any]) -> None:
-    """Delete the key at a place of nested tables and lists; parts that are no key but the type of one are skipped."""
+    """Delete the key at a place of nested tables and lists; parts that are no key but the type of
+    one are skipped.
+    """
     *inner, key = place
     for part in inner:
         if isinstance(table, dict):
@@ -108,8 +122,14 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
     # Of a name that no system can have, `Path.is_file` would raise an error.
     if os.path.isfile(path):
         return path
-    near = [file.name for file in path.parent.glob(f"*{path.suffix}")] if os.path.isdir(path.parent) else []
-    problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
+    near = (
+        [file.name for file in path.parent.glob(f"*{path.suffix}")]
+        if os.path.isdir(path.parent)
+        else []
+    )
+    problems.append(
+        f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}"
+    )
     return None
 
 
@@ -120,7 +140,9 @@ def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> lis
         if not result:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")
         problems += [
-            f"{where}: the name of '{path.name}' is not UTF-8: rename it" for path in result if not _is_utf8(path)
+            f"{where}: the name of '{path.name}' is not UTF-8: rename it"
+            for path in result
+            if not _is_utf8(path)
         ]
         return result
     path = existing(folder, pattern, f"{where}: trial", problems)
@@ -148,7 +170,8 @@ def globbed(folder: Path, pattern: str) -> list[Path]:
         return [path] if pattern and os.path.exists(path) else []
     whole = Path(pattern)
     if whole.is_absolute():
-        folder, pattern = Path(whole.anchor), str(whole.relative_to(whole.anchor))
+        folder = Path(whole.anchor)
+        pattern = str(whole.relative_to(whole.anchor))
     try:
         return sorted(folder.glob(pattern))
     except (ValueError, OSError):
@@ -164,13 +187,20 @@ def check_time(time: tuple[float, float] | None, where: str, problems: list[str]
 def _sentence(error: Any, file: type[BaseModel]) -> str:
     """One validation error: where it is, what was given, what exists."""
     # Without parts that are no key, but one of the types that a key may have.
-    kinds = [part for part in error["loc"] if part in ("str", "float", "int") or str(part).startswith("_")]
+    kinds = [
+        part
+        for part in error["loc"]
+        if part in ("str", "float", "int") or str(part).startswith("_")
+    ]
     where = [part for part in error["loc"] if part not in kinds and "[" not in str(part)]
     name = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in where)
     if error["type"] == "extra_forbidden":
         elsewhere = dict.fromkeys(_tables_with(str(where[-1]), file))
         belongs = f"it belongs to {' or '.join(elsewhere)}; here " if elsewhere else ""
-        return f"unknown key '{name}': {belongs}there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
+        return (
+            f"unknown key '{name}': {belongs}there are"
+            f" {listing(str(where[-1]), _keys(file, where[:-1]))}"
+        )
     if error["type"] == "missing":
         return f"'{name}' is missing"
     return f"'{name}' = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
@@ -190,14 +220,19 @@ def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:
     """Keys that exist in the table at a place of the file."""
     table = file
     for key in where:
-        field = next((field for name, field in table.model_fields.items() if key in (name, field.alias)), None)
+        field = next(
+            (field for name, field in table.model_fields.items() if key in (name, field.alias)),
+            None,
+        )
         inner = None if field is None else _table(field.annotation)
         table = inner or table
     return tuple(field.alias or name for name, field in table.model_fields.items())
 
 
 def _tables_with(key: str, table: type[BaseModel], place: str = "") -> Iterator[str]:
-    """Tables of a file that have a key, as their headings; options stand first where they are those of the file."""
+    """Tables of a file that have a key, as their headings; options stand first where they are those
+    of the file.
+    """
     for name, field in table.model_fields.items():
         inner = _table(field.annotation)
         if inner is not None:

@@ -13,11 +13,22 @@ from myomorph.store.results import ResultWriter, Stored, stored_values
 from myomorph.uncertainty.sources import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread, Uncertainty, ValueErrors
 
-DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
+DIMENSIONS = {
+    "coordinates": "coordinate",
+    "torques": "coordinate",
+    "activations": "muscle",
+    "forces": "muscle",
+}
 """Dimension of a table's columns in a result file; of the others one of their own."""
-ENDINGS = {"low": "lower limit of 90 %", "high": "upper limit of 90 %", "sd": "standard deviation of the draws"}
+ENDINGS = {
+    "low": "lower limit of 90 %",
+    "high": "upper limit of 90 %",
+    "sd": "standard deviation of the draws",
+}
 GAIT = "gait_error_"  # Begins the names of the errors of gait curves, before the side.
-GROUP, VALUE, ERRORS = "error_group", "drawn_value", "value_error"
+GROUP = "error_group"
+VALUE = "drawn_value"
+ERRORS = "value_error"
 SEPARATOR = ": "  # Between a step and its quantity in a result file.
 
 
@@ -33,14 +44,25 @@ def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty, units: dict[
         shares = uncertainty.shares.get(name)
         if shares is not None:
             writer.names(GROUP, shares.groups)
-            meanings = {"alone": "share of the variance, by itself", "total": "share of the variance, with all others"}
+            meanings = {
+                "alone": "share of the variance, by itself",
+                "total": "share of the variance, with all others",
+            }
             for kind, values in (("alone", shares.alone), ("total", shares.total)):
                 writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
     for side, errors in uncertainty.gait.items():
-        for dimension, size in zip(("draw", "gait_sample", "gait_variable"), errors.shape, strict=True):
+        for dimension, size in zip(
+            ("draw", "gait_sample", "gait_variable"), errors.shape, strict=True
+        ):
             writer.sizes(dimension, size)
         meaning = "error of a mean curve of gait under a draw, widened"
-        writer.put(f"{GAIT}{side}", ("draw", "gait_sample", "gait_variable"), errors.astype(np.float32), "", meaning)
+        writer.put(
+            f"{GAIT}{side}",
+            ("draw", "gait_sample", "gait_variable"),
+            errors.astype(np.float32),
+            "",
+            meaning,
+        )
     writer.fact("draws", f"{uncertainty.draws} {uncertainty.failed}")
     writer.fact("limits_widened", json.dumps(dict(uncertainty.factors)))
     writer.fact("error_sizes", json.dumps(uncertainty.sizes))
@@ -50,10 +72,17 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
     """What `put_uncertainty` wrote, or None."""
     if "draws" not in stored.facts:
         return None
-    spreads, shares = {}, {}
-    for name in (key.removesuffix("_sd") for key in stored.values if key.endswith("_sd") and key != "value_sd"):
+    spreads = {}
+    shares = {}
+    for name in (
+        key.removesuffix("_sd")
+        for key in stored.values
+        if key.endswith("_sd") and key != "value_sd"
+    ):
         names = stored.names[_dimension(name)]
-        spreads[name] = Spread(stored.time, names, *(stored.values[f"{name}_{ending}"] for ending in ENDINGS))
+        spreads[name] = Spread(
+            stored.time, names, *(stored.values[f"{name}_{ending}"] for ending in ENDINGS)
+        )
         if f"{name}_alone" in stored.values:
             parts = (stored.values[f"{name}_{part}"] for part in ("alone", "total"))
             shares[name] = Shares(stored.names[GROUP], *parts)
@@ -65,7 +94,15 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
         for key, values in stored.values.items()
         if key.startswith(GAIT)
     }
-    return Uncertainty(spreads, shares, draws, failed, factors=factors, sizes=sizes, gait=gait)
+    return Uncertainty(
+        spreads=spreads,
+        shares=shares,
+        draws=draws,
+        failed=failed,
+        factors=factors,
+        sizes=sizes,
+        gait=gait,
+    )
 
 
 def put_value_errors(writer: ResultWriter, value_errors: ValueErrors) -> None:
@@ -75,14 +112,20 @@ def put_value_errors(writer: ResultWriter, value_errors: ValueErrors) -> None:
     writer.names(VALUE, [SEPARATOR.join(name) for name in value_errors.names])
     writer.sizes("draw", len(value_errors.errors))
     writer.put(
-        ERRORS, ("draw", VALUE), value_errors.errors.astype(np.float32), "", "error of a value under a draw, widened"
+        ERRORS,
+        ("draw", VALUE),
+        value_errors.errors.astype(np.float32),
+        "",
+        "error of a value under a draw, widened",
     )
     for ending, values in zip(ENDINGS, value_errors.limits(), strict=True):
         writer.put(f"value_{ending}", (VALUE,), values, "", f"{ENDINGS[ending]}, less the value")
 
 
 def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """By step and quantity how far limits lie from the value, and the SD; {} where nothing was drawn."""
+    """By step and quantity how far limits lie from the value, and the SD; {} where nothing was
+    drawn.
+    """
     if "value_sd" not in stored.values or VALUE not in stored.names:
         return {}
     columns = (stored.values[f"value_{ending}"].tolist() for ending in ENDINGS)
@@ -90,7 +133,9 @@ def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float
 
 
 def read_value_errors(path: Path) -> ValueErrors | None:
-    """Errors of the numbers of a trial under its draws, None where nothing was drawn or there is no such file."""
+    """Errors of the numbers of a trial under its draws, None where nothing was drawn or there is no
+    such file.
+    """
     if not path.is_file():
         return None
     with open_netcdf(path) as file:

@@ -1,1 +1,3 @@
-"""From files to steps to results: study files, trials, subjects, runs and summaries. Holds no science."""
+"""From files to steps to results: study files, trials, subjects, runs and summaries. Holds no
+science.
+"""

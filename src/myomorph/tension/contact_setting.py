@@ -1,4 +1,6 @@
-"""Unmeasured contacts, in the step of muscle tensions: where, when, how ready, and what is known of them."""
+"""Unmeasured contacts, in the step of muscle tensions: where, when, how ready, and what is known of
+them.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ class ContactSetting:
 
     task: ContactTask
     contacts: Contacts
-    exact: Wrenches | None  # measured forces that act as they were measured, None where there are none
+    # measured forces that act as they were measured, None where there are none
+    exact: Wrenches | None
     notes: tuple[str, ...] = ()
 
 
@@ -47,11 +50,13 @@ class Measurements:
 
     recorded: Motion  # the motion before it was filtered
     wrenches: Wrenches | None = None  # forces of plates on bodies, at the motion's times
-    # plates, plate_time: the plates themselves, where their outlines are known, and the clock of their forces [s]
+    # plates, plate_time: the plates themselves, where their outlines are known, and the clock of
+    # their forces [s]
     plates: Sequence[ForcePlate] = ()
     plate_time: Array | None = None
     cutoff: float | None = None  # of that filter [Hz]
-    # the motion with feet that stay on the floor, for finding contacts; None where the motion itself shows them
+    # the motion with feet that stay on the floor, for finding contacts; None where the motion
+    # itself shows them
     standing: Motion | None = None
 
 
@@ -65,21 +70,34 @@ def set_contacts(
     standing = known.standing or motion
     feet = _soles(plan, model)
     seen = None if plan.measured == "hidden" else measured
-    feet, floor = rest_on_floor(model, standing, feet, plate_height(model, seen)) if feet else (feet, None)
+    feet, floor = (
+        rest_on_floor(model, standing, feet, plate_height(model, seen)) if feet else (feet, None)
+    )
     sites = (*feet, *plan.sites)
     if not sites:
-        raise BadData(f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}")
+        raise BadData(
+            f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}"
+        )
     heard = None
     if plan.sound is not None:
         heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
     height = None if floor is None else floor.height
-    reported = [values for values in (plan.reported, None if heard is None else heard.contacts) if values is not None]
+    reported = [
+        values
+        for values in (plan.reported, None if heard is None else heard.contacts)
+        if values is not None
+    ]
     raised = _raised(plan, reported, model, motion, feet)
     reported += [contacts for contacts, _ in raised.values()]
-    contacts = _all_contacts(plan, reported, model, standing, sites, seen, ContactStateOptions(floor=height))
+    contacts = _all_contacts(
+        plan, reported, model, standing, sites, seen, ContactStateOptions(floor=height)
+    )
     elsewhere: tuple[str, ...] = ()
     if plan.reported is not None:
-        elsewhere = (*never_during(plan.reported, known.recorded.time), *unreported_feet(plan.reported, feet))
+        elsewhere = (
+            *never_during(plan.reported, known.recorded.time),
+            *unreported_feet(plan.reported, feet),
+        )
     ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=height))
     ready = _with(ready, {name: activation for name, (_, activation) in raised.items()})
     if plan.measured == "exact" and measured is not None:
@@ -93,13 +111,28 @@ def set_contacts(
         # Their forces are known already.
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.impacts if exact is None else exact.and_others(heard.impacts)
-    warnings = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
-    task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
-    return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *warnings))
+    warnings = (
+        misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
+    )
+    task = ContactTask(
+        sites=sites,
+        activations=ready,
+        measured=shared,
+        options=options,
+        preferred=preferred_directions(model, motion, sites),
+    )
+    return ContactSetting(
+        task=task, contacts=contacts, exact=exact, notes=(*contacts.warnings, *elsewhere, *warnings)
+    )
 
 
 def _on_stairs(
-    stairs: Stairs, plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None, options: ContactOptions
+    stairs: Stairs,
+    plan: ContactPlan,
+    model: Model,
+    motion: Motion,
+    measured: Wrenches | None,
+    options: ContactOptions,
 ) -> ContactSetting:
     """Paws on steps: the cells tell touches, and forces for the sites on each step together.
     Loads that are given beside act as they are; then only steps that these leave out are shared.
@@ -114,9 +147,13 @@ def _on_stairs(
         pairs = ((step.name, site.body) for step in paws.steps for site in paws.sites)
         known = {step for step, body in pairs if f"{step}_{body}" in exact.names}
     task = ContactTask(
-        paws.sites, ready, shared_stairs(paws, known), options, preferred_directions(model, motion, paws.sites)
+        sites=paws.sites,
+        activations=ready,
+        measured=shared_stairs(paws, known),
+        options=options,
+        preferred=preferred_directions(model, motion, paws.sites),
     )
-    return ContactSetting(task, contacts, exact, paws.notes)
+    return ContactSetting(task=task, contacts=contacts, exact=exact, notes=paws.notes)
 
 
 def during(contacts: Contacts, start: float, stop: float) -> Contacts:
@@ -133,7 +170,9 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
 
 
 def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
-    """Soles that a file leaves out while it tells of others: who took their lines away meant that they never touch."""
+    """Soles that a file leaves out while it tells of others: who took their lines away meant that
+    they never touch.
+    """
     names = [item.name for item in feet]
     lacking = [name for name in names if name not in reported.sites]
     if not lacking or len(lacking) == len(names):
@@ -143,20 +182,27 @@ def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]
 
 def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
     """What to say of sites whose touches all lie before or after a motion (frames,)."""
-    start, stop = float(time[0]), float(time[-1])
+    start = float(time[0])
+    stop = float(time[-1])
     texts = []
     for name in reported.sites:
         touches = reported.of(name)
         if touches and all(touch.stop < start or touch.start > stop for touch in touches):
-            spans = f"{min(touch.start for touch in touches):g} to {max(touch.stop for touch in touches):g} s"
+            spans = (
+                f"{min(touch.start for touch in touches):g} to"
+                f" {max(touch.stop for touch in touches):g} s"
+            )
             texts.append(
-                f"'{name}' is specified to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
+                f"'{name}' is specified to touch at {spans}, the motion is {start:g} to {stop:g} s:"
+                " it never touches"
             )
     return tuple(texts)
 
 
 def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:
-    """Sites under the feet, where they are asked for; none for a model without feet whose sites are named."""
+    """Sites under the feet, where they are asked for; none for a model without feet whose sites are
+    named.
+    """
     if not plan.feet:
         return ()
     try:
@@ -181,9 +227,14 @@ def _all_contacts(
     known = {name for contacts in reported for name in contacts.sites}
     for name in sorted(known):
         if name not in names:
-            raise BadData(f"contact intervals are specified for '{name}', but the contact sites are {', '.join(names)}")
+            raise BadData(
+                f"contact intervals are specified for '{name}', but the contact sites are"
+                f" {', '.join(names)}"
+            )
     by_motion = tuple(
-        site for site in sites if plan.when.get(site.name, "motion") == "motion" and site.name not in known
+        site
+        for site in sites
+        if plan.when.get(site.name, "motion") == "motion" and site.name not in known
     )
     standing = tuple(site for site in by_motion if site.against == GROUND)
     holding = tuple(site for site in by_motion if site.against != GROUND)
@@ -201,9 +252,15 @@ def _all_contacts(
 
 
 def _raised(
-    plan: ContactPlan, reported: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
+    plan: ContactPlan,
+    reported: Sequence[Contacts],
+    model: Model,
+    motion: Motion,
+    soles: Sequence[Site],
 ) -> dict[str, tuple[Contacts, Array]]:
-    """Touches and activations (frames,) of sites that rest on something else than the floor, as the motion tells."""
+    """Touches and activations (frames,) of sites that rest on something else than the floor, as the
+    motion tells.
+    """
     known = {name for contacts in reported for name in contacts.sites}
     return {
         site.name: raised_contacts(model, motion, site, soles, plan.surfaces[site.name])
@@ -228,12 +285,21 @@ def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
     bodies = tuple(dict.fromkeys((*exact.bodies, *result.bodies)))
     summed = np.zeros((3, len(result), len(bodies), 3))
     for j, body in enumerate(bodies):
-        parts = [(values, i) for values in (exact, result) for i, other in enumerate(values.bodies) if other == body]
+        parts = [
+            (values, i)
+            for values in (exact, result)
+            for i, other in enumerate(values.bodies)
+            if other == body
+        ]
         force = np.stack([part.forces[:, i] for part, i in parts])
         point = np.nan_to_num(np.stack([part.points[:, i] for part, i in parts]))
         torque = np.stack([part.torques[:, i] for part, i in parts])
         size = np.linalg.norm(force, axis=2, keepdims=True)
         share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
         middle = (share * point).sum(axis=0)
-        summed[:, :, j] = force.sum(axis=0), middle, (torque + np.cross(point - middle, force)).sum(axis=0)
+        summed[:, :, j] = (
+            force.sum(axis=0),
+            middle,
+            (torque + np.cross(point - middle, force)).sum(axis=0),
+        )
     return Wrenches(result.time, bodies, bodies, *summed)

@@ -12,21 +12,44 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg
-from myomorph.motion.emg_activation import LIKELIHOOD_95, USUAL, ChannelMap, EmgCalibration, uncalibrated
+from myomorph.motion.emg_activation import (
+    LIKELIHOOD_95,
+    USUAL,
+    ChannelMap,
+    EmgCalibration,
+    uncalibrated,
+)
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.filters import lowpass
-from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
+from myomorph.tension.emg_groups import (
+    calibration_of,
+    kept_level,
+    settled_fit,
+    some_names,
+    synergy_groups,
+)
 from myomorph.tension.emg_held_out import HELD_FRAMES, EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_tracking import Prior, TorqueTracking, few_frames, gain_prior, tracked_frames
+from myomorph.tension.emg_tracking import (
+    Prior,
+    TorqueTracking,
+    few_frames,
+    gain_prior,
+    tracked_frames,
+)
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 
-MAX_FRAMES = 300  # About how many frames of all trials together the gains are fitted on, evenly spread
+# About how many frames of all trials together the gains are fitted on, evenly spread
+MAX_FRAMES = 300
 SHAPES = (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
-"""Shape factors that are tried beside a straight line; -3 is the limit of Lloyd and Besier (2003)."""
-DELAY_SPREAD = 0.03  # Standard deviation of delays about the usual one, before any torque is seen [s]
-LONGEST, COARSE, FINE = 0.150, 0.01, 0.002  # Of the delays that are tried, and between them first and last [s]
+"""Shape factors that are tried beside a straight line; -3 is the limit of Lloyd and Besier (2003).
+"""
+# Standard deviation of delays about the usual one, before any torque is seen [s]
+DELAY_SPREAD = 0.03
+LONGEST = 0.150
+COARSE = 0.01
+FINE = 0.002  # Of the delays that are tried, and between them first and last [s]
 ROUNDS = 4  # Searches of delay and shape in turn, at most
 
 
@@ -39,12 +62,13 @@ def calibrate_emg(
     actuators: Sequence[Actuator] | None = None,
     maxima: Mapping[str, float] | None = None,
 ) -> EmgCalibration:
-    """Delay, gain and shape of each channel with which the muscles under EMG bear the torques of all trials.
-    Effort has no part in it: co-contraction costs nothing. Where torques say nothing of a gain it is the usual one,
-    and a warning names the channel. See `myomorph.tension.emg_tracking` and docs/emg-and-sound.md.
-    Source: Lloyd and Besier 2003; Pizzolato et al. 2015; Ao et al. 2020 for unmeasured muscles.
-    `channels`: channel to muscles of the model; `tension`, `actuators`: as for `solve_tension`; `maxima`: envelope of
-    channels in a maximum voluntary contraction, which no activation above 1 may have made.
+    """Delay, gain and shape of each channel with which the muscles under EMG bear the torques of
+    all trials. Effort has no part in it: co-contraction costs nothing. Where torques say nothing of
+    a gain it is the usual one, and a warning names the channel. See `myomorph.tension.emg_tracking`
+    and docs/emg-and-sound.md. Source: Lloyd and Besier 2003; Pizzolato et al. 2015; Ao et al. 2020
+    for unmeasured muscles. `channels`: channel to muscles of the model; `tension`, `actuators`: as
+    for `solve_tension`; `maxima`: envelope of channels in a maximum voluntary contraction, which no
+    activation above 1 may have made.
     """
     options = options or EmgOptions()
     if not trials:
@@ -58,17 +82,26 @@ def calibrate_emg(
     for name in maxima or {}:
         check_name("EMG channel", name, names, "the calibration")
     if options.gains == "normalized":
-        return uncalibrated(names, USUAL if options.delay is None else options.delay, options.shape or 0.0)
+        return uncalibrated(
+            names, USUAL if options.delay is None else options.delay, options.shape or 0.0
+        )
     cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
     cleaned = [Emg(emg.time, names, np.array([emg[name] for name in names]).T) for emg in cleaned]
     envelopes = [_smooth(emg) for emg in cleaned]
     every = max(sum(len(trial.motion) for trial in trials) // MAX_FRAMES, 1)
-    tells = np.array([[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float)
+    tells = np.array(
+        [[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float
+    )
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
         setting = (tension or TensionOptions(), actuators)
         frames = [
-            tracked_frames(TensionInputs(model, one.motion, one.torques, *setting, one.contacts), emg, tells, every)
+            tracked_frames(
+                TensionInputs(model, one.motion, one.torques, *setting, one.contacts),
+                emg,
+                tells,
+                every,
+            )
             for one, emg in zip(trials, envelopes, strict=True)
         ]
         heights = [np.vstack([emg.values, np.zeros((1, len(names)))]) for emg in envelopes]
@@ -76,20 +109,37 @@ def calibrate_emg(
         bounds = np.array([(maxima or {}).get(name, np.nan) for name in names])
         groups = synergy_groups(frames, names, tells, peaks)
         prior = gain_prior(peaks, bounds)
-        tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=_noise(cleaned, envelopes))
-        result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(model.muscle_names)
+        tracking = TorqueTracking(
+            frames, tells, groups, prior, options.offsets, noise=_noise(cleaned, envelopes)
+        )
+        result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(
+            model.muscle_names
+        )
     if any(trial.contacts is not None for trial in trials):
-        # No channel is left out where forces of contacts are unknown: nothing shows that synergies tell of others.
+        # No channel is left out where forces of contacts are unknown: nothing shows that synergies
+        # tell of others.
         return result if options.unmeasured_weight else replace(result, synergies=())
     step = every * max(sum(len(trial.motion) for trial in trials) // every // HELD_FRAMES, 1)
     few = [few_frames(trial.motion, trial.torques, step) for trial in trials]
-    held = HeldOut(model, channels, options, (tension, actuators), tracking, result, peaks, bounds, few)
+    held = HeldOut(
+        model=model,
+        channels=channels,
+        options=options,
+        settings=(tension, actuators),
+        tracking=tracking,
+        calibration=result,
+        peaks=peaks,
+        maxima=bounds,
+        few=few,
+    )
     result = replace(result, warnings=(*swap_lines(names, held.swapped()), *result.warnings))
     return result if options.mode == "driven" or options.weight is not None else held.chosen(result)
 
 
 SMOOTH = 8.0
-"""Low-pass of envelopes while gains are fitted [Hz]: noise makes gains smaller, and muscles follow no faster."""
+"""Low-pass of envelopes while gains are fitted [Hz]: noise makes gains smaller, and muscles follow
+no faster.
+"""
 ROUGHNESS = 0.03  # Share of an envelope that may be faster than that
 
 
@@ -110,8 +160,11 @@ def _smooth(emg: Emg) -> Emg:
 
 
 def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
-    """(channels,) standard deviation of the noise that smoothing leaves, if it is white: what is too fast tells it."""
-    squares, counts = np.zeros(len(smooth[0].names)), np.zeros(len(smooth[0].names))
+    """(channels,) standard deviation of the noise that smoothing leaves, if it is white: what is
+    too fast tells it.
+    """
+    squares = np.zeros(len(smooth[0].names))
+    counts = np.zeros(len(smooth[0].names))
     for rough, item in zip(envelopes, smooth, strict=True):
         fast = rough.values - item.values
         beyond = 0.5 * rough.rate - SMOOTH
@@ -123,16 +176,25 @@ def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
     return np.sqrt(squares / np.maximum(counts, 1.0))
 
 
-PEAK = 99.0  # Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none
+# Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none
+PEAK = 99.0
 
 
 class _Search:
-    """Delay and shape of all channels by the profile of the posterior: at each of them the most probable gains."""
+    """Delay and shape of all channels by the profile of the posterior: at each of them the most
+    probable gains.
+    """
 
-    def __init__(self, tracking: TorqueTracking, names: tuple[str, ...], options: EmgOptions, level: Prior):
-        self.tracking, self.names, self.options = tracking, names, options
-        self.level, self.prior = level, tracking.prior
-        self.delay, self.shape = USUAL if options.delay is None else options.delay, options.shape or 0.0
+    def __init__(
+        self, tracking: TorqueTracking, names: tuple[str, ...], options: EmgOptions, level: Prior
+    ):
+        self.tracking = tracking
+        self.names = names
+        self.options = options
+        self.level = level
+        self.prior = tracking.prior
+        self.delay = USUAL if options.delay is None else options.delay
+        self.shape = options.shape or 0.0
         self.warnings: list[str] = []
 
     def found(self, muscles: tuple[str, ...]) -> EmgCalibration:
@@ -146,10 +208,14 @@ class _Search:
                 break
             tracking.learn_errors(*self._each(self.delay, self.shape), self.prior)
         each = self._each(self.delay, self.shape)
-        result = calibration_of(tracking, settled_fit(tracking, self.prior, *each), self.names, muscles, *each)
+        result = calibration_of(
+            tracking, settled_fit(tracking, self.prior, *each), self.names, muscles, *each
+        )
         silent = [name for name, item in zip(self.names, result.by_torque, strict=True) if not item]
         if silent:
-            self.warnings.append(f"torques say little of the EMG gain of {some_names(silent)}: a usual one is taken")
+            self.warnings.append(
+                f"torques say little of the EMG gain of {some_names(silent)}: a usual one is taken"
+            )
         return replace(result, warnings=tuple(self.warnings))
 
     def _each(self, delay: float, shape: float) -> tuple[Array, Array]:
@@ -159,7 +225,9 @@ class _Search:
     def _cost(self, delay: float, shape: float) -> float:
         """Minus the logarithm of the posterior of delay and shape."""
         unusual = (delay - USUAL) / DELAY_SPREAD
-        return self.tracking.fit(*self._each(delay, shape), self.prior).cost + 0.5 * float(unusual**2)
+        return self.tracking.fit(*self._each(delay, shape), self.prior).cost + 0.5 * float(
+            unusual**2
+        )
 
     def _step(self) -> None:
         """The most probable delay and shape at the errors of torques known so far.
@@ -176,18 +244,26 @@ class _Search:
         _, self.shape, self.delay = best
 
     def _delay(self, shape: float) -> float:
-        """The most probable delay; a warning where torques say nothing of it, or want one beyond the range."""
+        """The most probable delay; a warning where torques say nothing of it, or want one beyond
+        the range.
+        """
         coarse = np.append(np.arange(0.0, LONGEST, COARSE), LONGEST)
         costs = np.array([self._cost(delay, shape) for delay in coarse])
         best = int(np.argmin(costs))
-        low, high = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
+        low = coarse[max(best - 1, 0)]
+        high = coarse[min(best + 1, len(coarse) - 1)]
         fine = np.arange(low, high + 0.5 * FINE, FINE)
         delay = float(fine[int(np.argmin([self._cost(delay, shape) for delay in fine]))])
         likely = costs - 0.5 * ((coarse - USUAL) / DELAY_SPREAD) ** 2
         self.warnings = [text for text in self.warnings if "delay of all EMG channels " not in text]
         if float(np.ptp(likely)) < LIKELIHOOD_95:
-            self.warnings.append(f"no delay of all EMG channels shows in the torques: {delay:.3f} s taken")
+            self.warnings.append(
+                f"no delay of all EMG channels shows in the torques: {delay:.3f} s taken"
+            )
         elif delay >= LONGEST - 0.5 * FINE:
-            text = f"the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be on one clock"
+            text = (
+                f"the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be"
+                " on one clock"
+            )
             self.warnings.append(text)
         return delay

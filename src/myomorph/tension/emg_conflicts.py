@@ -1,4 +1,6 @@
-"""What EMG and torques cannot both have: stretches where muscles leave their EMG, or reserves bear what EMG leaves."""
+"""What EMG and torques cannot both have: stretches where muscles leave their EMG, or reserves bear
+what EMG leaves.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from myomorph.muscles.path import compile_paths
 from myomorph.tension.tension import RESERVE, Tension
 from myomorph.tension.terms.emg import EmgTarget
 
-APART = 0.1  # Distance of an activation from its EMG that counts as a conflict, beyond the slack of driven muscles
+# Distance of an activation from its EMG that counts as a conflict, beyond the slack of driven
+# muscles
+APART = 0.1
 SHORTEST = 0.03  # Stretches that are shorter count for nothing [s]
 BORNE = 0.05  # Share of a joint's largest torque from which on a reserve bears too much of it
 
@@ -28,16 +32,17 @@ class EmgConflict:
     start: float
     stop: float
     worst: float
-    # emg, found: activation by EMG and by the solution then; of a reserve the torque wanted and the reserve's [N m or
-    # N]
+    # emg, found: activation by EMG and by the solution then; of a reserve the torque wanted and the
+    # reserve's [N m or N]
     emg: float
     found: float
 
 
 def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[EmgConflict, ...]:
     """Stretches in which EMG and torques contradict each other, by muscle and then by reserve.
-    Muscles count where they are more than `APART` from their EMG (driven ones: beyond the slack), reserves of
-    coordinates that muscles with EMG cross where they bear more than `BORNE` of the largest torque.
+    Muscles count where they are more than `APART` from their EMG (driven ones: beyond the slack),
+    reserves of coordinates that muscles with EMG cross where they bear more than `BORNE` of the
+    largest torque.
     """
     return (*_by_muscle(tension, target), *_by_reserve(model, tension, target))
 
@@ -46,7 +51,9 @@ def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
     limit = APART + (target.slack if target.mode == "driven" else 0.0)
     for name, measured in zip(target.muscles, target.activations.T, strict=True):
         result = tension.activations[:, tension.muscles.index(name)]
-        yield from _stretches(tension.time, np.abs(result - measured), limit, (name, ""), (measured, result))
+        yield from _stretches(
+            tension.time, np.abs(result - measured), limit, (name, ""), (measured, result)
+        )
 
 
 def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
@@ -60,7 +67,11 @@ def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[E
     known = np.isfinite(target.activations).any(axis=1)
     for name, values in zip(tension.reserve_names, tension.reserves.T, strict=True):
         coordinate = name.removeprefix(RESERVE)
-        if not name.startswith(RESERVE) or coordinate not in crossed or coordinate not in tension.coordinates:
+        if (
+            not name.startswith(RESERVE)
+            or coordinate not in crossed
+            or coordinate not in tension.coordinates
+        ):
             continue
         wanted = tension.torques[:, tension.coordinates.index(coordinate)]
         largest = float(np.nanmax(np.abs(wanted), initial=0.0))
@@ -72,7 +83,9 @@ def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[E
 def _stretches(
     time: Array, apart: Array, limit: float, names: tuple[str, str], values: tuple[Array, Array]
 ) -> Iterator[EmgConflict]:
-    """Stretches in which what is apart (frames,) is beyond a limit; `values`: by EMG and by the solution (frames,)."""
+    """Stretches in which what is apart (frames,) is beyond a limit; `values`: by EMG and by the
+    solution (frames,).
+    """
     for first, stop in runs(np.nan_to_num(apart) > limit):
         if time[stop - 1] - time[first] >= SHORTEST:
             worst = first + int(np.argmax(apart[first:stop]))
@@ -87,22 +100,32 @@ def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ..
         key=lambda conflict: -abs(conflict.found - conflict.emg),
     )
     reserves = sorted(
-        (conflict for conflict in conflicts if conflict.coordinate), key=lambda conflict: -abs(conflict.found)
+        (conflict for conflict in conflicts if conflict.coordinate),
+        key=lambda conflict: -abs(conflict.found),
     )
     parts = []
     names = dict.fromkeys(muscle.muscle for muscle in muscles)
     if names:
-        worst = [next(muscle for muscle in muscles if muscle.muscle == name) for name in list(names)[:3]]
+        worst = [
+            next(muscle for muscle in muscles if muscle.muscle == name) for name in list(names)[:3]
+        ]
         text = ", ".join(
-            f"{conflict.muscle} {conflict.found:.2f} where EMG says {conflict.emg:.2f} at {conflict.worst:.3g} s"
+            f"{conflict.muscle} {conflict.found:.2f} where EMG says {conflict.emg:.2f} at"
+            f" {conflict.worst:.3g} s"
             for conflict in worst
         )
-        parts.append(f"{len(names)} muscles leave their EMG ({text}{' ...' if len(names) > 3 else ''})")
+        parts.append(
+            f"{len(names)} muscles leave their EMG ({text}{' ...' if len(names) > 3 else ''})"
+        )
     joints = dict.fromkeys(reserve.coordinate for reserve in reserves)
     if joints:
         one = reserves[0]
         parts.append(
-            f"reserves of {len(joints)} coordinates bear what EMG leaves ({one.coordinate} {abs(one.found):.3g} of "
-            f"{abs(one.emg):.3g} at {one.worst:.3g} s)"
+            f"reserves of {len(joints)} coordinates bear what EMG leaves ({one.coordinate}"
+            f" {abs(one.found):.3g} of {abs(one.emg):.3g} at {one.worst:.3g} s)"
         )
-    return (f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}",) if parts else ()
+    return (
+        (f"EMG and torques contradict each other: {'; '.join(parts)}; see {table}",)
+        if parts
+        else ()
+    )

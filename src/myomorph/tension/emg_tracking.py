@@ -1,14 +1,15 @@
-"""What joint torques say of EMG gains: a regression of measured torques on muscles driven by their envelopes.
+"""What joint torques say of EMG gains: a regression of measured torques on muscles driven by their
+envelopes.
 
 At frame k the free coordinates balance
 
     tau_k = sum_c g_c b_ck + sum_u w_u . h_k B_uk + eps_k,    b_ck = sum_m share_mc B_mk s(e_c(t_k - d))
 
-with B_m the generalized force of one unit of activation of muscle m, e envelopes, s their shape, h the courses of the
-synergies of the measured channels and w the weights, 0 or more, of unmeasured muscles. eps has the
-covariance C_k = diag(sigma^2) + N_k N_k^T of an error of each torque and of what else may act: how far unmeasured
-muscles leave their synergies, actuators, and forces of unmeasured contacts. No effort is in it:
-co-contraction costs nothing.
+with B_m the generalized force of one unit of activation of muscle m, e envelopes, s their shape, h
+the courses of the synergies of the measured channels and w the weights, 0 or more, of unmeasured
+muscles. eps has the covariance C_k = diag(sigma^2) + N_k N_k^T of an error of each torque and of
+what else may act: how far unmeasured muscles leave their synergies, actuators, and forces of
+unmeasured contacts. No effort is in it: co-contraction costs nothing.
 """
 
 from __future__ import annotations
@@ -37,9 +38,12 @@ class TrackedFrames:
     time: Array  # (frames,) [s]
     columns: Array  # (frames, rows, muscles) generalized force of one unit of activation [N m or N]
     torques: Array  # (frames, rows) to be balanced [N m or N]
-    others: Array  # (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
+    # (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
+    others: Array
     emg: Emg  # envelopes, its channels those that are calibrated
-    gram: Array  # (muscles, muscles) products of what muscles do at all joints, rows that are left out here included
+    # (muscles, muscles) products of what muscles do at all joints, rows that are left out here
+    # included
+    gram: Array
 
 
 def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
@@ -48,13 +52,18 @@ def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Ser
 
 
 def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) -> TrackedFrames:
-    """Every so many frames, on rows that tell of muscles under EMG; `tells` (muscles, channels) which tells which."""
+    """Every so many frames, on rows that tell of muscles under EMG; `tells` (muscles, channels)
+    which tells which.
+    """
     few, wanted = few_frames(inputs.motion, inputs.torques, every)
-    touching = None if inputs.contacts is None else _thinned(inputs.contacts, slice(None, None, every))
+    touching = (
+        None if inputs.contacts is None else _thinned(inputs.contacts, slice(None, None, every))
+    )
     problem = tension_problem(replace(inputs, motion=few, torques=wanted, contacts=touching))
     balance = problem.balance(0, len(few))
     rows = problem.assembly.coordinate_row
-    whole, right = problem.separable.dense(balance.values)[:, rows], balance.right[:, rows]
+    whole = problem.separable.dense(balance.values)[:, rows]
+    right = balance.right[:, rows]
     count = len(problem.muscles.strength)
     # Frames that are not known (a body not in sight) say nothing of how large the others are.
     known = np.nan_to_num(whole)
@@ -62,50 +71,86 @@ def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) ->
     others = [np.zeros((len(few), len(rows), 0))]
     if problem.contacts is not None:
         amplitudes = whole[:, :, problem.unknowns.of(problem.contacts)]
-        largest = np.abs(known[:, :, problem.unknowns.of(problem.contacts)]).max(axis=(0, 1), initial=0.0)
+        largest = np.abs(known[:, :, problem.unknowns.of(problem.contacts)]).max(
+            axis=(0, 1), initial=0.0
+        )
         others.append(amplitudes * (LOUD * size / np.maximum(largest, 1e-12)))
     added = default_reserves(inputs.model) if inputs.actuators is None else inputs.actuators
     names = {actuator.name for actuator in added}
     place = problem.unknowns.of(problem.actuators)
     own = [index for index, name in enumerate(problem.unknowns.names[place]) if name not in names]
     others.append(whole[:, :, place][:, :, own])
-    reached = np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
+    reached = (
+        np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
+    )
     # Unmeasured contacts act on all rows at once, so that one row says something of the others.
     kept = reached if touching is None else np.ones(len(rows), dtype=bool)
     acting = np.concatenate(others, axis=2)[:, kept]
     good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
     muscles = known[:, :, :count].reshape(-1, count)
     gram = muscles.T @ muscles
-    return TrackedFrames(few.time[good], whole[good][:, kept, :count], right[good][:, kept], acting[good], emg, gram)
+    return TrackedFrames(
+        time=few.time[good],
+        columns=whole[good][:, kept, :count],
+        torques=right[good][:, kept],
+        others=acting[good],
+        emg=emg,
+        gram=gram,
+    )
 
 
 def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
     """The same contacts at fewer instants."""
     preferred = None if contacts.preferred is None else contacts.preferred[chosen]
     measured = tuple(
-        replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen]) for wrench in contacts.measured
+        replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen])
+        for wrench in contacts.measured
     )
-    return replace(contacts, activations=contacts.activations.frames(chosen), preferred=preferred, measured=measured)
+    return replace(
+        contacts,
+        activations=contacts.activations.frames(chosen),
+        preferred=preferred,
+        measured=measured,
+    )
 
 
-UNMEASURED = 0.1  # How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]
+# How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]
+UNMEASURED = 0.1
 UNKNOWN = 0.3  # The same of a measured muscle while its channels are silent
-NEAR, WEIGHT = 0.5, 0.03
-"""How far the weights of an unmeasured muscle lie from those of muscles that act as it does: share, and activation."""
-LIKE = 4.0  # Power of the cosine between what two muscles do at the joints, by which one counts for the other
+NEAR = 0.5
+WEIGHT = 0.03
+"""How far the weights of an unmeasured muscle lie from those of muscles that act as it does: share,
+and activation.
+"""
+# Power of the cosine between what two muscles do at the joints, by which one counts for the other
+LIKE = 4.0
 REST = 0.05  # Activation at rest: scale of a half-normal prior
-LEVEL, COMMON, SHARED, APART = 0.4, 1.0, 0.7, 0.5
-"""Prior of gains: median of the activation at a channel's largest envelope where every channel is in units of its own;
-median of the gain where all are in common units, as of maximum contractions; standard deviations of the logarithm of
-what all channels share, and of each about it. Torque decides where it says anything; this decides where it does not."""
-ALIKE = 1.5  # Largest envelopes that differ by no more than this factor are taken to be each channel's unit
-AT_MAXIMUM, NEAR_MAXIMUM = 0.9, 0.2
-"""Median of the activation in a maximum voluntary contraction, and standard deviation of its logarithm."""
-SURE, ROUGH = 0.01, 0.1  # Error of a torque in shares of its RMS: least that is believed, and first guess
-KEPT, MAX_NOISE = 0.01, 0.5
-"""Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it may take."""
+LEVEL = 0.4
+COMMON = 1.0
+SHARED = 0.7
+APART = 0.5
+"""Prior of gains: median of the activation at a channel's largest envelope where every channel is
+in units of its own; median of the gain where all are in common units, as of maximum contractions;
+standard deviations of the logarithm of what all channels share, and of each about it. Torque
+decides where it says anything; this decides where it does not.
+"""
+# Largest envelopes that differ by no more than this factor are taken to be each channel's unit
+ALIKE = 1.5
+AT_MAXIMUM = 0.9
+NEAR_MAXIMUM = 0.2
+"""Median of the activation in a maximum voluntary contraction, and standard deviation of its
+logarithm.
+"""
+SURE = 0.01
+ROUGH = 0.1  # Error of a torque in shares of its RMS: least that is believed, and first guess
+KEPT = 0.01
+MAX_NOISE = 0.5
+"""Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it
+may take.
+"""
 ROUNDS = 5
-CLOCK, EARLIER = 0.01, 0.6
+CLOCK = 0.01
+EARLIER = 0.6
 """Of the courses of synergies: step of their clock, and how far it begins before the motion [s]."""
 
 
@@ -119,10 +164,12 @@ class Prior(NamedTuple):
 
 def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
     """Prior of log gains (channels,).
-    `peaks` (channels,) largest envelope over all trials; `maxima` (channels,) envelope in a maximum voluntary
-    contraction, NaN where none was measured; `shared`: standard deviation of what all channels share.
+    `peaks` (channels,) largest envelope over all trials; `maxima` (channels,) envelope in a maximum
+    voluntary contraction, NaN where none was measured; `shared`: standard deviation of what all
+    channels share.
     """
-    known, alive = np.isfinite(maxima), peaks > 0.0
+    known = np.isfinite(maxima)
+    alive = peaks > 0.0
     largest = np.where(known, maxima, np.where(alive, peaks, 1.0))
     own = np.ptp(np.log(peaks[alive])) < np.log(ALIKE) if alive.any() else True
     usual = np.log(LEVEL) - np.log(largest) if own else np.full(len(peaks), np.log(COMMON))
@@ -141,7 +188,8 @@ class Fit(NamedTuple):
     # gains, offsets: (channels,)
     gains: Array
     offsets: Array
-    parameters: Array  # gains, offsets where channels may have any, weights of the synergies in muscles without EMG
+    # gains, offsets where channels may have any, weights of the synergies in muscles without EMG
+    parameters: Array
     deviation: Array  # (channels,) standard deviation of the gains' logarithms
     misfit: float  # the part of the cost that is of torques, without that of the priors
 
@@ -154,7 +202,9 @@ class Group:
     # channels, muscles: their columns among all channels, and all muscles
     channels: np.ndarray
     muscles: np.ndarray
-    like: Array  # (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see `alike`
+    # (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see
+    # `alike`
+    like: Array
 
 
 def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
@@ -165,21 +215,26 @@ def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
 
 
 def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
-    """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do at the joints.
-    `tells` (all muscles, channels) True where a channel measures a muscle.
+    """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do
+    at the joints. `tells` (all muscles, channels) True where a channel measures a muscle.
     """
     cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
     strong = near**LIKE
-    return strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
+    return (
+        strong
+        / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300)
+        * near.max(axis=1, keepdims=True)
+    )
 
 
 class TorqueTracking:
     """The regression over all trials.
-    `frames`: of all trials; `tells` (muscles, channels) True where a channel measures a muscle; `groups`: synergies for
-    unmeasured muscles; `prior`: of the gains; `offsets`: whether channels may have an activation at rest; `errors`: of
-    the torques, and what a frame is worth, where they are known from elsewhere; `noise` (channels,) standard deviation
-    of noise in the envelopes; it makes gains smaller unless that is corrected.
+    `frames`: of all trials; `tells` (muscles, channels) True where a channel measures a muscle;
+    `groups`: synergies for unmeasured muscles; `prior`: of the gains; `offsets`: whether channels
+    may have an activation at rest; `errors`: of the torques, and what a frame is worth, where they
+    are known from elsewhere; `noise` (channels,) standard deviation of noise in the envelopes; it
+    makes gains smaller unless that is corrected.
     """
 
     def __init__(
@@ -192,11 +247,17 @@ class TorqueTracking:
         errors: tuple[Array, float] | None = None,
         noise: Array | None = None,
     ):
-        self.frames, self.tells, self.groups, self.prior, self.offsets = frames, tells, groups, prior, offsets
+        self.frames = frames
+        self.tells = tells
+        self.groups = groups
+        self.prior = prior
+        self.offsets = offsets
         self.measured = np.flatnonzero(tells.any(axis=1))
         torques = np.vstack([frame.torques for frame in frames])
         self._rms = np.sqrt(np.mean(torques**2, axis=0))
-        self._least = np.maximum(SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6))
+        self._least = np.maximum(
+            SURE * self._rms, 1e-6 * max(float(self._rms.max(initial=0.0)), 1e-6)
+        )
         self.errors = errors or (np.maximum(ROUGH * self._rms, self._least), 0.1)
         self._white: list[tuple[Array, Array]] = []
         self.noise = np.zeros(tells.shape[1]) if noise is None else noise
@@ -205,39 +266,59 @@ class TorqueTracking:
         self._log_gains = np.minimum(prior.mean, prior.upper)
 
     def learn_errors(self, delays: Array, shapes: Array, prior: Prior | None = None) -> None:
-        """Errors of the torques from what is left of them, by expectation maximization at a delay and shape."""
+        """Errors of the torques from what is left of them, by expectation maximization at a delay
+        and shape.
+        """
         for _ in range(ROUNDS):
             self.whiten(delays)
             fit = self.fit(delays, shapes, prior)
             sigma, share = self.errors
-            squares, count, worth, excess = np.zeros_like(sigma), 0, [], np.zeros_like(self._excess)
+            squares = np.zeros_like(sigma)
+            count = 0
+            worth = []
+            excess = np.zeros_like(self._excess)
             for index, frame in enumerate(self.frames):
                 good, covariance = self._covariance(frame, delays)
                 left = self._left(index, fit, delays, shapes)[good]
                 inverse = np.linalg.inv(covariance)
                 error = sigma**2 * np.einsum("kij,kj->ki", inverse, left)
                 rest = sigma**2 - sigma**4 * np.einsum("kii->ki", inverse)
-                squares, count = squares + np.sum(error**2 + rest, axis=0), count + len(left)
+                squares = squares + np.sum(error**2 + rest, axis=0)
+                count = count + len(left)
                 mixed = self._mixed(frame, delays)[good]
                 excess += np.sum(np.einsum("krc,kr->kc", mixed, error / sigma**2) ** 2, axis=0)
-                worth += [independent_samples(e, e) / len(e) for e in error.T if len(e) > 8 and np.std(e) > 0.0]
+                worth += [
+                    independent_samples(e, e) / len(e)
+                    for e in error.T
+                    if len(e) > 8 and np.std(e) > 0.0
+                ]
             sigma = np.maximum(np.sqrt(np.maximum(squares, 0.0) / max(count, 1)), self._least)
             self.errors = (sigma, float(np.median(worth)) if worth else share)
             self._excess = excess * self.noise**2
         self.whiten(delays)
 
     def fit(self, delays: Array, shapes: Array, prior: Prior | None = None) -> Fit:
-        """The most probable gains at delays (channels,) [s] and shape factors (channels,), by a prior."""
-        designs = [self._rows(columns, index, delays, shapes) for index, (columns, _) in enumerate(self._white)]
+        """The most probable gains at delays (channels,) [s] and shape factors (channels,), by a
+        prior.
+        """
+        designs = [
+            self._rows(columns, index, delays, shapes)
+            for index, (columns, _) in enumerate(self._white)
+        ]
         size = designs[0].shape[2]
-        matrix, slope, square = np.zeros((size, size)), np.zeros(size), 0.0
+        matrix = np.zeros((size, size))
+        slope = np.zeros(size)
+        square = 0.0
         for rows, (_, torques) in zip(designs, self._white, strict=True):
-            design, target = rows.reshape(-1, size), torques.reshape(-1)
+            design = rows.reshape(-1, size)
+            target = torques.reshape(-1)
             matrix += design.T @ design
             slope += design.T @ target
             square += float(target @ target)
         worth = self.errors[1]
-        return self._most_probable(worth * matrix, worth * slope, worth * square, prior or self.prior)
+        return self._most_probable(
+            worth * matrix, worth * slope, worth * square, prior or self.prior
+        )
 
     def _covariance(self, tracked_frames: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
         """Frames (frames,) in which some channel is known, and C of these (frames, rows, rows)."""
@@ -248,22 +329,29 @@ class TorqueTracking:
         spread[:, self.measured] = np.where(silent, UNKNOWN, 0.0)
         doubt = self._mixed(tracked_frames, delays)[good] * (np.exp(self._log_gains) * self.noise)
         acting = np.concatenate(
-            [tracked_frames.columns[good] * spread[:, None], tracked_frames.others[good], doubt], axis=2
+            [tracked_frames.columns[good] * spread[:, None], tracked_frames.others[good], doubt],
+            axis=2,
         )
         return good, acting @ acting.transpose(0, 2, 1) + np.diag(self.errors[0] ** 2)
 
     def _mixed(self, tracked_frames: TrackedFrames, delays: Array) -> Array:
         """Generalized force of an envelope of 1 at a gain of 1, (frames, rows, channels)."""
         known = np.isfinite(shifted(tracked_frames.emg, tracked_frames.time, delays))
-        return np.einsum("krm,kmc->krc", tracked_frames.columns[..., self.measured], self._shares(known))
+        return np.einsum(
+            "krm,kmc->krc", tracked_frames.columns[..., self.measured], self._shares(known)
+        )
 
     def _shares(self, known: Array) -> Array:
-        """(frames, measured, channels) of the known channels (frames, channels) in each muscle's activation."""
+        """(frames, measured, channels) of the known channels (frames, channels) in each muscle's
+        activation.
+        """
         tells = self.tells[self.measured]
         return known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
 
     def whiten(self, delays: Array) -> None:
-        """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where no EMG is."""
+        """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where
+        no EMG is.
+        """
         self._white = []
         for frame in self.frames:
             good, covariance = self._covariance(frame, delays)
@@ -282,7 +370,9 @@ class TorqueTracking:
         parts = [mixed * shaped(np.where(known, envelopes, 0.0), shapes)[:, None]]
         parts += [mixed] if self.offsets else []
         for group, courses in zip(self.groups, self._courses[index], strict=True):
-            course = np.nan_to_num(shifted(courses, frames.time, np.full(1, delays[group.channels].mean())))
+            course = np.nan_to_num(
+                shifted(courses, frames.time, np.full(1, delays[group.channels].mean()))
+            )
             both = columns[..., group.muscles, None] * course[:, None, None]
             parts.append(both.reshape(*both.shape[:2], -1))
         return np.concatenate(parts, axis=2)
@@ -294,7 +384,8 @@ class TorqueTracking:
 
     def _ridge(self, size: int, prior: Prior) -> Array:
         """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
-        The weights of an unmeasured muscle are near those of the measured muscles that act as it does.
+        The weights of an unmeasured muscle are near those of the measured muscles that act as it
+        does.
         """
         count = self.tells.shape[1]
         rows = [np.eye(size)[count : 2 * count] / REST] if self.offsets else []
@@ -303,7 +394,9 @@ class TorqueTracking:
             shape = (len(group.muscles), len(group.synergies))
             part = np.zeros((shape[0] * shape[1], size))
             part[:, start : start + len(part)] = np.eye(len(part))
-            like = np.einsum("uc,sc->usc", group.like, group.synergies.vectors * group.synergies.scale)
+            like = np.einsum(
+                "uc,sc->usc", group.like, group.synergies.vectors * group.synergies.scale
+            )
             like = like.reshape(-1, len(group.channels))
             part[:, group.channels] = -like
             usual = like @ np.exp(np.minimum(prior.mean, prior.upper)[group.channels])
@@ -313,8 +406,9 @@ class TorqueTracking:
         return whole.T @ whole
 
     def _corrected(self, matrix: Array, ridge: Array) -> Array:
-        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes.
-        Where channels say little more than their noise, all of it cannot be taken off.
+        """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as
+        far as that goes. Where channels say little more than their noise, all of it cannot be taken
+        off.
         """
         if not self._excess.any():
             return matrix
@@ -328,9 +422,12 @@ class TorqueTracking:
         return result
 
     def _most_probable(self, matrix: Array, slope: Array, square: float, prior: Prior) -> Fit:
-        """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares problem."""
+        """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares
+        problem.
+        """
         mean, precision, upper = prior
-        count, size = len(mean), len(slope)
+        count = len(mean)
+        size = len(slope)
         ridge = self._ridge(size, prior)
         matrix = self._corrected(matrix, ridge)
         # From the gains of the last fit, which are near where delays differ little.
@@ -338,17 +435,21 @@ class TorqueTracking:
         x = np.zeros(size)
         for _ in range(20):
             gains = np.exp(log_gains)
-            whole, right = matrix + ridge, slope.copy()
+            whole = matrix + ridge
+            right = slope.copy()
             whole[:count, :count] += precision / np.outer(gains, gains)
             right[:count] += (precision @ (1.0 - log_gains + mean)) / gains
-            x = _bounded(whole, right, np.concatenate([np.exp(upper), np.full(size - count, np.inf)]))
+            x = _bounded(
+                whole, right, np.concatenate([np.exp(upper), np.full(size - count, np.inf)])
+            )
             # The prior is straightened about the step before: steps are kept to a factor of 3.
             moved = np.log(np.clip(x[:count] / gains, 1.0 / 3.0, 3.0)) + log_gains
             done = float(np.abs(moved - log_gains).max(initial=0.0)) < 1e-5
             log_gains = np.minimum(moved, upper)
             if done:
                 break
-        gains, self._log_gains = np.exp(log_gains), log_gains
+        gains = np.exp(log_gains)
+        self._log_gains = log_gains
         x[:count] = gains
         apart = log_gains - mean
         misfit = 0.5 * float(square - 2.0 * slope @ x + x @ matrix @ x)
@@ -361,7 +462,14 @@ class TorqueTracking:
         offsets = x[count : 2 * count] if self.offsets else np.zeros(count)
         weights = slice(count + self.offsets * count, None)
         x[weights] = np.minimum(x[weights], 1.0)
-        return Fit(cost, gains, offsets, x, deviation, misfit)
+        return Fit(
+            cost=cost,
+            gains=gains,
+            offsets=offsets,
+            parameters=x,
+            deviation=deviation,
+            misfit=misfit,
+        )
 
 
 def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
@@ -372,11 +480,17 @@ def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
     ).tolist()
     use = slice(first, last, step)
     courses = group.synergies.courses(tracked_frames.emg.values[use][:, group.channels])
-    return Emg(tracked_frames.emg.time[use], tuple(str(index) for index in range(len(group.synergies))), courses)
+    return Emg(
+        tracked_frames.emg.time[use],
+        tuple(str(index) for index in range(len(group.synergies))),
+        courses,
+    )
 
 
 def _bounded(matrix: Array, right: Array, upper: Array) -> Array:
-    """The least x^T M x / 2 - r^T x with 0 <= x <= upper; the bounds above are few, and met one after the other."""
+    """The least x^T M x / 2 - r^T x with 0 <= x <= upper; the bounds above are few, and met one
+    after the other.
+    """
     held = np.zeros(len(right), dtype=bool)
     while True:
         x = np.where(held, upper, 0.0)

@@ -1,8 +1,10 @@
-"""Forces at the contact points of a joint: how the force that a joint transmits is shared among places that only push.
+"""Forces at the contact points of a joint: how the force that a joint transmits is shared among
+places that only push.
 
-The medial and lateral condyles of a knee are the usual case. Two points on a line give the two-point method: the force
-along their normal and the moment about the axis across their line, the adduction moment, determine both (Winby et al.
-2009; Fregly et al. 2012; Lerner et al. 2015). Any number of points with normals of their own goes the same way.
+The medial and lateral condyles of a knee are the usual case. Two points on a line give the
+two-point method: the force along their normal and the moment about the axis across their line, the
+adduction moment, determine both (Winby et al. 2009; Fregly et al. 2012; Lerner et al. 2015). Any
+number of points with normals of their own goes the same way.
 """
 
 from __future__ import annotations
@@ -25,11 +27,17 @@ from myomorph.tension.reaction import Patella, frame_in_ground, joint_reactions
 from myomorph.tension.tension import Tension
 
 FORCE_ALONG_NORMAL = 1e3
-"""Weight of the force along the normals beside moments: a point that lifts off leaves a moment, not a force."""
+"""Weight of the force along the normals beside moments: a point that lifts off leaves a moment, not
+a force.
+"""
 FLAT = 0.05
-"""Moments of the points about an axis count where they are at least so much of those about the strongest axis."""
+"""Moments of the points about an axis count where they are at least so much of those about the
+strongest axis.
+"""
 EVEN = 1e-3
-"""Weight of the points' own forces: of equal ways to share a force, points that lie close to each other share it."""
+"""Weight of the points' own forces: of equal ways to share a force, points that lie close to each
+other share it.
+"""
 
 
 @dataclass(frozen=True)
@@ -42,8 +50,8 @@ class ContactPoint:
     name : of the point, unique in its joint: "medial"
     frame : body, or frame on a body, that it is fixed to; "" for the joint's child
     point : where it is in that frame [m]
-    normal : direction in that frame in which it pushes on the joint's child; None for the way from the joint's
-        center to that of the next joint on the child, down the tibia for a knee
+    normal : direction in that frame in which it pushes on the joint's child; None for the way from
+        the joint's center to that of the next joint on the child, down the tibia for a knee
     """
 
     joint: str
@@ -58,7 +66,8 @@ class JointPoints:
     """Contact points of a model's joints."""
 
     points: tuple[ContactPoint, ...]  # of one joint after the other
-    # what is to be known of them, one line each: where they were not taken from the joint's own bone
+    # what is to be known of them, one line each: where they were not taken from the joint's own
+    # bone
     notes: tuple[str, ...] = ()
 
 
@@ -72,12 +81,14 @@ class JointContactForces(Labelled):
     joints : that have contact points
     points : names of the points, joint by joint
     joint_of : joint of each point
-    forces : (frames, points) push of each point along its normal, 0 or more [N]; NaN where tensions are
+    forces : (frames, points) push of each point along its normal, 0 or more [N]; NaN where tensions
+        are
     totals : (frames, joints) size of the joint's whole force [N]
     shear : (frames, joints) force across the mean normal, which the points do not carry [N]
-    unbalanced_forces : (frames, joints) force along the mean normal that no push can give: above 0 where the bodies
-        are pulled apart [N]
-    unbalanced_moments : (frames, joints) size of the moment that is left where points have lifted off [N m]
+    unbalanced_forces : (frames, joints) force along the mean normal that no push can give: above 0
+        where the bodies are pulled apart [N]
+    unbalanced_moments : (frames, joints) size of the moment that is left where points have lifted
+        off [N m]
     weight : of the body [N]
     """
 
@@ -93,7 +104,8 @@ class JointContactForces(Labelled):
     weight: float
 
     def __post_init__(self) -> None:
-        frames, each = len(self.time), (len(self.time), len(self.joints))
+        frames = len(self.time)
+        each = (len(self.time), len(self.joints))
         freeze(self, time=(-1,), forces=(frames, len(self.points)), totals=each, shear=each)
         freeze(self, unbalanced_forces=each, unbalanced_moments=each)
 
@@ -101,12 +113,16 @@ class JointContactForces(Labelled):
         return len(self.time)
 
     def of(self, joint: str, point: str = "") -> Array:
-        """Force at a point of a joint, or the size of the joint's whole force, (frames,) [N]; raises `UnknownName`."""
+        """Force at a point of a joint, or the size of the joint's whole force, (frames,) [N];
+        raises `UnknownName`.
+        """
         check_name("joint", joint, self.joints, "the contact forces")
         if not point:
             return self.totals[:, self.joints.index(joint)]
         own = {
-            name: index for index, (name, of) in enumerate(zip(self.points, self.joint_of, strict=True)) if of == joint
+            name: index
+            for index, (name, of) in enumerate(zip(self.points, self.joint_of, strict=True))
+            if of == joint
         }
         check_name("contact point", point, own, f"joint '{joint}'")
         return self.forces[:, own[point]]
@@ -114,10 +130,14 @@ class JointContactForces(Labelled):
     @property
     def point_columns(self) -> tuple[str, ...]:
         """`<point>_<joint>` of each point, so that a name still ends in its side."""
-        return tuple(f"{name}_{joint}" for name, joint in zip(self.points, self.joint_of, strict=True))
+        return tuple(
+            f"{name}_{joint}" for name, joint in zip(self.points, self.joint_of, strict=True)
+        )
 
     def loads(self) -> Series:
-        """Totals and forces at the points, `total_<joint>` and `<point>_<joint>` joint by joint [N]."""
+        """Totals and forces at the points, `total_<joint>` and `<point>_<joint>` joint by joint
+        [N].
+        """
         names: list[str] = []
         columns: list[Array] = []
         for j, joint in enumerate(self.joints):
@@ -133,7 +153,9 @@ class JointContactForces(Labelled):
         rest = (self.shear, self.unbalanced_forces, self.unbalanced_moments)
         names = tuple(f"{kind}_{joint}" for kind in kinds for joint in self.joints)
         facts = {"name": "Joint contact forces", "body_weight": f"{self.weight:.6g}"}
-        return Table(self.time, (*loads.names, *names), np.hstack([loads.values, *rest]), facts=facts)
+        return Table(
+            self.time, (*loads.names, *names), np.hstack([loads.values, *rest]), facts=facts
+        )
 
     def variables(self) -> dict[str, Variable]:
         """Forces of points and joints."""
@@ -148,7 +170,11 @@ class JointContactForces(Labelled):
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], points, joints."""
-        return {"time": self.time, "joint_contact": self.point_columns, "contact_joint": self.joints}
+        return {
+            "time": self.time,
+            "joint_contact": self.point_columns,
+            "contact_joint": self.joints,
+        }
 
 
 def joint_contact_forces(
@@ -165,11 +191,11 @@ def joint_contact_forces(
 
         minimise  |sum_i (r_i - c) x n_i f_i - M|^2   subject to  f >= 0,  sum_i n_i f_i = F along the mean normal
 
-    with the joint's force F and its moment M about the middle c of the points r_i, both as they act on the joint's
-    child, and normals n_i. Of M only the axes count about which the points make moments: two points balance the
-    moment across their line, and nothing else. Forces across the normals (ligaments, friction) are not shared.
-    Where a force would have to pull, its point lifts off: the others carry the whole force, and the moment that is
-    then left is part of the result.
+    with the joint's force F and its moment M about the middle c of the points r_i, both as they act
+    on the joint's child, and normals n_i. Of M only the axes count about which the points make
+    moments: two points balance the moment across their line, and nothing else. Forces across the
+    normals (ligaments, friction) are not shared. Where a force would have to pull, its point lifts
+    off: the others carry the whole force, and the moment that is then left is part of the result.
 
     Source: Winby et al. 2009; Fregly et al. 2012; Lerner et al. 2015.
 
@@ -184,7 +210,8 @@ def joint_contact_forces(
 
     Raises
     ------
-    BadData : where no point is given, two of a joint have one name, or normals of a joint point against each other
+    BadData : where no point is given, two of a joint have one name, or normals of a joint point
+        against each other
     UnknownName : where the model lacks a joint or a frame
 
     Examples
@@ -207,13 +234,20 @@ def joint_contact_forces(
     reactions = joint_reactions(*asked, frame="ground", actuators=actuators, patella=patella)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    ordered, results = [], []
+    ordered = []
+    results = []
     for j, joint in enumerate(joints):
         joint_points = [point for point in points if point.joint == joint]
         places, normals = _in_ground(tree, poses, known[joint], joint_points)
         ordered += joint_points
         results.append(
-            shared_force(reactions.forces[:, j], reactions.moments[:, j], reactions.points[:, j], places, normals)
+            shared_force(
+                reactions.forces[:, j],
+                reactions.moments[:, j],
+                reactions.points[:, j],
+                places,
+                normals,
+            )
         )
     forces, shear, pulled, moments = zip(*results, strict=True)
     return JointContactForces(
@@ -230,18 +264,25 @@ def joint_contact_forces(
     )
 
 
-def _in_ground(tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactPoint]) -> tuple[Array, Array]:
+def _in_ground(
+    tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactPoint]
+) -> tuple[Array, Array]:
     """Points [m] and unit normals of one joint in ground (frames, points, 3)."""
     names = [point.name for point in points]
     twice = next((name for name in names if names.count(name) > 1), "")
     if twice:
-        raise BadData(f"joint '{joint.name}' has two contact points '{twice}': give each a name of its own")
-    places, normals = [], []
+        raise BadData(
+            f"joint '{joint.name}' has two contact points '{twice}': give each a name of its own"
+        )
+    places = []
+    normals = []
     for point in points:
         try:
             frame = frame_in_ground(tree, poses, point.frame or joint.child)
         except UnknownName as error:
-            raise BadData(f"contact point '{point.name}' of joint '{joint.name}': {error}") from None
+            raise BadData(
+                f"contact point '{point.name}' of joint '{joint.name}': {error}"
+            ) from None
         places.append(frame.origins + frame.rotations @ np.asarray(point.point, dtype=np.float64))
         if point.normal is None:
             normals.append(_down(tree, poses, joint, point))
@@ -254,7 +295,9 @@ def _unit(point: ContactPoint) -> Array:
     normal = np.asarray(point.normal, dtype=np.float64)
     size = float(np.linalg.norm(normal))
     if not 1e-9 < size < np.inf:
-        raise BadData(f"contact point '{point.name}' of joint '{point.joint}': its normal has no direction")
+        raise BadData(
+            f"contact point '{point.name}' of joint '{point.joint}': its normal has no direction"
+        )
     return normal / size
 
 
@@ -263,8 +306,9 @@ def _down(tree: Tree, poses: Poses, joint: Joint, point: ContactPoint) -> Array:
     way = long_axis(tree.model, joint)
     if way is None:
         raise BadData(
-            f"contact point '{point.name}' of joint '{joint.name}' has no normal, and no joint follows on "
-            f"'{joint.child}' that would tell one: give the direction in which it pushes on '{joint.child}'"
+            f"contact point '{point.name}' of joint '{joint.name}' has no normal, and no joint"
+            f" follows on '{joint.child}' that would tell one: give the direction in which it"
+            f" pushes on '{joint.child}'"
         )
     return poses.rotations[:, tree.body_index[joint.child]] @ way
 
@@ -273,14 +317,18 @@ def shared_force(
     force: Array, moment: Array, center: Array, points: Array, normals: Array
 ) -> tuple[Array, Array, Array, Array]:
     """A joint's force among points that push, frame by frame.
-    `force`, `moment` (frames, 3) on the child, the moment about `center` [N], [N m]; `center`, `points`, `normals`
-    (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit length. Returns forces (frames, points),
-    shear (frames,), the force that would pull (frames,) [N], the moment left (frames,) [N m].
+    `force`, `moment` (frames, 3) on the child, the moment about `center` [N], [N m]; `center`,
+    `points`, `normals` (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit
+    length. Returns forces (frames, points), shear (frames,), the force that would pull (frames,)
+    [N], the moment left (frames,) [N m].
     """
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1)
     if (size < 0.1 * points.shape[1]).any():
-        raise BadData("the normals of a joint's contact points point against each other: expected one side that pushes")
+        raise BadData(
+            "the normals of a joint's contact points point against each other: expected one side"
+            " that pushes"
+        )
     mean = mean / size[:, None]
     middle = points.mean(axis=1)
     beside = points - middle[:, None]
@@ -289,17 +337,23 @@ def shared_force(
     arms = np.cross(beside, normals)
     frames, count = points.shape[:2]
     forces = np.full((frames, count), np.nan)
-    pulled, left = np.full(frames, np.nan), np.full(frames, np.nan)
+    pulled = np.full(frames, np.nan)
+    left = np.full(frames, np.nan)
     along = np.einsum("fi,fi->f", force, mean)
     across = force - along[:, None] * mean
     for f in np.flatnonzero(np.isfinite(along) & np.isfinite(about).all(axis=1)):
         U, sizes, _ = np.linalg.svd(arms[f].T)
         axes = U[:, : len(sizes)][:, sizes > max(FLAT * sizes[0], 1e-9 * spread[f])]
         sideways = normals[f] - np.outer(normals[f] @ mean[f], mean[f])
-        rows = [FORCE_ALONG_NORMAL * (normals[f] @ mean[f])[None], sideways.T, axes.T @ arms[f].T / spread[f]]
+        rows = [
+            FORCE_ALONG_NORMAL * (normals[f] @ mean[f])[None],
+            sideways.T,
+            axes.T @ arms[f].T / spread[f],
+        ]
         wanted = [FORCE_ALONG_NORMAL * along[f : f + 1], across[f], axes.T @ about[f] / spread[f]]
         if count > 1 + axes.shape[1]:
-            rows, wanted = [*rows, EVEN * np.eye(count)], [*wanted, np.zeros(count)]
+            rows = [*rows, EVEN * np.eye(count)]
+            wanted = [*wanted, np.zeros(count)]
         forces[f] = scipy.optimize.nnls(np.vstack(rows), np.concatenate(wanted))[0]
         pulled[f] = max(0.0, -along[f])
         left[f] = np.linalg.norm(axes.T @ (about[f] - arms[f].T @ forces[f]))

@@ -56,7 +56,8 @@ class TensionInputs:
 
     def enabled_actuators(self) -> tuple[Actuator, ...]:
         """The model's own and those that are added, which replace those of the same name."""
-        model, added = self.model, self.actuators
+        model = self.model
+        added = self.actuators
         if added is None:
             added = default_reserves(model, self.options.reserve, self.options.residual)
         replaced = {actuator.name for actuator in added}
@@ -450,7 +451,8 @@ class TensionProblem:
         all_names = self.assembly.tree.model.muscle_names
         outcome = None
         if self.contacts is not None:
-            sites, ready = self.contacts.generators.sites, self.contacts.activations
+            sites = self.contacts.generators.sites
+            ready = self.contacts.activations
             outcome = ContactForces(self._time, sites, ready, *self._contact_forces)
         controls = self._others[:, self._place(self.actuators)]
         return Tension(
@@ -516,20 +518,33 @@ class OnlineTension:
     ):
         if model.loops:
             raise BadModel(
-                f"model '{model.name}' closes loops ('{model.loops[0].name}'), which muscle tensions frame by frame do "
-                "not take: use 'myomorph tension' after the recording"
+                f"model '{model.name}' closes loops ('{model.loops[0].name}'), which muscle"
+                " tensions frame by frame do not take: use 'myomorph tension' after the recording"
             )
         rest = np.array([[coordinate.default for coordinate in model.coordinates]])
-        still = Motion(np.zeros(1), model.coordinate_names, rest, np.zeros_like(rest))
+        still = Motion(
+            time=np.zeros(1),
+            names=model.coordinate_names,
+            values=rest,
+            velocities=np.zeros_like(rest),
+        )
         none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
         self._problem = tension_problem(
-            TensionInputs(model, still, none, options or TensionOptions(), actuators)
+            TensionInputs(
+                model=model,
+                motion=still,
+                torques=none,
+                options=options or TensionOptions(),
+                actuators=actuators,
+            )
         )
         self.actuators = tuple(actuator.name for actuator in self._problem.actuators.actuators)
         self.muscles = model.muscle_names
         self.rows = self._problem.assembly.rows
-        shared, muscles = self._problem.separable, len(self.muscles)
-        self.lower, self.upper = shared.lower[:muscles], shared.upper[:muscles]
+        shared = self._problem.separable
+        muscles = len(self.muscles)
+        self.lower = shared.lower[:muscles]
+        self.upper = shared.upper[:muscles]
         self._optimal_forces = self._problem.actuators.optimal_forces
         self._warm = np.zeros(len(self._problem.assembly.pattern.order))
 
@@ -547,5 +562,10 @@ class OnlineTension:
         forces = balance.active[0] * activations + balance.passive[0] + balance.viscous[0]
         reserves = x[0, muscles:] * self._optimal_forces
         return TensionFrame(
-            activations, forces, reserves, balance.torques[0], int(status[0]), float(residual[0])
+            activations=activations,
+            forces=forces,
+            reserves=reserves,
+            balanced=balance.torques[0],
+            status=int(status[0]),
+            equilibrium_residual=float(residual[0]),
         )

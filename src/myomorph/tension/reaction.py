@@ -86,7 +86,8 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
             if actuator.other_body
             else -1
         )
-        R, p = poses.rotations, poses.origins
+        R = poses.rotations
+        p = poses.origins
         direction = np.broadcast_to(
             actuator.direction / (np.linalg.norm(actuator.direction) or 1.0), (len(forces), 3)
         )
@@ -99,7 +100,8 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
             wrench = np.concatenate([np.zeros_like(direction), force[:, None] * direction], axis=1)
             opposite = -wrench
         elif actuator.kind == "point":
-            wrench, opposite = about_origin(force[:, None] * direction, at), None
+            wrench = about_origin(force[:, None] * direction, at)
+            opposite = None
         else:
             far = max(other, 0)
             end = (
@@ -109,7 +111,8 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
             )
             apart = at - end
             push = force[:, None] * apart / np.linalg.norm(apart, axis=1, keepdims=True)
-            wrench, opposite = about_origin(push, at), about_origin(-push, end)
+            wrench = about_origin(push, at)
+            opposite = about_origin(-push, end)
         result[:, body] += wrench
         if other >= 0 and opposite is not None:
             result[:, other] += opposite
@@ -126,7 +129,8 @@ def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Ar
         stiffness = np.concatenate([bushing.rotational_stiffness, bushing.translational_stiffness])
         damping = np.concatenate([bushing.rotational_damping, bushing.translational_damping])
         load = -(stiffness * q + damping * np.einsum("fij,fj->fi", B, rates))
-        first, second = tree.body_index[bushing.body_1], tree.body_index[bushing.body_2]
+        first = tree.body_index[bushing.body_1]
+        second = tree.body_index[bushing.body_2]
         axes = poses.rotations[:, first] @ bushing.pose_1.rotation
         point = poses.origins[:, second] + poses.rotations[:, second] @ bushing.pose_2.translation
         # The generalized forces of the angles are E^T times the moment along the first frame's
@@ -414,7 +418,8 @@ class _AppliedLoads:
         added = default_reserves(model, 1.0, 1.0) if actuators is None else actuators
         known = {values.name: values for values in (*model.actuators, *added)}
         if isinstance(tension, Tension):
-            names, values = tension.reserve_names, tension.reserves
+            names = tension.reserve_names
+            values = tension.reserves
             order = [
                 index_of("muscle", name, tension.muscles, "the table of forces")
                 for name in model.muscle_names
@@ -453,7 +458,8 @@ def _per_joint(values: str | Sequence[str], count: int, argument: str) -> list[s
         return list(values) * count
     if len(values) != count:
         raise BadData(
-            f"{argument} names {len(values)} for {count} joints: expected one for all, or one a joint"
+            f"{argument} names {len(values)} for {count} joints: expected one for all, or one a"
+            " joint"
         )
     return list(values)
 

@@ -1,4 +1,6 @@
-"""Costs beside the effort, as options and terms: joint loads and co-contraction of muscles on both sides of a joint."""
+"""Costs beside the effort, as options and terms: joint loads and co-contraction of muscles on both
+sides of a joint.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from myomorph.tension.terms.co_contraction import CoContractionTerm
 from myomorph.tension.terms.joint_load import JointLoadTerm, crossed_joints
 from myomorph.tension.terms.term import Term
 
-KNEES, ALL = "knees", "all"
+KNEES = "knees"
+ALL = "all"
 KNEE_LOAD = 0.02  # Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)
 
 
@@ -26,12 +29,15 @@ class RecruitmentOptions:
 
     Attributes
     ----------
-    joint_load : weight of the squared force that joints transmit, in body weights, beside the effort a^2 of one
-        muscle; 0 for none; by default 0.02 with rigid tendons where the external forces are known
-    joint_load_joints : names of these joints, separated by commas; "knees" for those between thigh and shank and
-        thigh and patella, "all" for all that a muscle crosses
-    co_contraction : share of what the weaker side of every joint can give that it gives at least, 0 to 1; 0 for none
-    co_contraction_coordinates : names of these coordinates, separated by commas; "" for all that muscles turn both ways
+    joint_load : weight of the squared force that joints transmit, in body weights, beside the
+        effort a^2 of one muscle; 0 for none; by default 0.02 with rigid tendons where the external
+        forces are known
+    joint_load_joints : names of these joints, separated by commas; "knees" for those between thigh
+        and shank and thigh and patella, "all" for all that a muscle crosses
+    co_contraction : share of what the weaker side of every joint can give that it gives at least, 0
+        to 1; 0 for none
+    co_contraction_coordinates : names of these coordinates, separated by commas; "" for all that
+        muscles turn both ways
     """
 
     joint_load: float | None = None
@@ -52,7 +58,9 @@ class RecruitmentOptions:
                 raise BadData(f"{names} without {weight}: give {weight} above 0")
 
     def settled(self, model: Model, options: TensionOptions, external: bool) -> RecruitmentOptions:
-        """The options with a default weight of joint loads; `external`: whether the external forces are known."""
+        """The options with a default weight of joint loads; `external`: whether the external forces
+        are known.
+        """
         if self.joint_load is not None:
             return self
         plain = options.tendons == "rigid" and options.recruitment == "power" and not model.loops
@@ -61,14 +69,21 @@ class RecruitmentOptions:
 
 
 def recruitment_terms(
-    model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None, options: RecruitmentOptions
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    wrenches: Wrenches | None,
+    options: RecruitmentOptions,
 ) -> tuple[Term, ...]:
     """The terms that options ask for; errors are those of `crossed_joints` and `CoContractionTerm`."""
     terms: list[Term] = []
     if options.joint_load:
         joints = {KNEES: loaded_knees(model), ALL: ()}.get(options.joint_load_joints)
         if options.joint_load_joints == KNEES and not joints:
-            raise BadData(f"joint_load: no muscle crosses a knee of '{model.name}': name joints in joint_load_joints")
+            raise BadData(
+                f"joint_load: no muscle crosses a knee of '{model.name}': name joints in"
+                " joint_load_joints"
+            )
         joints = _names(options.joint_load_joints) if joints is None else joints
         terms.append(joint_load_term(model, motion, wrenches, options.joint_load, joints))
     if options.co_contraction:
@@ -87,12 +102,16 @@ def loaded_knees(model: Model) -> tuple[str, ...]:
 
 
 def joint_load_term(
-    model: Model, motion: Motion, wrenches: Wrenches | None, weight: float, joints: Sequence[str] = ()
+    model: Model,
+    motion: Motion,
+    wrenches: Wrenches | None,
+    weight: float,
+    joints: Sequence[str] = (),
 ) -> JointLoadTerm:
     """The term of joint loads.
-    `motion`: with velocities and accelerations; `wrenches`: external forces at the motion's times, None for none;
-    `weight`: of one body weight squared in units of the effort a^2 of one muscle; `joints`: names; none for all that a
-    muscle crosses.
+    `motion`: with velocities and accelerations; `wrenches`: external forces at the motion's times,
+    None for none; `weight`: of one body weight squared in units of the effort a^2 of one muscle;
+    `joints`: names; none for all that a muscle crosses.
     """
     chosen = crossed_joints(model, joints)
     alone = joint_reactions(model, motion, None, wrenches, joints=chosen, frame="ground").forces

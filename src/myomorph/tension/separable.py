@@ -1,6 +1,8 @@
-"""The separable problem as arrays: pattern of A, what all frames share, links, and Cholesky factors in an envelope.
+"""The separable problem as arrays: pattern of A, what all frames share, links, and Cholesky factors
+in an envelope.
 
-What variables do at given multipliers, in closed form: alone, reached by the one number s = (A^T y)_i (see `dual.py`),
+What variables do at given multipliers, in closed form: alone, reached by the one number s = (A^T
+y)_i (see `dual.py`),
 
     minimise  w |x - t|^p + k dist(x, [l, h])^2 - s x   subject to  lower <= x <= upper,
 
@@ -8,13 +10,14 @@ and below a common bound of the first variables, the greatest activation as a co
 
     minimise  peak beta + sum_i c_i(x_i)   subject to  A x = b,  lower <= x <= upper,  x_i <= beta for the capped ones,
 
-the min/max criterion of muscle recruitment (Rasmussen, Damsgaard and Voigt 2001), made unique by the costs c_i. For
-multipliers s = A^T y the bound is where what the capped variables would still gain by a higher one is worth its cost,
+the min/max criterion of muscle recruitment (Rasmussen, Damsgaard and Voigt 2001), made unique by
+the costs c_i. For multipliers s = A^T y the bound is where what the capped variables would still
+gain by a higher one is worth its cost,
 
     sum_i max(0, s_i - c_i'(beta)) = peak ,
 
-a falling function of beta. So the dual keeps the form it has without the bound, and its generalized Jacobian gains one
-outer product: of the variables that lie on the bound, which move together.
+a falling function of beta. So the dual keeps the form it has without the bound, and its generalized
+Jacobian gains one outer product: of the variables that lie on the bound, which move together.
 """
 
 from __future__ import annotations
@@ -32,8 +35,10 @@ from myomorph.rigid.kernels import inner
 class Separable(NamedTuple):
     """Pattern and data that all frames share."""
 
-    start: NDArray[np.int64]  # (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
-    row: NDArray[np.int64]  # (entries,) their rows, in the order of elimination, ascending in each column
+    # (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
+    start: NDArray[np.int64]
+    # (entries,) their rows, in the order of elimination, ascending in each column
+    row: NDArray[np.int64]
     first: NDArray[np.int64]  # (rows,) in the envelope of A D A^T, the first column of each row
     # weight, exponent, lower, upper: (variables,)
     weight: Array
@@ -56,12 +61,15 @@ class Separable(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k - amount_(k-1))^2."""
+    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k -
+    amount_(k-1))^2.
+    """
 
     first: int  # variables first ... first + linked - 1 are linked
     scale: Array  # (frames, linked) amount of one unit of the variable, 0 where it takes no part
     amount: Array  # (frames, linked) room for the amounts as other frames see them
-    stiffness: Array  # (frames - 1,) between a frame and the next, in units of the variables' weights
+    # (frames - 1,) between a frame and the next, in units of the variables' weights
+    stiffness: Array
     over: float  # factor of over-relaxation, 1 to 2
     sweeps: int  # most passes over the frames
     tolerance: float  # change of an amount at which passes end
@@ -69,12 +77,22 @@ class Links(NamedTuple):
 
 def no_links() -> Links:
     """Frames that do not know of each other."""
-    return Links(0, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), 1.0, 0, 0.0)
+    return Links(
+        first=0,
+        scale=np.zeros((0, 0)),
+        amount=np.zeros((0, 0)),
+        stiffness=np.zeros(0),
+        over=1.0,
+        sweeps=0,
+        tolerance=0.0,
+    )
 
 
 @read_only
 class Pattern:
-    """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope."""
+    """Where A (rows, variables) may differ from zero, and an order of its rows with a small
+    envelope.
+    """
 
     start: NDArray[np.int64]
     row: NDArray[np.int64]
@@ -84,11 +102,17 @@ class Pattern:
 
 
 def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
-    """Pattern of a matrix of `shape` (rows, variables) from `rows`, `columns` (entries,), each place at most once."""
+    """Pattern of a matrix of `shape` (rows, variables) from `rows`, `columns` (entries,), each
+    place at most once.
+    """
     n, variables = shape
-    filled = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=shape))
+    filled = scipy.sparse.csr_array(
+        scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=shape)
+    )
     coupled = scipy.sparse.csr_array(filled @ filled.T)
-    order = np.asarray(scipy.sparse.csgraph.reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64)
+    order = np.asarray(
+        scipy.sparse.csgraph.reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64
+    )
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
     first = np.arange(n, dtype=np.int64)
@@ -97,8 +121,12 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
     sorted_entries = np.lexsort((rank[rows], columns))
     place = np.empty(len(rows), np.int64)
     place[sorted_entries] = np.arange(len(rows))
-    start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(np.int64)
-    return Pattern(start, rank[rows][sorted_entries], first, order, place)
+    start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(
+        np.int64
+    )
+    return Pattern(
+        start=start, row=rank[rows][sorted_entries], first=first, order=order, place=place
+    )
 
 
 @inner(fastmath={"reassoc", "contract"})
@@ -134,8 +162,11 @@ def back_substitute(M, first, z):
 
 @inner
 def _pulled(w, p, target, near, pull, x, s):
-    """Zero of p w |v - target|^(p - 1) sign + 2 pull (v - near) - s, which lies between `near` and x."""
-    low, high = min(near, x), max(near, x)
+    """Zero of p w |v - target|^(p - 1) sign + 2 pull (v - near) - s, which lies between `near` and
+    x.
+    """
+    low = min(near, x)
+    high = max(near, x)
     v = 0.5 * (low + high)
     for _ in range(60):
         size = abs(v - target)
@@ -154,7 +185,9 @@ def _pulled(w, p, target, near, pull, x, s):
 
 @inner
 def _cubic(w, low, high, pull, target, s):
-    """`_bent` of the exponent 3, by roots: it is common, and general powers would take most of its time."""
+    """`_bent` of the exponent 3, by roots: it is common, and general powers would take most of its
+    time.
+    """
     size = np.sqrt(abs(s) / (3.0 * w))
     x = target + (size if s > 0.0 else -size)
     slope = min((1.0 if size < 1e-3 else 0.5) / (3.0 * w * max(size, 1e-30)), 1e8 / w)
@@ -168,19 +201,24 @@ def _cubic(w, low, high, pull, target, s):
 
 @inner
 def _bent(w, p, low, high, pull, target, s):
-    """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose exponent is not 2."""
+    """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose
+    exponent is not 2.
+    """
     if p == 2.0:
-        x, slope = target + 0.5 * s / w, 0.5 / w
+        x = target + 0.5 * s / w
+        slope = 0.5 / w
         if not low <= x <= high:
             near = low if x < low else high
-            x, slope = (w * target + pull * near + 0.5 * s) / (w + pull), 0.5 / (w + pull)
+            x = (w * target + pull * near + 0.5 * s) / (w + pull)
+            slope = 0.5 / (w + pull)
         return x, slope
     if p == 3.0:
         return _cubic(w, low, high, pull, target, s)
     size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
     x = target + (size if s > 0.0 else -size)
     slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-9 if p < 2.0 else 1e-30) ** (p - 2.0))
-    # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant does not.
+    # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant
+    # does not.
     if p > 2.0 and size < 1e-3:
         slope *= p - 1.0
     slope = min(slope, 1e8 / w)
@@ -198,7 +236,8 @@ def response(w, p, least, greatest, low, high, pull, target, s):
     Scalars, and little of its own, so that the compiler makes it a part of the loops that call it.
     """
     if p == 2.0 and pull == 0.0:
-        x, slope = target + 0.5 * s / w, 0.5 / w
+        x = target + 0.5 * s / w
+        slope = 0.5 / w
     else:
         x, slope = _bent(w, p, low, high, pull, target, s)
     if x <= least:
@@ -213,7 +252,8 @@ def marginal_cost(w, p, low, high, pull, target, x):
     """c'(x) and c''(x) of w |x - target|^p + pull dist(x, [low, high])^2."""
     apart = x - target
     if p == 2.0:
-        slope, bend = 2.0 * w * apart, 2.0 * w
+        slope = 2.0 * w * apart
+        bend = 2.0 * w
     else:
         size = abs(apart)
         slope = w * p * size ** (p - 1.0)
@@ -228,11 +268,18 @@ def marginal_cost(w, p, low, high, pull, target, x):
 @inner
 def gain(S, targets, penalty, s, ds, t, beta):
     """What the capped variables gain by a higher bound at s + t ds, and how fast that falls."""
-    total, bend = 0.0, 0.0
+    total = 0.0
+    bend = 0.0
     for i in range(S.capped):
         if S.upper[i] > beta:
             slope, curvature = marginal_cost(
-                S.weight[i], S.exponent[i], penalty[0, i], penalty[1, i], penalty[2, i], targets[i], beta
+                S.weight[i],
+                S.exponent[i],
+                penalty[0, i],
+                penalty[1, i],
+                penalty[2, i],
+                targets[i],
+                beta,
             )
             more = s[i] + t * ds[i] - slope
             if more > 0.0:
@@ -246,9 +293,11 @@ def ceiling(S, targets, penalty, s, ds, t):
     """The common bound at the reduced multipliers s + t ds; infinite where it costs nothing."""
     if not S.peak > 0.0:
         return np.inf
-    low, high = 0.0, 0.0
+    low = 0.0
+    high = 0.0
     for i in range(S.capped):
-        low, high = max(low, S.lower[i]), max(high, S.upper[i])
+        low = max(low, S.lower[i])
+        high = max(high, S.upper[i])
     beta = low
     for _ in range(100):
         total, bend = gain(S, targets, penalty, s, ds, t, beta)
@@ -277,7 +326,13 @@ def add_common_motion(S, values, targets, penalty, s, roof, M):
     for i in range(S.capped):
         if S.upper[i] > roof:
             slope, _ = marginal_cost(
-                S.weight[i], S.exponent[i], penalty[0, i], penalty[1, i], penalty[2, i], targets[i], roof
+                S.weight[i],
+                S.exponent[i],
+                penalty[0, i],
+                penalty[1, i],
+                penalty[2, i],
+                targets[i],
+                roof,
             )
             if s[i] > slope:
                 for a in range(S.start[i], S.start[i + 1]):

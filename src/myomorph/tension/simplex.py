@@ -1,11 +1,12 @@
-"""Linear programs from a point that fulfils them: extremes of many linear functions over one polytope.
+"""Linear programs from a point that fulfils them: extremes of many linear functions over one
+polytope.
 
     minimise  c^T x   subject to  A x = b,  lower <= x <= upper,   from x0 with A x0 = b
 
-by the primal simplex method for bounded variables on a dense tableau (Dantzig 1963, ch. 18; ratio test of Harris
-1973). It starts at any feasible point, such as the solution of the tension problem: variables strictly inside their
-bounds that are not basic may move either way. One function after the other begins where the last one ended, so that
-most take a few pivots.
+by the primal simplex method for bounded variables on a dense tableau (Dantzig 1963, ch. 18; ratio
+test of Harris 1973). It starts at any feasible point, such as the solution of the tension problem:
+variables strictly inside their bounds that are not basic may move either way. One function after
+the other begins where the last one ended, so that most take a few pivots.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.rigid.kernels import inner, kernel
 
-FOUND, UNBOUNDED, STOPPED = 0, 1, 2
+FOUND = 0
+UNBOUNDED = 1
+STOPPED = 2
 INSIDE = 1e-9  # A variable nearer to a bound, as a share of its range or of 1, stands on it
 FLAT = 1e-9  # A reduced cost below this share of the largest cost is none
 REFRESH = 150  # Pivots after which the tableau is made anew from A
@@ -23,11 +26,15 @@ REFRESH = 150  # Pivots after which the tableau is made anew from A
 
 def extremes(A: Array, x: Array, lower: Array, upper: Array, costs: Array) -> tuple[Array, Array]:
     """Least value of each linear function over {y : A y = A x, lower <= y <= upper}.
-    `A` (rows, n); `x` (n,) inside the bounds; `lower`, `upper` (n,) may be infinite; `costs` (functions, n). Returns
-    `least` (functions,) -inf where there is no least; `points` (functions, n) where they are taken.
+    `A` (rows, n); `x` (n,) inside the bounds; `lower`, `upper` (n,) may be infinite; `costs`
+    (functions, n). Returns `least` (functions,) -inf where there is no least; `points` (functions,
+    n) where they are taken.
     """
-    least, points = np.empty(len(costs)), np.empty(costs.shape)
-    arrays = (np.array(values, dtype=np.float64, order="C") for values in (A, x, lower, upper, costs))
+    least = np.empty(len(costs))
+    points = np.empty(costs.shape)
+    arrays = (
+        np.array(values, dtype=np.float64, order="C") for values in (A, x, lower, upper, costs)
+    )
     least_values(*arrays, least, points)
     return least, points
 
@@ -40,8 +47,11 @@ def least_values(A, x, lower, upper, costs, least, points):
     for j in range(n):
         if upper[j] - lower[j] < np.inf and upper[j] > lower[j]:
             scale[j] = upper[j] - lower[j]
-    low, high, y = lower / scale, upper / scale, x / scale
-    T, S = np.empty((m, n)), np.empty((m, n))
+    low = lower / scale
+    high = upper / scale
+    y = x / scale
+    T = np.empty((m, n))
+    S = np.empty((m, n))
     for r in range(m):
         size = 0.0
         for j in range(n):
@@ -50,12 +60,16 @@ def least_values(A, x, lower, upper, costs, least, points):
         if size > 0.0:
             for j in range(n):
                 S[r, j] /= size
-    basis, where, liking = np.full(m, -1), np.full(n, -1), np.empty(n)
+    basis = np.full(m, -1)
+    where = np.full(n, -1)
+    liking = np.empty(n)
     for j in range(n):
         room = min(y[j] - low[j], high[j] - y[j])
         liking[j] = min(max(room, 1e-7), 1.0)
     _canonical(S, liking, T, basis, where)
-    d, worst, pivots = np.empty(n), FOUND, 0
+    d = np.empty(n)
+    worst = FOUND
+    pivots = 0
     for f in range(costs.shape[0]):
         if pivots > REFRESH:
             for j in range(n):
@@ -79,7 +93,9 @@ def least_values(A, x, lower, upper, costs, least, points):
 
 @inner
 def _canonical(S, liking, T, basis, where):
-    """T = B^-1 S for a basis B of well conditioned columns that are liked; a row that depends on others gets none."""
+    """T = B^-1 S for a basis B of well conditioned columns that are liked; a row that depends on
+    others gets none.
+    """
     m, n = S.shape
     for j in range(n):
         where[j] = -1
@@ -88,17 +104,22 @@ def _canonical(S, liking, T, basis, where):
         for j in range(n):
             T[r, j] = S[r, j]
     for _ in range(m):
-        best, row, column = 1e-11, -1, -1
+        best = 1e-11
+        row = -1
+        column = -1
         for r in range(m):
             if basis[r] < 0:
                 for j in range(n):
                     size = abs(T[r, j]) * liking[j]
                     if size > best and abs(T[r, j]) > 1e-9 and where[j] < 0:
-                        best, row, column = size, r, j
+                        best = size
+                        row = r
+                        column = j
         if row < 0:
             break
         _pivot(T, row, column)
-        basis[row], where[column] = column, row
+        basis[row] = column
+        where[column] = row
 
 
 @inner(fastmath={"reassoc", "contract"})
@@ -129,39 +150,49 @@ def _descend(T, cost, y, low, high, basis, where, d):
         if index >= 0 and cost[index] != 0.0:
             for j in range(n):
                 d[j] -= cost[index] * T[r, j]
-    flat, still, pivots = FLAT * largest, 0, 0
+    flat = FLAT * largest
+    still = 0
+    pivots = 0
     for _ in range(50 * (m + 20)):
-        enter, best = -1, flat
+        enter = -1
+        best = flat
         for j in range(n):
             if where[j] >= 0 or abs(d[j]) <= best:
                 continue
             room = high[j] - y[j] if d[j] < 0.0 else y[j] - low[j]
             if room > INSIDE:
-                enter, best = j, abs(d[j])
-                # Where steps have long been 0, the first that may enter does: no cycle then (Bland 1977).
+                enter = j
+                best = abs(d[j])
+                # Where steps have long been 0, the first that may enter does: no cycle then (Bland
+                # 1977).
                 if still > 2 * m:
                     break
         if enter < 0:
             return FOUND, pivots
         way = 1.0 if d[enter] < 0.0 else -1.0
-        reach, leave = np.inf, -1
+        reach = np.inf
+        leave = -1
         for r in range(m):
             rate = -way * T[r, enter]
             if basis[r] >= 0 and abs(rate) > 1e-9:
                 index = basis[r]
                 room = (high[index] - y[index] if rate > 0.0 else y[index] - low[index]) + INSIDE
                 reach = min(reach, room / abs(rate))
-        largest_rate, step = 0.0, np.inf
+        largest_rate = 0.0
+        step = np.inf
         for r in range(m):
             rate = -way * T[r, enter]
             if basis[r] >= 0 and abs(rate) > 1e-9 and abs(rate) > largest_rate:
                 index = basis[r]
                 room = high[index] - y[index] if rate > 0.0 else y[index] - low[index]
                 if room / abs(rate) <= reach:
-                    largest_rate, leave, step = abs(rate), r, max(room / abs(rate), 0.0)
+                    largest_rate = abs(rate)
+                    leave = r
+                    step = max(room / abs(rate), 0.0)
         own = high[enter] - y[enter] if way > 0.0 else y[enter] - low[enter]
         if own <= step:
-            step, leave = own, -1
+            step = own
+            leave = -1
         if step == np.inf:
             return UNBOUNDED, pivots
         still = still + 1 if step <= INSIDE else 0
@@ -179,6 +210,8 @@ def _descend(T, cost, y, low, high, basis, where, d):
         for j in range(n):
             d[j] -= slope * T[leave, j]
         d[enter] = 0.0
-        where[index], where[enter], basis[leave] = -1, leave, enter
+        where[index] = -1
+        where[enter] = leave
+        basis[leave] = enter
         pivots += 1
     return STOPPED, pivots

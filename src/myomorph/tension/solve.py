@@ -1,4 +1,6 @@
-"""Muscle tensions and contact forces: for every frame, the least effort that balances all equations of motion."""
+"""Muscle tensions and contact forces: for every frame, the least effort that balances all equations
+of motion.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +37,15 @@ def solve_tension(
     """Share the joint torques among muscles with the least effort, frame by frame.
 
         minimise  sum_m w_m a_m^p + sum_r u_r^p + sum_g c_g z_g^2
-        subject to  R^T F a + D u + J^T G z = tau - R^T (F_passive + F_viscous),  bounds on a, u and z
+        subject to  R^T F a + D u + J^T G z = tau - R^T (F_passive + F_viscous),  bounds on a, u and
+        z
 
     with moment arms R, forces per unit activation F (rigid tendon), directions D of actuators with
-    controls u, generators G of contact cones with amplitudes z, and one row for every coordinate that is not locked,
-    prescribed, driven by a coupler or taken as dependent by closed loops. Which of a loop's coordinates is taken so
-    does not change the solution. The problem of a frame is convex and its solution unique; frames depend on each
-    other only through the smoothness of contact forces. See docs/contact-forces.md.
+    controls u, generators G of contact cones with amplitudes z, and one row for every coordinate
+    that is not locked, prescribed, driven by a coupler or taken as dependent by closed loops. Which
+    of a loop's coordinates is taken so does not change the solution. The problem of a frame is
+    convex and its solution unique; frames depend on each other only through the smoothness of
+    contact forces. See docs/contact-forces.md.
 
     Source: Crowninshield and Brand 1981.
 
@@ -49,8 +53,8 @@ def solve_tension(
     ----------
     model : with muscles
     motion : with velocities; a coordinate it lacks rests at its default
-    torques : generalized forces of inverse dynamics at the motion's times (frames, coordinates), of those
-        external forces alone that are known
+    torques : generalized forces of inverse dynamics at the motion's times (frames, coordinates), of
+        those external forces alone that are known
     options : exponent, weights and which forces take part; see `TensionOptions`
     actuators : added to the model's own, replacing those of the same name, as OpenSim's
         `force_set_files`; None adds `default_reserves`, () adds nothing
@@ -58,18 +62,21 @@ def solve_tension(
     contacts : sites whose forces are to be found; passive muscle forces take part in that by
         `ContactOptions.contact_passive`, and in the tensions under these forces by `options`
     emg : what is known of activations
-    terms : further costs and constraints, see `myomorph.tension.terms.term.Term` and docs/adding.md; where contact
-        forces are found first (`ContactOptions.formulation`), they belong to the problem of the muscles
+    terms : further costs and constraints, see `myomorph.tension.terms.term.Term` and
+        docs/adding.md; where contact forces are found first (`ContactOptions.formulation`), they
+        belong to the problem of the muscles
 
     Returns
     -------
-    activations (frames, muscles) [-], forces (frames, muscles) [N], reserves [N m or N], status of each frame
+    activations (frames, muscles) [-], forces (frames, muscles) [N], reserves [N m or N], status of
+    each frame
 
     Raises
     ------
-    BadData : where the motion has no velocities, torques, contacts or EMG are of other times, or loops stand open by
-        more than `OPEN`
-    UnknownName : where torques lack a free coordinate, or an actuator, a site or EMG names what does not exist
+    BadData : where the motion has no velocities, torques, contacts or EMG are of other times, or
+        loops stand open by more than `OPEN`
+    UnknownName : where torques lack a free coordinate, or an actuator, a site or EMG names what
+        does not exist
     BadModel : where the model has nothing to solve for
 
     Examples
@@ -81,7 +88,16 @@ def solve_tension(
     >>> found.muscles, found.forces.shape, bool(found.optimal.all())
     (('flexor', 'extensor'), (61, 2), True)
     """
-    inputs = TensionInputs(model, motion, torques, options or TensionOptions(), actuators, contacts, emg, terms)
+    inputs = TensionInputs(
+        model=model,
+        motion=motion,
+        torques=torques,
+        options=options or TensionOptions(),
+        actuators=actuators,
+        contacts=contacts,
+        emg=emg,
+        terms=terms,
+    )
     if contacts is not None and contacts.options.formulation == "sequential":
         return _sequential(inputs, progress)
     if contacts is not None and inputs.options.tendons == "rigid":
@@ -105,9 +121,9 @@ class ContactSolution(NamedTuple):
 def solve_contacts(
     inputs: TensionInputs, progress: Callable[[int], None] | None = None
 ) -> tuple[Tension, ContactSolution]:
-    """`solve_tension` with simultaneous contacts and rigid tendons, and the problem that found their forces.
-    That problem has passive muscle forces by `ContactOptions.contact_passive`. Where the tensions are to have others,
-    they are found once more, under the contact forces.
+    """`solve_tension` with simultaneous contacts and rigid tendons, and the problem that found
+    their forces. That problem has passive muscle forces by `ContactOptions.contact_passive`. Where
+    the tensions are to have others, they are found once more, under the contact forces.
     """
     problem = tension_problem(inputs)
     first = problem.solve_all(progress)
@@ -118,7 +134,9 @@ def solve_contacts(
 
 
 def torques_under(problem: TensionProblem, torques: Series) -> Series:
-    """Joint torques (frames, coordinates) that remain under the contact forces of a solved problem [N m or N]."""
+    """Joint torques (frames, coordinates) that remain under the contact forces of a solved problem
+    [N m or N].
+    """
     assert problem.contacts is not None
     names = problem.assembly.tree.model.coordinate_names
     mine = [index for index, name in enumerate(torques.names) if name in names]
@@ -129,7 +147,9 @@ def torques_under(problem: TensionProblem, torques: Series) -> Series:
 
 
 def with_contacts(tension: Tension, found: Tension) -> Tension:
-    """Tensions under contact forces that were found before them; of status and residual the worse counts."""
+    """Tensions under contact forces that were found before them; of status and residual the worse
+    counts.
+    """
     return replace(
         tension,
         contacts=found.contacts,
@@ -140,19 +160,21 @@ def with_contacts(tension: Tension, found: Tension) -> Tension:
 
 
 def _sequential(inputs: TensionInputs, progress: Callable[[int], None] | None) -> Tension:
-    """Contact forces from the six equations of motion of every floating body, then muscles given these forces.
-    It is what [D] ch. 4 argues against and most programs do. The first problem has the costs of contacts and
-    residuals, and joints as ideal torques that cost nothing, which is to leave their equations out; the second has
-    the contact forces as known ones.
+    """Contact forces from the six equations of motion of every floating body, then muscles given
+    these forces. It is what [D] ch. 4 argues against and most programs do. The first problem has
+    the costs of contacts and residuals, and joints as ideal torques that cost nothing, which is to
+    leave their equations out; the second has the contact forces as known ones.
     """
     model = inputs.model
     roots = {name for joint in floating_joints(model) for name in joint.coordinates}
     if not roots:
         raise BadModel(
-            f"model '{model.name}' has no body that floats freely: contact forces cannot be found before muscle "
-            "tensions; use the simultaneous formulation"
+            f"model '{model.name}' has no body that floats freely: contact forces cannot be found"
+            " before muscle tensions; use the simultaneous formulation"
         )
-    first = tension_problem(replace(inputs, model=replace(model, muscles=()), emg=None, terms=()), roots)
+    first = tension_problem(
+        replace(inputs, model=replace(model, muscles=()), emg=None, terms=()), roots
+    )
     result = first.solve_all()
     under = replace(inputs, torques=torques_under(first, inputs.torques), contacts=None)
     return with_contacts(_solve_once(under, progress), result)

@@ -1,7 +1,9 @@
-"""What measurement and model leave uncertain: sources of error, inputs drawn with them, the spread of what comes out.
+"""What measurement and model leave uncertain: sources of error, inputs drawn with them, the spread
+of what comes out.
 
-Here live how large each source is taken to be, random inputs (a model, markers, forces) around those that were
-given, and the statistics of draws. Never a step of the chain itself: `study/trial` runs it on what is drawn here.
+Here live how large each source is taken to be, random inputs (a model, markers, forces) around
+those that were given, and the statistics of draws. Never a step of the chain itself: `study/trial`
+runs it on what is drawn here.
 """
 
 import lazy_loader

@@ -55,7 +55,8 @@ class Draw:
             return np.zeros(size)
         item_size = self.found.of(source, item or name)
         if item_size is not None:
-            scale, name = item_size.size, item_size.shared or name
+            scale = item_size.size
+            name = item_size.shared or name
         return np.asarray(scale * self.normals.of(self.number, source, name, size))
 
     def factor(self, source: str, name: str) -> float:
@@ -65,17 +66,22 @@ class Draw:
 
 def drawn_model(model: Model, draw: Draw) -> Model:
     """The model with errors of its own in all that it says of the body."""
-    has, parts = draw.sources, dict[str, Any]()
+    has = draw.sources
+    parts = dict[str, Any]()
     if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
         parts["bodies"] = _bodies(model, draw)
     if has.joint_center or has.joint_axis:
         floating = set(floating_coordinates(model))
         # Where a body floats in the laboratory, no joint holds it.
-        joints = (joint if floating.intersection(joint.coordinates) else _joint(joint, draw) for joint in model.joints)
+        joints = (
+            joint if floating.intersection(joint.coordinates) else _joint(joint, draw)
+            for joint in model.joints
+        )
         parts["joints"] = tuple(joints)
     if has.placement:
         parts["markers"] = tuple(
-            replace(marker, location=marker.location + draw.of("placement", marker.name, 3)) for marker in model.markers
+            replace(marker, location=marker.location + draw.of("placement", marker.name, 3))
+            for marker in model.markers
         )
     if has.leg_alignment:
         parts |= _bowed(model, parts, draw)
@@ -87,11 +93,13 @@ def drawn_model(model: Model, draw: Draw) -> Model:
 
 
 def drawn_subject(model: Model, draw: Draw) -> Model:
-    """A drawn model whose tendons are fitted to its paths and fibers, and compiled as the one that was given.
+    """A drawn model whose tendons are fitted to its paths and fibers, and compiled as the one that
+    was given.
 
-    The model's author chose slack lengths so that fibers are as long in the default pose as they should be. A path
-    with a point elsewhere, or another fiber, would have got another tendon; with the old one it would stretch fibers
-    to where they tear. How far off the fit itself is says the source `slack_length`.
+    The model's author chose slack lengths so that fibers are as long in the default pose as they
+    should be. A path with a point elsewhere, or another fiber, would have got another tendon; with
+    the old one it would stretch fibers to where they tear. How far off the fit itself is says the
+    source `slack_length`.
 
     Parameters
     ----------
@@ -133,15 +141,22 @@ def drawn_subject(model: Model, draw: Draw) -> Model:
 
 
 def _with_fitted_tendons(made: Model, model: Model) -> Model:
-    """Slack lengths with which normalized fiber lengths in the default pose are those of the model that was given."""
+    """Slack lengths with which normalized fiber lengths in the default pose are those of the model
+    that was given.
+    """
     muscles = []
     for muscle, old, length, before in zip(
         made.muscles, model.muscles, default_path_lengths(made), _lengths(model), strict=True
     ):
         stretched = max(float(before) - old.tendon_slack_length, 0.0)
-        more = float(length - before) - (muscle.optimal_fiber_length / old.optimal_fiber_length - 1.0) * stretched
+        more = (
+            float(length - before)
+            - (muscle.optimal_fiber_length / old.optimal_fiber_length - 1.0) * stretched
+        )
         least = 0.5 * old.tendon_slack_length
-        muscles.append(changed(muscle, tendon_slack_length=max(muscle.tendon_slack_length + more, least)))
+        muscles.append(
+            changed(muscle, tendon_slack_length=max(muscle.tendon_slack_length + more, least))
+        )
     return replace(made, muscles=tuple(muscles))
 
 
@@ -150,7 +165,10 @@ _lengths = Latest(default_path_lengths)
 
 def stronger(model: Model, factor: float) -> Model:
     """The same with all muscles stronger, compiled as the one that was given."""
-    muscles = (changed(muscle, max_isometric_force=factor * muscle.max_isometric_force) for muscle in model.muscles)
+    muscles = (
+        changed(muscle, max_isometric_force=factor * muscle.max_isometric_force)
+        for muscle in model.muscles
+    )
     made = replace(model, muscles=tuple(muscles))
     compile_tree_as(made, model)
     compile_paths_as(made, model)
@@ -160,7 +178,9 @@ def stronger(model: Model, factor: float) -> Model:
 
 def _bodies(model: Model, draw: Draw) -> tuple[Body, ...]:
     """Bodies whose masses sum up to the same, but for the error of the whole."""
-    masses = {body.name: body.mass * draw.factor("segment_mass", body.name) for body in model.bodies}
+    masses = {
+        body.name: body.mass * draw.factor("segment_mass", body.name) for body in model.bodies
+    }
     whole = sum(masses.values())
     scale = draw.factor("body_mass", "body") * (model.mass / whole if whole > 0.0 else 1.0)
     return tuple(_body(body, scale * masses[body.name], draw) for body in model.bodies)
@@ -176,28 +196,38 @@ def _body(body: Body, mass: float, draw: Draw) -> Body:
 
 
 def _joint(joint: Joint, draw: Draw) -> Joint:
-    """A joint that moves about another center and other axes, and leaves the default pose as it was."""
+    """A joint that moves about another center and other axes, and leaves the default pose as it
+    was.
+    """
     if not joint.coordinates:
         return joint
     off = Transform(
-        rotation_from_euler_xyz(draw.of("joint_axis", joint.name, 3)), draw.of("joint_center", joint.name, 3)
+        rotation_from_euler_xyz(draw.of("joint_axis", joint.name, 3)),
+        draw.of("joint_center", joint.name, 3),
     )
-    return replace(joint, parent_frame=joint.parent_frame @ off, child_frame=joint.child_frame @ off)
+    return replace(
+        joint, parent_frame=joint.parent_frame @ off, child_frame=joint.child_frame @ off
+    )
 
 
 def _bowed(model: Model, parts: Mapping[str, Any], draw: Draw) -> dict[str, Any]:
     """Joints and markers of a model whose legs are bowed otherwise."""
-    joints, markers = parts.get("joints", model.joints), parts.get("markers", model.markers)
+    joints = parts.get("joints", model.joints)
+    markers = parts.get("markers", model.markers)
     for name, leg in legs_of(model).items():
         angle = float(draw.of("leg_alignment", name)[0])
-        joints = tuple(bowed_knee(joint, leg, angle) if joint.name == name else joint for joint in joints)
+        joints = tuple(
+            bowed_knee(joint, leg, angle) if joint.name == name else joint for joint in joints
+        )
         markers = tuple(beside_bowed_bones(marker, leg, angle) for marker in markers)
     return {"joints": joints, "markers": markers}
 
 
 def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
     name = muscle.name
-    slack = muscle.tendon_slack_length + muscle.optimal_fiber_length * float(draw.of("slack_length", name)[0])
+    slack = muscle.tendon_slack_length + muscle.optimal_fiber_length * float(
+        draw.of("slack_length", name)[0]
+    )
     return changed(
         muscle,
         path=_path(muscle.path, name, draw),
@@ -216,7 +246,10 @@ def _path(path: Path, muscle: str, draw: Draw) -> Path:
             error = error + draw.of("patella", point.body, 3)
         return changed(point, location=point.location + error)
 
-    points = (moved(k, point) if isinstance(point, PathPoint) else point for k, point in enumerate(path.points))
+    points = (
+        moved(k, point) if isinstance(point, PathPoint) else point
+        for k, point in enumerate(path.points)
+    )
     return changed(path, points=tuple(points))
 
 
@@ -230,7 +263,9 @@ def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
 
 @read_only
 class Leg:
-    """A leg that is bowed about unit vectors fore-aft on thigh and shank; centers of hip and ankle on these [m]."""
+    """A leg that is bowed about unit vectors fore-aft on thigh and shank; centers of hip and ankle
+    on these [m].
+    """
 
     thigh: str
     shank: str
@@ -241,39 +276,62 @@ class Leg:
 
 
 def _legs(model: Model) -> Mapping[str, Leg]:
-    """Legs by the names of their knees; those without a hip or an ankle, or whose knee does not turn, are left out."""
-    return FrozenMap({knee.name: leg for knee in knee_joints(model) if (leg := _leg(model, knee)) is not None})
+    """Legs by the names of their knees; those without a hip or an ankle, or whose knee does not
+    turn, are left out.
+    """
+    return FrozenMap(
+        {knee.name: leg for knee in knee_joints(model) if (leg := _leg(model, knee)) is not None}
+    )
 
 
 def _leg(model: Model, knee: Joint) -> Leg | None:
-    down, poses = long_axis(model, knee), flexed(model, knee)
+    down = long_axis(model, knee)
+    poses = flexed(model, knee)
     hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
     if down is None or poses is None or hip is None:
         return None
     index = compile_tree(model).body_index
-    thigh, shank = (poses.rotations[0, index[body]] for body in (knee.parent, knee.child))
+    thigh = poses.rotations[0, index[knee.parent]]
+    shank = poses.rotations[0, index[knee.child]]
     axis = np.cross(down, hinge_axis(model, knee, poses, down))
     below = [joint.parent_frame.translation for joint in model.joints if joint.parent == knee.child]
     ankle = max(below, key=lambda point: float((point - knee.child_frame.translation) @ down))
-    return Leg(knee.parent, knee.child, thigh.T @ shank @ axis, axis, hip.child_frame.translation, ankle)
+    return Leg(
+        thigh=knee.parent,
+        shank=knee.child,
+        on_thigh=thigh.T @ shank @ axis,
+        on_shank=axis,
+        hip=hip.child_frame.translation,
+        ankle=ankle,
+    )
 
 
 legs_of = Latest(_legs)
 
 
 def bowed_knee(knee: Joint, leg: Leg, angle: float) -> Joint:
-    """A knee whose axes are turned on the shank, about its center [rad]: so that the shank turns the other way."""
+    """A knee whose axes are turned on the shank, about its center [rad]: so that the shank turns
+    the other way.
+    """
     frame = knee.child_frame
     turned = axis_rotation(leg.on_shank, angle) @ frame.rotation
     return replace(knee, child_frame=Transform(turned, frame.translation))
 
 
 def beside_bowed_bones(marker: Marker, leg: Leg, angle: float) -> Marker:
-    """A marker where it was seen: hip and ankle stay and the knee moves out, half of the angle in each bone."""
+    """A marker where it was seen: hip and ankle stay and the knee moves out, half of the angle in
+    each bone.
+    """
     if marker.body == leg.thigh:
         return _turned(marker, leg.hip, leg.on_thigh, -0.5 * angle)
-    return _turned(marker, leg.ankle, leg.on_shank, 0.5 * angle) if marker.body == leg.shank else marker
+    return (
+        _turned(marker, leg.ankle, leg.on_shank, 0.5 * angle)
+        if marker.body == leg.shank
+        else marker
+    )
 
 
 def _turned(marker: Marker, center: Array, axis: Array, angle: float) -> Marker:
-    return replace(marker, location=center + axis_rotation(axis, angle) @ (marker.location - center))
+    return replace(
+        marker, location=center + axis_rotation(axis, angle) @ (marker.location - center)
+    )

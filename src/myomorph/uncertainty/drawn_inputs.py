@@ -24,12 +24,17 @@ SKIN = {"thigh": "skin_thigh", "shank": "skin_shank", "foot": "skin_foot"} | dic
 )
 """Sources by segments of `model.segments`; all others are the trunk's."""
 TOGETHER = 0.5
-"""Share of the variance of skin movement that moves all markers of a segment alike; residuals show the rest alone."""
+"""Share of the variance of skin movement that moves all markers of a segment alike; residuals show
+the rest alone.
+"""
 
 
-def skin_sizes(model: Model, draw: Draw, residuals: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Standard deviation along each axis [m] of the skin under every marker: of its segment, and of its own, at least
-    as large as the marker's root mean square distance from the model in this recording leaves it.
+def skin_sizes(
+    model: Model, draw: Draw, residuals: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Standard deviation along each axis [m] of the skin under every marker: of its segment, and of
+    its own, at least as large as the marker's root mean square distance from the model in this
+    recording leaves it.
     """
     try:
         segments = segments_of(model)
@@ -46,7 +51,9 @@ def skin_sizes(model: Model, draw: Draw, residuals: Mapping[str, float]) -> dict
     return result
 
 
-def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping[str, float]) -> Markers:
+def drawn_markers(
+    model: Model, markers: Markers, draw: Draw, residuals: Mapping[str, float]
+) -> Markers:
     """Markers with noise, and moved by skin that moves on bone.
 
     Parameters
@@ -74,10 +81,12 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
     >>> bool(0.0 < abs(moved.values - markers.values).max() < 0.05)
     True
     """
-    frames, width = len(markers), _width(markers.time, draw.sources.skin_time)
+    frames = len(markers)
+    width = _width(markers.time, draw.sources.skin_time)
     sizes = skin_sizes(model, draw, residuals)
     bodies = {marker.name: marker.body for marker in model.markers}
-    values, noise = np.array(markers.values), draw.sources.marker_noise
+    values = np.array(markers.values)
+    noise = draw.sources.marker_noise
     known = [index for index, name in enumerate(markers.names) if name in sizes]
     names = [markers.names[index] for index in known]
     if noise:
@@ -87,12 +96,16 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
         hold = list(dict.fromkeys(bodies[name] for name in names))
         shared = draw.normals.processes(draw.number, "skin", hold, frames, width)
         values[:, known] += together * shared[:, [hold.index(bodies[name]) for name in names]]
-        values[:, known] += separate * draw.normals.processes(draw.number, "skin of marker", names, frames, width)
+        values[:, known] += separate * draw.normals.processes(
+            draw.number, "skin of marker", names, frames, width
+        )
     return replace(markers, values=values)
 
 
 def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw: Draw) -> Array:
-    """Rotations of bodies (frames, sensors, 3, 3) as sensors report them, with noise of filter and skin."""
+    """Rotations of bodies (frames, sensors, 3, 3) as sensors report them, with noise of filter and
+    skin.
+    """
     if not draw.sources.sensor_noise:
         return rotations
     width = _width(time, draw.sources.skin_time)
@@ -103,13 +116,18 @@ def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw:
 def drawn_places(
     options: InverseKinematicsOptions, spreads: Mapping[str, float], draw: Draw
 ) -> InverseKinematicsOptions:
-    """Options of inverse kinematics whose likely angles, in the place of lost sensors, are others [rad]."""
+    """Options of inverse kinematics whose likely angles, in the place of lost sensors, are others
+    [rad].
+    """
     places = options.coordinates
     if places is None or not spreads or not draw.sources.sensor_noise:
         return options
-    width, values = _width(places.time, draw.sources.skin_time), np.array(places.values)
+    width = _width(places.time, draw.sources.skin_time)
+    values = np.array(places.values)
     for name, spread in spreads.items():
-        process = draw.normals.process(draw.number, "lost sensor", name, len(values), width, 1)[:, 0]
+        process = draw.normals.process(draw.number, "lost sensor", name, len(values), width, 1)[
+            :, 0
+        ]
         values[:, places.names.index(name)] += spread * process
     return replace(options, coordinates=replace(places, values=values))
 
@@ -141,19 +159,28 @@ def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
     >>> bool(0.0 < abs(moved.values - motion.values).max() < 0.2)
     True
     """
-    frames, width = len(motion), _width(motion.time, draw.sources.skin_time)
-    values, size, free = np.array(motion.values), draw.sources.angle, free_angles(model)
+    frames = len(motion)
+    width = _width(motion.time, draw.sources.skin_time)
+    values = np.array(motion.values)
+    size = draw.sources.angle
+    free = free_angles(model)
     for index, name in enumerate(motion.names):
         check_name("coordinate", name, model.coordinate_names)
         if size and name in free:
-            values[:, index] += size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
+            values[:, index] += (
+                size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
+            )
     return replace(motion, values=values)
 
 
 def free_angles(model: Model) -> tuple[str, ...]:
-    """Coordinates that turn joints: not locked, not driven by others, not those of a body that floats."""
+    """Coordinates that turn joints: not locked, not driven by others, not those of a body that
+    floats.
+    """
     fixed = {coupler.dependent for coupler in model.couplers}.union(floating_coordinates(model))
-    turning = (item for item in model.coordinates if item.motion == "rotational" and not item.locked)
+    turning = (
+        item for item in model.coordinates if item.motion == "rotational" and not item.locked
+    )
     return tuple(coordinate.name for coordinate in turning if coordinate.name not in fixed)
 
 
@@ -184,7 +211,8 @@ def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
     >>> bool(0.0 < abs(moved.points - loads.points).max() < 0.02)
     True
     """
-    points, forces = np.array(wrenches.points), np.array(wrenches.forces)
+    points = np.array(wrenches.points)
+    forces = np.array(wrenches.forces)
     for index, name in enumerate(wrenches.names):
         shift = draw.of("plate_position", name, 3)
         points[:, index] += shift - (shift @ up) * up
@@ -195,9 +223,13 @@ def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
 
 
 def shifted(wrenches: Wrenches, late: float) -> Wrenches:
-    """The same forces by a clock that is `late` [s] behind; the first and last are held at the ends."""
+    """The same forces by a clock that is `late` [s] behind; the first and last are held at the
+    ends.
+    """
     at = np.clip(wrenches.time - late, wrenches.time[0], wrenches.time[-1])
-    low = np.clip(np.searchsorted(wrenches.time, at, side="right") - 1, 0, max(len(wrenches) - 2, 0))
+    low = np.clip(
+        np.searchsorted(wrenches.time, at, side="right") - 1, 0, max(len(wrenches) - 2, 0)
+    )
     high = np.minimum(low + 1, len(wrenches) - 1)
     step = np.where(high > low, wrenches.time[high] - wrenches.time[low], 1.0)
     share = ((at - wrenches.time[low]) / step)[:, None, None]
@@ -208,7 +240,9 @@ def shifted(wrenches: Wrenches, late: float) -> Wrenches:
         # Beside a sample without a center of pressure the nearer one counts.
         return np.asarray(np.where(np.isfinite(mixed), mixed, near))
 
-    forces, points, torques = (between(values) for values in (wrenches.forces, wrenches.points, wrenches.torques))
+    forces = between(wrenches.forces)
+    points = between(wrenches.points)
+    torques = between(wrenches.torques)
     return replace(wrenches, forces=forces, points=points, torques=torques)
 
 
@@ -252,12 +286,15 @@ def drawn_sites(sites: Sequence[Site], draw: Draw) -> tuple[Site, ...]:
     if not draw.sources.contact_point:
         return tuple(sites)
     return tuple(
-        replace(site, points=site.points + draw.of("contact_point", f"{site.group} {site.body}", 3)) for site in sites
+        replace(site, points=site.points + draw.of("contact_point", f"{site.group} {site.body}", 3))
+        for site in sites
     )
 
 
 def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
-    """Contacts (frames, sites) that begin and end at other times, all touches of one contact late by the same."""
+    """Contacts (frames, sites) that begin and end at other times, all touches of one contact late
+    by the same.
+    """
     if not draw.sources.contact_time or len(ready) < 2:
         return ready
     values = np.array(ready.values)
@@ -268,8 +305,9 @@ def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Serie
 
 
 def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
-    """Columns of which the first half of every touch of any comes later by `begin` [s], the second by `end`. A touch
-    that lasts to the end of the recording keeps that end: nothing was found there.
+    """Columns of which the first half of every touch of any comes later by `begin` [s], the second
+    by `end`. A touch that lasts to the end of the recording keeps that end: nothing was found
+    there.
     """
     result = np.zeros_like(values)
     for start, stop in runs(np.asarray((values > 0.0).any(axis=1))):

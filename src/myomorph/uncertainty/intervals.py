@@ -1,4 +1,6 @@
-"""The uncertainty of any result that is computed from a model: its values under drawn errors, and their spread."""
+"""The uncertainty of any result that is computed from a model: its values under drawn errors, and
+their spread.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources, source_sizes
 from myomorph.uncertainty.spread import Draws, Uncertainty
 
-FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)  # What a draw may end in that has no solution
+# What a draw may end in that has no solution
+FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)
 MIN_DRAWS = 2
 
 
@@ -32,31 +35,34 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Limits that hold 90 % of a result's values under drawn errors, whatever the result is.
 
-    Each draw has a model of its own, with other masses, joints, marker positions, paths and muscles. Inputs of other
-    kinds are drawn within `compute`: `drawn_markers`, `drawn_angles`, `drawn_wrenches`, `drawn_emg`. Limits are those
-    of the draws; no factor widens them.
+    Each draw has a model of its own, with other masses, joints, marker positions, paths and
+    muscles. Inputs of other kinds are drawn within `compute`: `drawn_markers`, `drawn_angles`,
+    `drawn_wrenches`, `drawn_emg`. Limits are those of the draws; no factor widens them.
 
     Source: see docs/uncertainty.md for the sources of error and their sizes.
 
     Parameters
     ----------
     model : without errors
-    compute : from a drawn model and the draw to series by name, alike in shape and columns in every draw
+    compute : from a drawn model and the draw to series by name, alike in shape and columns in every
+        draw
     draws : how many, 2 or more
-    sources : standard deviations of the sources of error, each in its own unit; by default the usual ones
+    sources : standard deviations of the sources of error, each in its own unit; by default the
+        usual ones
     sizes : of single items, which an earlier step found
     seed : of the random numbers
     progress : called with 1 after each draw
 
     Returns
     -------
-    spreads by name, each with low, high and standard deviation (frames, columns) in the unit of the series; how many
-    draws had no solution; the sizes of the sources
+    spreads by name, each with low, high and standard deviation (frames, columns) in the unit of the
+    series; how many draws had no solution; the sizes of the sources
 
     Raises
     ------
     BadData
-        fewer than two draws are asked for or have a solution, or series differ in shape from draw to draw
+        fewer than two draws are asked for or have a solution, or series differ in shape from draw
+        to draw
 
     Examples
     --------
@@ -74,26 +80,39 @@ def uncertainty_of(
         raise BadData(f"{draws} draws: expected {MIN_DRAWS} or more")
     sources = sources or Sources()
     normals = Normals(draws, seed)
-    failed, last = 0, ""
+    failed = 0
+    last = ""
     first: Mapping[str, Series] = FrozenMap({})
     with ExitStack() as kept:
         for number in range(draws):
-            draw = Draw(number, sources, normals, sizes.beside(sources))
+            draw = Draw(
+                number=number, sources=sources, normals=normals, found=sizes.beside(sources)
+            )
             try:
                 result = compute(drawn_subject(model, draw), draw)
             except FAILURES as error:
-                failed, last = failed + 1, f"; the last has none: {error}"
+                failed = failed + 1
+                last = f"; the last has none: {error}"
                 continue
             finally:
                 progress(1)
             shapes = {name: series.values.shape for name, series in result.items()}
             if not first:
-                first, expected = result, shapes
+                first = result
+                expected = shapes
                 tables = kept.enter_context(Draws(draws, shapes))
             if shapes != expected:
-                raise BadData(f"a draw has series of shapes {shapes}, the first has {expected}: expected the same")
+                raise BadData(
+                    f"a draw has series of shapes {shapes}, the first has {expected}: expected the"
+                    " same"
+                )
             tables.put(number, {name: series.values for name, series in result.items()})
         if draws - failed < MIN_DRAWS:
-            raise BadData(f"{draws - failed} of {draws} draws have a solution: expected {MIN_DRAWS} or more{last}")
-        spreads = FrozenMap({name: tables.spread(name, series.time, series.names) for name, series in first.items()})
+            raise BadData(
+                f"{draws - failed} of {draws} draws have a solution: expected {MIN_DRAWS} or"
+                f" more{last}"
+            )
+        spreads = FrozenMap(
+            {name: tables.spread(name, series.time, series.names) for name, series in first.items()}
+        )
     return Uncertainty(spreads, draws=draws, failed=failed, sizes=source_sizes(sources, sizes))

@@ -1,4 +1,6 @@
-"""Random numbers of the sources of error: the same for the same source, item and draw, whatever else is drawn."""
+"""Random numbers of the sources of error: the same for the same source, item and draw, whatever
+else is drawn.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,17 @@ import scipy
 
 from myomorph.model.arrays import Array
 
-REACH = 4  # Standard deviations of the smoothing Gaussian that a process is begun before its first frame
+# Standard deviations of the smoothing Gaussian that a process is begun before its first frame
+REACH = 4
 
 
 @dataclass(frozen=True)
 class Normals:
     """Standard normal numbers of `draws` draws.
 
-    Numbers depend on the seed, the source's name, the item's name and the draw alone: a marker is misplaced alike in
-    every trial of a subject, and two conditions differ by what differs between them.
+    Numbers depend on the seed, the source's name, the item's name and the draw alone: a marker is
+    misplaced alike in every trial of a subject, and two conditions differ by what differs between
+    them.
 
     Attributes
     ----------
@@ -32,7 +36,8 @@ class Normals:
     seed: int = 0
 
     def of(self, draw: int, source: str, name: str, size: int = 1) -> Array:
-        """(size,) numbers that hold for a whole recording, spread evenly over the draws (Latin hypercube).
+        """(size,) numbers that hold for a whole recording, spread evenly over the draws (Latin
+        hypercube).
 
         Source: McKay, Beckman and Conover 1979.
         """
@@ -42,8 +47,12 @@ class Normals:
         """A number from 0 to 1, spread evenly over the draws."""
         return float(_evenly(self.draws, self.seed, source, name, 1)[draw, 0])
 
-    def process(self, draw: int, source: str, name: str, frames: int, width: float, size: int = 3) -> Array:
-        """(frames, size) numbers of variance 1 that a Gaussian of `width` frames correlates; 0 for white noise."""
+    def process(
+        self, draw: int, source: str, name: str, frames: int, width: float, size: int = 3
+    ) -> Array:
+        """(frames, size) numbers of variance 1 that a Gaussian of `width` frames correlates; 0 for
+        white noise.
+        """
         return self.processes(draw, source, (name,), frames, width, size)[:, 0]
 
     def processes(
@@ -53,7 +62,9 @@ class Normals:
         before = int(np.ceil(REACH * width)) if width > 0.0 else 0
         white = np.empty((frames + 2 * before, len(names), size))
         for index, name in enumerate(names):
-            rng = np.random.default_rng((self.seed, crc32(source.encode()), crc32(name.encode()), draw))
+            rng = np.random.default_rng(
+                (self.seed, crc32(source.encode()), crc32(name.encode()), draw)
+            )
             white[:, index] = rng.standard_normal((len(white), size))
         if not before:
             return white
@@ -70,7 +81,9 @@ def _hypercube(draws: int, seed: int, source: str, name: str, size: int) -> Arra
 
 
 def _evenly(draws: int, seed: int, source: str, name: str, size: int) -> Array:
-    """(draws, size) numbers of which each of `draws` equal parts between 0 and 1 holds one a column."""
+    """(draws, size) numbers of which each of `draws` equal parts between 0 and 1 holds one a
+    column.
+    """
     rng = np.random.default_rng((seed, crc32(source.encode()), crc32(name.encode())))
     order = rng.permuted(np.tile(np.arange(draws), (size, 1)), axis=1).T
     return np.asarray((order + rng.random((draws, size))) / draws)

@@ -1,4 +1,6 @@
-"""What draws come to: limits that hold 90 % of them, their standard deviation, and what share each source has in it."""
+"""What draws come to: limits that hold 90 % of them, their standard deviation, and what share each
+source has in it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from myomorph.uncertainty.sources import SourceSize
 
 LEVEL = 0.9
 TAILS = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
-IN_MEMORY = 100e6  # Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
+# Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
+IN_MEMORY = 100e6
 AT_ONCE = 20e6  # Values that are sorted together [bytes]
 
 
@@ -40,7 +43,8 @@ class Spread:
     deviation: Array
 
     def over(self, time: Array, drawn: Array, nominal: Array) -> Spread:
-        """The spread at other times, its limits as far from the values without errors as between its own frames.
+        """The spread at other times, its limits as far from the values without errors as between
+        its own frames.
 
         Parameters
         ----------
@@ -49,22 +53,31 @@ class Spread:
         """
         if len(time) == len(self.time):
             return self
-        low, high, deviation = (
-            np.column_stack([np.interp(time, self.time, column) for column in values.T])
-            for values in (self.low - drawn, self.high - drawn, self.deviation)
+        low = np.column_stack(
+            [np.interp(time, self.time, column) for column in (self.low - drawn).T]
         )
-        return Spread(time, self.names, nominal + low, nominal + high, deviation)
+        high = np.column_stack(
+            [np.interp(time, self.time, column) for column in (self.high - drawn).T]
+        )
+        deviation = np.column_stack(
+            [np.interp(time, self.time, column) for column in self.deviation.T]
+        )
+        return Spread(
+            time=time, names=self.names, low=nominal + low, high=nominal + high, deviation=deviation
+        )
 
 
 @read_only
 class Shares:
-    """What groups of sources contribute to the columns of one table, as shares of the variance (groups, names).
+    """What groups of sources contribute to the columns of one table, as shares of the variance
+    (groups, names).
 
     Attributes
     ----------
     groups : names
     alone : of each group, the others left out
-    total : what is missing where a group is left out, so that what it does together with others counts too
+    total : what is missing where a group is left out, so that what it does together with others
+        counts too
     """
 
     groups: tuple[str, ...]
@@ -84,7 +97,8 @@ class Uncertainty:
     draws, failed : how many inputs were drawn, and of how many there is no solution
     factors : by which the limits of tables are wider than those that hold 90 % of the draws
     sizes : of the sources of error, and where each comes from
-    gait : by side, (draws, samples, variables) errors of the mean curves of clinical gait analysis; {} for no walk
+    gait : by side, (draws, samples, variables) errors of the mean curves of clinical gait analysis;
+        {} for no walk
     """
 
     spreads: Mapping[str, Spread] = field(default_factory=lambda: FrozenMap({}))
@@ -100,7 +114,9 @@ class Uncertainty:
     def summary(self) -> str:
         """How limits were found, as the end of a line."""
         wider = ", ".join(
-            f"{name.replace('_', ' ')} {factor:g}" for name, factor in self.factors.items() if factor != 1.0
+            f"{name.replace('_', ' ')} {factor:g}"
+            for name, factor in self.factors.items()
+            if factor != 1.0
         )
         text = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
         return f"{text}, widened by factors ({wider})" if wider else text
@@ -111,13 +127,21 @@ class Draws(ExitStack):
 
     def __init__(self, count: int, shapes: Mapping[str, tuple[int, ...]]):
         super().__init__()
-        self.count, self.done, self._values, folder = count, list[int](), dict[str, np.ndarray](), ""
+        self.count = count
+        self.done = list[int]()
+        self._values = dict[str, np.ndarray]()
+        folder = ""
         if 4.0 * count * sum(float(np.prod(shape)) for shape in shapes.values()) > IN_MEMORY:
             made = tempfile.TemporaryDirectory(prefix="myomorph-draws.", ignore_cleanup_errors=True)
             folder = self.enter_context(made)
         for name, shape in shapes.items():
-            path, whole = Path(folder) / f"{len(shape) + 1}-{name}", (count, *shape)
-            values = np.memmap(path, np.float32, "w+", shape=whole) if folder else np.empty(whole, np.float32)
+            path = Path(folder) / f"{len(shape) + 1}-{name}"
+            whole = (count, *shape)
+            values = (
+                np.memmap(path, np.float32, "w+", shape=whole)
+                if folder
+                else np.empty(whole, np.float32)
+            )
             self._values[name] = values
         self.callback(self._values.clear)
 
@@ -133,7 +157,8 @@ class Draws(ExitStack):
 
     def spread(self, name: str, time: Array, names: tuple[str, ...]) -> Spread:
         """Limits and standard deviation of a table (frames, names)."""
-        values, done = self._values[name], np.array(self.done)
+        values = self._values[name]
+        done = np.array(self.done)
         frames = values.shape[1]
         low, high, deviation = (np.empty(values.shape[1:]) for _ in range(3))
         step = max(1, int(AT_ONCE / (4.0 * values.shape[0] * max(values.shape[2], 1))))
@@ -142,7 +167,7 @@ class Draws(ExitStack):
             taken = np.asarray(values[done, part], np.float64)
             low[part], high[part] = np.quantile(taken, TAILS, axis=0)
             deviation[part] = taken.std(axis=0, ddof=1)
-        return Spread(time, names, low, high, deviation)
+        return Spread(time=time, names=names, low=low, high=high, deviation=deviation)
 
 
 FACTORS: Mapping[str, float] = FrozenMap(
@@ -155,19 +180,28 @@ FACTORS: Mapping[str, float] = FrozenMap(
         "joint_contact_forces": 1.05,
     }
 )
-"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md says. Of a table
-that is not named nothing is known: its limits stay as drawn."""
+"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md
+says. Of a table that is not named nothing is known: its limits stay as drawn.
+"""
 NOT_NEGATIVE = ("activations", "forces")
-"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`, `..._force`) are not."""
+"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`, `..._force`) are
+not.
+"""
 
 
 def widened(name: str, spread: Spread, factor: float) -> Spread:
-    """Limits of a table further apart by a factor, about their middle; what cannot be negative stays at 0 or above."""
+    """Limits of a table further apart by a factor, about their middle; what cannot be negative
+    stays at 0 or above.
+    """
     if factor == 1.0:
         return spread
-    middle, half = 0.5 * (spread.low + spread.high), 0.5 * factor * (spread.high - spread.low)
-    low, high = middle - half, middle + half
-    positive = [name in NOT_NEGATIVE or column.endswith(("_f", "_force")) for column in spread.names]
+    middle = 0.5 * (spread.low + spread.high)
+    half = 0.5 * factor * (spread.high - spread.low)
+    low = middle - half
+    high = middle + half
+    positive = [
+        name in NOT_NEGATIVE or column.endswith(("_f", "_force")) for column in spread.names
+    ]
     low[:, positive] = np.maximum(low, np.minimum(spread.low, 0.0))[:, positive]
     if name == "activations":
         high = np.minimum(high, np.maximum(spread.high, 1.0))
@@ -176,8 +210,8 @@ def widened(name: str, spread: Spread, factor: float) -> Spread:
 
 @read_only
 class ValueErrors:
-    """Errors (draws, names) of the numbers of a trial under draws, named by step and quantity, in the units of the
-    tables; NaN in a draw that has no solution.
+    """Errors (draws, names) of the numbers of a trial under draws, named by step and quantity, in
+    the units of the tables; NaN in a draw that has no solution.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -204,9 +238,9 @@ def widened_errors(errors: Array, factors: Array) -> Array:
 
 
 def of_subject(errors: Array, subject: str) -> Array:
-    """Errors (draws, names) in an order of the subject's own. Draws go by the names of sources and items: a marker is
-    misplaced alike in all trials of a subject, which is true, and in those of another, which is not. In another order
-    for each, subjects err independently.
+    """Errors (draws, names) in an order of the subject's own. Draws go by the names of sources and
+    items: a marker is misplaced alike in all trials of a subject, which is true, and in those of
+    another, which is not. In another order for each, subjects err independently.
     """
     order = np.random.default_rng(crc32(subject.encode())).permutation(len(errors))
     return np.asarray(errors[order])

@@ -1,1 +1,3 @@
-"""Pages that play stored results in three dimensions, and live ones; they compute no value that is kept."""
+"""Pages that play stored results in three dimensions, and live ones; they compute no value that is
+kept.
+"""

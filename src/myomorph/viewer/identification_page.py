@@ -1,4 +1,6 @@
-"""What a subject sees while identification goes on: progress, the body, what to move next; on terminal and page."""
+"""What a subject sees while identification goes on: progress, the body, what to move next; on
+terminal and page.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ BAR = 18  # Characters of a bar.
 
 @dataclass(frozen=True)
 class Clock:
-    """How far a live session is: time in the recording, its length where known, and how late it is shown [s]."""
+    """How far a live session is: time in the recording, its length where known, and how late it is
+    shown [s].
+    """
 
     now: float
     duration: float | None = None
@@ -41,14 +45,21 @@ class Clock:
 def segment_levels(
     names: tuple[str, ...], segments: Mapping[str, Segment], levels: Array
 ) -> dict[str, dict[str, float]]:
-    """Mean level of the links of every segment by side: {"thigh": {"right": 0.8, "left": 0.7}, ...}, from the head."""
+    """Mean level of the links of every segment by side: {"thigh": {"right": 0.8, "left": 0.7},
+    ...}, from the head.
+    """
     by_segment: dict[str, dict[str, list[float]]] = {}
     for name, level in zip(names, levels, strict=True):
         if name in segments and np.isfinite(level):
             segment = segments[name]
-            by_segment.setdefault(segment.name, {}).setdefault(segment.side, []).append(float(level))
+            by_segment.setdefault(segment.name, {}).setdefault(segment.side, []).append(
+                float(level)
+            )
     order = {name: by_segment[name] for name in (*SEGMENTS, *by_segment) if name in by_segment}
-    return {plain_words(name): {side: float(np.mean(each)) for side, each in by.items()} for name, by in order.items()}
+    return {
+        plain_words(name): {side: float(np.mean(each)) for side, each in by.items()}
+        for name, by in order.items()
+    }
 
 
 def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
@@ -62,7 +73,11 @@ def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
 
 
 def live_panel(
-    state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock, body: Text | None = None
+    state: OnlineState,
+    names: tuple[str, ...],
+    segments: Mapping[str, Segment],
+    at: Clock,
+    body: Text | None = None,
 ) -> RenderableType:
     """Everything for a terminal; `body`: the body drawn in characters."""
     facts = Table.grid(padding=(0, 2))
@@ -71,16 +86,22 @@ def live_panel(
     facts.add_row("Progress", _bar(state.fit.progress))
     facts.add_row("Frames", _frames(state))
     facts.add_row("Parameters", _identifiable(state))
-    moment, force = state.fit.innovation_rms[:3], state.fit.innovation_rms[3:]
+    moment = state.fit.innovation_rms[:3]
+    force = state.fit.innovation_rms[3:]
     facts.add_row("Wrench error", f"{_rms(force)} N, {_rms(moment)} N·m")
     facts.add_row("Move next", Text(move_next(state, segments) or "anything", style="bold"))
     grid = Table.grid(padding=(0, 2))
     for words, sides in segment_levels(names, segments, state.levels).items():
-        bars = {side: Text.assemble((f"{side:>6}", "dim"), " ", _bar(level)) for side, level in sides.items()}
+        bars = {
+            side: Text.assemble((f"{side:>6}", "dim"), " ", _bar(level))
+            for side, level in sides.items()
+        }
         if "" in bars:
             grid.add_row(words.capitalize(), bars[""])
         if "right" in bars or "left" in bars:
-            grid.add_row(words.capitalize(), *(bars.get(side, Text()) for side in ("right", "left")))
+            grid.add_row(
+                words.capitalize(), *(bars.get(side, Text()) for side in ("right", "left"))
+            )
     right: RenderableType = Group(facts, Text(), grid)
     both = Table.grid(padding=(0, 3))
     both.add_row(*([body, right] if body is not None else [right]))
@@ -100,23 +121,30 @@ def _bar(level: float) -> Text:
 
 def _frames(state: OnlineState) -> str:
     used = f"{state.fit.frames} used of {state.frames}"
-    reasons = ", ".join(f"{count} {reason.split(':')[0].split(',')[0]}" for reason, count in state.left_out.items())
+    reasons = ", ".join(
+        f"{count} {reason.split(':')[0].split(',')[0]}" for reason, count in state.left_out.items()
+    )
     return f"{used}; left out: {reasons}" if reasons else used
 
 
 def _identifiable(state: OnlineState) -> str:
     fit = state.fit
     text = f"{fit.rank} of {len(fit.estimate)} identifiable"
-    return f"{text}, condition number {number(fit.condition)}" if np.isfinite(fit.condition) else text
+    return (
+        f"{text}, condition number {number(fit.condition)}" if np.isfinite(fit.condition) else text
+    )
 
 
 def _rms(errors: Array) -> str:
     return number(float(np.linalg.norm(errors)))
 
 
-def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock) -> str:
+def live_markdown(
+    state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock
+) -> str:
     """The same as text for a web page."""
-    moment, force = state.fit.innovation_rms[:3], state.fit.innovation_rms[3:]
+    moment = state.fit.innovation_rms[:3]
+    force = state.fit.innovation_rms[3:]
     facts = (
         f"**Move next: {move_next(state, segments) or 'anything'}**",
         f"{at.now:.1f} s" + (f" of {at.duration:.1f} s" if at.duration else ""),
@@ -126,11 +154,15 @@ def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[
     )
     lines = ["\n\n".join(facts), "", "| Segment | identified |", "|---|---|"]
     for words, sides in segment_levels(names, segments, state.levels).items():
-        lines += [f"| {f'{side} {words}'.strip()} | {100 * level:.0f} % |" for side, level in sides.items()]
+        lines += [
+            f"| {f'{side} {words}'.strip()} | {100 * level:.0f} % |"
+            for side, level in sides.items()
+        ]
     return "\n".join(lines)
 
 
-ROWS, COLUMNS = 30, 40  # Characters of the drawn body.
+ROWS = 30
+COLUMNS = 40  # Characters of the drawn body.
 BESIDE = 60  # Characters that the numbers need beside it.
 DRAWN = 30.0  # Poses a second that the page is sent [Hz].
 
@@ -151,8 +183,11 @@ class Display(Protocol):
 class TerminalDisplay:
     """Draws on the terminal through `rich`."""
 
-    def __init__(self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None):
-        self._model, self._segments = model, segments
+    def __init__(
+        self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None
+    ):
+        self._model = model
+        self._segments = segments
         self._view = BodyView(model, surfaces)
         self._console = Console(stderr=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=False)
@@ -176,15 +211,21 @@ class TerminalDisplay:
 
 
 class WebDisplay(Page):
-    """Draws in a web page, http://localhost:PORT: links in colors, markers as points, the numbers, a progress bar.
-    `surfaces`: meshes by `Mesh.file`; without any, limbs are rounds.
+    """Draws in a web page, http://localhost:PORT: links in colors, markers as points, the numbers,
+    a progress bar. `surfaces`: meshes by `Mesh.file`; without any, limbs are rounds.
     """
 
     def __init__(
-        self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None, port: int
+        self,
+        model: Model,
+        segments: Mapping[str, Segment],
+        surfaces: Mapping[str, Surface] | None,
+        port: int,
     ):
         super().__init__(port, "Myomorph")
-        self._model, self._segments, self._drawn = model, segments, 0.0
+        self._model = model
+        self._segments = segments
+        self._drawn = 0.0
         view = BodyView(model, surfaces)
         self._show_body(view, view.scene.solids if view.meshed else view.limbs(), 0.6)
         self._progress = self._server.gui.add_progress_bar(0.0)
@@ -192,7 +233,9 @@ class WebDisplay(Page):
         sys.stderr.write(f"the body is at http://localhost:{self.port}\n")
 
     def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """Put the body in a pose (coordinates,) and show markers (n, 3) [m], at most thirty times a second."""
+        """Put the body in a pose (coordinates,) and show markers (n, 3) [m], at most thirty times a
+        second.
+        """
         if clock.monotonic() - self._drawn > 1.0 / DRAWN:
             with self._server.atomic():
                 self._pose(coordinates)
@@ -205,6 +248,10 @@ class WebDisplay(Page):
         colors = (255.0 * level_color(state.levels) ** DEEPER).astype(int)
         with self._server.atomic():
             for body, mesh in self._links.handles.items():
-                mesh.color = (190, 190, 190) if body == 0 else tuple(int(color) for color in colors[body - 1])
+                mesh.color = (
+                    (190, 190, 190)
+                    if body == 0
+                    else tuple(int(color) for color in colors[body - 1])
+                )
             self._progress.value = 100.0 * min(max(state.fit.progress, 0.0), 1.0)
             self._text.content = live_markdown(state, self._model.body_names, self._segments, at)

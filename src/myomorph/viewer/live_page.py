@@ -1,4 +1,6 @@
-"""A body in a web page while the chain follows it: bones, muscles by activation, forces, markers, and numbers."""
+"""A body in a web page while the chain follows it: bones, muscles by activation, forces, markers,
+and numbers.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,11 @@ from myomorph.viewer.replay_body import MIN_FORCE, SLACK, TALL, TIGHT, WEIGHT, T
 from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
 from myomorph.viewer.web_page import DEEPER, BodyView, Page
 
-STRONGEST, TURNED = 8, 8  # Muscles and torques that the table holds.
-STAY, FADE = 2.0, 0.98  # How long rows of the table stay in place [s], and what is left of a peak a frame later.
+STRONGEST = 8
+TURNED = 8  # Muscles and torques that the table holds.
+STAY = 2.0
+# How long rows of the table stay in place [s], and what is left of a peak a frame later.
+FADE = 0.98
 THIN = 0.4  # Thickness of limbs without meshes, so that muscles are seen beside them.
 
 
@@ -43,21 +48,34 @@ class Shown:
 class ChainViewer(Page):
     """A page that shows the newest frame of the chain; without meshes limbs are rounds."""
 
-    def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None, port: int, wrenches: int):
+    def __init__(
+        self, model: Model, surfaces: Mapping[str, Surface] | None, port: int, wrenches: int
+    ):
         super().__init__(port, "Myomorph live")
-        self._model, view = model, BodyView(model, surfaces)
+        self._model = model
+        view = BodyView(model, surfaces)
         self._paths = compile_paths(model)
-        self._strength = np.array([max(muscle.max_isometric_force, 1e-9) for muscle in model.muscles])
+        self._strength = np.array(
+            [max(muscle.max_isometric_force, 1e-9) for muscle in model.muscles]
+        )
         scene = view.scene
         self._size = min(scene.size, TALL * (scene.high - scene.low))
         gravity = float(np.linalg.norm(model.gravity)) or 9.81
         self._weight = max(gravity * model.mass, 1e-9)
-        self._show_body(view, bone_solids(scene, self._size) if view.meshed else view.limbs(THIN), 0.9)
+        self._show_body(
+            view, bone_solids(scene, self._size) if view.meshed else view.limbs(THIN), 0.9
+        )
         rest = np.array([coordinate.default for coordinate in model.coordinates])
         unknown = np.full(len(model.muscles), np.nan)
-        self._muscles = add_batch(self._page, "/around/muscles", tube(), self._strings(rest, unknown, unknown))
+        self._muscles = add_batch(
+            self._page, "/around/muscles", tube(), self._strings(rest, unknown, unknown)
+        )
         none = np.full((wrenches, 2, 3), np.nan)
-        self._arrows = add_arrows(self._page, "/around/", none, self._size, COLORS["measured"]) if wrenches else []
+        self._arrows = (
+            add_arrows(self._page, "/around/", none, self._size, COLORS["measured"])
+            if wrenches
+            else []
+        )
         self._text = self._server.gui.add_markdown("")
         self._rows = Rows(model)
 
@@ -66,26 +84,39 @@ class ChainViewer(Page):
         with self._server.atomic():
             if np.isfinite(shown.coordinates).all():
                 self._pose(shown.coordinates)
-                move_batch(self._muscles, self._strings(shown.coordinates, shown.activations, shown.forces))
+                move_batch(
+                    self._muscles, self._strings(shown.coordinates, shown.activations, shown.forces)
+                )
                 if self._arrows:
-                    ends = force_ends(shown.wrenches, self._view.scene.up, self._weight, WEIGHT * self._size)
-                    for handle, tubes_of in zip(self._arrows, arrows(ends, self._size, np.zeros(3)), strict=True):
+                    ends = force_ends(
+                        shown.wrenches, self._view.scene.up, self._weight, WEIGHT * self._size
+                    )
+                    for handle, tubes_of in zip(
+                        self._arrows, arrows(ends, self._size, np.zeros(3)), strict=True
+                    ):
                         move_batch(handle, tubes_of, colors=False)
             if len(shown.markers):
                 self._show_markers(shown.markers, COLORS["recorded"])
-            self._text.content = live_text(self._model, shown, self._rows.of(shown, clock.monotonic()))
+            self._text.content = live_text(
+                self._model, shown, self._rows.of(shown, clock.monotonic())
+            )
 
     def _strings(self, coordinates: Array, activations: Array, forces: Array) -> Tubes:
         """Muscles as tubes: activation as color, tension as cross-section."""
         drawn = drawn_paths(self._paths, np.ascontiguousarray(coordinates)[None])
-        share = np.sqrt(np.clip(np.nan_to_num(np.abs(forces)) / self._strength.max(initial=1e-9), 0.0, 1.0))
+        share = np.sqrt(
+            np.clip(np.nan_to_num(np.abs(forces)) / self._strength.max(initial=1e-9), 0.0, 1.0)
+        )
         colors = activation_color(activations) ** DEEPER
         return tubes(drawn.places[0], drawn.muscle, self._size * (SLACK + TIGHT * share), colors)
 
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:
-    """(bodies, 2, 3) arrows of forces [m], from the floor, NaN for small ones; `length` for the force `weight`."""
-    moments, forces = wrenches[:, :3], wrenches[:, 3:]
+    """(bodies, 2, 3) arrows of forces [m], from the floor, NaN for small ones; `length` for the
+    force `weight`.
+    """
+    moments = wrenches[:, :3]
+    forces = wrenches[:, 3:]
     lift = forces @ up
     acts = np.isfinite(lift) & (np.abs(lift) > MIN_FORCE * weight)
     start = np.cross(up, moments) / np.where(acts, lift, 1.0)[:, None]
@@ -94,11 +125,16 @@ def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Arra
 
 
 class Rows:
-    """Muscles and coordinates that a table tells of: those that were strongest of late, kept for a while."""
+    """Muscles and coordinates that a table tells of: those that were strongest of late, kept for a
+    while.
+    """
 
     def __init__(self, model: Model):
-        self._turning = np.array([coordinate.motion == "rotational" for coordinate in model.coordinates], np.bool_)
-        self._forces, self._torques = np.zeros(len(model.muscles)), np.zeros(len(model.coordinates))
+        self._turning = np.array(
+            [coordinate.motion == "rotational" for coordinate in model.coordinates], np.bool_
+        )
+        self._forces = np.zeros(len(model.muscles))
+        self._torques = np.zeros(len(model.coordinates))
         self._sorted = -np.inf
         self._chosen: tuple[list[int], list[int]] = ([], [])
 
@@ -106,10 +142,15 @@ class Rows:
         """Indices of muscles, and of coordinates, at a time [s]."""
         if not shown.state:
             np.maximum(FADE * self._forces, np.nan_to_num(shown.forces), out=self._forces)
-            np.maximum(FADE * self._torques, np.abs(np.nan_to_num(shown.torques)) * self._turning, out=self._torques)
+            np.maximum(
+                FADE * self._torques,
+                np.abs(np.nan_to_num(shown.torques)) * self._turning,
+                out=self._torques,
+            )
         if not shown.state and now - self._sorted > STAY:
             self._sorted = now
-            strongest, turned = np.argsort(-self._forces)[:STRONGEST], np.argsort(-self._torques)[:TURNED]
+            strongest = np.argsort(-self._forces)[:STRONGEST]
+            turned = np.argsort(-self._torques)[:TURNED]
             self._chosen = sorted(strongest.tolist()), sorted(turned.tolist())
         return self._chosen
 
@@ -120,13 +161,17 @@ def live_text(model: Model, shown: Shown, rows: tuple[Sequence[int], Sequence[in
     if shown.state:
         lines += ["", f"**Torques unknown: {shown.state}**"]
     muscles, coordinates = rows
-    names, pulls, turns = model.muscle_names, {}, {}
+    names = model.muscle_names
+    pulls = {}
+    turns = {}
     for m in muscles:
-        active, force = _number(shown.activations[m], ".2f"), _number(shown.forces[m], ".0f", " N")
+        active = _number(shown.activations[m], ".2f")
+        force = _number(shown.forces[m], ".0f", " N")
         pulls[m] = f"{names[m]} | {active} | {force}"
     names = model.coordinate_names
     for j in coordinates:
-        angle, torque = _number(np.rad2deg(shown.coordinates[j]), ".0f", "°"), _number(shown.torques[j], ".0f", " N·m")
+        angle = _number(np.rad2deg(shown.coordinates[j]), ".0f", "°")
+        torque = _number(shown.torques[j], ".0f", " N·m")
         turns[j] = f"{names[j]} | {angle} | {torque}"
     lines += _table("Muscle | activation | tension", pulls, shown.force_limits)
     lines += _table("Coordinate | angle | torque", turns, shown.torque_limits)

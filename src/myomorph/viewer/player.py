@@ -12,19 +12,24 @@ from myomorph.viewer.replay_body import PlayedBody
 from myomorph.viewer.replay_scene import ShownBody
 from myomorph.viewer.web_page import Page, view_from
 
-TOO_NEAR, SIDE_BY_SIDE = 0.1, 0.45
-"""Distance of two bodies below which they begin side by side, and how far apart they then are, in sizes of the body."""
+TOO_NEAR = 0.1
+SIDE_BY_SIDE = 0.45
+"""Distance of two bodies below which they begin side by side, and how far apart they then are, in
+sizes of the body.
+"""
 
 GOES_AWAY = 0.4  # Way over the floor from which on the view follows, in sizes of the body.
 NEAR = 0.82  # Distance of the camera in sizes of the body.
-FIRST_VIEW = (0.75, 0.7, 0.16)  # From where the camera looks at first: ahead, to the right and above.
+# From where the camera looks at first: ahead, to the right and above.
+FIRST_VIEW = (0.75, 0.7, 0.16)
 MAX_LABELS = 6  # Muscles that are named in the scene.
 
 
 class Player(Page):
-    """A page with bodies and a clock: which time it is, and how the page shows it. `lock`: what changes the page holds
-    it, for the clock and every control run in threads of their own; `follows`: whether the view goes with the first
-    body; `now`: on the page's clock [s]; `drawn`: frames that were drawn.
+    """A page with bodies and a clock: which time it is, and how the page shows it. `lock`: what
+    changes the page holds it, for the clock and every control run in threads of their own;
+    `follows`: whether the view goes with the first body; `now`: on the page's clock [s]; `drawn`:
+    frames that were drawn.
     """
 
     # bodies, shown: what is played, and how the page shows it
@@ -37,8 +42,12 @@ class Player(Page):
     def __init__(self, port: int | None):
         super().__init__(port, "Myomorph")
         self.lock = threading.RLock()
-        self.playing, self.speed, self.loop, self.follows = False, 1.0, True, False
-        self.now, self.drawn = 0.0, 0
+        self.playing = False
+        self.speed = 1.0
+        self.loop = True
+        self.follows = False
+        self.now = 0.0
+        self.drawn = 0
 
     def seek(self, now: float) -> None:
         """Go to a time of the page's clock [s]."""
@@ -98,16 +107,24 @@ class Player(Page):
     def _load(self, bodies: list[PlayedBody]) -> None:
         """Put bodies on the page, at the begin of their clock."""
         scene = bodies[0].scene
-        self.bodies, self.found = bodies, [()] * len(bodies)
+        self.bodies = bodies
+        self.found = [()] * len(bodies)
         # Recordings that share no time all begin at 0.
         apart = max(body.time[0] for body in bodies) >= min(body.time[-1] for body in bodies)
-        self._offsets = [float(body.time[0]) if apart and len(bodies) > 1 else 0.0 for body in bodies]
-        ends = [(body.time[0] - late, body.time[-1] - late) for body, late in zip(bodies, self._offsets, strict=True)]
+        self._offsets = [
+            float(body.time[0]) if apart and len(bodies) > 1 else 0.0 for body in bodies
+        ]
+        ends = [
+            (body.time[0] - late, body.time[-1] - late)
+            for body, late in zip(bodies, self._offsets, strict=True)
+        ]
         self.span = float(min(end for end, _ in ends)), float(max(end for _, end in ends))
         self.now = self.span[0]
         first = [body.at(self._frame(i)) for i, body in enumerate(bodies)]
         self._lay_floor(scene, first[0].origins[1])
-        self.shown = [ShownBody(self._page, f"/around/body{i}", body, i) for i, body in enumerate(bodies)]
+        self.shown = [
+            ShownBody(self._page, f"/around/body{i}", body, i) for i, body in enumerate(bodies)
+        ]
         self._frames = [-1] * len(bodies)
         spread = float(np.linalg.norm(np.ptp([body.middle for body in first], axis=0)))
         near = len(bodies) > 1 and spread < TOO_NEAR * scene.size
@@ -115,13 +132,17 @@ class Player(Page):
         self.follows = bodies[0].travelled > GOES_AWAY * scene.size
 
     def _aim(self, client: Any, direction: tuple[float, float, float] = FIRST_VIEW) -> None:
-        """Turn a browser's camera to the bodies; a browser that is early waits until there are some."""
+        """Turn a browser's camera to the bodies; a browser that is early waits until there are
+        some.
+        """
         with self.lock:
             client.camera.up_direction = self.bodies[0].scene.up
             client.camera.position, client.camera.look_at = self._camera(*direction)
 
     def _camera(self, ahead: float, right: float, up: float) -> tuple[np.ndarray, np.ndarray]:
-        """Where a camera sees all bodies from a direction, and the middle that it looks at, where the page has them."""
+        """Where a camera sees all bodies from a direction, and the middle that it looks at, where
+        the page has them.
+        """
         scene = self.bodies[0].scene
         roots = [
             body.at(self._frame(i)).middle + self.around.position + shown.node.position
@@ -163,10 +184,14 @@ class Player(Page):
 
     def _labels(self, number: int, frame: int) -> dict[int, str]:
         """What to write beside the muscles that stand out."""
-        body, chosen = self.bodies[number], self.found[number]
+        body = self.bodies[number]
+        chosen = self.found[number]
         if len(chosen) > MAX_LABELS:
             return {}
-        return {m: _label(body.muscles[m], body.activations[frame, m], body.tensions[frame, m]) for m in chosen}
+        return {
+            m: _label(body.muscles[m], body.activations[frame, m], body.tensions[frame, m])
+            for m in chosen
+        }
 
     def _show_numbers(self, frames: Sequence[int]) -> None:
         """Show the present beside the scene; a page with controls does."""

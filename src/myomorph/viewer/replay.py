@@ -1,4 +1,6 @@
-"""A page that plays results again: the body moves, its muscles in the colors of their activations, curves beside it."""
+"""A page that plays results again: the body moves, its muscles in the colors of their activations,
+curves beside it.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,18 @@ from myomorph.viewer.web_page import quiet
 FRAMES = 30.0  # Frames a second that the page is sent [Hz].
 SLOW = 3  # Numbers and curves follow with every third frame.
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
-VIEWS = {"Front": (1.0, 0.0, 0.05), "Right": (0.0, 1.0, 0.05), "Back": (-1.0, 0.0, 0.05), "Left": (0.0, -1.0, 0.05)}
+VIEWS = {
+    "Front": (1.0, 0.0, 0.05),
+    "Right": (0.0, 1.0, 0.05),
+    "Back": (-1.0, 0.0, 0.05),
+    "Left": (0.0, -1.0, 0.05),
+}
 ALL = "all"
 WIDTH = 330
-SMALL = "display:flex;gap:0.7em;align-items:center;font-size:0.78em;opacity:0.85;padding:0.2em 0.6em 0.5em"
+SMALL = (
+    "display:flex;gap:0.7em;align-items:center;font-size:0.78em;opacity:0.85;padding:0.2em 0.6em"
+    " 0.5em"
+)
 MAX_ROWS = 10
 
 Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
@@ -36,12 +46,14 @@ Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
 
 
 class Replay(Player):
-    """A page on this machine that plays results again. `choices`: of each body, its recordings, of which `chosen` is
-    shown, the first at first; `served`: called with the port once the page can be opened, which loads while results are
-    read.
+    """A page on this machine that plays results again. `choices`: of each body, its recordings, of
+    which `chosen` is shown, the first at first; `served`: called with the port once the page can be
+    opened, which loads while results are read.
     """
 
-    def __init__(self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None):
+    def __init__(
+        self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None
+    ):
         super().__init__(port)
         self.choices = choices
         self.chosen = [next(iter(choice)) for choice in choices]
@@ -52,7 +64,12 @@ class Replay(Player):
                 self._server.on_client_connect(self._welcome)
                 if served is not None:
                     served(self.port)
-                self._build([PlayedBody(choice[name]()) for choice, name in zip(choices, self.chosen, strict=True)])
+                self._build(
+                    [
+                        PlayedBody(choice[name]())
+                        for choice, name in zip(choices, self.chosen, strict=True)
+                    ]
+                )
         except BaseException:
             self._stopped.set()
             with quiet():
@@ -65,7 +82,8 @@ class Replay(Player):
         """Show another recording of a body."""
         opened = PlayedBody(self.choices[number][name]())
         with self.lock:
-            self.chosen[number], self.playing = name, False
+            self.chosen[number] = name
+            self.playing = False
             self._build([*self.bodies[:number], opened, *self.bodies[number + 1 :]])
             for client in self._server.get_clients().values():
                 self._aim(client)
@@ -91,9 +109,11 @@ class Replay(Player):
 
     def _run(self) -> None:
         """The clock: as long as it plays, a frame every thirtieth of a second."""
-        before, count = clock.perf_counter(), 0
+        before = clock.perf_counter()
+        count = 0
         while not self._stopped.wait(max(before + 1.0 / FRAMES - clock.perf_counter(), 0.001)):
-            passed, before = clock.perf_counter() - before, clock.perf_counter()
+            passed = clock.perf_counter() - before
+            before = clock.perf_counter()
             if not self.playing:
                 continue
             count += 1
@@ -105,8 +125,8 @@ class Replay(Player):
 
 
 class Panel:
-    """The controls of a player, and numbers and curves of the present. `choose`: called with the number of a body and a
-    name where a user chooses another of its recordings.
+    """The controls of a player, and numbers and curves of the present. `choose`: called with the
+    number of a body and a name where a user chooses another of its recordings.
     """
 
     def __init__(
@@ -117,10 +137,18 @@ class Panel:
         chosen: Sequence[str],
         choose: Callable[[int, str], None],
     ):
-        self._player, self._server, self._gui = player, server, server.gui
-        self._recordings, self._chosen, self._choose = recordings, chosen, choose
-        self._indices = [MuscleIndex(body.muscles, [who.prefix for who in body.subjects]) for body in player.bodies]
-        self._subject, self._missed = 0, ""
+        self._player = player
+        self._server = server
+        self._gui = server.gui
+        self._recordings = recordings
+        self._chosen = chosen
+        self._choose = choose
+        self._indices = [
+            MuscleIndex(body.muscles, [who.prefix for who in body.subjects])
+            for body in player.bodies
+        ]
+        self._subject = 0
+        self._missed = ""
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(WIDTH)
         self._add_time()
@@ -140,7 +168,9 @@ class Panel:
         self._curves.move(self._player.own_time(self._subject))
 
     def find(self, text: str) -> tuple[str, ...]:
-        """Muscles of the chosen body whose names hold a text; they stand out until the text is gone."""
+        """Muscles of the chosen body whose names hold a text; they stand out until the text is
+        gone.
+        """
         index = self._indices[self._subject]
         names = index.matches(text)
         self._missed = text.strip() if not names else ""
@@ -159,7 +189,8 @@ class Panel:
         control.on_update(listen)
 
     def _add_time(self) -> None:
-        gui, player = self._gui, self._player
+        gui = self._gui
+        player = self._player
         for number, names in enumerate(self._recordings):
             if len(names) > 1:
                 label = "Recording" if len(self._recordings) == 1 else f"Recording {number + 1}"
@@ -177,16 +208,23 @@ class Panel:
         self._state = gui.add_markdown("")
 
     def _add_muscles(self) -> None:
-        gui, player = self._gui, self._player
+        gui = self._gui
+        player = self._player
         with gui.add_folder("Muscles"):
             if len(player.bodies) > 1:
-                subjects = tuple(f"{i + 1}: {body.results.head.title}" for i, body in enumerate(player.bodies))
+                subjects = tuple(
+                    f"{i + 1}: {body.results.head.title}" for i, body in enumerate(player.bodies)
+                )
                 subject = gui.add_dropdown("Subject", subjects)
                 self._on(subject, lambda value: self._choose_subject(subjects.index(value)))
-            self._text = gui.add_text("Find", "", hint="Part of a name, as 'soleus' or 'left biceps femoris'")
+            self._text = gui.add_text(
+                "Find", "", hint="Part of a name, as 'soleus' or 'left biceps femoris'"
+            )
             self._on(self._text, self.find)
             names = self._indices[0].names
-            self._muscle = gui.add_dropdown("Muscle", (ALL, *names), initial_value=ALL, hint="Type to search")
+            self._muscle = gui.add_dropdown(
+                "Muscle", (ALL, *names), initial_value=ALL, hint="Type to search"
+            )
             self._on(self._muscle, lambda name: self._stand_out(() if name == ALL else (name,)))
             if any(body.results.tension is not None for body in player.bodies):
                 gui.add_html(_scale())
@@ -200,17 +238,21 @@ class Panel:
             for name in (layer for layer in LAYERS if layer in present):
                 box = self._gui.add_checkbox(LAYERS[name], True)
                 self._on(box, partial(self._player.toggle, name))
-            self._gui.add_html(_key([name for name in LAYERS if name in present and name in COLORS]))
+            self._gui.add_html(
+                _key([name for name in LAYERS if name in present and name in COLORS])
+            )
 
     def _add_views(self) -> None:
-        gui, player = self._gui, self._player
+        gui = self._gui
+        player = self._player
         with gui.add_folder("View"):
             views = gui.add_button_group("From", tuple(VIEWS))
             views.on_click(lambda event: player.look_from(*VIEWS[event.target.value]))
             follow = gui.add_checkbox("Follow the body", player.follows)
             self._on(follow, player.follow)
             if len(player.bodies) > 1:
-                words, hint = "Separation [m]", "Bodies side by side"
+                words = "Separation [m]"
+                hint = "Bodies side by side"
                 spacing = gui.add_slider(words, 0.0, 3.0, 0.1, min(player.spacing, 3.0), hint=hint)
                 self._on(spacing, player.part)
             picture = gui.add_button("Save a picture", icon="camera")
@@ -230,7 +272,9 @@ class Panel:
         try:
             self._choose(number, event.target.value)
         except MyomorphError as error:
-            event.client.add_notification("This recording cannot be displayed", str(error), color="red")
+            event.client.add_notification(
+                "This recording cannot be displayed", str(error), color="red"
+            )
             event.target.value = self._chosen[number]
 
     def _choose_subject(self, number: int) -> None:
@@ -255,10 +299,14 @@ class Panel:
         if client is None:
             return
         camera = client.camera
-        pixels = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=30.0)
+        pixels = client.get_render(
+            camera.image_height, camera.image_width, transport_format="png", timeout=30.0
+        )
         stem = re.sub(r"\W+", "_", self._player.bodies[0].results.head.title)
         name = f"{stem}_{self._player.now:.3f}s.png"
-        client.send_file_download(name, png(np.asarray(pixels, dtype=np.uint8)), save_immediately=True)
+        client.send_file_download(
+            name, png(np.asarray(pixels, dtype=np.uint8)), save_immediately=True
+        )
 
     def _state_text(self, frames: Sequence[int]) -> str:
         lines = []
@@ -273,21 +321,29 @@ class Panel:
         return "\n\n".join(lines)
 
     def _numbers_text(self, frame: int) -> str:
-        body, chosen = self._player.bodies[self._subject], self._player.found[self._subject]
+        body = self._player.bodies[self._subject]
+        chosen = self._player.found[self._subject]
         if not chosen:
             return f"no muscle is called '{_plain(self._missed)}'" if self._missed else ""
         if body.results.tension is None:
             return ", ".join(_plain(body.muscles[m]) for m in chosen[:MAX_ROWS])
         rows = ["| | activation | tension |", "|---|---|---|"]
         if body.fibers is not None:
-            rows = ["| | activation | tension | fiber, optimal lengths | tendon strain |", "|---|---|---|---|---|"]
+            rows = [
+                "| | activation | tension | fiber, optimal lengths | tendon strain |",
+                "|---|---|---|---|---|",
+            ]
         for m in chosen[:MAX_ROWS]:
-            tension = f"{body.tensions[frame, m]:.0f} N" if np.isfinite(body.tensions[frame, m]) else "–"
+            tension = (
+                f"{body.tensions[frame, m]:.0f} N" if np.isfinite(body.tensions[frame, m]) else "–"
+            )
             active = _shown(body.activations[frame, m], ".2f")
             fibers = zip(body.fibers or (), (".2f", ".1%"), strict=False)
             more = "".join(f" {_shown(values[frame, m], form)} |" for values, form in fibers)
             rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |{more}")
-        return "\n".join(rows) + (f"\n\nand {len(chosen) - MAX_ROWS} more" if len(chosen) > MAX_ROWS else "")
+        return "\n".join(rows) + (
+            f"\n\nand {len(chosen) - MAX_ROWS} more" if len(chosen) > MAX_ROWS else ""
+        )
 
 
 def _shown(value: float, form: str) -> str:
@@ -297,15 +353,21 @@ def _shown(value: float, form: str) -> str:
 
 def _scale() -> str:
     """What the colors of muscles mean, as HTML."""
-    colors = ",".join(f"rgb({r},{g},{b})" for r, g, b in ACTIVATION[:: len(ACTIVATION) // 8].tolist())
-    bar = f'<span style="flex:1;height:0.6em;border-radius:2px;background:linear-gradient(to right,{colors})"></span>'
+    colors = ",".join(
+        f"rgb({r},{g},{b})" for r, g, b in ACTIVATION[:: len(ACTIVATION) // 8].tolist()
+    )
+    bar = (
+        '<span style="flex:1;height:0.6em;border-radius:2px;background:linear-gradient(to'
+        f' right,{colors})"></span>'
+    )
     return f'<div style="{SMALL}"><span>activation 0</span>{bar}<span>1; thick: tight</span></div>'
 
 
 def _key(layers: Sequence[str]) -> str:
     """What the colors of layers mean, as HTML."""
     dots = [
-        f'<span><b style="color:rgb({",".join(str(channel) for channel in COLORS[name])})">●</b> {LAYERS[name]}</span>'
+        f'<span><b style="color:rgb({",".join(str(channel) for channel in COLORS[name])})">●</b>'
+        f" {LAYERS[name]}</span>"
         for name in layers
     ]
     return f'<div style="{SMALL};flex-wrap:wrap">{"".join(dots)}</div>'
@@ -313,19 +375,26 @@ def _key(layers: Sequence[str]) -> str:
 
 def _plain(text: str) -> str:
     """A text whose characters Markdown would take for its own."""
-    return "".join(f"\\{character}" if character in "\\`*_{}[]()#+!|<>" else character for character in text)
+    return "".join(
+        f"\\{character}" if character in "\\`*_{}[]()#+!|<>" else character for character in text
+    )
 
 
 class MuscleIndex:
-    """Muscles of a model under the names that people give them; `prefixes`: what the names of a subject begin with."""
+    """Muscles of a model under the names that people give them; `prefixes`: what the names of a
+    subject begin with.
+    """
 
     def __init__(self, names: Sequence[str], prefixes: Sequence[str] = ()):
         self.names = tuple(names)
-        side_of = {name: side for pair in pairs(names) for side, of in pair.members.items() for name in of}
+        side_of = {
+            name: side for pair in pairs(names) for side, of in pair.members.items() for name in of
+        }
         self._words = tuple(_words(name, side_of.get(name, ""), prefixes) for name in names)
 
     def matches(self, text: str) -> tuple[str, ...]:
-        """Names that hold every word of a text, in their own or their anatomical name; a whole name stands alone.
+        """Names that hold every word of a text, in their own or their anatomical name; a whole name
+        stands alone.
 
         >>> MuscleIndex(["soleus_r", "soleus_l", "bflh_r"]).matches("biceps femoris")
         ('bflh_r',)
@@ -341,7 +410,12 @@ class MuscleIndex:
 
 
 def _words(name: str, side: str, prefixes: Sequence[str]) -> str:
-    bare = next((name.removeprefix(prefix) for prefix in prefixes if prefix and name.startswith(prefix)), name)
+    bare = next(
+        (name.removeprefix(prefix) for prefix in prefixes if prefix and name.startswith(prefix)),
+        name,
+    )
     base = split_side(bare.rsplit("__", 1)[-1])[0]
-    titles = [label for label, pattern in MAJOR_MUSCLES if re.fullmatch(pattern, base, re.IGNORECASE)]
+    titles = [
+        label for label, pattern in MAJOR_MUSCLES if re.fullmatch(pattern, base, re.IGNORECASE)
+    ]
     return " ".join([name, name.replace("_", " "), side, *titles]).lower()

@@ -1,4 +1,6 @@
-"""Curves beside a body that is played again: which there are, and plots of them with a line at the present."""
+"""Curves beside a body that is played again: which there are, and plots of them with a line at the
+present.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +24,22 @@ SEVERAL = ("#0b66b0", "#cc5211", "#2a8a63", "#8d6bb0", "#a8843a", "#4c5862", "#b
 """Colors of curves without a side."""
 
 MAX_CURVES = 8
-MAX_BANDS = 4  # Bands that lie over each other in more curves than these hide what they should show.
+# Bands that lie over each other in more curves than these hide what they should show.
+MAX_BANDS = 4
 MAX_POINTS = 600
-HEIGHT, WIDTH = 150, 400
+HEIGHT = 150
+WIDTH = 400
 FONT = "10px system-ui, sans-serif"
-UNLISTED = "<style>.curve-limit { display: none; }</style>"  # The legend names curves, not ends of bands.
+# The legend names curves, not ends of bands.
+UNLISTED = "<style>.curve-limit { display: none; }</style>"
 BAND_ALPHA = "33"  # Opacity of a band, as the last two digits of its color.
 
 
 @read_only
 class Curve:
-    """One line of a plot: values at the motion's times, and the limits of 90 % around them where they are known."""
+    """One line of a plot: values at the motion's times, and the limits of 90 % around them where
+    they are known.
+    """
 
     label: str
     values: Array
@@ -52,7 +59,11 @@ class Chart:
     @property
     def banded(self) -> tuple[int, ...]:
         """Numbers of the curves whose limits are drawn."""
-        known = tuple(i for i, curve in enumerate(self.curves) if curve.low is not None and curve.high is not None)
+        known = tuple(
+            i
+            for i, curve in enumerate(self.curves)
+            if curve.low is not None and curve.high is not None
+        )
         return known if len(known) <= MAX_BANDS else ()
 
 
@@ -69,7 +80,13 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
     angle = _are_angles(body, names)
     scale = np.rad2deg(1.0) if angle else 1.0
     curves = tuple(
-        _with_limits(body, "coordinates", name, Curve(name, scale * body.motion[name], _ink(name, index)), scale)
+        _with_limits(
+            body,
+            "coordinates",
+            name,
+            Curve(name, scale * body.motion[name], _ink(name, index)),
+            scale,
+        )
         for index, name in enumerate(names)
     )
     return Chart(f"{label} [{'°' if angle else 'm'}]", curves)
@@ -89,15 +106,27 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
 
 
 def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
-    return set(names) <= {coordinate.name for coordinate in body.model.coordinates if coordinate.motion == "rotational"}
+    return set(names) <= {
+        coordinate.name
+        for coordinate in body.model.coordinates
+        if coordinate.motion == "rotational"
+    }
 
 
-def muscle_chart(body: PlayedBody, muscles: Sequence[int], table: Literal["activations", "forces"]) -> Chart | None:
-    """Activations of some muscles, with EMG that was measured on them, or their tensions ("forces")."""
+def muscle_chart(
+    body: PlayedBody, muscles: Sequence[int], table: Literal["activations", "forces"]
+) -> Chart | None:
+    """Activations of some muscles, with EMG that was measured on them, or their tensions
+    ("forces").
+    """
     results = body.results
     if results.tension is None or not len(muscles):
         return None
-    title, values = ("Activation", body.activations) if table == "activations" else ("Tension [N]", body.tensions)
+    title, values = (
+        ("Activation", body.activations)
+        if table == "activations"
+        else ("Tension [N]", body.tensions)
+    )
     names = [body.muscles[m] for m in muscles[:MAX_CURVES]]
     curves = [
         _with_limits(body, table, name, Curve(name, values[:, m], _ink(name, index)))
@@ -106,22 +135,34 @@ def muscle_chart(body: PlayedBody, muscles: Sequence[int], table: Literal["activ
     emg = results.recorded.emg if table == "activations" else None
     for channel in () if emg is None else emg.names:
         if emg is not None and set(names) & set(results.recorded.emg_muscles.get(channel, ())):
-            curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
+            curves.append(
+                Curve(
+                    label=f"EMG {channel}",
+                    values=at_times(body.time, emg.time, emg[channel]),
+                    color="#7a848b",
+                    dashed=True,
+                )
+            )
     return Chart(title, tuple(curves))
 
 
-def _with_limits(body: PlayedBody, table: str, name: str, curve: Curve, scale: float = 1.0) -> Curve:
+def _with_limits(
+    body: PlayedBody, table: str, name: str, curve: Curve, scale: float = 1.0
+) -> Curve:
     """The curve with the limits that draws gave a column of a table, where they did."""
     spread = body.results.uncertainty.spreads.get(table)
     if spread is None or name not in spread.names:
         return curve
     column = spread.names.index(name)
-    low, high = (at_times(body.time, spread.time, scale * values[:, column]) for values in (spread.low, spread.high))
+    low = at_times(body.time, spread.time, scale * spread.low[:, column])
+    high = at_times(body.time, spread.time, scale * spread.high[:, column])
     return replace(curve, low=low, high=high)
 
 
 def strongest(body: PlayedBody) -> tuple[int, ...]:
-    """The muscle that pulls hardest on average, and its fellow on the other side: what is shown at first."""
+    """The muscle that pulls hardest on average, and its fellow on the other side: what is shown at
+    first.
+    """
     if body.results.tension is None or not len(body.muscles):
         return ()
     mean = np.nan_to_num(body.tensions).mean(axis=0)
@@ -134,7 +175,9 @@ def force_chart(body: PlayedBody) -> Chart | None:
     """The vertical part of every external force, measured and estimated."""
     curves: list[Curve] = []
     results: ReportInput = body.results
-    estimated = None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
+    estimated = (
+        None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
+    )
     for wrenches, dashed in ((results.dynamics.wrenches, False), (estimated, True)):
         if wrenches is not None and len(wrenches):
             curves += _vertical(body, wrenches, dashed)
@@ -150,21 +193,33 @@ def _vertical(body: PlayedBody, wrenches: Wrenches, dashed: bool) -> list[Curve]
         side = split_side(wrenches.bodies[act])[1] or split_side(name)[1]
         color = INK[side] if side else SEVERAL[act % len(SEVERAL)]
         label = f"{name}, estimated" if dashed else name
-        result.append(Curve(label, at_times(body.time, wrenches.time, values[:, act]), color, dashed))
+        result.append(
+            Curve(
+                label=label,
+                values=at_times(body.time, wrenches.time, values[:, act]),
+                color=color,
+                dashed=dashed,
+            )
+        )
     return result
 
 
 def center_chart(body: PlayedBody) -> Chart | None:
     """Where every subject's center of mass is against its mean: upwards, ahead and to the right."""
-    scene, curves = body.scene, []
+    scene = body.scene
+    curves = []
     ways = (("up", scene.up), ("ahead", scene.forward), ("right", scene.right))
     for index, subject in enumerate(body.subjects):
         for (label, axis), color in zip(ways, SEVERAL, strict=False):
             values = body.centers[:, index] @ axis
             if np.isfinite(values).any():
                 name = f"{subject.name} {label}".strip()
-                curves.append(Curve(name, 100.0 * (values - np.nanmean(values)), color, dashed=index > 0))
-    return Chart("Center of mass from its mean [cm]", tuple(curves[:MAX_CURVES])) if curves else None
+                curves.append(
+                    Curve(name, 100.0 * (values - np.nanmean(values)), color, dashed=index > 0)
+                )
+    return (
+        Chart("Center of mass from its mean [cm]", tuple(curves[:MAX_CURVES])) if curves else None
+    )
 
 
 def at_times(time: Array, clock: Array, values: Array) -> Array:
@@ -178,12 +233,14 @@ def _ink(name: str, index: int) -> str:
 
 
 class Curves:
-    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass. `gui`: `viser`'s controls;
-    `on`: calls a function where a user changes a control: `on(control, changed)`.
+    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass. `gui`:
+    `viser`'s controls; `on`: calls a function where a user changes a control: `on(control,
+    changed)`.
     """
 
     def __init__(self, gui: Any, on: Any, body: PlayedBody, now: float):
-        self._gui, self._now = gui, now
+        self._gui = gui
+        self._now = now
         panel = gui.add_panel()
         panel.dock_left()
         panel.set_width(WIDTH)
@@ -191,14 +248,19 @@ class Curves:
         tab = panel.add_tab("Curves")
         with tab:
             gui.add_html(UNLISTED, order=-1.0)
-            self._coordinate = gui.add_dropdown("Coordinate", ("",), hint="Type to search", order=0.0)
+            self._coordinate = gui.add_dropdown(
+                "Coordinate", ("",), hint="Type to search", order=0.0
+            )
         on(self._coordinate, lambda _: self._show_coordinate())
-        self._plots = {name: Plot(gui, tab, float(place)) for place, name in enumerate(names, start=1)}
+        self._plots = {
+            name: Plot(gui, tab, float(place)) for place, name in enumerate(names, start=1)
+        }
         self.show_body(body)
 
     def show_body(self, body: PlayedBody) -> None:
         """Show the curves of another body."""
-        self._body, self._choices = body, coordinate_choices(body)
+        self._body = body
+        self._choices = coordinate_choices(body)
         self._coordinate.options = tuple(self._choices)
         self._show_coordinate()
         self.show_muscles(strongest(body))
@@ -227,13 +289,15 @@ class Curves:
 
 
 class Plot:
-    """A chart on a page, whose line moves with the time. Another chart is another plot in the same place, made whole by
-    one message: a page that draws between a message with other curves and one with their values looks for values that
-    are not there.
+    """A chart on a page, whose line moves with the time. Another chart is another plot in the same
+    place, made whole by one message: a page that draws between a message with other curves and one
+    with their values looks for values that are not there.
     """
 
     def __init__(self, gui: Any, tab: Any, place: float):
-        self._gui, self._tab, self._place = gui, tab, place
+        self._gui = gui
+        self._tab = tab
+        self._place = place
         self._handle: Any = None
         self._time: Array = np.zeros(0)
         self._lines: Array = np.zeros((0, 0))
@@ -249,16 +313,25 @@ class Plot:
         step = max(-(-len(time) // MAX_POINTS), 1)
         self._time = time[::step]
         banded = [chart.curves[index] for index in chart.banded]
-        lines = [curve.values for curve in chart.curves] + [end for curve in banded for end in (curve.high, curve.low)]
+        lines = [curve.values for curve in chart.curves] + [
+            end for curve in banded for end in (curve.high, curve.low)
+        ]
         self._lines = np.stack([np.asarray(line)[::step] for line in lines])
         # Ends of bands are not seen.
-        limits = (_line("limit", "transparent", 0.0) | {"class": "curve-limit"},) * (2 * len(banded))
+        limits = (_line("limit", "transparent", 0.0) | {"class": "curve-limit"},) * (
+            2 * len(banded)
+        )
         dash: dict[str, Any] = {"dash": (5, 4)}
-        drawn = [_line(curve.label, curve.color, 1.5) | (dash if curve.dashed else {}) for curve in chart.curves]
+        drawn = [
+            _line(curve.label, curve.color, 1.5) | (dash if curve.dashed else {})
+            for curve in chart.curves
+        ]
         # Bands stand behind all curves, filled between their ends, the upper one first.
         ends = range(1 + len(drawn), 1 + len(drawn) + 2 * len(banded), 2)
         fills = (curve.color + BAND_ALPHA for curve in banded)
-        bands = [{"series": (end, end + 1), "fill": fill} for end, fill in zip(ends, fills, strict=True)]
+        bands = [
+            {"series": (end, end + 1), "fill": fill} for end, fill in zip(ends, fills, strict=True)
+        ]
         known = self._lines[np.isfinite(self._lines)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
         room = 0.06 * max(high - low, 1e-6)
@@ -269,10 +342,18 @@ class Plot:
         axes = {"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}
         with self._tab:
             self._handle = self._gui.add_uplot(
-                self._data(now), series, title=title, bands=tuple(bands) or None, axes=axes,
-                scales={"x": span, "y": {"range": self._range}}, legend={"show": True, "live": True},
-                cursor={"drag": {"x": True, "y": False}}, height=HEIGHT, padding=(0, 10, 0, 0), order=self._place,
-            )  # fmt: skip
+                self._data(now),
+                series,
+                title=title,
+                bands=tuple(bands) or None,
+                axes=axes,
+                scales={"x": span, "y": {"range": self._range}},
+                legend={"show": True, "live": True},
+                cursor={"drag": {"x": True, "y": False}},
+                height=HEIGHT,
+                padding=(0, 10, 0, 0),
+                order=self._place,
+            )
 
     def move(self, now: float) -> None:
         """Put the line at another time [s]."""
@@ -284,7 +365,10 @@ class Plot:
         now = float(np.clip(now, self._time[0], self._time[-1]))
         at = int(np.searchsorted(self._time, now))
         time = np.insert(self._time, at, (now, now))
-        values = [np.insert(values, at, (np.interp(now, self._time, values),) * 2) for values in self._lines]
+        values = [
+            np.insert(values, at, (np.interp(now, self._time, values),) * 2)
+            for values in self._lines
+        ]
         line = np.full(len(time), np.nan)
         line[at : at + 2] = self._range
         return (time, *values, line)

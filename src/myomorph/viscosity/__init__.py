@@ -1,9 +1,10 @@
-"""The in-vitro experiment: a limb that swings on a force plate, and the viscosity of its joint and muscles.
+"""The in-vitro experiment: a limb that swings on a force plate, and the viscosity of its joint and
+muscles.
 
-From the bottom: `specimen` cuts base, joint and limb out of a model, `swings` holds recordings as linear equations,
-`tracking` makes these from markers and plate, `identification` solves them, `trust` judges the result. Files and runs
-are in `study`, the page in `report`; `relaxed` has living limbs, which no plate weighs. Nothing here knows subjects or
-trials of other studies.
+From the bottom: `specimen` cuts base, joint and limb out of a model, `swings` holds recordings as
+linear equations, `tracking` makes these from markers and plate, `identification` solves them,
+`trust` judges the result. Files and runs are in `study`, the page in `report`; `relaxed` has living
+limbs, which no plate weighs. Nothing here knows subjects or trials of other studies.
 """
 
 import lazy_loader

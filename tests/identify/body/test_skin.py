@@ -16,7 +16,9 @@ from myomorph.model.surface import Surface
 def joined(*surfaces):
     first = np.cumsum([0, *(len(one.vertices) for one in surfaces)])
     vertices = np.concatenate([one.vertices for one in surfaces])
-    return Surface(vertices, np.concatenate([one.faces + i for one, i in zip(surfaces, first, strict=False)]))
+    return Surface(
+        vertices, np.concatenate([one.faces + i for one, i in zip(surfaces, first, strict=False)])
+    )
 
 
 def shifted(surface, *by):
@@ -27,7 +29,9 @@ def test_inside_is_that_of_the_solids():
     points = np.random.default_rng(0).uniform(-0.3, 0.3, (20_000, 3))
     radius = np.linalg.norm(points, axis=1)
     clear = np.abs(radius - 0.1) > 1e-3
-    np.testing.assert_array_equal(inside(check_skin(sphere()), points)[clear], (radius < 0.1)[clear])
+    np.testing.assert_array_equal(
+        inside(check_skin(sphere()), points)[clear], (radius < 0.1)[clear]
+    )
     within = (np.abs(points) < [0.1, 0.15, 0.05]).all(axis=1)
     np.testing.assert_array_equal(inside(check_skin(box()), points), within)
 
@@ -78,7 +82,10 @@ def test_a_skin_that_crosses_itself_counts_once():
 
 def test_helper_geometry_is_left_out_and_limbs_are_kept():
     cloth = surface_of(trimesh.creation.cylinder(radius=0.2, height=0.3))
-    cloth = Surface(cloth.vertices, cloth.faces[np.abs(np.diff(cloth.vertices[cloth.faces][:, :, 2])).max(axis=1) > 0])
+    cloth = Surface(
+        cloth.vertices,
+        cloth.faces[np.abs(np.diff(cloth.vertices[cloth.faces][:, :, 2])).max(axis=1) > 0],
+    )
     eye = surface_of(trimesh.creation.icosphere(radius=0.04))
     arm = shifted(surface_of(trimesh.creation.box(extents=(0.05, 0.05, 0.2))), 0.2, 0, 0)
     skin = check_skin(joined(capsule(0.8, 0.12), cloth, eye, arm))
@@ -94,7 +101,9 @@ def test_degenerate_faces_are_left_out():
     assert any("2 faces without area or given twice" in note for note in skin.notes)
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(10.0, "decimeters"), (100.0, "centimeters"), (1000.0, "millimeters")])
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(10.0, "decimeters"), (100.0, "centimeters"), (1000.0, "millimeters")]
+)
 @pytest.mark.parametrize("height", [None, 1.7])
 def test_other_units_are_named(factor, unit, height):
     body = surface_of(trimesh.creation.box(extents=(0.4, 1.7, 0.2)))
@@ -134,5 +143,7 @@ def test_makehuman_body_among_its_helpers(data):
     assert skin.watertight
     assert skin.up == "y"
     assert np.ptp(skin.surface.vertices[:, 1]) == pytest.approx(1.67, abs=0.02)
-    turned = Surface(skin.surface.vertices @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]).T, skin.surface.faces)
+    turned = Surface(
+        skin.surface.vertices @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]).T, skin.surface.faces
+    )
     assert check_skin(turned).up == "z"

@@ -30,7 +30,18 @@ STEP = 0.2812e-3
 @pytest.mark.parametrize(
     ("folder", "names", "tolerance"),
     [
-        ("sample01", ("Eb015pr.c3d", "Eb015pi.c3d", "Eb015vr.c3d", "Eb015vi.c3d", "Eb015sr.c3d", "Eb015si.c3d"), 5e-7),
+        (
+            "sample01",
+            (
+                "Eb015pr.c3d",
+                "Eb015pi.c3d",
+                "Eb015vr.c3d",
+                "Eb015vi.c3d",
+                "Eb015sr.c3d",
+                "Eb015si.c3d",
+            ),
+            5e-7,
+        ),
         ("sample02", ("pc_real.c3d", "Dec_real.c3d"), 1e-7),
         ("sample02", ("pc_real.c3d", "pc_int.c3d", "DEC_INT.C3D"), STEP),
     ],
@@ -40,10 +51,13 @@ def test_formats_of_one_recording_agree(folder, names, tolerance, data):
     for other in others:
         assert other.markers.names == first.markers.names
         np.testing.assert_array_equal(other.markers.time, first.markers.time)
-        np.testing.assert_allclose(other.markers.values, first.markers.values, rtol=0, atol=tolerance)
+        np.testing.assert_allclose(
+            other.markers.values, first.markers.values, rtol=0, atol=tolerance
+        )
         np.testing.assert_allclose(other.analog.values, first.analog.values, rtol=1e-4, atol=1e-4)
         np.testing.assert_allclose(
-            [plate.corners for plate in other.plate_recordings], [plate.corners for plate in first.plate_recordings]
+            [plate.corners for plate in other.plate_recordings],
+            [plate.corners for plate in first.plate_recordings],
         )
     assert len(first.markers) in (450, 89)
 
@@ -80,8 +94,11 @@ def test_headers_are_believed_where_parameters_lie_elsewhere(data):
 def test_what_ezc3d_reads_is_read(name, data):
     ezc3d = pytest.importorskip("ezc3d")
     path = data(name)
-    file, raw = ezc3d.c3d(str(path), extract_forceplat_data=False), read_raw_c3d(path)
-    header, parameters, samples = file["header"], file["parameters"], file["data"]
+    file = ezc3d.c3d(str(path), extract_forceplat_data=False)
+    raw = read_raw_c3d(path)
+    header = file["header"]
+    parameters = file["parameters"]
+    samples = file["data"]
     np.testing.assert_array_equal(raw.points, samples["points"][:3].transpose(2, 1, 0))
     np.testing.assert_array_equal(raw.residuals < 0, samples["meta_points"]["residuals"][0].T < 0)
     np.testing.assert_allclose(raw.analog, samples["analogs"][0].T, rtol=1e-12, atol=1e-12)
@@ -95,14 +112,21 @@ def test_what_ezc3d_reads_is_read(name, data):
     for parameter in ("CORNERS", "ORIGIN", "CHANNEL", "TYPE", "CAL_MATRIX"):
         expected = parameters.get("FORCE_PLATFORM", {}).get(parameter, {"value": []})["value"]
         np.testing.assert_array_equal(
-            raw.numbers("FORCE_PLATFORM", parameter), np.asarray(expected, np.float64).ravel(order="F")
+            raw.numbers("FORCE_PLATFORM", parameter),
+            np.asarray(expected, np.float64).ravel(order="F"),
         )
 
 
 @pytest.mark.long
 def test_every_vendor_file_is_opened_or_refused_in_one_line(data):
     folders = [
-        data(name) for name in ("c3d-vendor-samples", "odd-trc-mot", "lifting-box-15kg", "c3d-functional-joints")
+        data(name)
+        for name in (
+            "c3d-vendor-samples",
+            "odd-trc-mot",
+            "lifting-box-15kg",
+            "c3d-functional-joints",
+        )
     ]
     refused = []
     for path in (one for folder in folders for one in c3d_files(folder)):
@@ -120,8 +144,12 @@ def test_every_vendor_file_is_opened_or_refused_in_one_line(data):
 def test_gait_recording_with_computed_quantities(data):
     trial = read_c3d(data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d"))
     assert {"LASI", "RTOE", "C7"} <= set(trial.markers.names)
-    assert not {"LHipAngles", "RKneeMoment", "LGroundReactionForce", "LHPA"} & set(trial.markers.names)
-    assert {"LHipAngles", "RKneeMoment", "LGroundReactionForce", "LHPA"} <= set(trial.other_points.names)
+    assert not {"LHipAngles", "RKneeMoment", "LGroundReactionForce", "LHPA"} & set(
+        trial.markers.names
+    )
+    assert {"LHipAngles", "RKneeMoment", "LGroundReactionForce", "LHPA"} <= set(
+        trial.other_points.names
+    )
     assert trial.facts["body mass"] == "45.8 kg"
     assert trial.facts["height"] == "1.48 m"
     assert trial.facts["maker"].startswith("Vicon Nexus")
@@ -129,9 +157,16 @@ def test_gait_recording_with_computed_quantities(data):
     assert trial.markers.time[0] == pytest.approx(2.85)
     assert trial.analog.rate == pytest.approx(1000.0)
     assert trial.analog.time[0] == trial.markers.time[0]
-    assert trial.events[0] == Event(3.02, "Foot Strike", "Right") or trial.events[0].time == pytest.approx(3.02)
+    assert trial.events[0] == Event(3.02, "Foot Strike", "Right") or trial.events[
+        0
+    ].time == pytest.approx(3.02)
     assert [event.side for event in trial.events[:3]] == ["Right", "Left", "Left"]
-    assert trial.markers.time[0] <= trial.events[0].time <= trial.events[-1].time <= trial.markers.time[-1] + 0.01
+    assert (
+        trial.markers.time[0]
+        <= trial.events[0].time
+        <= trial.events[-1].time
+        <= trial.markers.time[-1] + 0.01
+    )
 
 
 def test_subject_names_before_a_colon_and_emg_by_name(data):
@@ -159,7 +194,9 @@ def test_labels_cut_to_four_letters_are_told_by_descriptions(data):
 
 
 def test_units_of_length_become_metres(data):
-    feet = [read_c3d(data(name)) for name in (f"{ORG}/sample15/FP1.C3D", "lifting-box-15kg/stoop1.c3d")]
+    feet = [
+        read_c3d(data(name)) for name in (f"{ORG}/sample15/FP1.C3D", "lifting-box-15kg/stoop1.c3d")
+    ]
     for trial in feet:
         assert 0.1 < np.nanmedian(np.abs(trial.markers.values)) < 2.0
 
@@ -186,11 +223,21 @@ def test_a_reader_that_hangs_or_dies_is_stopped():
     assert (raised.status, raised.message) == ("failed", "of no use")
     if os.name != "nt":
         ate = run_guarded("builtins:exec", ["bytes(8 << 30)"], 20, gigabytes=4.0)
-        assert (ate.status, ate.message) == ("failed", "asked for more memory than such a file can need")
+        assert (ate.status, ate.message) == (
+            "failed",
+            "asked for more memory than such a file can need",
+        )
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"\0" * 100, b"\x02\x50" + b"\0" * 600, b"\x02\x50" + b"\xff" * 4000, b"PathFileType" * 99]
+    "content",
+    [
+        b"",
+        b"\0" * 100,
+        b"\x02\x50" + b"\0" * 600,
+        b"\x02\x50" + b"\xff" * 4000,
+        b"PathFileType" * 99,
+    ],
 )
 def test_what_is_no_c3d_is_refused_in_one_line(content, tmp_path):
     path = tmp_path / "x.c3d"
@@ -217,7 +264,11 @@ def test_our_reader_survives_any_damage(data, tmp_path):
     """Random bytes anywhere in header and parameters: a result or one line, and never a hang."""
     random = np.random.default_rng(7)
     path = tmp_path / "damaged.c3d"
-    for name in ("others/Gait.c3d", "c3d.org/sample01/Eb015si.c3d", "c3d.org/sample02/Dec_real.c3d"):
+    for name in (
+        "others/Gait.c3d",
+        "c3d.org/sample01/Eb015si.c3d",
+        "c3d.org/sample02/Dec_real.c3d",
+    ):
         content = np.frombuffer(data(f"{SAMPLES}/{name}").read_bytes(), dtype=np.uint8)
         for _ in range(150):
             damaged = content.copy()

@@ -19,7 +19,13 @@ def recording() -> tuple[Markers, PlateRecording]:
     random = np.random.default_rng(0)
     markers = Markers(np.arange(20) / 200.0, ("one", "two"), random.standard_normal((20, 2, 3)))
     corners = np.array([[0.2, 0.3, 0.0], [-0.2, 0.3, 0.0], [-0.2, -0.3, 0.0], [0.2, -0.3, 0.0]])
-    plate = PlateRecording("plate", 2, corners, np.array([0.0, 0.0, -0.04]), random.standard_normal((200, 6)))
+    plate = PlateRecording(
+        name="plate",
+        kind=2,
+        corners=corners,
+        origin=np.array([0.0, 0.0, -0.04]),
+        channels=random.standard_normal((200, 6)),
+    )
     return markers, plate
 
 
@@ -37,10 +43,15 @@ def test_round_trip(recording, tmp_path):
 
 
 def test_moments_in_newton_millimeters_are_told_by_where_they_put_the_force(recording, tmp_path):
-    """As Vicon 370 wrote them, in N m by its own word; a force near the plate's middle or edge is left as it is."""
+    """As Vicon 370 wrote them, in N m by its own word; a force near the plate's middle or edge is
+    left as it is.
+    """
     markers, plate = recording
     channels = np.zeros((200, 6))
-    channels[:, 2], channels[:, 3:5] = -700.0, np.random.default_rng(1).uniform(-100.0, 100.0, (200, 2))
+    channels[:, 2], channels[:, 3:5] = (
+        -700.0,
+        np.random.default_rng(1).uniform(-100.0, 100.0, (200, 2)),
+    )
     path = tmp_path / "one.c3d"
     write_c3d(path, markers, replace(plate, channels=channels))
     right = read_c3d(path)
@@ -54,7 +65,13 @@ def test_moments_in_newton_millimeters_are_told_by_where_they_put_the_force(reco
 
 def test_what_cannot_be_written_is_named(recording, tmp_path):
     markers, plate = recording
-    few = PlateRecording("plate", 2, plate.corners, plate.origin, plate.channels[:10])
+    few = PlateRecording(
+        name="plate",
+        kind=2,
+        corners=plate.corners,
+        origin=plate.origin,
+        channels=plate.channels[:10],
+    )
     with pytest.raises(BadData, match="10 samples for 20 frames"):
         write_c3d(tmp_path / "few.c3d", markers, few)
     with pytest.raises(BadFile, match="cannot be written"):
@@ -73,7 +90,9 @@ FILES = (
 
 @pytest.mark.parametrize("name", FILES)
 def test_recordings_of_laboratories_are_written_and_read_again(name, data, tmp_path):
-    """Markers, hidden ones too, plates, other channels and events of real files, to the digits of a 32-bit real."""
+    """Markers, hidden ones too, plates, other channels and events of real files, to the digits of a
+    32-bit real.
+    """
     trial = read_c3d(data(name))
     write_trial(tmp_path / "again.c3d", trial)
     again = read_c3d(tmp_path / "again.c3d")
@@ -94,7 +113,9 @@ def test_recordings_of_laboratories_are_written_and_read_again(name, data, tmp_p
 
 
 def test_many_labels_long_recordings_and_late_starts(tmp_path):
-    """More labels than one parameter holds, frames beyond 16 bits, and a first frame that is not the first."""
+    """More labels than one parameter holds, frames beyond 16 bits, and a first frame that is not
+    the first.
+    """
     random = np.random.default_rng(1)
     names = tuple(f"marker_{k}" for k in range(300))
     markers = Markers(2.5 + np.arange(12) / 120.0, names, random.standard_normal((12, 300, 3)))
@@ -110,8 +131,12 @@ def test_many_labels_long_recordings_and_late_starts(tmp_path):
     np.testing.assert_allclose(again.markers.time, markers.time, atol=1e-9)
     np.testing.assert_allclose(again.markers.values, markers.values, atol=1e-6)
     np.testing.assert_allclose(again.analog.values, analog.values, rtol=1e-6, atol=1e-7)
-    assert [(one.label, one.side) for one in again.events] == [(one.label, one.side) for one in events]
-    np.testing.assert_allclose([one.time for one in again.events], [one.time for one in events], atol=1e-5)
+    assert [(one.label, one.side) for one in again.events] == [
+        (one.label, one.side) for one in events
+    ]
+    np.testing.assert_allclose(
+        [one.time for one in again.events], [one.time for one in events], atol=1e-5
+    )
     long = Markers(np.arange(70_000) / 1000.0, ("one",), random.standard_normal((70_000, 1, 3)))
     write_c3d(tmp_path / "long.c3d", long)
     assert len(read_c3d(tmp_path / "long.c3d").markers) == 70_000

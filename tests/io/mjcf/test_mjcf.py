@@ -50,14 +50,18 @@ def test_inverse_dynamics_equals_mujoco(pair):
     ours = inverse_dynamics(model, motion).values
     d = mujoco.MjData(m)
     for frame, state in enumerate(states):
-        d.qpos[:], d.qvel[:], d.qacc[:] = state.qpos, state.qvel, state.qacc
+        d.qpos[:] = state.qpos
+        d.qvel[:] = state.qvel
+        d.qacc[:] = state.qacc
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_comVel(m, d)
         theirs = np.zeros(m.nv)
         mujoco.mj_rne(m, d, 1, theirs)
         expected = state.basis.T @ theirs
-        np.testing.assert_allclose(ours[frame], expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(
+            ours[frame], expected, atol=1e-9 * max(1.0, np.abs(expected).max())
+        )
 
 
 def test_body_velocities_equal_mujoco(pair):
@@ -67,7 +71,8 @@ def test_body_velocities_equal_mujoco(pair):
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     d = mujoco.MjData(m)
     state = states[0]
-    d.qpos[:], d.qvel[:] = state.qpos, state.qvel
+    d.qpos[:] = state.qpos
+    d.qvel[:] = state.qvel
     mujoco.mj_forward(m, d)
     rates = np.linalg.lstsq(state.basis, state.qvel, rcond=None)[0]
     velocity = np.zeros(6)
@@ -92,7 +97,9 @@ def test_sites_are_frames(pair):
 def test_qpos_round_trip(pair):
     _, model, motion, _ = pair
     c = compile_tree(model).coordinates_of(motion)
-    np.testing.assert_allclose(coordinates_from_qpos(model, qpos_from_coordinates(model, c)), c, atol=1e-12)
+    np.testing.assert_allclose(
+        coordinates_from_qpos(model, qpos_from_coordinates(model, c)), c, atol=1e-12
+    )
 
 
 def test_default_pose_is_qpos0():
@@ -100,7 +107,8 @@ def test_default_pose_is_qpos0():
     model = model_from_mujoco(m)
     np.testing.assert_allclose(
         qpos_from_coordinates(model, [c.default for c in model.coordinates]),
-        m.qpos0 / np.concatenate([np.ones(3), np.full(4, np.linalg.norm(m.qpos0[3:7])), np.ones(m.nq - 7)]),
+        m.qpos0
+        / np.concatenate([np.ones(3), np.full(4, np.linalg.norm(m.qpos0[3:7])), np.ones(m.nq - 7)]),
         atol=1e-12,
     )
 
@@ -179,12 +187,15 @@ def test_meshes_lie_where_mujoco_puts_them():
     trimesh = pytest.importorskip("trimesh")
     package = pytest.importorskip("musclemimic_models")
     path = package.get_xml_path("myofullbody")
-    m, model = compiled("MyoFullBody"), read_mjcf(path)
+    m = compiled("MyoFullBody")
+    model = read_mjcf(path)
     body = m.body("femur_r").id
     geoms = [
         i
         for i in range(m.ngeom)
-        if m.geom_bodyid[i] == body and m.geom_type[i] == mujoco.mjtGeom.mjGEOM_MESH and m.geom_group[i] <= 2
+        if m.geom_bodyid[i] == body
+        and m.geom_type[i] == mujoco.mjtGeom.mjGEOM_MESH
+        and m.geom_group[i] <= 2
     ]
     meshes = [mesh for mesh in model.body("femur_r").meshes if mesh.shape == "mesh"]
     assert len(meshes) == len(geoms) > 0
@@ -202,8 +213,8 @@ def test_meshes_lie_where_mujoco_puts_them():
 def test_marker_sites_are_an_option(tmp_path):
     path = tmp_path / "model.xml"
     path.write_text(
-        '<mujoco><worldbody><body name="b"><joint/><geom size="1"/><site name="RKNE_mimic" pos="1 2 3"/>'
-        '<site name="other"/></body></worldbody></mujoco>'
+        '<mujoco><worldbody><body name="b"><joint/><geom size="1"/><site name="RKNE_mimic" pos="1 2'
+        ' 3"/><site name="other"/></body></worldbody></mujoco>'
     )
     model = read_mjcf(path, marker_sites=".*_mimic")
     assert model.marker_names == ("RKNE_mimic",)
@@ -229,9 +240,17 @@ GEOM = '<worldbody><body><joint/><geom size="1"/></body></worldbody>'
         ("<mujoco>" + GEOM, "line"),
         ('<!DOCTYPE a [<!ENTITY x "y">]><mujoco>&x;</mujoco>', "entit"),
         ("<OpenSimDocument/>", "<OpenSimDocument>"),
-        ('<mujoco><asset><mesh file="../../../outside.stl"/></asset>' + GEOM + "</mujoco>", "'../../../outside.stl'"),
+        (
+            '<mujoco><asset><mesh file="../../../outside.stl"/></asset>' + GEOM + "</mujoco>",
+            "'../../../outside.stl'",
+        ),
         ('<mujoco><asset><mesh file="/etc/passwd"/></asset>' + GEOM + "</mujoco>", "'/etc/passwd'"),
-        ('<mujoco><compiler meshdir="../.."/><asset><mesh file="x.stl"/></asset>' + GEOM + "</mujoco>", "'x.stl'"),
+        (
+            '<mujoco><compiler meshdir="../.."/><asset><mesh file="x.stl"/></asset>'
+            + GEOM
+            + "</mujoco>",
+            "'x.stl'",
+        ),
         ('<mujoco><include file="../x.xml"/></mujoco>', "'../x.xml'"),
         ('<mujoco><include file="absent.xml"/></mujoco>', "'absent.xml' does not exist"),
         ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "mass"),
@@ -253,7 +272,13 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
     ("text", "said"),
     [
         ("<mujoco/>", "no body"),
-        ('<mujoco><worldbody><body pos="inf 0 0"><joint/><geom size="1"/></body></worldbody></mujoco>', "body_pos|Inf"),
+        (
+            (
+                '<mujoco><worldbody><body pos="inf 0 0"><joint/><geom'
+                ' size="1"/></body></worldbody></mujoco>'
+            ),
+            "body_pos|Inf",
+        ),
     ],
 )
 def test_models_of_nothing_are_refused(tmp_path, text, said):

@@ -50,7 +50,12 @@ def test_kinds_and_their_defaults(actuators, model):
     a, b, c = read_actuators(actuators(), model)
     assert (a.kind, a.coordinate, a.optimal_force) == ("coordinate", "knee_angle_r", 50)
     assert (a.min_control, a.max_control) == (-np.inf, 2)
-    assert (b.kind, b.body, b.other_body, b.direction_is_global) == ("torque", "pelvis", "ground", True)
+    assert (b.kind, b.body, b.other_body, b.direction_is_global) == (
+        "torque",
+        "pelvis",
+        "ground",
+        True,
+    )
     assert np.array_equal(c.point, (1, 0, 0))
     assert np.array_equal(c.other_point, (0, 0, 2))
     assert not c.point_is_global
@@ -65,9 +70,13 @@ def test_names_are_looked_up_in_the_model(actuators, model):
 
 
 def test_other_forces_are_refused_by_name(data, tmp_path):
-    with pytest.raises(BadFile, match="SmoothSphereHalfSpaceForce 'contactHeel_r': is not an ideal actuator"):
+    with pytest.raises(
+        BadFile, match="SmoothSphereHalfSpaceForce 'contactHeel_r': is not an ideal actuator"
+    ):
         read_actuators(data("rajagopal-walk-emg/subject_walk_scaled_ContactForceSet.xml"))
     empty = tmp_path / "empty.xml"
-    empty.write_text('<OpenSimDocument Version="40000"><ForceSet><objects/></ForceSet></OpenSimDocument>')
+    empty.write_text(
+        '<OpenSimDocument Version="40000"><ForceSet><objects/></ForceSet></OpenSimDocument>'
+    )
     with pytest.raises(BadFile, match="no actuator"):
         read_actuators(empty)

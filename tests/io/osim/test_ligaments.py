@@ -22,21 +22,39 @@ def test_written_ligaments_are_those_read(data, tmp_path):
     assert not write_osim(model, tmp_path / "again.osim")
     again = read_osim(tmp_path / "again.osim")
     for one, other in zip(model.ligaments, again.ligaments, strict=True):
-        assert (one.name, one.kind, one.slack_length) == (other.name, other.kind, other.slack_length)
-        assert [wrap.wrap_object for wrap in one.path.wraps] == [wrap.wrap_object for wrap in other.path.wraps]
+        assert (one.name, one.kind, one.slack_length) == (
+            other.name,
+            other.kind,
+            other.slack_length,
+        )
+        assert [wrap.wrap_object for wrap in one.path.wraps] == [
+            wrap.wrap_object for wrap in other.path.wraps
+        ]
         for point, same in zip(one.path.points, other.path.points, strict=True):
             assert point.body == same.body
             assert np.array_equal(point.location, same.location)
-    stiffness = [re.search(r"<linear_stiffness>(.*?)<", part.text) for part in again.kept if "Ligament" in part.kind]
+    stiffness = [
+        re.search(r"<linear_stiffness>(.*?)<", part.text)
+        for part in again.kept
+        if "Ligament" in part.kind
+    ]
     assert len([one for one in stiffness if one]) == 76
 
 
 def test_scaled_ligaments_are_as_taut(data):
     model = read_osim(data(FILE))
-    twin = scale(model, dict.fromkeys(model.body_names, (1.1, 1.1, 1.1)), path_lengths=default_path_lengths)
-    strings = [replace(one, muscles=tuple(each.as_muscle() for each in one.ligaments)) for one in (model, twin)]
+    twin = scale(
+        model, dict.fromkeys(model.body_names, (1.1, 1.1, 1.1)), path_lengths=default_path_lengths
+    )
+    strings = [
+        replace(one, muscles=tuple(each.as_muscle() for each in one.ligaments))
+        for one in (model, twin)
+    ]
     before, after = (default_path_lengths(one) for one in strings)
-    ratios = [one.slack_length / old.slack_length for one, old in zip(twin.ligaments, model.ligaments, strict=True)]
+    ratios = [
+        one.slack_length / old.slack_length
+        for one, old in zip(twin.ligaments, model.ligaments, strict=True)
+    ]
     np.testing.assert_allclose(ratios, after / before, rtol=1e-9)
     assert max(ratios) > 1.05
 

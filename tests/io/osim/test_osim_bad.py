@@ -83,16 +83,24 @@ def test_values_of_the_defaults_section_count(rod):
         ("<mass>1.5", "<mass>-1", ("body 'rod'", "-1 kg")),
         ("<mass_center>0 0.5 0", "<mass_center>0 0.5", ("2 numbers", "expected 3")),
         ("<range>-2 2", "<range>-2", ("Coordinate 'angle'", "expected 2")),
-        ("/bodyset/rod</socket_child", "/bodyset/stick</socket_child", ("unknown frame '/bodyset/stick'", "'rod'")),
+        (
+            "/bodyset/rod</socket_child",
+            "/bodyset/stick</socket_child",
+            ("unknown frame '/bodyset/stick'", "'rod'"),
+        ),
         ("/jointset/pin/angle", "/jointset/pin/angel", ("unknown coordinate 'angel'", "'angle'")),
-        ("<coordinate>angle", "<coordinate>angel", ("unknown coordinate 'angel'", "'motor'", "'angle'")),
-        ("<PinJoint name=\"pin\">", "<HingeJoint name=\"pin\">", ("tag", "line")),
-        ("Version=\"40000\"", "Version=\"new\"", ("Version is 'new'",)),
-        ("Version=\"40000\"", "Version=\"10500\"", ("version 10500", "OpenSim 3.3")),
-        ("<Model name=\"rod\">", "<Modell name=\"rod\">", ("line",)),
-        ("name=\"pull\">", "name=\"pull\"><appliesForce>maybe</appliesForce>", ("'maybe'",)),
+        (
+            "<coordinate>angle",
+            "<coordinate>angel",
+            ("unknown coordinate 'angel'", "'motor'", "'angle'"),
+        ),
+        ('<PinJoint name="pin">', '<HingeJoint name="pin">', ("tag", "line")),
+        ('Version="40000"', 'Version="new"', ("Version is 'new'",)),
+        ('Version="40000"', 'Version="10500"', ("version 10500", "OpenSim 3.3")),
+        ('<Model name="rod">', '<Modell name="rod">', ("line",)),
+        ('name="pull">', 'name="pull"><appliesForce>maybe</appliesForce>', ("'maybe'",)),
     ],
-)  # fmt: skip
+)
 def test_one_line_says_what_and_where(rod, tmp_path, old, new, words):
     with pytest.raises(MyomorphError) as error:
         rod((old, new))
@@ -135,7 +143,10 @@ def test_a_joint_that_closes_a_loop_is_cut_and_welded(rod):
 
 
 def test_two_wrap_objects_of_one_name_the_first_is_meant(rod):
-    tube = '<WrapObjectSet><objects><WrapSphere name="ball"><radius>{}</radius></WrapSphere></objects></WrapObjectSet>'
+    tube = (
+        "<WrapObjectSet><objects><WrapSphere"
+        ' name="ball"><radius>{}</radius></WrapSphere></objects></WrapObjectSet>'
+    )
     model = rod(
         ("<BodySet", f'<Ground name="ground">{tube.format(0.1)}</Ground><BodySet'),
         ('<Body name="rod">', f'<Body name="rod">{tube.format(0.2)}'),
@@ -180,7 +191,9 @@ def test_whatever_is_missing_or_odd_only_our_errors_come(data, tmp_path):
         if i % 3 == 0:
             element.getparent().remove(element)
         elif i % 3 == 1:
-            element.text = ("", "nan", "-1", "1e400", "many", "1 2", "/no/such/path", "../..")[random.integers(8)]
+            element.text = ("", "nan", "-1", "1e400", "many", "1 2", "/no/such/path", "../..")[
+                random.integers(8)
+            ]
         else:
             element.tag = elements[random.integers(len(elements))].tag
         path.write_bytes(etree.tostring(root))
@@ -195,7 +208,10 @@ def test_whatever_is_missing_or_odd_only_our_errors_come(data, tmp_path):
 def test_entity_bombs_are_refused_at_once(tmp_path):
     path = tmp_path / "bomb.osim"
     levels = "".join(f'<!ENTITY l{i + 1} "{f"&l{i};" * 10}">' for i in range(12))
-    bomb = f'<?xml version="1.0"?><!DOCTYPE Model [<!ENTITY l0 "ha">{levels}]><OpenSimDocument>&l12;</OpenSimDocument>'
+    bomb = (
+        '<?xml version="1.0"?><!DOCTYPE Model [<!ENTITY l0'
+        f' "ha">{levels}]><OpenSimDocument>&l12;</OpenSimDocument>'
+    )
     start = time.monotonic()
     for content in (bomb.encode(), bomb.encode("utf-16")):
         path.write_bytes(content)
@@ -207,7 +223,10 @@ def test_entity_bombs_are_refused_at_once(tmp_path):
 def test_external_entities_are_not_fetched(tmp_path):
     (tmp_path / "secret.txt").write_text("42")
     path = tmp_path / "outside.osim"
-    path.write_text('<!DOCTYPE Model SYSTEM "secret.txt"><OpenSimDocument Version="40000"><Model/></OpenSimDocument>')
+    path.write_text(
+        '<!DOCTYPE Model SYSTEM "secret.txt"><OpenSimDocument'
+        ' Version="40000"><Model/></OpenSimDocument>'
+    )
     model = read_osim(path)
     assert model.bodies == ()
 
@@ -239,7 +258,9 @@ def test_files_that_are_not_there_or_something_else(tmp_path):
     (tmp_path / "folder.osim").mkdir()
     with pytest.raises(BadFile, match="cannot be read"):
         read_osim(tmp_path / "folder.osim")
-    (tmp_path / "loads.osim").write_text('<OpenSimDocument Version="40000"><ExternalLoads/></OpenSimDocument>')
+    (tmp_path / "loads.osim").write_text(
+        '<OpenSimDocument Version="40000"><ExternalLoads/></OpenSimDocument>'
+    )
     with pytest.raises(BadFile, match="holds <ExternalLoads>; expected an OpenSim model"):
         read_osim(tmp_path / "loads.osim")
     (tmp_path / "image.osim").write_bytes(bytes(range(256)) * 40)
@@ -248,16 +269,25 @@ def test_files_that_are_not_there_or_something_else(tmp_path):
 
 
 def test_mesh_names_are_kept_as_text_and_never_opened(rod):
-    mesh = '<attached_geometry><Mesh name="m"><mesh_file>../../etc/passwd</mesh_file></Mesh></attached_geometry>'
+    mesh = (
+        "<attached_geometry><Mesh"
+        ' name="m"><mesh_file>../../etc/passwd</mesh_file></Mesh></attached_geometry>'
+    )
     model = rod(('<Body name="rod">', f'<Body name="rod">{mesh}'))
     assert model.bodies[0].meshes[0].file == "../../etc/passwd"
 
 
 def test_unknown_wrap_object_lists_those_that_exist(rod):
     wrap = "<PathWrapSet><objects><PathWrap><wrap_object>boll</wrap_object></PathWrap></objects></PathWrapSet>"
-    ball = '<WrapObjectSet><objects><WrapSphere name="ball"><radius>1</radius></WrapSphere></objects></WrapObjectSet>'
+    ball = (
+        "<WrapObjectSet><objects><WrapSphere"
+        ' name="ball"><radius>1</radius></WrapSphere></objects></WrapObjectSet>'
+    )
     with pytest.raises(UnknownName, match=r"unknown wrap object 'boll'.*'ball'"):
-        rod(("</GeometryPath>", f"{wrap}</GeometryPath>"), ('<Body name="rod">', f'<Body name="rod">{ball}'))
+        rod(
+            ("</GeometryPath>", f"{wrap}</GeometryPath>"),
+            ('<Body name="rod">', f'<Body name="rod">{ball}'),
+        )
 
 
 def test_documents_of_the_future_are_read_with_a_warning(rod):
@@ -271,7 +301,10 @@ def test_other_units_are_told(rod):
 
 
 def test_a_surface_without_size_wraps_nothing(rod):
-    ball = '<WrapObjectSet><objects><WrapSphere name="ball"><radius>{}</radius></WrapSphere></objects></WrapObjectSet>'
+    ball = (
+        "<WrapObjectSet><objects><WrapSphere"
+        ' name="ball"><radius>{}</radius></WrapSphere></objects></WrapObjectSet>'
+    )
     model = rod(('<Body name="rod">', f'<Body name="rod">{ball.format(0)}'))
     assert not model.wrap_objects[0].active
     assert model.warnings == ("wrap object 'ball' has no size: nothing wraps around it",)

@@ -30,18 +30,26 @@ KINDS = {
 SPLINE = "<x>-2 -1.3 -0.5 0.1 0.8 1.4 2</x><y>0.1 0.5 -0.2 0.3 0.6 0.4 -0.1</y>"
 FUNCTIONS = {
     "linear": "<LinearFunction><coefficients>-0.7 0.2</coefficients></LinearFunction>",
-    "polynomial": "<PolynomialFunction><coefficients>0.1 -0.3 0.2 0.5</coefficients></PolynomialFunction>",
+    "polynomial": (
+        "<PolynomialFunction><coefficients>0.1 -0.3 0.2 0.5</coefficients></PolynomialFunction>"
+    ),
     "simm": f"<SimmSpline>{SPLINE}</SimmSpline>",
     "three": "<SimmSpline><x>-1 0 1.5</x><y>0.2 0.1 0.4</y></SimmSpline>",
     "two": "<SimmSpline><x>-1 1.5</x><y>0.2 0.4</y></SimmSpline>",
     "lines": f"<PiecewiseLinearFunction>{SPLINE}</PiecewiseLinearFunction>",
-    "multiplied": f"<MultiplierFunction><function><SimmSpline>{SPLINE}</SimmSpline></function>"
-    "<scale>-1.7</scale></MultiplierFunction>",
-    "sine": "<Sine><amplitude>0.4</amplitude><omega>1.3</omega><phase>0.2</phase><offset>0.1</offset></Sine>",
+    "multiplied": (
+        f"<MultiplierFunction><function><SimmSpline>{SPLINE}</SimmSpline></function>"
+        "<scale>-1.7</scale></MultiplierFunction>"
+    ),
+    "sine": (
+        "<Sine><amplitude>0.4</amplitude><omega>1.3</omega><phase>0.2</phase><offset>0.1</offset></Sine>"
+    ),
     "gcv": f"<GCVSpline><half_order>3</half_order>{SPLINE}</GCVSpline>",
     "gcv_cubic": f"<GCVSpline><half_order>2</half_order>{SPLINE}</GCVSpline>",
-    "step": "<StepFunction><transition_start_time>-0.5</transition_start_time><transition_end_time>0.9"
-    "</transition_end_time><start_value>-0.2</start_value><end_value>0.7</end_value></StepFunction>",
+    "step": (
+        "<StepFunction><transition_start_time>-0.5</transition_start_time><transition_end_time>0.9"
+        "</transition_end_time><start_value>-0.2</start_value><end_value>0.7</end_value></StepFunction>"
+    ),
 }
 
 
@@ -59,7 +67,8 @@ def _numbers(values) -> str:
 
 
 def _frame(name: str, parent: str, random, inside: str = "") -> str:
-    place, turn = random.uniform(-0.4, 0.4, 3), random.uniform(-0.5, 0.5, 3)
+    place = random.uniform(-0.4, 0.4, 3)
+    turn = random.uniform(-0.5, 0.5, 3)
     return (
         f'<PhysicalOffsetFrame name="{name}">{inside}<socket_parent>{parent}</socket_parent>'
         f"<translation>{_numbers(place)}</translation><orientation>{_numbers(turn)}</orientation></PhysicalOffsetFrame>"
@@ -75,7 +84,10 @@ def _body(name: str, random, inside: str = "") -> str:
 
 
 def _coordinate(name: str) -> str:
-    return f'<Coordinate name="{name}"><default_value>0.1</default_value><range>-1.4 1.4</range></Coordinate>'
+    return (
+        f'<Coordinate name="{name}"><default_value>0.1</default_value><range>-1.4'
+        " 1.4</range></Coordinate>"
+    )
 
 
 def _joint(kind: str, name: str, parent: str, child: str, random, inside: str = "") -> str:
@@ -92,27 +104,44 @@ def all_joints(path: Path) -> None:
     random = np.random.default_rng(3)
     settings = {
         "Ellipsoid": "<radii_x_y_z>0.1 0.2 0.3</radii_x_y_z>",
-        "Scapulothoracic": "<thoracic_ellipsoid_radii_x_y_z>0.09 0.18 0.12</thoracic_ellipsoid_radii_x_y_z>"
-        "<scapula_winging_axis_origin>0.05 -0.02</scapula_winging_axis_origin>"
-        "<scapula_winging_axis_direction>0.6</scapula_winging_axis_direction>",
+        "Scapulothoracic": (
+            "<thoracic_ellipsoid_radii_x_y_z>0.09 0.18 0.12</thoracic_ellipsoid_radii_x_y_z>"
+            "<scapula_winging_axis_origin>0.05 -0.02</scapula_winging_axis_origin>"
+            "<scapula_winging_axis_direction>0.6</scapula_winging_axis_direction>"
+        ),
     }
     tube = (
-        '<WrapCylinder name="tube"><radius>0.02</radius><length>0.3</length><translation>0.01 0.02 0.03</translation>'
-        "<xyz_body_rotation>0.3 0.2 0.1</xyz_body_rotation><quadrant>+x</quadrant></WrapCylinder>"
+        '<WrapCylinder name="tube"><radius>0.02</radius><length>0.3</length><translation>0.01 0.02'
+        " 0.03</translation><xyz_body_rotation>0.3 0.2"
+        " 0.1</xyz_body_rotation><quadrant>+x</quadrant></WrapCylinder>"
     )
     inner = {
-        "Gimbal": _frame("inner", "..", random) + _frame("outer", "/bodyset/after_gimbal/inner", random),
+        "Gimbal": (
+            _frame("inner", "..", random) + _frame("outer", "/bodyset/after_gimbal/inner", random)
+        ),
         "Slider": _frame("side", "..", random, _set("WrapObjectSet", tube)),
     }
-    bodies, joints, parent = "", "", "/ground"
+    bodies = ""
+    joints = ""
+    parent = "/ground"
     for kind in KINDS:
         name = f"after_{kind.lower()}"
-        bodies += _body(name, random, f"<components>{inner[kind]}</components>" if kind in inner else "")
-        joints += _joint(kind, f"{kind.lower()}_joint", parent, f"/bodyset/{name}", random, settings.get(kind, ""))
+        bodies += _body(
+            name, random, f"<components>{inner[kind]}</components>" if kind in inner else ""
+        )
+        joints += _joint(
+            kind,
+            f"{kind.lower()}_joint",
+            parent,
+            f"/bodyset/{name}",
+            random,
+            settings.get(kind, ""),
+        )
         parent = f"/bodyset/{name}"
     bodies += _body("last", random)
     joints += (
-        '<PinJoint name="between"><socket_parent_frame>/bodyset/after_gimbal/outer</socket_parent_frame>'
+        "<PinJoint"
+        ' name="between"><socket_parent_frame>/bodyset/after_gimbal/outer</socket_parent_frame>'
         f"<socket_child_frame>/bodyset/last</socket_child_frame><coordinates>{_coordinate('q')}</coordinates></PinJoint>"
     )
     places = (
@@ -134,7 +163,10 @@ def all_joints(path: Path) -> None:
     )
     muscle = (
         f'<Thelen2003Muscle name="long"><GeometryPath name="path">{_set("PathPointSet", points)}'
-        + _set("PathWrapSet", '<PathWrap name="w"><wrap_object>tube</wrap_object><range>2 4</range></PathWrap>')
+        + _set(
+            "PathWrapSet",
+            '<PathWrap name="w"><wrap_object>tube</wrap_object><range>2 4</range></PathWrap>',
+        )
         + "</GeometryPath></Thelen2003Muscle>"
     )
     sets = (("BodySet", bodies), ("JointSet", joints), ("MarkerSet", markers), ("ForceSet", muscle))
@@ -144,34 +176,46 @@ def all_joints(path: Path) -> None:
 def all_functions(path: Path) -> None:
     """Custom joints that turn by one coordinate and slide by each class of function of it."""
     random = np.random.default_rng(4)
-    bodies, joints = "", ""
+    bodies = ""
+    joints = ""
     for kind, function in FUNCTIONS.items():
         axes = ""
-        for name, axis in zip(("rotation1", "rotation2", "rotation3"), ("0 0.6 0.8", "1 0 0", "0 -1 0"), strict=True):
+        for name, axis in zip(
+            ("rotation1", "rotation2", "rotation3"), ("0 0.6 0.8", "1 0 0", "0 -1 0"), strict=True
+        ):
             inside = f"<coordinates>{kind}</coordinates>" if name == "rotation1" else ""
             amount = "<LinearFunction/>" if inside else "<Constant><value>0.2</value></Constant>"
             axes += (
-                f'<TransformAxis name="{name}">{inside}<axis>{axis}</axis><function>{amount}</function></TransformAxis>'
+                "<TransformAxis"
+                f' name="{name}">{inside}<axis>{axis}</axis><function>{amount}</function></TransformAxis>'
             )
         axes += (
-            f'<TransformAxis name="translation2"><coordinates>{kind}</coordinates><axis>0 1 0</axis>'
-            f"<function>{function}</function></TransformAxis>"
+            f'<TransformAxis name="translation2"><coordinates>{kind}</coordinates><axis>0 1'
+            f" 0</axis><function>{function}</function></TransformAxis>"
         )
         bodies += _body(f"body_{kind}", random)
         spatial = f"<SpatialTransform>{axes}</SpatialTransform>"
-        joint = _joint("Custom", f"joint_{kind}", "/ground", f"/bodyset/body_{kind}", random, spatial)
-        joints += joint.replace("<coordinates></coordinates>", f"<coordinates>{_coordinate(kind)}</coordinates>", 1)
+        joint = _joint(
+            "Custom", f"joint_{kind}", "/ground", f"/bodyset/body_{kind}", random, spatial
+        )
+        joints += joint.replace(
+            "<coordinates></coordinates>", f"<coordinates>{_coordinate(kind)}</coordinates>", 1
+        )
     constraints = (
         '<CoordinateCouplerConstraint name="half"><coupled_coordinates_function>'
-        "<LinearFunction><coefficients>3 0.1</coefficients></LinearFunction></coupled_coordinates_function>"
+        "<LinearFunction><coefficients>3"
+        " 0.1</coefficients></LinearFunction></coupled_coordinates_function>"
         "<independent_coordinate_names>linear</independent_coordinate_names>"
         "<dependent_coordinate_name>simm</dependent_coordinate_name><scale_factor>0.5</scale_factor>"
-        '</CoordinateCouplerConstraint><WeldConstraint name="held"><socket_frame1>one</socket_frame1>'
+        "</CoordinateCouplerConstraint><WeldConstraint"
+        ' name="held"><socket_frame1>one</socket_frame1>'
         f"<socket_frame2>two</socket_frame2><frames>{_frame('one', '/bodyset/body_sine', random)}"
         f"{_frame('two', '/bodyset/body_step', random)}</frames></WeldConstraint>"
-        '<PointConstraint name="tied"><socket_body_1>/ground</socket_body_1><location_body_1>1 2 3</location_body_1>'
+        '<PointConstraint name="tied"><socket_body_1>/ground</socket_body_1><location_body_1>1 2'
+        " 3</location_body_1>"
         "<socket_body_2>/bodyset/body_two</socket_body_2></PointConstraint>"
-        '<CoordinateCouplerConstraint name="off"><isEnforced>false</isEnforced><coupled_coordinates_function>'
+        "<CoordinateCouplerConstraint"
+        ' name="off"><isEnforced>false</isEnforced><coupled_coordinates_function>'
         "<LinearFunction/></coupled_coordinates_function><independent_coordinate_names>linear</independent_coordinate_names>"
         "<dependent_coordinate_name>three</dependent_coordinate_name></CoordinateCouplerConstraint>"
     )
@@ -273,7 +317,15 @@ def old_connectors(path: Path) -> None:
 
 MAKERS = {
     one.__name__: one
-    for one in (all_joints, all_functions, backwards, floating, reversed_old, old_sockets, old_connectors)
+    for one in (
+        all_joints,
+        all_functions,
+        backwards,
+        floating,
+        reversed_old,
+        old_sockets,
+        old_connectors,
+    )
 }
 
 
@@ -325,7 +377,9 @@ def test_a_wrap_object_on_an_offset_frame_is_placed_in_its_body(answers):
     (tube,) = model.wrap_objects
     side = next(frame for frame in model.frames if frame.name == "side")
     assert tube.body == side.body == "after_slider"
-    assert np.allclose(tube.pose.translation, side.pose.apply((0.01, 0.02, 0.03)), rtol=0, atol=1e-15)
+    assert np.allclose(
+        tube.pose.translation, side.pose.apply((0.01, 0.02, 0.03)), rtol=0, atol=1e-15
+    )
 
 
 def test_constraints_become_couplers_and_loops(answers):

@@ -75,13 +75,17 @@ def _as_opensim_reads_it(path: Path) -> Model:
 
 
 def _rounded(model: Model) -> Model:
-    """What OpenSim makes of documents before 4.0: it converts inertias and joint frames as text of six digits."""
+    """What OpenSim makes of documents before 4.0: it converts inertias and joint frames as text of
+    six digits.
+    """
 
     def six(values):
         return np.vectorize(lambda one: float(f"{one:.6g}"))(values)
 
     def frame(pose):
-        return Transform.from_euler_xyz(six(euler_xyz_from_rotation(pose.rotation)), six(pose.translation))
+        return Transform.from_euler_xyz(
+            six(euler_xyz_from_rotation(pose.rotation)), six(pose.translation)
+        )
 
     return replace(
         model,
@@ -128,7 +132,9 @@ def test_everything_is_in_the_same_place(pair):
             theirs = pose["points"][muscle.name]
             assert len(theirs) == len(muscle.path.points)
             for point, place in zip(muscle.path.points, theirs, strict=True):
-                assert np.allclose(ours[point.body].apply(point_place(point, values)), place, rtol=0, atol=TIGHT)
+                assert np.allclose(
+                    ours[point.body].apply(point_place(point, values)), place, rtol=0, atol=TIGHT
+                )
 
 
 def test_muscles_have_the_same_parameters_and_wraps(pair):
@@ -152,13 +158,23 @@ def test_muscles_have_the_same_parameters_and_wraps(pair):
             text = theirs["parameters"].get(name)
             if text is not None:
                 # OpenSim prints six digits.
-                assert value == pytest.approx(float({"true": 1, "false": 0}.get(text, text)), rel=1e-5), name
+                assert value == pytest.approx(
+                    float({"true": 1, "false": 0}.get(text, text)), rel=1e-5
+                ), name
         surfaces = {one.name: one for one in model.wrap_objects}
         ours = [
-            (one.wrap_object.rsplit("/", 1)[-1], surfaces[one.wrap_object].body, one.method, one.first, one.last)
+            (
+                one.wrap_object.rsplit("/", 1)[-1],
+                surfaces[one.wrap_object].body,
+                one.method,
+                one.first,
+                one.last,
+            )
             for one in muscle.path.wraps
         ]
-        assert ours == [(name, body, method.lower(), *ends) for name, body, method, *ends in theirs["wraps"]]
+        assert ours == [
+            (name, body, method.lower(), *ends) for name, body, method, *ends in theirs["wraps"]
+        ]
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -166,7 +182,8 @@ def test_what_we_write_opensim_takes_for_the_original(name, answers):
     files, facts = answers
     if name not in files:
         pytest.skip(f"needs the data set '{name.split('/')[0]}'")
-    original, written = facts[name], facts[f"written/{name}"]
+    original = facts[name]
+    written = facts[f"written/{name}"]
     assert not isinstance(written, str), written
     # OpenSim itself rounds what it converts from documents before 4.0 to six digits.
     old = read_document(files[name], (), "").document.version < 30500

@@ -52,7 +52,9 @@ def differences(one, other, where=""):
             line
             for field in fields(one)
             if field.name not in skipped
-            for line in differences(getattr(one, field.name), getattr(other, field.name), f"{where}.{field.name}")
+            for line in differences(
+                getattr(one, field.name), getattr(other, field.name), f"{where}.{field.name}"
+            )
         ]
     if isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
         return [
@@ -61,7 +63,9 @@ def differences(one, other, where=""):
             for line in differences(a, b, f"{where}[{getattr(a, 'name', i)}]")
         ]
     if isinstance(one, Mapping) and set(one) == set(other):
-        return [line for key in one for line in differences(one[key], other[key], f"{where}[{key}]")]
+        return [
+            line for key in one for line in differences(one[key], other[key], f"{where}[{key}]")
+        ]
     if isinstance(one, (np.ndarray, float)):
         near = np.shape(one) == np.shape(other) and np.allclose(one, other, rtol=1e-13, atol=1e-14)
         return [] if near else [f"{where}: {one} and {other}"]
@@ -70,14 +74,21 @@ def differences(one, other, where=""):
 
 def _meshes(body):
     return sorted(
-        (one.file, one.shape, *one.scale, *np.round((*one.pose.translation, *one.pose.rotation.flat), 12) + 0.0)
+        (
+            one.file,
+            one.shape,
+            *one.scale,
+            *np.round((*one.pose.translation, *one.pose.rotation.flat), 12) + 0.0,
+        )
         for one in body.meshes
     )
 
 
 def _same_function(one, other):
     x = np.linspace(-4, 4, 101)
-    return isinstance(other, PiecewisePolynomial) and np.allclose(one(x), other(x), rtol=1e-12, atol=1e-12)
+    return isinstance(other, PiecewisePolynomial) and np.allclose(
+        one(x), other(x), rtol=1e-12, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -87,7 +98,9 @@ def test_reading_what_was_written_gives_the_same_model(name, data, tmp_path):
     again = read_osim(tmp_path / "written.osim")
     assert differences(model, again) == []
     assert [_meshes(body) for body in again.bodies] == [_meshes(body) for body in model.bodies]
-    assert {(one.kind, one.name) for one in again.kept} == {(one.kind, one.name) for one in model.kept}
+    assert {(one.kind, one.name) for one in again.kept} == {
+        (one.kind, one.name) for one in model.kept
+    }
     assert {frame.name for frame in model.frames} <= {frame.name for frame in again.frames}
 
 
@@ -96,7 +109,9 @@ def from_mujoco(tmp_path_factory):
     """Models from MuJoCo files, as written, with what OpenSim says of them."""
     pytest.importorskip("opensim")
     folder = tmp_path_factory.mktemp("mujoco")
-    models, files, warnings = {}, {}, {}
+    models = {}
+    files = {}
+    warnings = {}
     for name, file in MUJOCO.items():
         if (DATA / file).exists():
             models[name] = read_mjcf(DATA / file)
@@ -110,13 +125,15 @@ def test_opensim_moves_mujoco_s_bodies_as_we_do(name, from_mujoco):
     models, files, _, facts = from_mujoco
     if name not in models:
         pytest.skip(f"needs the data set '{MUJOCO[name].split('/')[0]}'")
-    model, fact = models[name], facts[name]
+    model = models[name]
+    fact = facts[name]
     assert not isinstance(fact, str), fact
     assert fact["mass"] == pytest.approx(model.mass, abs=1e-12)
     again = read_osim(files[name])
     for pose in fact["poses"]:
         values = {one: pose["coordinates"][legal(one)] for one in model.coordinate_names}
-        ours, written = body_poses(model, values), body_poses(again, pose["coordinates"])
+        ours = body_poses(model, values)
+        written = body_poses(again, pose["coordinates"])
         for body in model.body_names:
             rotation, origin = pose["bodies"][legal(body)]
             for place in (ours[body], written[legal(body)]):
@@ -153,14 +170,19 @@ def test_names_that_opensim_refuses_are_mended_or_refused(pendulum, tmp_path):
         replace(
             joint,
             coordinates=tuple(f"{one}/x" for one in joint.coordinates),
-            axes=tuple(replace(axis, coordinates=tuple(f"{one}/x" for one in axis.coordinates)) for axis in joint.axes),
+            axes=tuple(
+                replace(axis, coordinates=tuple(f"{one}/x" for one in axis.coordinates))
+                for axis in joint.axes
+            ),
         )
         for joint in pendulum.joints
     )
     odd = replace(pendulum, coordinates=coordinates, joints=joints, actuators=())
     (warning,) = write_osim(odd, tmp_path / "b.osim")
     assert "2 names" in warning
-    assert read_osim(tmp_path / "b.osim").coordinate_names == tuple(legal(one.name) for one in coordinates)
+    assert read_osim(tmp_path / "b.osim").coordinate_names == tuple(
+        legal(one.name) for one in coordinates
+    )
     twins = (replace(coordinates[0], name="q 1"), replace(coordinates[1], name="q_1"))
     with pytest.raises(BadModel, match="'q 1' and 'q_1' would have one name"):
         write_osim(replace(odd, coordinates=twins), tmp_path / "c.osim")
@@ -182,15 +204,22 @@ def test_a_failed_write_leaves_nothing_and_spoils_nothing(pendulum, tmp_path, mo
 
 
 def test_kept_parts_are_put_back_and_old_layouts_left_out_by_name(data, tmp_path):
-    model = read_osim(data("opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim"))
+    model = read_osim(
+        data("opensim-gait-subject01/ref_so_10dof18musc/subject01_adjusted_spring.osim")
+    )
     spring = next(one for one in model.kept if one.kind == "CoordinateLimitForce")
-    off = replace(spring, text=spring.text.replace("<coordinate>", "<isDisabled>true</isDisabled><coordinate>"))
+    off = replace(
+        spring,
+        text=spring.text.replace("<coordinate>", "<isDisabled>true</isDisabled><coordinate>"),
+    )
     controller = replace(spring, kind="PrescribedController", name="old", room="ControllerSet")
     warnings = write_osim(
         replace(model, kept=(off, controller, *(one for one in model.kept if one.room == "Model"))),
         tmp_path / "out.osim",
     )
-    assert warnings == ("PrescribedController 'old' is left out: its layout is of document version 30000",)
+    assert warnings == (
+        "PrescribedController 'old' is left out: its layout is of document version 30000",
+    )
     root = etree.parse(tmp_path / "out.osim").getroot()
     (back,) = root.iter("CoordinateLimitForce")
     assert back.get("name") == spring.name
@@ -199,27 +228,34 @@ def test_kept_parts_are_put_back_and_old_layouts_left_out_by_name(data, tmp_path
     assert root.findtext("Model/credits") is not None
 
 
-@pytest.mark.parametrize("function", [
-    linear(-1.5, 0.25),
-    polynomial([0.1, 0.2, -0.3, 0.4]),
-    PiecewisePolynomial(np.array([0.7]), np.array([[0.1, 0.2, 0.3]])),
-    SineProduct(0.3, np.array([1.2]), np.array([0.4]), 0.5),
-    smooth_step(-0.5, 0.9, 0.7, -0.2),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "function",
+    [
+        linear(-1.5, 0.25),
+        polynomial([0.1, 0.2, -0.3, 0.4]),
+        PiecewisePolynomial(np.array([0.7]), np.array([[0.1, 0.2, 0.3]])),
+        SineProduct(factor=0.3, frequencies=np.array([1.2]), phases=np.array([0.4]), offset=0.5),
+        smooth_step(-0.5, 0.9, 0.7, -0.2),
+    ],
+)
 def test_a_written_function_reads_back(function):
     assert _off(function) < 1e-13
 
 
 @settings(max_examples=60)
 @given(
-    kind=st.sampled_from([simm_spline, piecewise_linear, *(partial(natural_spline, half=half) for half in (2, 3))]),
+    kind=st.sampled_from(
+        [simm_spline, piecewise_linear, *(partial(natural_spline, half=half) for half in (2, 3))]
+    ),
     steps=st.lists(st.floats(0.05, 1.0), min_size=6, max_size=12),
     seed=st.integers(0, 1000),
-)  # fmt: skip
+)
 def test_written_splines_read_back(kind, steps, seed):
     x = np.cumsum(steps) - 2.0
     y = np.random.default_rng(seed).normal(size=len(x))
-    assert _off(kind(x, y)) < 1e-8 * max(1.0, float(np.abs(kind(x, y)(np.linspace(-4, 12, 400))).max()))
+    assert _off(kind(x, y)) < 1e-8 * max(
+        1.0, float(np.abs(kind(x, y)(np.linspace(-4, 12, 400))).max())
+    )
 
 
 def test_pieces_that_opensim_lacks_are_sampled_with_a_warning():
@@ -233,7 +269,8 @@ def test_pieces_that_opensim_lacks_are_sampled_with_a_warning():
 
 def _off(function):
     """Largest difference between a function and what is read of it once written."""
-    holder, warnings = etree.Element("function"), []
+    holder = etree.Element("function")
+    warnings = []
     write_function(holder, function, "test", warnings)
     assert warnings == []
     document = Document(None, 40600, holder)
@@ -245,10 +282,18 @@ def _off(function):
 
 def test_passive_torques_are_written_as_springs_where_they_are_linear(pendulum, tmp_path):
     name = pendulum.coordinate_names[0]
-    spring = PassiveTorque("tissue", name, linear(-3.0, 0.6), constant(0.25))
-    curved = PassiveTorque("odd", name, polynomial([0.0, -1.0, -1.0]), constant(0.0))
-    warnings = write_osim(replace(pendulum, passive_torques=(spring, curved)), tmp_path / "out.osim")
-    assert warnings == ("passive torque 'odd' is left out: it is not a linear spring with constant damping",)
+    spring = PassiveTorque(
+        name="tissue", coordinate=name, torque=linear(-3.0, 0.6), damping=constant(0.25)
+    )
+    curved = PassiveTorque(
+        name="odd", coordinate=name, torque=polynomial([0.0, -1.0, -1.0]), damping=constant(0.0)
+    )
+    warnings = write_osim(
+        replace(pendulum, passive_torques=(spring, curved)), tmp_path / "out.osim"
+    )
+    assert warnings == (
+        "passive torque 'odd' is left out: it is not a linear spring with constant damping",
+    )
     (again,) = read_osim(tmp_path / "out.osim").passive_torques
     assert (again.name, again.coordinate) == ("tissue", name)
     for q in (-1.0, 0.0, 2.0):
@@ -261,5 +306,9 @@ def test_random_values_of_a_written_model_give_the_same_poses(data, tmp_path):
     write_osim(model, tmp_path / "out.osim")
     again = read_osim(tmp_path / "out.osim")
     values = random_values(model, 3)
-    before, after = body_poses(model, values), body_poses(again, values)
-    assert all(np.allclose(before[name].translation, after[name].translation, rtol=0, atol=1e-14) for name in before)
+    before = body_poses(model, values)
+    after = body_poses(again, values)
+    assert all(
+        np.allclose(before[name].translation, after[name].translation, rtol=0, atol=1e-14)
+        for name in before
+    )

@@ -30,20 +30,30 @@ def test_an_old_setup(data):
     assert isinstance(setup, ScaleSetup)
     assert (setup.name, setup.mass) == ("subject01", 72.6)
     assert setup.marker_set == path.parent / "gait2354_Scale_MarkerSet.xml"
-    scaler, placer = setup.scaler, setup.placer
+    scaler = setup.scaler
+    placer = setup.placer
     assert scaler is not None
     assert placer is not None
     assert scaler.order == ("measurements", "manualScale")
     thigh = next(one for one in scaler.measurements if one.name == "thigh")
     assert thigh.pairs == (("R.ASIS", "R.Knee.Lat"), ("L.ASIS", "L.Knee.Lat"))
-    assert dict(thigh.bodies) == dict.fromkeys(("femur_r", "femur_l", "patella_r", "patella_l"), "xyz")
+    assert dict(thigh.bodies) == dict.fromkeys(
+        ("femur_r", "femur_l", "patella_r", "patella_l"), "xyz"
+    )
     np.testing.assert_array_equal(scaler.factors["tibia_l"], 0.988523)
     assert (scaler.time_range, scaler.preserve_mass_distribution) == ((1.0, 2.0), True)
     assert scaler.output_factors == path.parent / "subject01_scaleSet_applied.xml"
     assert placer.output_motion == path.parent / "subject01_static_output.mot"
-    assert (placer.output_markers, placer.coordinates, placer.most_movement) == (None, None, math.inf)
+    assert (placer.output_markers, placer.coordinates, placer.most_movement) == (
+        None,
+        None,
+        math.inf,
+    )
     assert placer.tasks.marker_weights["R.ASIS"] == 1000
-    assert {one.coordinate for one in placer.tasks.coordinates} >= {"subtalar_angle_r", "mtp_angle_l"}
+    assert {one.coordinate for one in placer.tasks.coordinates} >= {
+        "subtalar_angle_r",
+        "mtp_angle_l",
+    }
     assert setup.facts["height"].startswith("1803.4")
 
 
@@ -60,25 +70,43 @@ def test_a_mass_of_zero_and_switched_off_parts(data):
 @pytest.mark.parametrize(
     ("order", "scaler", "said"),
     [
-        ("automatic", "", "'scaling_order' names 'automatic'; expected measurements or manualScale"),
+        (
+            "automatic",
+            "",
+            "'scaling_order' names 'automatic'; expected measurements or manualScale",
+        ),
         (
             "",
-            "<ScaleSet><objects><Scale><scales>1 -1 1</scales><segment>a</segment></Scale></objects></ScaleSet>",
+            (
+                "<ScaleSet><objects><Scale><scales>1 -1"
+                " 1</scales><segment>a</segment></Scale></objects></ScaleSet>"
+            ),
             "'scales' is '1 -1 1'; expected three positive numbers",
         ),
         (
             "",
-            '<MeasurementSet><objects><Measurement name="a"><MarkerPairSet><objects><MarkerPair>'
-            "<markers>one</markers></MarkerPair></objects></MarkerPairSet></Measurement></objects></MeasurementSet>",
+            (
+                "<MeasurementSet><objects><Measurement"
+                ' name="a"><MarkerPairSet><objects><MarkerPair>'
+                "<markers>one</markers></MarkerPair></objects></MarkerPairSet></Measurement></objects></MeasurementSet>"
+            ),
             "'markers' names 1; expected two markers for measurement 'a'",
         ),
         (
             "",
-            '<MeasurementSet><objects><Measurement name="a"><BodyScaleSet><objects><BodyScale name="b">'
-            "<axes>X Q</axes></BodyScale></objects></BodyScaleSet></Measurement></objects></MeasurementSet>",
+            (
+                '<MeasurementSet><objects><Measurement name="a"><BodyScaleSet><objects><BodyScale'
+                ' name="b">'
+                "<axes>X"
+                " Q</axes></BodyScale></objects></BodyScaleSet></Measurement></objects></MeasurementSet>"
+            ),
             "'axes' is 'xq'; expected some of X, Y and Z",
         ),
-        ("", "<output_model_file>notes.txt</output_model_file>", "'output_model_file' is 'notes.txt'; expected a name"),
+        (
+            "",
+            "<output_model_file>notes.txt</output_model_file>",
+            "'output_model_file' is 'notes.txt'; expected a name",
+        ),
     ],
 )
 def test_bad_setups_name_what_is_wrong(tmp_path, order, scaler, said):
@@ -102,14 +130,18 @@ def test_a_part_in_its_own_file(data, tmp_path):
     assert setup.placer.tasks.marker_weights["R.ASIS"] == 1000
     with pytest.raises(BadFile, match="no such file"):
         read_setup(written(tmp_path / "other.xml", placer='<IKTaskSet file="lost.xml"/>'))
-    (tmp_path / "again.xml").write_text('<IKTaskSet><objects><IKMarkerTask file="again.xml"/></objects></IKTaskSet>')
+    (tmp_path / "again.xml").write_text(
+        '<IKTaskSet><objects><IKMarkerTask file="again.xml"/></objects></IKTaskSet>'
+    )
     with pytest.raises(BadFile, match="names a further file"):
         read_setup(written(tmp_path / "third.xml", placer='<IKTaskSet file="again.xml"/>'))
 
 
 def test_marker_sets_come_back(data, tmp_path):
     model = read_model(data("opensim-gait-subject01/ref_scale/gait2354_simbody.osim"))
-    markers = read_marker_set(data("opensim-gait-subject01/ref_scale/gait2354_Scale_MarkerSet.xml"), model)
+    markers = read_marker_set(
+        data("opensim-gait-subject01/ref_scale/gait2354_Scale_MarkerSet.xml"), model
+    )
     assert len(markers) == 39
     own = read_model(data("opensim-gait-subject01/ref_scale/std_subject01_simbody.osim"))
     write_marker_set(own, tmp_path / "markers.xml")
@@ -118,7 +150,10 @@ def test_marker_sets_come_back(data, tmp_path):
         assert (one.name, one.body, one.fixed) == (two.name, two.body, two.fixed)
         np.testing.assert_array_equal(one.location, two.location)
     with pytest.raises(BadData, match="marker 'Sternum': unknown body 'torso'"):
-        read_marker_set(tmp_path / "markers.xml", read_model(data("opensim-reference-small/double_pendulum.osim")))
+        read_marker_set(
+            tmp_path / "markers.xml",
+            read_model(data("opensim-reference-small/double_pendulum.osim")),
+        )
 
 
 def test_opensim_reads_what_is_written(data, tmp_path):

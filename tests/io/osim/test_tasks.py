@@ -7,7 +7,12 @@ import math
 import pytest
 
 from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.osim.tool_setups import AnalyzeSetup, InverseDynamicsSetup, InverseKinematicsSetup, read_setup
+from myomorph.io.osim.tool_setups import (
+    AnalyzeSetup,
+    InverseDynamicsSetup,
+    InverseKinematicsSetup,
+    read_setup,
+)
 from myomorph.model.errors import BadFile
 
 
@@ -31,7 +36,14 @@ def test_a_setup_s_own_tasks_with_coordinates(data):
 
 
 def test_a_file_without_opensimdocument_around_it(data):
-    assert len(read_ik_tasks(data("opensim-gait-subject01/ref_ik/gait2354_IK_Tasks_uniform.xml")).marker_weights) == 31
+    assert (
+        len(
+            read_ik_tasks(
+                data("opensim-gait-subject01/ref_ik/gait2354_IK_Tasks_uniform.xml")
+            ).marker_weights
+        )
+        == 31
+    )
 
 
 def test_tasks_against_opensim(data):
@@ -40,10 +52,15 @@ def test_tasks_against_opensim(data):
     path = data("opensim-gait-subject01/ref_scale/gait2354_Scale_Tasks.xml")
     theirs = opensim.IKTaskSet(str(path))
     used = {
-        theirs.get(i).getName(): theirs.get(i).getWeight() for i in range(theirs.getSize()) if theirs.get(i).getApply()
+        theirs.get(i).getName(): theirs.get(i).getWeight()
+        for i in range(theirs.getSize())
+        if theirs.get(i).getApply()
     }
     tasks = read_ik_tasks(path)
-    assert {**tasks.marker_weights, **{one.coordinate: one.weight for one in tasks.coordinates}} == used
+    assert {
+        **tasks.marker_weights,
+        **{one.coordinate: one.weight for one in tasks.coordinates},
+    } == used
 
 
 def test_inverse_kinematics_setup(data):
@@ -78,7 +95,11 @@ def test_static_optimization_setup(data):
     assert setup.time_range == (0.5, 1.3)
     assert not setup.replace_forces
     (analysis,) = setup.analyses
-    assert (analysis.kind, analysis.name, analysis.step) == ("StaticOptimization", "StaticOptimization", 10)
+    assert (analysis.kind, analysis.name, analysis.step) == (
+        "StaticOptimization",
+        "StaticOptimization",
+        10,
+    )
     assert analysis.static_optimization is not None
     assert analysis.static_optimization.exponent == 2.0
 
@@ -92,14 +113,18 @@ TOOL = """<OpenSimDocument Version="{version}"><IKTool name="old"><model_file>m.
 def test_tools_with_trials_from_before_2_3(tmp_path):
     path = tmp_path / "ik.xml"
     task = (
-        '<IKCoordinateTask name="k"><weight>2</weight><value_type>{}</value_type><value>0.5</value></IKCoordinateTask>'
+        "<IKCoordinateTask"
+        ' name="k"><weight>2</weight><value_type>{}</value_type><value>0.5</value></IKCoordinateTask>'
     )
     tasks = task.format("manual_value") + task.format("from_file")
     path.write_text(TOOL.format(version=20000, tasks=tasks, more=""))
     setup = read_setup(path)
     assert isinstance(setup, InverseKinematicsSetup)
     assert setup.time_range == (1, 2)
-    assert [(one.source, one.value) for one in setup.tasks.coordinates] == [("value", 0.5), ("table", 0.0)]
+    assert [(one.source, one.value) for one in setup.tasks.coordinates] == [
+        ("value", 0.5),
+        ("table", 0.0),
+    ]
     assert setup.markers is not None
     assert setup.markers.name == "walk.trc"
     path.write_text(TOOL.format(version=20000, tasks="", more="<IKTrial/>"))
@@ -110,11 +135,14 @@ def test_tools_with_trials_from_before_2_3(tmp_path):
 def test_files_without_tasks_or_of_other_tools(data, tmp_path):
     with pytest.raises(BadFile, match="has no IKTaskSet"):
         read_ik_tasks(data("rajagopal-walk-emg/grf_walk.xml"))
-    with pytest.raises(BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"):
+    with pytest.raises(
+        BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"
+    ):
         read_setup(data("opensim-reference-small/cmc_arm26_Setup_CMC.xml"))
     path = tmp_path / "tasks.xml"
     path.write_text(
-        '<IKTaskSet><objects><IKMarkerTask name="a"><weight>-1</weight></IKMarkerTask></objects></IKTaskSet>'
+        "<IKTaskSet><objects><IKMarkerTask"
+        ' name="a"><weight>-1</weight></IKMarkerTask></objects></IKTaskSet>'
     )
     with pytest.raises(BadFile, match="weight -1"):
         read_ik_tasks(path)

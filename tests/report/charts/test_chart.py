@@ -73,11 +73,15 @@ def test_a_line_can_be_read_back_from_its_drawing() -> None:
     """What the page's script does: places to values through the chart's own scales."""
     time = np.linspace(2.0, 5.0, 60)
     values = -3.0 + 40.0 * np.sin(time)
-    drawing = ElementTree.fromstring(time_plot("a", "N", [Line(time, values, "right", "r")], (2.0, 5.0)))
+    drawing = ElementTree.fromstring(
+        time_plot("a", "N", [Line(time=time, values=values, style="right", label="r")], (2.0, 5.0))
+    )
     left, top, right, bottom = (float(one) for one in drawing.get("data-place", "").split())
     x0, x1, y0, y1 = (float(one) for one in drawing.get("data-range", "").split())
     (line,) = (one for one in drawing.iter() if one.get("data-label") == "r")
-    flat = np.array([float(one) for one in re.findall(r"-?[\d.]+", line.get("d", ""))]).reshape(-1, 2)
+    flat = np.array([float(one) for one in re.findall(r"-?[\d.]+", line.get("d", ""))]).reshape(
+        -1, 2
+    )
     read_time = x0 + (flat[:, 0] - left) / (right - left) * (x1 - x0)
     read = y0 + (bottom - flat[:, 1]) / (bottom - top) * (y1 - y0)
     assert read_time == pytest.approx(time, abs=1e-3)
@@ -85,13 +89,22 @@ def test_a_line_can_be_read_back_from_its_drawing() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [np.full(5, np.nan), np.zeros(5), np.array([1.0, np.nan, 2.0, np.inf, 3.0]), np.zeros(0)]
+    "values",
+    [np.full(5, np.nan), np.zeros(5), np.array([1.0, np.nan, 2.0, np.inf, 3.0]), np.zeros(0)],
 )
 def test_odd_values_still_make_a_drawing(values: np.ndarray) -> None:
     drawing = time_plot(
         "<odd> & 'quoted'",
         "N",
-        [Line(np.arange(float(len(values))), values, "emg left", 'a "b"', True)],
+        [
+            Line(
+                time=np.arange(float(len(values))),
+                values=values,
+                style="emg left",
+                label='a "b"',
+                filled=True,
+            )
+        ],
         (0.0, 4.0),
         [Event(1.0, "Foot Strike", "Left"), Event(1.01, "<b>"), Event(99.0, "outside")],
         [Level(0.5, "a < b")],
@@ -111,7 +124,9 @@ def test_noise_becomes_a_band() -> None:
 
 
 def test_bars_are_as_long_as_their_values() -> None:
-    drawing = ElementTree.fromstring(bar_plot("t", "cm", ["a", "b"], [np.array([2.0, 1.0])], ["first"], ["RMS"]))
+    drawing = ElementTree.fromstring(
+        bar_plot("t", "cm", ["a", "b"], [np.array([2.0, 1.0])], ["first"], ["RMS"])
+    )
     long, short = (float(one.get("width", "")) for one in drawing.iter() if one.tag == "rect")
     assert long == pytest.approx(2 * short, rel=0.01)
 
@@ -125,10 +140,13 @@ def test_pooling_keeps_the_largest() -> None:
 
 def indices(image: bytes) -> np.ndarray:
     """Palette indices of a PNG with filter 0."""
-    width, height = (int.from_bytes(image[at : at + 4], "big") for at in (16, 20))
+    width = int.from_bytes(image[16 : 16 + 4], "big")
+    height = int.from_bytes(image[20 : 20 + 4], "big")
     start = image.index(b"IDAT") + 4
     size = int.from_bytes(image[start - 8 : start - 4], "big")
-    rows = np.frombuffer(zlib.decompress(image[start : start + size]), np.uint8).reshape(height, width + 1)
+    rows = np.frombuffer(zlib.decompress(image[start : start + size]), np.uint8).reshape(
+        height, width + 1
+    )
     assert not rows[:, 0].any()
     return rows[:, 1:]
 
@@ -145,7 +163,9 @@ def test_a_color_of_the_heat_map_names_its_value() -> None:
 def test_the_heat_map_shows_every_muscle() -> None:
     names = [f"m{i}_r" for i in range(30)]
     values = np.random.default_rng(0).uniform(0, 800, (50, 30))
-    drawing = ElementTree.fromstring(heat_map("T", "N", np.arange(50.0), values, names, [("right", np.arange(30))]))
+    drawing = ElementTree.fromstring(
+        heat_map("T", "N", np.arange(50.0), values, names, [("right", np.arange(30))])
+    )
     (image,) = (one for one in drawing.iter() if one.get("data-names"))
     assert image.get("data-names") == "|".join(names)
     assert float(drawing.get("data-peak", "")) == pytest.approx(values.max())
@@ -153,8 +173,12 @@ def test_the_heat_map_shows_every_muscle() -> None:
 
 def test_a_path_on_the_floor_has_one_scale() -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    drawing = ElementTree.fromstring(floor_plot("p", ("x", "y"), [("r", "right", square)], [("plate", square)]))
+    drawing = ElementTree.fromstring(
+        floor_plot("p", ("x", "y"), [("r", "right", square)], [("plate", square)])
+    )
     (line,) = (one for one in drawing.iter() if one.get("data-label") == "r")
-    flat = np.array([float(one) for one in re.findall(r"-?[\d.]+", line.get("d", ""))]).reshape(-1, 2)
+    flat = np.array([float(one) for one in re.findall(r"-?[\d.]+", line.get("d", ""))]).reshape(
+        -1, 2
+    )
     assert np.ptp(flat[:, 0]) == pytest.approx(np.ptp(flat[:, 1]), abs=0.2)
     assert floor_plot("p", ("x", "y"), [("r", "right", np.full((3, 2), np.nan))]) == ""

@@ -9,7 +9,11 @@ from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop, contact_
 
 TAP = Contacts(
     ("toe_l", "heel_r", "toe_r"),
-    (Touch("heel_r", 1.0, 2.0), Touch("toe_r", 1.5, 2.5, confidence=0.6), Touch("heel_r", 4.0, 4.5)),
+    (
+        Touch("heel_r", 1.0, 2.0),
+        Touch("toe_r", 1.5, 2.5, confidence=0.6),
+        Touch("heel_r", 4.0, 4.5),
+    ),
 )
 
 
@@ -22,11 +26,15 @@ def place(time: float, span: tuple[float, float]) -> float:
 
 
 def test_a_line_for_every_touch_with_its_dots() -> None:
-    """Figure 5.5 of [D]: lines from touch to leave; rows in the order given, right before left, unused sites too."""
+    """Figure 5.5 of [D]: lines from touch to leave; rows in the order given, right before left,
+    unused sites too.
+    """
     rows = graph_rows(TAP)
     assert [row.label for row in rows] == ["Right heel", "Right toe", "Left toe"]
     svg = drawn(contact_graph(rows, Backdrop((0.0, 5.0))))
-    lines = [re.findall(r"[\d.]+", one) for one in svg.xpath("//g[contains(@class, 'touch')]/path/@d")]
+    lines = [
+        re.findall(r"[\d.]+", one) for one in svg.xpath("//g[contains(@class, 'touch')]/path/@d")
+    ]
     ends = [(float(one[0]), float(one[2])) for one in lines]
     assert ends == [
         pytest.approx((place(touch.start, (0.0, 5.0)), place(touch.stop, (0.0, 5.0))), abs=0.06)
@@ -46,18 +54,24 @@ def test_touches_that_go_on_have_no_dots_at_the_border() -> None:
 
 
 def test_strokes_have_the_symbols_of_the_drum_score() -> None:
-    """Figure 5.8 of [D]: a star for the right hand, a plus for the left, a ring for the right foot; rows are drums."""
+    """Figure 5.8 of [D]: a star for the right hand, a plus for the left, a ring for the right foot;
+    rows are drums.
+    """
     given = Contacts(
         ("stick_r", "stick_l", "pedal_r"),
         (
-            Touch("stick_r", 1.0, 1.01, "hi_hat", source="sound"),
-            Touch("stick_l", 1.5, 1.51, "snare_drum", source="sound"),
-            Touch("stick_r", 2.0, 2.01, "snare_drum", source="sound"),
-            Touch("pedal_r", 1.0, 1.01, "bass_drum", source="sound"),
+            Touch(site="stick_r", start=1.0, stop=1.01, surface="hi_hat", source="sound"),
+            Touch(site="stick_l", start=1.5, stop=1.51, surface="snare_drum", source="sound"),
+            Touch(site="stick_r", start=2.0, stop=2.01, surface="snare_drum", source="sound"),
+            Touch(site="pedal_r", start=1.0, stop=1.01, surface="bass_drum", source="sound"),
         ),
     )
     rows = graph_rows(given)
-    assert {row.label: len(row.touches) for row in rows} == {"Hi hat": 1, "Snare drum": 2, "Bass drum": 1}
+    assert {row.label: len(row.touches) for row in rows} == {
+        "Hi hat": 1,
+        "Snare drum": 2,
+        "Bass drum": 1,
+    }
     svg = drawn(contact_graph(rows, Backdrop((0.0, 3.0))))
     arms = [one.count("M") for one in svg.xpath("//path[contains(@class, 'stroke')]/@d")]
     assert sorted(arms) == [2, 3, 3]

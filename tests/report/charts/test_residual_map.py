@@ -17,7 +17,9 @@ from myomorph.report.charts.pictures import residual_map
 
 def pictures(drawn):
     """The pictures (height, width, 4) in 0..1; the last is the scale."""
-    return [imread(io.BytesIO(base64.b64decode(one))) for one in re.findall(r"base64,([^\"]+)", drawn)]
+    return [
+        imread(io.BytesIO(base64.b64decode(one))) for one in re.findall(r"base64,([^\"]+)", drawn)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,8 @@ def test_outside_is_red_and_inside_blue(ball):
     for one in (first, second):
         solid = one[..., 3] > 0.9
         redness = (one[..., 0] - one[..., 2]) * solid
-        upper, lower = redness[: len(one) // 3].sum(), redness[-(len(one) // 3) :].sum()
+        upper = redness[: len(one) // 3].sum()
+        lower = redness[-(len(one) // 3) :].sum()
         assert upper * lower < 0.0
         assert abs(upper + lower) < 0.5 * abs(upper)
     assert scale[0, 0, 2] > scale[0, 0, 0]
@@ -50,5 +53,6 @@ def test_the_scale_holds_95_percent(ball):
 
 def test_a_picture_is_as_long_as_the_surface(ball):
     (one, *_) = pictures(residual_map("b", "mm", ball, np.zeros(len(ball.vertices))))
-    rows, columns = (np.flatnonzero((one[..., 3] > 0.5).any(axis=k)) for k in (1, 0))
+    rows = np.flatnonzero((one[..., 3] > 0.5).any(axis=1))
+    columns = np.flatnonzero((one[..., 3] > 0.5).any(axis=0))
     assert np.ptp(rows) / np.ptp(columns) == pytest.approx(2.0, rel=0.03)

@@ -1,4 +1,6 @@
-"""The page on a morph says its numbers, warnings first, and its tables have a column for every cell."""
+"""The page on a morph says its numbers, warnings first, and its tables have a column for every
+cell.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,11 @@ from myomorph.report.morph.morph_page import morph_page
 from myomorph.report.morph.tables import morphing_tables
 from myomorph.report.page.parts import Note, Section
 
-MADE = Provenance("morph", (Source("bone", "/home/me/bones/thigh.obj", "ab" * 32),), {"map": "ssd", "exponent": 4.0})
+MADE = Provenance(
+    "morph",
+    (Source("bone", "/home/me/bones/thigh.obj", "ab" * 32),),
+    {"map": "ssd", "exponent": 4.0},
+)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +30,9 @@ def morph():
     through = muscle("extensor", [("thigh", (HALF - 0.005, -0.1, 0.0)), *FRONT[1:]])
     morph = morph_of(source, grown(with_muscle(source, through), 1.1), 1.1)
     bones = {**morph.bones, "shank": replace(morph.bones["shank"], notes=("the <bone> is rough",))}
-    return replace(morph, bones=bones, left_out={"popliteus": "the target has no counterpart of 'fibula'"})
+    return replace(
+        morph, bones=bones, left_out={"popliteus": "the target has no counterpart of 'fibula'"}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -57,13 +65,20 @@ def test_the_page_tells_numbers_and_warnings_first(morph, checks):
     assert "exponent = 4" in text
     assert "the target has no counterpart of" in text
     assert page.count("<image") >= 6
-    assert "http" not in re.sub(r'href="https://doi.org[^"]*"', "", page).replace("http://www.w3.org", "")
+    assert "http" not in re.sub(r'href="https://doi.org[^"]*"', "", page).replace(
+        "http://www.w3.org", ""
+    )
 
 
 def test_a_title_notes_and_sections_of_ones_own_find_their_place(morph, checks):
     further = Section("errors", "Error against the truth", "None is known & more.")
     page = morph_page(
-        morph, checks, MADE, title="Boxes", notes=(Note("simulated", "Made of boxes."),), further=(further,)
+        morph,
+        checks,
+        MADE,
+        title="Boxes",
+        notes=(Note("simulated", "Made of boxes."),),
+        further=(further,),
     )
     assert "<h1>Boxes</h1>" in page
     assert re.findall(r"<h2>([^<]+)</h2>", page)[1] == "Error against the truth"
@@ -72,8 +87,18 @@ def test_a_title_notes_and_sections_of_ones_own_find_their_place(morph, checks):
 
 def test_tables_have_a_name_for_every_column(morph, checks):
     tables = morphing_tables(morph, checks)
-    assert {"bones.csv", "points.csv", "muscles.csv", "joints.csv", "masses.csv", "moment_arms.csv", "warnings.csv",
-            "penetration.csv", "moment_arm_summary.csv", "not_transferred.csv"} == set(tables)  # fmt: skip
+    assert {
+        "bones.csv",
+        "points.csv",
+        "muscles.csv",
+        "joints.csv",
+        "masses.csv",
+        "moment_arms.csv",
+        "warnings.csv",
+        "penetration.csv",
+        "moment_arm_summary.csv",
+        "not_transferred.csv",
+    } == set(tables)
     for name, sheet in tables.items():
         assert {len(row) for row in sheet.rows} == {len(sheet.head)}, name
     rows = tables["moment_arms.csv"].rows

@@ -26,8 +26,8 @@ def volume(surface: Surface) -> float:
 
 
 def test_primitives_have_the_size_they_are_given() -> None:
-    ball = primitive(Mesh("", IDENTITY, np.array([0.2, 0, 0]), "sphere"))
-    box = primitive(Mesh("", IDENTITY, np.array([1.0, 2.0, 3.0]), "box"))
+    ball = primitive(Mesh(file="", pose=IDENTITY, scale=np.array([0.2, 0, 0]), shape="sphere"))
+    box = primitive(Mesh(file="", pose=IDENTITY, scale=np.array([1.0, 2.0, 3.0]), shape="box"))
     assert ball is not None
     assert box is not None
     assert volume(ball) == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.12)
@@ -38,21 +38,22 @@ def test_primitives_have_the_size_they_are_given() -> None:
         ("capsule", [0.1, 0.5, 0.0], [0.2, 0.2, 1.2]),
         ("ellipsoid", [0.1, 0.2, 0.3], [0.2, 0.4, 0.6]),
     ):
-        made = primitive(Mesh("", IDENTITY, np.array(size), shape))
+        made = primitive(Mesh(file="", pose=IDENTITY, scale=np.array(size), shape=shape))
         assert made is not None
         assert np.ptp(made.vertices, axis=0) == pytest.approx(extent, rel=0.06), shape
     assert primitive(Mesh("femur.vtp", IDENTITY, np.ones(3))) is None
 
 
 def test_a_stick_reaches_from_end_to_end() -> None:
-    start, end = np.array([0.1, 0.2, 0.3]), np.array([0.1, -0.5, 0.9])
+    start = np.array([0.1, 0.2, 0.3])
+    end = np.array([0.1, -0.5, 0.9])
     along = (end - start) / np.linalg.norm(end - start)
     heights = (stick(start, end, 0.05).vertices - start) @ along
     assert (heights.min(), heights.max()) == pytest.approx((0.0, np.linalg.norm(end - start)))
 
 
 def test_a_coarser_surface_stays_where_it_was() -> None:
-    fine = primitive(Mesh("", IDENTITY, np.full(3, 0.2), "sphere"))
+    fine = primitive(Mesh(file="", pose=IDENTITY, scale=np.full(3, 0.2), shape="sphere"))
     assert fine is not None
     rough = coarser(fine, 0.1)
     assert 4 <= len(rough.faces) < len(fine.faces)
@@ -61,16 +62,16 @@ def test_a_coarser_surface_stays_where_it_was() -> None:
 
 
 def test_normals_of_a_ball_point_outwards() -> None:
-    ball = primitive(Mesh("", IDENTITY, np.ones(3), "sphere"))
+    ball = primitive(Mesh(file="", pose=IDENTITY, scale=np.ones(3), shape="sphere"))
     assert ball is not None
     outward = np.einsum("ij,ij->i", normals(ball), ball.vertices)
     assert np.abs(outward[np.linalg.norm(normals(ball), axis=1) > 0]).min() > 0.95
 
 
 def test_a_ball_covers_a_disk_and_what_is_nearer_hides_it() -> None:
-    view = View(np.eye(3), np.zeros(3), 100.0, 120, 100)
+    view = View(axes=np.eye(3), center=np.zeros(3), scale=100.0, width=120, height=100)
     canvas = Canvas(view)
-    ball = primitive(Mesh("", IDENTITY, np.full(3, 0.3), "sphere"))
+    ball = primitive(Mesh(file="", pose=IDENTITY, scale=np.full(3, 0.3), shape="sphere"))
     assert ball is not None
     canvas.surface(ball.vertices, normals(ball), ball.faces, (1.0, 1.0, 1.0))
     # A disk of 30 pixels, less what the ball's 14 sides cut off.
@@ -83,7 +84,12 @@ def test_a_ball_covers_a_disk_and_what_is_nearer_hides_it() -> None:
     canvas.tubes(ends[:1], ends[1:], np.full((1, 2), 0.05), np.array([[0.0, 1.0, 0.0]]))
     assert np.array_equal(canvas.color[50, 60], green[50, 60])
     assert canvas.color[50, 15, 1] > 0
-    canvas.tubes(ends[:1] + [0, 0, 2], ends[1:] + [0, 0, 2], np.full((1, 2), 0.05), np.array([[0.0, 1.0, 0.0]]))
+    canvas.tubes(
+        ends[:1] + [0, 0, 2],
+        ends[1:] + [0, 0, 2],
+        np.full((1, 2), 0.05),
+        np.array([[0.0, 1.0, 0.0]]),
+    )
     assert canvas.color[50, 60, 0] == 0.0
     pixels = canvas.picture(2)
     assert pixels.shape == (50, 60, 4)
@@ -106,9 +112,12 @@ def test_a_turned_laboratory_turns_the_view() -> None:
     turn = Transform(axis_rotation((1, 0, 0), np.pi / 2), np.zeros(3))
     root, *rest = body.joints
     turned = replace(
-        body, joints=(replace(root, parent_frame=turn @ root.parent_frame), *rest), gravity=turn.rotation @ body.gravity
+        body,
+        joints=(replace(root, parent_frame=turn @ root.parent_frame), *rest),
+        gravity=turn.rotation @ body.gravity,
     )
-    plain, other = make_scene(body, motion(body), [0, 50]), make_scene(turned, motion(body), [0, 50])
+    plain = make_scene(body, motion(body), [0, 50])
+    other = make_scene(turned, motion(body), [0, 50])
     assert other.up == pytest.approx(turn.rotation @ plain.up, abs=1e-12)
     assert other.forward == pytest.approx(turn.rotation @ plain.forward, abs=1e-9)
     for one, two in zip(plain.muscles, other.muscles, strict=True):
@@ -118,8 +127,15 @@ def test_a_turned_laboratory_turns_the_view() -> None:
 def test_points_that_come_and_go_and_points_that_move() -> None:
     body = model()
     first = body.muscles[0]
-    conditional = PathPoint("c", "femur_r", np.zeros(3), "knee_angle_r", (-0.5, 2.0))
-    moving = MovingPathPoint("m", "femur_r", (linear(0.1), linear(0.0, 0.2), linear(0.0)), ("knee_angle_r", "", ""))
+    conditional = PathPoint(
+        name="c", body="femur_r", location=np.zeros(3), coordinate="knee_angle_r", range=(-0.5, 2.0)
+    )
+    moving = MovingPathPoint(
+        name="m",
+        body="femur_r",
+        functions=(linear(0.1), linear(0.0, 0.2), linear(0.0)),
+        coordinates=("knee_angle_r", "", ""),
+    )
     path = Path((first.path.points[0], conditional, moving))
     changed = replace(body, muscles=(replace(first, path=path),))
     movement = motion(body)
@@ -134,18 +150,30 @@ def test_points_that_come_and_go_and_points_that_move() -> None:
     thigh = body.body_names.index("femur_r") + 1
     last = points[np.arange(len(points)), count - 1]
     local = np.einsum("fji,fj->fi", scene.rotations[:, thigh], last - scene.origins[:, thigh])
-    assert local == pytest.approx(np.stack([0.1 * knee, 0.2 + 0 * knee, 0 * knee], axis=1), abs=1e-12)
+    assert local == pytest.approx(
+        np.stack([0.1 * knee, 0.2 + 0 * knee, 0 * knee], axis=1), abs=1e-12
+    )
 
 
 def test_meshes_take_the_place_of_sticks() -> None:
     body = model()
     shape = Surface(np.eye(3), np.array([[0, 1, 2]]))
-    mesh = Mesh("femur.vtp", Transform(np.eye(3), np.array([0.0, -0.1, 0.0])), np.array([2.0, 1.0, 1.0]))
-    bodies = tuple(replace(one, meshes=(mesh,)) if one.name == "femur_r" else one for one in body.bodies)
+    mesh = Mesh(
+        "femur.vtp", Transform(np.eye(3), np.array([0.0, -0.1, 0.0])), np.array([2.0, 1.0, 1.0])
+    )
+    bodies = tuple(
+        replace(one, meshes=(mesh,)) if one.name == "femur_r" else one for one in body.bodies
+    )
     dressed = replace(body, bodies=bodies)
     number = body.body_names.index("femur_r") + 1
-    found = [one for one in make_scene(dressed, motion(body), [0], {"femur.vtp": shape}).solids if one.body == number]
-    assert [one.surface.vertices.tolist() for one in found] == [[[2.0, -0.1, 0.0], [0.0, 0.9, 0.0], [0.0, -0.1, 1.0]]]
+    found = [
+        one
+        for one in make_scene(dressed, motion(body), [0], {"femur.vtp": shape}).solids
+        if one.body == number
+    ]
+    assert [one.surface.vertices.tolist() for one in found] == [
+        [[2.0, -0.1, 0.0], [0.0, 0.9, 0.0], [0.0, -0.1, 1.0]]
+    ]
     bare = [one for one in make_scene(dressed, motion(body), [0], {}).solids if one.body == number]
     assert len(bare) == 1
     assert len(bare[0].surface.faces) > 20
@@ -167,7 +195,12 @@ def test_pictures_share_one_scale() -> None:
     movement = motion(body)
     scene = make_scene(body, movement, [20, 90], wrenches=steps(movement.time, body.mass * GRAVITY))
     found = pictures(scene, height=120)
-    assert [(one.frame, one.view) for one in found] == [(0, "side"), (1, "side"), (0, "front"), (1, "front")]
+    assert [(one.frame, one.view) for one in found] == [
+        (0, "side"),
+        (1, "side"),
+        (0, "front"),
+        (1, "front"),
+    ]
     assert len({(one.width, one.height) for one in found if one.view == "side"}) == 1
     assert all(one.image.startswith(b"\x89PNG") for one in found)
 
@@ -193,8 +226,12 @@ def test_the_player_holds_the_scene() -> None:
     assert poses[:, 0, 9:] == pytest.approx(scene.origins[:, 1], abs=1e-6)
     assert max(told["bodies"]) < told["poseCount"]
     solid = told["solids"][0]
-    vertices = np.array(solid["low"]) + decoded(solid["vertices"], "<i2").reshape(-1, 3) * solid["step"]
-    assert np.ptp(vertices, axis=0) == pytest.approx(np.ptp(scene.solids[0].surface.vertices, axis=0), rel=0.05)
+    vertices = (
+        np.array(solid["low"]) + decoded(solid["vertices"], "<i2").reshape(-1, 3) * solid["step"]
+    )
+    assert np.ptp(vertices, axis=0) == pytest.approx(
+        np.ptp(scene.solids[0].surface.vertices, axis=0), rel=0.05
+    )
     assert decoded(solid["faces"], "<u2").max() < len(vertices)
 
 
@@ -202,12 +239,17 @@ def test_the_player_keeps_to_its_budget() -> None:
     assert frames_to_play(36000, 520 * 8, 90) * (6 * 520 * 8 + 48 * 90) <= 2_600_000
     assert frames_to_play(50, 100, 10) == 50
     body = model()
-    grid = np.stack(np.meshgrid(np.linspace(0, 0.4, 120), np.linspace(0, 0.4, 120), [0.0]), axis=-1).reshape(-1, 3)
+    grid = np.stack(
+        np.meshgrid(np.linspace(0, 0.4, 120), np.linspace(0, 0.4, 120), [0.0]), axis=-1
+    ).reshape(-1, 3)
     corner = np.array([i * 120 + j for i in range(119) for j in range(119)])
     dense = Surface(
         grid,
         np.concatenate(
-            [np.stack([corner, corner + 1, corner + 120], 1), np.stack([corner + 1, corner + 121, corner + 120], 1)]
+            [
+                np.stack([corner, corner + 1, corner + 120], 1),
+                np.stack([corner + 1, corner + 121, corner + 120], 1),
+            ]
         ),
     )
     mesh = Mesh("dense.stl", IDENTITY, np.ones(3))
@@ -221,7 +263,9 @@ def test_the_player_keeps_to_its_budget() -> None:
 def test_a_mirrored_mesh_keeps_its_outside(side: float) -> None:
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     outward = Surface(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
-    bone = replace(model().bodies[0], meshes=(Mesh("bone.obj", IDENTITY, np.array([1.0, 1.0, side])),))
+    bone = replace(
+        model().bodies[0], meshes=(Mesh("bone.obj", IDENTITY, np.array([1.0, 1.0, side])),)
+    )
     drawn = replace(model(), bodies=(bone, *model().bodies[1:]))
     solid = make_scene(drawn, motion(drawn), [0], {"bone.obj": outward}).solids[0].surface
     a, b, c = solid.vertices[solid.faces].transpose(1, 0, 2)

@@ -21,7 +21,12 @@ from myomorph.model.model import Body, Joint, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
-from myomorph.motion.calibration import Calibration, CalibrationOptions, LengthEstimate, MarkerEstimate
+from myomorph.motion.calibration import (
+    Calibration,
+    CalibrationOptions,
+    LengthEstimate,
+    MarkerEstimate,
+)
 from myomorph.motion.lengths import Length
 from myomorph.report.charts.axis import number
 from myomorph.report.trial.identification import identification_sections
@@ -37,13 +42,85 @@ from myomorph.report.trial.trial_page import report_page
 from walker import model as walker
 
 TABLE_3_1 = {
-    "identified, w_d": [2.85, 2.12, 1.80, 1.67, 1.61, 1.54, 1.48, 1.25, 1.16, 1.26, 0.97, 0.90, 0.85, 0.76, 0.73,
-                        0.61, 0.48, 0.42, 0.39, 0.41, 0.44, 0.59, 0.77, 1.32],
-    "identified, w_n": [3.07, 1.87, 1.83, 1.79, 1.22, 1.58, 2.29, 0.83, 1.45, 1.88, 0.67, 0.64, 0.58, 0.43, 0.77,
-                        0.57, 0.09, 0.30, 0.12, 0.21, 0.02, 0.35, 0.12, 2.29],
-    "shape only": [3.39, 1.89, 2.17, 2.00, 1.72, 1.33, 1.50, 0.67, 1.28, 1.28, 0.61, 0.56, 0.44, 0.28, 0.67, 0.56,
-                   0.22, 0.39, 0.11, 0.44, 0.11, 0.50, 0.22, 2.17],
-}  # fmt: skip
+    "identified, w_d": [
+        2.85,
+        2.12,
+        1.80,
+        1.67,
+        1.61,
+        1.54,
+        1.48,
+        1.25,
+        1.16,
+        1.26,
+        0.97,
+        0.90,
+        0.85,
+        0.76,
+        0.73,
+        0.61,
+        0.48,
+        0.42,
+        0.39,
+        0.41,
+        0.44,
+        0.59,
+        0.77,
+        1.32,
+    ],
+    "identified, w_n": [
+        3.07,
+        1.87,
+        1.83,
+        1.79,
+        1.22,
+        1.58,
+        2.29,
+        0.83,
+        1.45,
+        1.88,
+        0.67,
+        0.64,
+        0.58,
+        0.43,
+        0.77,
+        0.57,
+        0.09,
+        0.30,
+        0.12,
+        0.21,
+        0.02,
+        0.35,
+        0.12,
+        2.29,
+    ],
+    "shape only": [
+        3.39,
+        1.89,
+        2.17,
+        2.00,
+        1.72,
+        1.33,
+        1.50,
+        0.67,
+        1.28,
+        1.28,
+        0.61,
+        0.56,
+        0.44,
+        0.28,
+        0.67,
+        0.56,
+        0.22,
+        0.39,
+        0.11,
+        0.44,
+        0.11,
+        0.50,
+        0.22,
+        2.17,
+    ],
+}
 """Masses of the vertebrae as [D] table 3.1 prints them, from lumbar 5 to neck 1 [kg]."""
 
 TABLE_3_3 = {
@@ -58,17 +135,41 @@ def spine() -> Model:
     names = [f"lumbar{i}" for i in range(5, 0, -1)] + [f"thoracic{i}" for i in range(12, 0, -1)]
     names += [f"C{i}" for i in range(7, 0, -1)]
     still = Transform.identity()
-    bodies = tuple(Body(name, 1.0, np.zeros(3), np.eye(3)) for name in names)
+    bodies = tuple(
+        Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3)) for name in names
+    )
     joints = tuple(
-        Joint(f"to_{name}", "WeldJoint", before, name, still, still)
+        Joint(
+            name=f"to_{name}",
+            kind="WeldJoint",
+            parent=before,
+            child=name,
+            parent_frame=still,
+            child_frame=still,
+        )
         for before, name in zip(["ground", *names], names, strict=False)
     )
-    return Model("spine", bodies, joints, (), np.array([0.0, -9.81, 0.0]))
+    return Model(
+        name="spine",
+        bodies=bodies,
+        joints=joints,
+        coordinates=(),
+        gravity=np.array([0.0, -9.81, 0.0]),
+    )
 
 
 def link(name: str, mass: float, least: float, *faults: str) -> LinkConsistency:
     eigenvalues = np.array([least, 1.0, 1.0, mass])
-    return LinkConsistency(name, mass, np.zeros(3), np.ones(3), np.ones(3), eigenvalues, None, faults)
+    return LinkConsistency(
+        name=name,
+        mass=mass,
+        center=np.zeros(3),
+        second_moments=np.ones(3),
+        moments=np.ones(3),
+        eigenvalues=eigenvalues,
+        inside=None,
+        faults=faults,
+    )
 
 
 def base_fit() -> BaseFit:
@@ -76,20 +177,37 @@ def base_fit() -> BaseFit:
     combination = np.zeros((2, 50))
     combination[[0, 1], [0, 1]] = 1.0
     base = BaseParameters(
-        walker().body_names,
-        np.array([0, 1]),
-        combination,
-        ("m of all", "m c_x of it"),
-        ("I_xx tibia_l",),
-        {},
-        2,
-        np.zeros((2, 0)),
+        bodies=walker().body_names,
+        columns=np.array([0, 1]),
+        combination=combination,
+        names=("m of all", "m c_x of it"),
+        never=("I_xx tibia_l",),
+        held={},
+        rank=2,
+        tared=np.zeros((2, 0)),
     )
     six = np.ones(6)
     return BaseFit(
-        base, np.array([60.0, 2.0]), np.array([0.06, np.nan]), np.ones(2), np.eye(2), np.ones(2), 2, 12.0,
-        np.array([True, False]), np.ones(2), {}, six, six, 900, {}, six, six, 60.0, Tare(six, six, six, six),
-    )  # fmt: skip
+        base=base,
+        estimate=np.array([60.0, 2.0]),
+        sd=np.array([0.06, np.nan]),
+        size=np.ones(2),
+        information=np.eye(2),
+        z=np.ones(2),
+        rank=2,
+        condition=12.0,
+        identifiable=np.array([True, False]),
+        levels=np.ones(2),
+        link_levels={},
+        sigma=six,
+        samples=six,
+        frames=900,
+        left_out={},
+        residual_rms=six,
+        wrench_rms=six,
+        carried_mass=60.0,
+        tare=Tare(constant=six, sd=six, rms_without=six, rms_with=six),
+    )
 
 
 def walker_identification() -> Identification:
@@ -107,14 +225,31 @@ def walker_identification() -> Identification:
         identified="identified",
         parameters={"identified": true, "generic": 1.1 * true},
         residuals={"identified": np.array([1.0, 2.0]), "generic": np.array([3.0, 4.0])},
-        unseen=Unseen(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, int), ""),
+        unseen=Unseen(
+            identified=np.zeros((0, 2)), generic=np.zeros((0, 2)), frames=np.zeros(0, int), what=""
+        ),
         tried={},
         mass_sd=0.2,
         noise=np.ones(2),
         base=base_fit(),
-        points=MassPoints(pose.centers, true[:, 0], weights, pose, 0.01, "five points"),
-        known=Determined(share, 2, share > 0.6, 0.1 * np.abs(true), 0.2 * np.abs(true)),
-        consistency={"identified": Consistency((*links, *(link(name, 5.0, 0.1) for name in names[2:])))},
+        points=MassPoints(
+            points=pose.centers,
+            reference=true[:, 0],
+            weights=weights,
+            links=pose,
+            spacing=0.01,
+            source="five points",
+        ),
+        known=Determined(
+            shares=share,
+            rank=2,
+            data=share > 0.6,
+            sd=0.1 * np.abs(true),
+            prior_sd=0.2 * np.abs(true),
+        ),
+        consistency={
+            "identified": Consistency((*links, *(link(name, 5.0, 0.1) for name in names[2:])))
+        },
         recordings=(),
         notes=("a note",),
     )
@@ -125,26 +260,66 @@ def walker_check() -> CrossValidation:
     measured = np.column_stack([np.full(101, 10.0 * row) for row in range(6)])
     measured[50] = np.nan
     predicted = {"identified": measured + [0, 0, 0, 1.0, -2.0, 3.0], "generic": measured + 4.0}
-    return CrossValidation(time, measured, predicted, 588.0)
+    return CrossValidation(time=time, measured=measured, predicted=predicted, weight=588.0)
 
 
 def calibration() -> Calibration:
     """A thigh of 0.40 m that is 5 % longer, and a marker that moved by 12 mm."""
     model = walker()
-    thigh = LengthEstimate(Length("thigh", "femur_r", (("femur_r", 1),), 0.40, True, True), 1.05, 0.0025, 0.05)
+    thigh = LengthEstimate(
+        length=Length(
+            name="thigh",
+            segment="femur_r",
+            stretched=(("femur_r", 1),),
+            extent=0.40,
+            along=True,
+            between_joints=True,
+        ),
+        factor=1.05,
+        sd=0.0025,
+        prior_sd=0.05,
+    )
     shift = np.array([0.012, 0.0, 0.0])
-    marker = MarkerEstimate("RASI", "pelvis", shift, shift, np.ones(3), 0.02, 0.01)
-    before, after = np.full((50, 1), 0.02), np.full((50, 1), 0.01)
+    marker = MarkerEstimate(
+        name="RASI",
+        body="pelvis",
+        location=shift,
+        shift=shift,
+        sd=np.ones(3),
+        before=0.02,
+        after=0.01,
+    )
+    before = np.full((50, 1), 0.02)
+    after = np.full((50, 1), 0.01)
     return Calibration(
-        model, CalibrationOptions(), {}, (thigh,), (marker,), 1.0, 0.005, (np.arange(50),), (np.zeros((50, 0)),),
-        (before,), (after,), ("RASI",), True, (), (),
-    )  # fmt: skip
+        model=model,
+        options=CalibrationOptions(),
+        factors={},
+        lengths=(thigh,),
+        markers=(marker,),
+        size=1.0,
+        noise=0.005,
+        frames=(np.arange(50),),
+        angles=(np.zeros((50, 0)),),
+        before=(before,),
+        after=(after,),
+        marker_names=("RASI",),
+        converged=True,
+        costs=(),
+        notes=(),
+    )
 
 
 def everything() -> IdentificationInput:
     identification = walker_identification()
     validation = {"walk 2": walker_check()}
-    return IdentificationInput(identification.model, identification, validation, calibration(), ("walk 2",))
+    return IdentificationInput(
+        model=identification.model,
+        identification=identification,
+        validation=validation,
+        calibration=calibration(),
+        recordings=("walk 2",),
+    )
 
 
 def rows(text: str) -> list[dict[str, str]]:
@@ -152,11 +327,15 @@ def rows(text: str) -> list[dict[str, str]]:
 
 
 def test_spread_of_spine_masses_as_printed() -> None:
-    """[D] table 3.3 follows from table 3.1 with the population's standard deviation, to its printed digits.
+    """[D] table 3.3 follows from table 3.1 with the population's standard deviation, to its printed
+    digits.
 
-    All but the neck by the shape: the masses that are printed have 0.67 where the table prints 0.63.
+    All but the neck by the shape: the masses that are printed have 0.67 where the table prints
+    0.63.
     """
-    sheet = spine_sheet(spine().body_names, {name: np.array(masses) for name, masses in TABLE_3_1.items()})
+    sheet = spine_sheet(
+        spine().body_names, {name: np.array(masses) for name, masses in TABLE_3_1.items()}
+    )
     assert [row[0] for row in sheet.rows] == list(TABLE_3_3)
     for group, _, *spread in sheet.rows:
         printed = np.array(TABLE_3_3[str(group)])
@@ -166,8 +345,24 @@ def test_spread_of_spine_masses_as_printed() -> None:
 
 
 def test_vertebrae_are_found_by_many_names() -> None:
-    names = ["L5", "L4", "T12", "T1", "C7", "C1", "rib12_R", "Abd_L_L1", "lumbar_vertebra_1", "pelvis", "calcn_l"]
-    assert spine_groups(names) == {"Lumbar vertebrae": [0, 1, 8], "Rib vertebrae": [2, 3], "Neck vertebrae": [4, 5]}
+    names = [
+        "L5",
+        "L4",
+        "T12",
+        "T1",
+        "C7",
+        "C1",
+        "rib12_R",
+        "Abd_L_L1",
+        "lumbar_vertebra_1",
+        "pelvis",
+        "calcn_l",
+    ]
+    assert spine_groups(names) == {
+        "Lumbar vertebrae": [0, 1, 8],
+        "Rib vertebrae": [2, 3],
+        "Neck vertebrae": [4, 5],
+    }
 
 
 def test_masses_sum() -> None:
@@ -183,16 +378,26 @@ def test_segments_cover_the_body_once() -> None:
     model = walker()
     masses = np.random.default_rng(1).uniform(0.1, 5.0, len(model.bodies))
     share = {
-        (row, side): segment_share(model, masses, row, side) or 0.0 for row in ATHLETES for side in ("right", "left")
+        (row, side): segment_share(model, masses, row, side) or 0.0
+        for row in ATHLETES
+        for side in ("right", "left")
     }
     middle = share["Head", "right"] + share["Body", "right"]
-    limbs = sum(share[row, side] for row, side in share if row not in ("Head", "Body", "Upper body", "Lower body"))
+    limbs = sum(
+        share[row, side]
+        for row, side in share
+        if row not in ("Head", "Body", "Upper body", "Lower body")
+    )
     assert middle + limbs == pytest.approx(100.0)
-    assert share["Upper body", "right"] + share["Lower body", "right"] == pytest.approx(share["Body", "right"])
+    assert share["Upper body", "right"] + share["Lower body", "right"] == pytest.approx(
+        share["Body", "right"]
+    )
 
 
 def test_athletes_sum_to_all_with_the_body_as_the_sum_of_its_parts() -> None:
-    limbs = 2.0 * sum(ATHLETES[name] for name in ("Upper arm", "Lower arm", "Hand", "Thigh", "Shank", "Foot"))
+    limbs = 2.0 * sum(
+        ATHLETES[name] for name in ("Upper arm", "Lower arm", "Hand", "Thigh", "Shank", "Foot")
+    )
     parts = ATHLETES["Upper body"] + ATHLETES["Lower body"]
     assert ATHLETES["Head"] + parts + limbs == pytest.approx(100.0)
 
@@ -215,12 +420,27 @@ def test_files_hold_what_was_given() -> None:
     tables = identification_tables(walker_identification(), {"walk 2": walker_check()})
     text = {name: sheet.csv() for name, sheet in tables.items()}
     assert set(text) == {
-        "masses.csv", "parameters.csv", "segments.csv", "links.csv", "misfit.csv", "base_parameters.csv",
-        "cross_validation.csv", "wrench_walk_2.csv", "soft_tissue.csv",
-    }  # fmt: skip
-    for row, parameters in zip(rows(text["parameters.csv"]), inertial_parameters(walker()), strict=False):
+        "masses.csv",
+        "parameters.csv",
+        "segments.csv",
+        "links.csv",
+        "misfit.csv",
+        "base_parameters.csv",
+        "cross_validation.csv",
+        "wrench_walk_2.csv",
+        "soft_tissue.csv",
+    }
+    for row, parameters in zip(
+        rows(text["parameters.csv"]), inertial_parameters(walker()), strict=False
+    ):
         assert float(row["I_zx [kg m^2]"]) == parameters[8]
-    assert [row["share from the data"] for row in rows(text["links.csv"])] == ["0.9", "0.5", "0.25", "", "0.0"]
+    assert [row["share from the data"] for row in rows(text["links.csv"])] == [
+        "0.9",
+        "0.5",
+        "0.25",
+        "",
+        "0.0",
+    ]
     assert rows(text["base_parameters.csv"])[1]["relative standard deviation"] == ""
     wrench = rows(text["wrench_walk_2.csv"])
     assert float(wrench[3]["Fx measured [N]"]) == 30.0
@@ -230,14 +450,24 @@ def test_files_hold_what_was_given() -> None:
 def test_every_link_has_its_segment() -> None:
     rows = identification_tables(walker_identification(), {})["links.csv"].rows
     segments = {row[0]: (row[1], row[2]) for row in rows}
-    assert segments == {body: (segment.name, segment.side) for body, segment in segments_of(walker()).items()}
+    assert segments == {
+        body: (segment.name, segment.side) for body, segment in segments_of(walker()).items()
+    }
 
 
 def test_the_page_prints_the_numbers() -> None:
     text = report_page(shown("s01", model=everything().model, identification=everything()))
     page = html.document_fromstring(text.encode("utf-8"), parser=html.HTMLParser(encoding="utf-8"))
     keys = page.xpath("//main/section/@id")
-    assert keys == ["body-identified", "masses", "segments", "base", "cross-validation", "calibration", "made"]
+    assert keys == [
+        "body-identified",
+        "masses",
+        "segments",
+        "base",
+        "cross-validation",
+        "calibration",
+        "made",
+    ]
     assert not page.xpath("//section[@class='absent']")
     masses = page.xpath("//section[@id='masses']//table")[0]
     for body, row in zip(everything().model.bodies, masses.xpath("tbody/tr"), strict=False):

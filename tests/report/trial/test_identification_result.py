@@ -22,14 +22,25 @@ def balls(model: Model) -> MassPoints:
     """Eight points around the mass center of every body, at its radii of gyration."""
     links = links_of(model, Motion(np.zeros(1), (), np.zeros((1, 0))))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    points, owners, masses = [], [], []
+    points = []
+    owners = []
+    masses = []
     for i, body in enumerate(model.bodies):
         second = np.maximum(0.5 * np.trace(body.inertia) - np.diag(body.inertia), 1e-6 * body.mass)
-        points.append(links.centers[i] + corners * np.sqrt(second / body.mass) @ links.rotations[i].T)
+        points.append(
+            links.centers[i] + corners * np.sqrt(second / body.mass) @ links.rotations[i].T
+        )
         owners += [i] * 8
         masses += [body.mass / 8] * 8
     weights = sparse.csr_array((np.ones(len(owners)), (np.arange(len(owners)), owners)))
-    return MassPoints(np.concatenate(points), np.array(masses), weights, links, 0.005, "eight points a body")
+    return MassPoints(
+        points=np.concatenate(points),
+        reference=np.array(masses),
+        weights=weights,
+        links=links,
+        spacing=0.005,
+        source="eight points a body",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +49,11 @@ def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]
     model = open_model(folder / "subject01.osim")
     motion = read_motion(folder / "subject01_walk1_ik.mot", model)
     loads = read_loads(folder / "subject01_walk1_grf.xml", model, motion)
-    first, second = (
-        usable(model, motion, loads, time=span, options=RecordingOptions(cutoff=6.0), name="walk")
-        for span in ((0.6, 1.5), (1.5, 2.3))
+    first = usable(
+        model, motion, loads, time=(0.6, 1.5), options=RecordingOptions(cutoff=6.0), name="walk"
+    )
+    second = usable(
+        model, motion, loads, time=(1.5, 2.3), options=RecordingOptions(cutoff=6.0), name="walk"
     )
     options = IdentificationOptions(mass_sd=0.2, compare=False)
     identified = identify(model, [first], {"points": balls(model)}, options=options)
@@ -49,7 +62,9 @@ def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]
     return identified, cross_validate(models, recording)
 
 
-def test_the_report_shows_what_was_identified(found: tuple[Identification, CrossValidation]) -> None:
+def test_the_report_shows_what_was_identified(
+    found: tuple[Identification, CrossValidation],
+) -> None:
     identification, validation = found
     tables = identification_tables(identification, {"second half": validation})
     sheet = tables["masses.csv"]
@@ -72,11 +87,17 @@ def test_frames_left_out_are_listed(found: tuple[Identification, CrossValidation
     assert [row[0] for row in rows] == list(identification.left_out)
 
 
-def test_errors_are_those_of_the_cross_validation(found: tuple[Identification, CrossValidation]) -> None:
+def test_errors_are_those_of_the_cross_validation(
+    found: tuple[Identification, CrossValidation],
+) -> None:
     identification, validation = found
     errors = validation.table()
-    sheet = identification_tables(identification, {"second half": validation})["cross_validation.csv"]
+    sheet = identification_tables(identification, {"second half": validation})[
+        "cross_validation.csv"
+    ]
     assert len(sheet.rows) == 6 * len(errors)
     for _, component, method, *values in sheet.rows:
         place = COMPONENTS.index(str(component))
-        assert values == [errors[str(method)][name][place] for name in ("bias", "mean", "rms", "peak", "percent")]
+        assert values == [
+            errors[str(method)][name][place] for name in ("bias", "mean", "rms", "peak", "percent")
+        ]

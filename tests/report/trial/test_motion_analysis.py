@@ -9,7 +9,14 @@ from tests.walker import having, shown
 
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.phases import Phase
-from myomorph.analysis.presets import CUTS, MUSCLES, PRESETS, fitting_preset, named_muscles, preset_of
+from myomorph.analysis.presets import (
+    CUTS,
+    MUSCLES,
+    PRESETS,
+    fitting_preset,
+    named_muscles,
+    preset_of,
+)
 from myomorph.analysis.selection import centroids, subjects
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
@@ -42,13 +49,26 @@ def contact_forces(time: np.ndarray) -> ContactForces:
     sites = (
         Site("heel_r", "tibia_r", np.zeros((1, 3)), group="foot_r"),
         Site("toe_r", "femur_r", np.zeros((1, 3)), group="foot_r"),
-        Site("hand_l", "tibia_l", np.zeros((1, 3)), Cone(None), "pelvis"),
+        Site(
+            name="hand_l",
+            body="tibia_l",
+            points=np.zeros((1, 3)),
+            cone=Cone(None),
+            against="pelvis",
+        ),
     )
     forces = np.zeros((len(time), 3, 3))
     forces[:, :2, 1] = WEIGHT / 2
     forces[:, 2, 0] = 50.0
     points = np.tile([[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.1, 0.9, 0.0]], (len(time), 1, 1))
-    return ContactForces(time, sites, np.ones((len(time), 3)), forces, points, np.zeros_like(forces))
+    return ContactForces(
+        time=time,
+        sites=sites,
+        activations=np.ones((len(time), 3)),
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
 
 
 def pair(apart: float = 1.0) -> tuple[Motion, ReportInput]:
@@ -60,7 +80,9 @@ def pair(apart: float = 1.0) -> tuple[Motion, ReportInput]:
     both = {"tori": one, "uke": Motion(one.time, one.names, values)}
     joined = join_models(dict.fromkeys(both, body))
     moving = join_motions(both)
-    return moving, shown("two", model=joined, coordinates=moving, tension=Tension(joined, moving.time))
+    return moving, shown(
+        "two", model=joined, coordinates=moving, tension=Tension(joined, moving.time)
+    )
 
 
 def test_presets_name_only_what_exists() -> None:
@@ -96,7 +118,9 @@ def test_the_preset_follows_from_the_recording() -> None:
 
 
 def test_muscles_that_a_model_lacks_are_named() -> None:
-    found, lacking = named_muscles(("uke_recfem_r", "uke_recfem_l", "uke_DELT1_r"), PRESETS["taichi"].muscles, "uke_")
+    found, lacking = named_muscles(
+        ("uke_recfem_r", "uke_recfem_l", "uke_DELT1_r"), PRESETS["taichi"].muscles, "uke_"
+    )
     assert [one.label for one in found] == ["Deltoid, anterior", "Rectus femoris"]
     assert found[1].members == {"right": ("uke_recfem_r",), "left": ("uke_recfem_l",)}
     assert "Tibialis anterior" in lacking
@@ -106,7 +130,9 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
 
 
 def test_a_user_chooses_muscles_by_the_names_of_the_report_or_of_the_model() -> None:
-    found, lacking = named_muscles(("glut_med1_r", "glut_med1_l", "soleus_r"), ("Soleus", "glut_med1_r", "psoas"))
+    found, lacking = named_muscles(
+        ("glut_med1_r", "glut_med1_l", "soleus_r"), ("Soleus", "glut_med1_r", "psoas")
+    )
     assert [(one.label, one.names) for one in found] == [
         ("Soleus", ("soleus_r",)),
         ("glut_med1_r", ("glut_med1_r", "glut_med1_l")),
@@ -120,10 +146,21 @@ def test_a_user_chooses_muscles_by_the_names_of_the_report_or_of_the_model() -> 
 def test_presets_make_pages_of_well_formed_drawings() -> None:
     for name in ("taichi", "tap", "motion"):
         sections = analysis_sections(prepare(having(everything(), preset=name)))
-        assert [one.key for one in sections] == ["analysis", "center-of-gravity", "phases", "correlations"]
-        for drawing in (one for section in sections for figure in section.figures for one in _drawings(figure.svg)):
+        assert [one.key for one in sections] == [
+            "analysis",
+            "center-of-gravity",
+            "phases",
+            "correlations",
+        ]
+        for drawing in (
+            one
+            for section in sections
+            for figure in section.figures
+            for one in _drawings(figure.svg)
+        ):
             assert (
-                etree.fromstring(drawing).get("aria-label") or etree.fromstring(drawing).get("role") == "presentation"
+                etree.fromstring(drawing).get("aria-label")
+                or etree.fromstring(drawing).get("role") == "presentation"
             )
     with pytest.raises(UnknownName, match="taichi"):
         report_page(having(everything(), preset="swim"))
@@ -141,15 +178,21 @@ def test_height_of_the_center_of_gravity_and_of_standing() -> None:
     person = found.persons[0]
     height = centroid(body, moving).values[:, 1]
     np.testing.assert_allclose(person.center.values[:, 0], height, atol=1e-12)
-    # Masses 0.6, 0.3 and 0.1 of the whole at 1.1, 0.7 and 0.3 m; the lowest joint is the knee, at 0.5 m.
+    # Masses 0.6, 0.3 and 0.1 of the whole at 1.1, 0.7 and 0.3 m; the lowest joint is the knee, at
+    # 0.5 m.
     assert person.standing[0] == pytest.approx(0.9 - 0.5)
-    # Hips and knees swing at 1 Hz, but right and left against each other: the height repeats twice as often.
+    # Hips and knees swing at 1 Hz, but right and left against each other: the height repeats twice
+    # as often.
     vertical = person.periods[0]
     assert not vertical.periodic or vertical.period == pytest.approx(0.5, rel=0.05)
 
 
 def test_given_phases_win_and_times_choose_the_pictures() -> None:
-    given = having(everything(), phases=(Phase("first", 0.0, 0.7), Phase("second", 0.7, 1.99)), times=(0.3, 1.1))
+    given = having(
+        everything(),
+        phases=(Phase("first", 0.0, 0.7), Phase("second", 0.7, 1.99)),
+        times=(0.3, 1.1),
+    )
     found = analyse(prepare(given))
     assert found is not None
     assert [one.stage.name for one in found.measures] == ["first", "second"]
@@ -180,12 +223,20 @@ def test_two_subjects_have_each_their_center_of_gravity() -> None:
     assert found is not None
     assert found.preset.name == "judo"
     assert len(found.persons) == 2
-    assert [one.label for one in found.persons[1].muscles] == [one.label for one in found.persons[0].muscles]
+    assert [one.label for one in found.persons[1].muscles] == [
+        one.label for one in found.persons[0].muscles
+    ]
 
 
 def test_an_object_has_no_muscles_and_comes_last() -> None:
     body = model()
-    box = replace(body, muscles=(), bodies=body.bodies[:1], joints=body.joints[:1], coordinates=body.coordinates[:4])
+    box = replace(
+        body,
+        muscles=(),
+        bodies=body.bodies[:1],
+        joints=body.joints[:1],
+        coordinates=body.coordinates[:4],
+    )
     who = subjects(join_models({"box": box, "lifter": body}))
     assert [(one.name, bool(one.muscles)) for one in who] == [("lifter", True), ("box", False)]
 
@@ -194,7 +245,9 @@ def test_two_bodies_are_seen_from_the_side_whole_and_in_one_scale() -> None:
     moving, given = pair(3.0)
     scene = make_scene(given.model, moving, [0, 50])
     assert abs(scene.forward @ [1.0, 0.0, 0.0]) == pytest.approx(1.0)
-    assert proportion(scene, "side") > proportion(make_scene(model(), motion(model()), [0, 50]), "side")
+    assert proportion(scene, "side") > proportion(
+        make_scene(model(), motion(model()), [0, 50]), "side"
+    )
     drawn = pictures(scene, 120, 300)
     assert len({one.height for one in drawn}) == 1
     assert all(one.width <= 301 and one.height <= 121 for one in drawn)
@@ -254,44 +307,79 @@ def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> No
     assert {"plate 1", "plate 2"} <= set(acting.names)
     assert situation_of(given) == "unknown"
     assert situation_of(shown("x", wrenches=steps(time, WEIGHT))) == "measured"
-    heard = Contacts(("stick_r",), (Touch("stick_r", 0.0, 0.1, "drum", source="sound"),))
+    heard = Contacts(
+        ("stick_r",), (Touch(site="stick_r", start=0.0, stop=0.1, surface="drum", source="sound"),)
+    )
     assert situation_of(having(given, touches=heard)) == "sound"
 
 
 def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None:
-    """A foot on a plate for a second and beside it for another: one force of a body weight all the time."""
+    """A foot on a plate for a second and beside it for another: one force of a body weight all the
+    time.
+    """
     time = np.arange(0.0, 2.0, 0.01)
     loaded = time < 1.0
     site = Site("sole_r", "tibia_r", np.zeros((1, 3)), group="foot_r")
     force = np.zeros((len(time), 1, 3))
     force[:, 0, 1] = WEIGHT
     strength = np.where(loaded, 0.0, 1.0)[:, None]
-    estimated = ContactForces(time, (site,), strength, force * strength[..., None], 0 * force, 0 * force)
-    plate = Wrenches(time, ("plate",), ("tibia_r",), force * loaded[:, None, None], 0 * force, 0 * force)
+    estimated = ContactForces(
+        time=time,
+        sites=(site,),
+        activations=strength,
+        forces=force * strength[..., None],
+        points=0 * force,
+        torques=0 * force,
+    )
+    plate = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("tibia_r",),
+        forces=force * loaded[:, None, None],
+        points=0 * force,
+        torques=0 * force,
+    )
     given = shown("x", wrenches=plate, forces=estimated)
     acting = acting_forces(given)
     assert acting is not None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
     (foot,) = groups_of(estimated, plate)
     assert not (np.isfinite(foot.measured[:, 1]) & foot.estimated).any()
-    hidden = having(given, forces=replace(estimated, activations=np.ones_like(strength), forces=force))
+    hidden = having(
+        given, forces=replace(estimated, activations=np.ones_like(strength), forces=force)
+    )
     acting = acting_forces(hidden)
     assert acting is not None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
 
 
 def _elsewhere(time: np.ndarray) -> tuple[Site, ...]:
-    return tuple(replace(one, body="pelvis", against="ground") for one in contact_forces(time).sites)
+    return tuple(
+        replace(one, body="pelvis", against="ground") for one in contact_forces(time).sites
+    )
 
 
 def test_residuals_are_held_against_the_limits() -> None:
-    """5 % of the peak external force and 1 % of it times the height (Hicks et al. 2015); frames not carried count."""
+    """5 % of the peak external force and 1 % of it times the height (Hicks et al. 2015); frames not
+    carried count.
+    """
     time = np.arange(0.0, 1.0, 0.01)
     force = contact_forces(time)
-    names = ("residual_FX", "residual_FY", "residual_FZ", "residual_MX", "residual_MY", "residual_MZ")
-    peak = float(np.linalg.norm(np.nan_to_num(group_forces(force).forces).sum(axis=1), axis=1).max())
+    names = (
+        "residual_FX",
+        "residual_FY",
+        "residual_FZ",
+        "residual_MX",
+        "residual_MY",
+        "residual_MZ",
+    )
+    peak = float(
+        np.linalg.norm(np.nan_to_num(group_forces(force).forces).sum(axis=1), axis=1).max()
+    )
     values = np.zeros((len(time), 6))
-    values[:, 1], values[10, 1], values[:, 3] = 0.04 * peak, 0.06 * peak, 0.005 * peak
+    values[:, 1] = 0.04 * peak
+    values[10, 1] = 0.06 * peak
+    values[:, 3] = 0.005 * peak
     given = shown(
         "x",
         forces=force,
@@ -312,9 +400,11 @@ class Open:
     """Intervals of forty newtons around each force, at every so many frames."""
 
     def __init__(self, forces: ContactForces, every: int):
-        self.time, self.names = forces.time[::every], ("foot_r",)
+        self.time = forces.time[::every]
+        self.names = ("foot_r",)
         foot = forces.forces[::every, :2].sum(axis=1)[:, None]
-        self.lower, self.upper = foot - 40.0, foot + 40.0
+        self.lower = foot - 40.0
+        self.upper = foot + 40.0
 
 
 def test_the_panel_of_contact_forces() -> None:
@@ -322,7 +412,10 @@ def test_the_panel_of_contact_forces() -> None:
     time = given.dynamics.wrenches.time
     forces = contact_forces(time)
     told = having(
-        given, forces=forces, intervals=Open(forces, 2), infeasible=(InfeasibleContact(0.5, "more friction"),)
+        given,
+        forces=forces,
+        intervals=Open(forces, 2),
+        infeasible=(InfeasibleContact(0.5, "more friction"),),
     )
     panel = next(one for one in analysis_sections(prepare(told)) if one.key == "contact-forces")
     assert "fourth situation" in panel.lead
@@ -337,6 +430,8 @@ def test_the_panel_of_contact_forces() -> None:
     assert len(vertical.xpath("//*[contains(@class, 'band')]")) == 1
     seldom = having(told, intervals=Open(forces, 20))
     panel = next(one for one in analysis_sections(prepare(seldom)) if one.key == "contact-forces")
-    bars = etree.fromstring(_drawings(panel.figures[0].svg)[0]).xpath("//*[contains(@class, 'interval')]/@d")
+    bars = etree.fromstring(_drawings(panel.figures[0].svg)[0]).xpath(
+        "//*[contains(@class, 'interval')]/@d"
+    )
     assert [one.count("M") for one in bars] == [len(time[::20])]
     assert "Green arrows are estimated contact forces." in report_page(told)

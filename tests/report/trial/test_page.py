@@ -29,7 +29,9 @@ def keys(page: html.HtmlElement) -> set[str]:
 
 
 def test_it_needs_nothing_else(page: html.HtmlElement) -> None:
-    """Nothing is loaded: pictures are inside, there is no style, script, font or frame from elsewhere."""
+    """Nothing is loaded: pictures are inside, there is no style, script, font or frame from
+    elsewhere.
+    """
     for element in page.iter(etree.Element):
         for name in ("src", "srcset", "href", "data", "poster"):
             value = element.get(name)
@@ -37,7 +39,9 @@ def test_it_needs_nothing_else(page: html.HtmlElement) -> None:
                 assert value.startswith("data:image/png;base64,"), (element.tag, value[:80])
     assert not page.xpath("//link | //iframe | //object | //base | //form")
     assert not re.search(r"@import|url\(", "".join(page.xpath("//style/text()")))
-    assert not re.search(r"fetch\(|XMLHttpRequest|WebSocket|import\(", "".join(page.xpath("//script/text()")))
+    assert not re.search(
+        r"fetch\(|XMLHttpRequest|WebSocket|import\(", "".join(page.xpath("//script/text()"))
+    )
 
 
 def test_all_parts_have_their_section(page: html.HtmlElement) -> None:
@@ -61,7 +65,10 @@ def test_drawings_are_well_formed() -> None:
 
 
 def test_the_table_tells_what_was_over(page: html.HtmlElement) -> None:
-    rows = {row.xpath("string(td[2]/text())"): row for row in page.xpath("//table[@class='verdicts']/tbody/tr")}
+    rows = {
+        row.xpath("string(td[2]/text())"): row
+        for row in page.xpath("//table[@class='verdicts']/tbody/tr")
+    }
     worst = rows["Marker error, RMS of the worst frame"]
     assert worst.get("class") == "over"
     assert worst.xpath("string(td[3])") == "2.24 cm"
@@ -98,7 +105,9 @@ def test_the_movement_has_its_events(page: html.HtmlElement) -> None:
         (("torques",), set(), "Joint moments"),
     ],
 )
-def test_a_part_that_is_missing_is_told(without: tuple[str, ...], gone: set[str], word: str) -> None:
+def test_a_part_that_is_missing_is_told(
+    without: tuple[str, ...], gone: set[str], word: str
+) -> None:
     given = having(everything(40), **dict.fromkeys(without))  # type: ignore[arg-type]
     if "fit" in without and "model" not in without:
         given = having(given, coordinates=everything(40).kinematics.fit.motion)  # type: ignore[union-attr]
@@ -137,7 +146,9 @@ def test_what_users_write_stays_text() -> None:
 def test_emg_is_drawn_on_its_muscle_and_never_guessed() -> None:
     given = everything(100)
     assert given.tension is not None
-    emg = Emg(given.tension.time, ("ch1", "ch2"), np.abs(np.sin(given.tension.time))[:, None] * [1.0, 0.5])
+    emg = Emg(
+        given.tension.time, ("ch1", "ch2"), np.abs(np.sin(given.tension.time))[:, None] * [1.0, 0.5]
+    )
     page = parsed(having(given, emg=emg, emg_muscles=FrozenMap({"ch1": ("recfem_r",)})))
     drawing = page.xpath("//section[@id='activations']//svg[@aria-label='Rectus femoris']")[0]
     assert "EMG right" in drawing.xpath(".//path[@data-label]/@data-label")
@@ -203,12 +214,12 @@ def test_frames_without_a_pose_or_a_solution_are_borne() -> None:
     tension.forces[30:] = np.nan
     assert given.dynamics.wrenches is not None
     lost = Wrenches(
-        given.dynamics.wrenches.time,
-        given.dynamics.wrenches.names,
-        given.dynamics.wrenches.bodies,
-        np.full((100, 2, 3), np.nan),
-        given.dynamics.wrenches.points,
-        given.dynamics.wrenches.torques,
+        time=given.dynamics.wrenches.time,
+        names=given.dynamics.wrenches.names,
+        bodies=given.dynamics.wrenches.bodies,
+        forces=np.full((100, 2, 3), np.nan),
+        points=given.dynamics.wrenches.points,
+        torques=given.dynamics.wrenches.torques,
     )
     page = parsed(having(given, fit=hidden, wrenches=lost))
     assert "joints" in keys(page)

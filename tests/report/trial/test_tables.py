@@ -12,7 +12,14 @@ from walker import GRAVITY, Tension, fitted, model, motion
 def flat(time: np.ndarray, force: float) -> Wrenches:
     forces = np.zeros((len(time), 1, 3))
     forces[:, 0, 1] = force
-    return Wrenches(time, ("plate",), ("pelvis",), forces, 0 * forces, 0 * forces)
+    return Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("pelvis",),
+        forces=forces,
+        points=0 * forces,
+        torques=0 * forces,
+    )
 
 
 def test_marker_errors_are_held_against_two_and_four_centimeters() -> None:
@@ -22,7 +29,10 @@ def test_marker_errors_are_held_against_two_and_four_centimeters() -> None:
     assert (rms.state, rms.limit) == ("over", 2.0)
     assert (largest.value, largest.state, largest.worst) == (pytest.approx(3.0), "ok", "RKNE")
     assert converged.state == "ok"
-    assert [one.state for one in tables.marker_verdicts(fitted(movement, 0.014))][:2] == ["over", "over"]
+    assert [one.state for one in tables.marker_verdicts(fitted(movement, 0.014))][:2] == [
+        "over",
+        "over",
+    ]
 
 
 def test_small_bodies_have_small_limits() -> None:
@@ -51,9 +61,15 @@ def test_residuals_follow_hicks() -> None:
     values[10, body.coordinate_names.index("pelvis_ty")] = 40.0
     values[20, body.coordinate_names.index("pelvis_tilt")] = 12.0
     torques = Series(time, body.coordinate_names, values)
-    rows = {one.quantity: one for one in tables.residual_verdicts(body, torques, flat(time, 800.0), 1.0)}
+    rows = {
+        one.quantity: one for one in tables.residual_verdicts(body, torques, flat(time, 800.0), 1.0)
+    }
     peak = rows["Residual force, peak"]
-    assert (peak.value, peak.state, peak.time) == (pytest.approx(100 * 50 / 800), "over", pytest.approx(0.2))
+    assert (peak.value, peak.state, peak.time) == (
+        pytest.approx(100 * 50 / 800),
+        "over",
+        pytest.approx(0.2),
+    )
     assert rows["Residual force, RMS"].value == pytest.approx(100 * 50 / 800 / np.sqrt(50))
     moment = rows["Residual moment, peak"]
     assert (moment.value, moment.state) == (pytest.approx(100 * 12 / 800), "over")
@@ -66,10 +82,21 @@ def test_a_step_beside_the_plates_is_suggested() -> None:
     values[:, body.coordinate_names.index("pelvis_ty")] = 0.9 * body.mass * GRAVITY
     forces = np.zeros((10, 1, 3))
     forces[5, 0, 1] = 700.0
-    wrenches = Wrenches(time, ("plate",), ("pelvis",), forces, 0 * forces, 0 * forces)
-    peak, *_ = tables.residual_verdicts(body, Series(time, body.coordinate_names, values), wrenches, 1.0)
+    wrenches = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("pelvis",),
+        forces=forces,
+        points=0 * forces,
+        torques=0 * forces,
+    )
+    peak, *_ = tables.residual_verdicts(
+        body, Series(time, body.coordinate_names, values), wrenches, 1.0
+    )
     assert "beside the plates" in peak.detail
-    peak, *_ = tables.residual_verdicts(body, Series(time, body.coordinate_names, values), flat(time, 600.0), 1.0)
+    peak, *_ = tables.residual_verdicts(
+        body, Series(time, body.coordinate_names, values), flat(time, 600.0), 1.0
+    )
     assert "beside the plates" not in peak.detail
 
 
@@ -80,10 +107,18 @@ def test_reserves_are_shares_of_the_peak_torque() -> None:
     body = model()
     movement = motion(body)
     tension = Tension(body, movement.time)
-    torques = Series(movement.time, body.coordinate_names, np.full((200, len(body.coordinates)), 10.0))
+    torques = Series(
+        movement.time, body.coordinate_names, np.full((200, len(body.coordinates)), 10.0)
+    )
     rows = tables.reserve_verdicts(body, torques, RESERVED, tension.reserves, movement.time)
-    assert (rows[0].worst, rows[0].value, rows[0].state) == ("knee_angle_r", pytest.approx(20.0), "over")
-    driven = tables.reserve_verdicts(body, torques, RESERVED, tension.reserves, movement.time, ("hip_flexion_r",))
+    assert (rows[0].worst, rows[0].value, rows[0].state) == (
+        "knee_angle_r",
+        pytest.approx(20.0),
+        "over",
+    )
+    driven = tables.reserve_verdicts(
+        body, torques, RESERVED, tension.reserves, movement.time, ("hip_flexion_r",)
+    )
     assert (driven[0].worst, driven[0].state) == ("hip_flexion_r", "ok")
     assert (driven[1].worst, driven[1].state) == ("knee_angle_r", "note")
 
@@ -112,7 +147,15 @@ def test_gaps_and_ranges_are_told() -> None:
 def test_an_estimate_is_compared_where_both_are_known() -> None:
     time = np.linspace(0.0, 1.0, 101)
     truth = Series(time, ("a", "b"), np.stack([np.sin(6 * time), time], axis=1))
-    estimate = Series(time[10:90], ("b", "a", "c"), np.stack([time + 0.5, np.sin(6 * time) * 1.0, time], axis=1)[10:90])
+    estimate = Series(
+        time[10:90],
+        ("b", "a", "c"),
+        np.stack([time + 0.5, np.sin(6 * time) * 1.0, time], axis=1)[10:90],
+    )
     first, second = compared(estimate, truth)
-    assert (first.name, first.rmse, first.correlation) == ("a", pytest.approx(0.0, abs=1e-12), pytest.approx(1.0))
+    assert (first.name, first.rmse, first.correlation) == (
+        "a",
+        pytest.approx(0.0, abs=1e-12),
+        pytest.approx(1.0),
+    )
     assert (second.name, second.rmse, second.worst) == ("b", pytest.approx(0.5), pytest.approx(0.5))

@@ -15,18 +15,28 @@ NAMES = ("pelvis_tx", "hip_flexion_r")
 
 def spread(half: float) -> Spread:
     ones = np.ones((3, 2))
-    return Spread(np.arange(3.0), NAMES, -half * ones, half * ones, 0.5 * half * ones)
+    return Spread(
+        time=np.arange(3.0),
+        names=NAMES,
+        low=-half * ones,
+        high=half * ones,
+        deviation=0.5 * half * ones,
+    )
 
 
 def test_units_are_those_of_each_column() -> None:
     own = model()
     units = {
-        ("coordinates", "hip_flexion_r"): "°", ("coordinates", "pelvis_tx"): "m", ("torques", "knee_angle_r"): "N·m",
-        ("torques", "pelvis_ty"): "N", ("forces", "recfem_r"): "N", ("activations", "recfem_r"): "",
+        ("coordinates", "hip_flexion_r"): "°",
+        ("coordinates", "pelvis_tx"): "m",
+        ("torques", "knee_angle_r"): "N·m",
+        ("torques", "pelvis_ty"): "N",
+        ("forces", "recfem_r"): "N",
+        ("activations", "recfem_r"): "",
         ("joint_reactions", "hip_r_force"): "N",
         ("joint_reactions", "hip_r_on_femur_r_in_femur_r_mx"): "N·m",
         ("joint_reactions", "hip_r_on_femur_r_in_femur_r_pz"): "m",
-    }  # fmt: skip
+    }
     assert {key: unit_of(*key, own) for key in units} == units
 
 
@@ -37,8 +47,15 @@ def test_angles_are_in_degrees_and_sources_are_named_where_they_are_known() -> N
     (grid,) = section.grids
     assert grid.rows == (("hip_flexion_r", "11.5 °", "2.86 °"), ("pelvis_tx", "0.200 m", "0.050 m"))
     assert len(grid.head) == 3
-    shares = Shares(("markers", "joints"), np.array([[0.2, 0.7], [0.8, 0.3]]), np.array([[0.2, 0.7], [0.8, 0.3]]))
+    shares = Shares(
+        ("markers", "joints"),
+        np.array([[0.2, 0.7], [0.8, 0.3]]),
+        np.array([[0.2, 0.7], [0.8, 0.3]]),
+    )
     known = replace(found, shares=FrozenMap({"coordinates": shares}))
     section = uncertainty_section(prepare(replace(everything(), uncertainty=known)))
     assert section is not None
-    assert [row[-1] for row in section.grids[0].rows] == ["markers 70 %, joints 30 %", "joints 80 %, markers 20 %"]
+    assert [row[-1] for row in section.grids[0].rows] == [
+        "markers 70 %, joints 30 %",
+        "joints 80 %, markers 20 %",
+    ]

@@ -1,4 +1,6 @@
-"""Knees, paths and muscles of the generic model against Rajagopal's, which anatomists' tables stand behind."""
+"""Knees, paths and muscles of the generic model against Rajagopal's, which anatomists' tables stand
+behind.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ ABDUCTORS = "passive-joint-moments/Rajagopal_modifiedAbductors.osim"
 def arms(model, coordinate, angles):
     motion = Motion(0.01 * np.arange(len(angles)), (coordinate,), np.radians(angles)[:, None])
     found = muscle_kinematics(model, motion, velocities=False)
-    return {name: found.moment_arm(name, coordinate) for name in found.muscles if name.endswith("_r")}
+    return {
+        name: found.moment_arm(name, coordinate) for name in found.muscles if name.endswith("_r")
+    }
 
 
 @pytest.mark.parametrize(
@@ -35,10 +39,13 @@ def arms(model, coordinate, angles):
     ],
 )
 def test_moment_arms_are_those_of_rajagopals_model(data, coordinate, low, high, model) -> None:
-    """Within 5 mm, abductors as Uhlrich et al. moved them, but for quadriceps beyond 60 degrees, where its patella
-    leaves the measured ratio."""
+    """Within 5 mm, abductors as Uhlrich et al. moved them, but for quadriceps beyond 60 degrees,
+    where its patella leaves the measured ratio.
+    """
     angles = np.linspace(low, high, 12)
-    ours, theirs = (arms(model, coordinate, angles) for model in (generic_model({})[0], read_osim(data(model))))
+    ours, theirs = (
+        arms(model, coordinate, angles) for model in (generic_model({})[0], read_osim(data(model)))
+    )
     for name, expected in theirs.items():
         quadriceps = coordinate == "knee_angle_r" and name.startswith(("vas", "recfem"))
         near = angles <= 60.0 if quadriceps else angles >= low
@@ -49,17 +56,24 @@ def test_both_sides_are_mirror_images() -> None:
     model, _ = generic_model({})
     for coordinate in ("hip_flexion", "knee_angle"):
         angles = np.linspace(0.0, 110.0, 8)
-        motions = [Motion(0.01 * np.arange(8), (f"{coordinate}_{side}",), np.radians(angles)[:, None]) for side in "rl"]
+        motions = [
+            Motion(0.01 * np.arange(8), (f"{coordinate}_{side}",), np.radians(angles)[:, None])
+            for side in "rl"
+        ]
         right, left = (muscle_kinematics(model, motion, velocities=False) for motion in motions)
         for name in right.muscles:
             if name.endswith("_r"):
                 other = left.moment_arm(f"{name[:-1]}l", f"{coordinate}_l")
-                np.testing.assert_allclose(right.moment_arm(name, f"{coordinate}_r"), other, atol=2e-4, err_msg=name)
+                np.testing.assert_allclose(
+                    right.moment_arm(name, f"{coordinate}_r"), other, atol=2e-4, err_msg=name
+                )
 
 
 def test_fibers_at_zero_are_those_of_the_table() -> None:
     model, _ = generic_model({})
-    lengths = muscle_kinematics(model, Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False).lengths[0]
+    lengths = muscle_kinematics(
+        model, Motion(np.zeros(1), (), np.zeros((1, 0))), velocities=False
+    ).lengths[0]
     for muscle, length in zip(model.muscles, lengths, strict=True):
         line = architectures()[muscle.name[:-2]]
         across = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
@@ -76,20 +90,27 @@ def test_vasti_keep_to_the_part_of_the_curve_where_fibers_pull() -> None:
     for name in ("vasint_r", "vaslat_r", "vasmed_r"):
         muscle = model.muscle(name)
         across = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
-        fiber = np.hypot(lengths[model.muscle_names.index(name)] - muscle.tendon_slack_length, across)
+        fiber = np.hypot(
+            lengths[model.muscle_names.index(name)] - muscle.tendon_slack_length, across
+        )
         assert 1.0 < fiber / muscle.optimal_fiber_length < 1.3
 
 
 def test_strength_grows_with_the_body() -> None:
     assert strength_of(75.0, 1.70) == pytest.approx(1.0)
     assert strength_of(30.0, 1.30) < 0.7
-    adult, child = (generic_model({}, height, mass)[0] for height, mass in ((None, None), (1.30, 30.0)))
-    ratio = child.muscle("soleus_r").max_isometric_force / adult.muscle("soleus_r").max_isometric_force
+    adult = generic_model({}, None, None)[0]
+    child = generic_model({}, 1.30, 30.0)[0]
+    ratio = (
+        child.muscle("soleus_r").max_isometric_force / adult.muscle("soleus_r").max_isometric_force
+    )
     assert ratio == pytest.approx(strength_of(30.0, 1.30))
 
 
 def test_a_muscle_that_the_table_lacks_is_named() -> None:
     model, _ = generic_model({})
-    odd = replace(model, muscles=(replace(model.muscles[0], name="popliteus_r"), *model.muscles[1:]))
+    odd = replace(
+        model, muscles=(replace(model.muscles[0], name="popliteus_r"), *model.muscles[1:])
+    )
     with pytest.raises(BadData, match="'popliteus_r' is not in the table"):
         with_architecture(odd)

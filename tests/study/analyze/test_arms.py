@@ -24,7 +24,8 @@ LABELS = protocols().protocols["rajagopal"].labels
 
 
 def test_legs_and_trunk_are_those_of_the_model_without_arms() -> None:
-    plain, whole = (generic_model({}, arms=arms)[0] for arms in (False, True))
+    plain = generic_model({}, arms=False)[0]
+    whole = generic_model({}, arms=True)[0]
     assert whole.muscle_names[: len(plain.muscles)] == plain.muscle_names
     assert len(whole.muscles) == len(plain.muscles) + 100
     np.testing.assert_allclose(
@@ -44,7 +45,9 @@ def test_every_landmark_of_an_arm_has_a_place_mirrored_on_the_other_side() -> No
 
 
 def test_a_raised_arm_takes_the_torque_of_its_weight() -> None:
-    """Virtual work: the torque of elevation is the slope of the potential energy, which the whole mass center shows."""
+    """Virtual work: the torque of elevation is the slope of the potential energy, which the whole
+    mass center shows.
+    """
     model, _ = generic_model({}, arms=True)
     tree = compile_tree(model)
     column = model.coordinate_names.index("shoulder_elv_r")
@@ -58,20 +61,37 @@ def test_a_raised_arm_takes_the_torque_of_its_weight() -> None:
         poses = forward_kinematics(tree, coordinates(angle))
         return float(-model.mass * model.gravity[1] * center_of_mass(tree, poses)[0, 1])
 
-    angle, step = np.radians(70.0), 1e-4
+    angle = np.radians(70.0)
+    step = 1e-4
     values = np.tile(coordinates(angle), (3, 1))
     still = np.zeros_like(values)
-    torques = inverse_dynamics(model, Motion(0.01 * np.arange(3), model.coordinate_names, values, still, still))
+    torques = inverse_dynamics(
+        model,
+        Motion(
+            time=0.01 * np.arange(3),
+            names=model.coordinate_names,
+            values=values,
+            velocities=still,
+            accelerations=still,
+        ),
+    )
     # The shoulder blade follows, and its torques do work too.
     slopes = (coordinates(angle + step) - coordinates(angle - step))[0] / (2 * step)
-    torque = sum(torques[name][1] * slope for name, slope in zip(model.coordinate_names, slopes, strict=True))
-    assert torque == pytest.approx((energy(angle + step) - energy(angle - step)) / (2 * step), rel=1e-3)
+    torque = sum(
+        torques[name][1] * slope for name, slope in zip(model.coordinate_names, slopes, strict=True)
+    )
+    assert torque == pytest.approx(
+        (energy(angle + step) - energy(angle - step)) / (2 * step), rel=1e-3
+    )
     assert 5.0 < torque < 20.0
 
 
 def test_no_body_turns_harder_than_its_mass_allows() -> None:
-    """myo-sim gives bodies of a gram, which only carry axes, 1 kg m^2: shoulders took 90 N m in a slow run."""
-    plain, whole = (generic_model({}, arms=arms)[0] for arms in (False, True))
+    """myo-sim gives bodies of a gram, which only carry axes, 1 kg m^2: shoulders took 90 N m in a
+    slow run.
+    """
+    plain = generic_model({}, arms=False)[0]
+    whole = generic_model({}, arms=True)[0]
     for body in whole.bodies:
         if body.name not in plain.body_names:
             assert np.linalg.eigvalsh(body.inertia).max() <= body.mass * 0.25**2 + 1e-12, body.name
@@ -84,14 +104,20 @@ def test_arms_need_markers_on_two_segments_of_one(tmp_path) -> None:
     labels = tuple(label for label in LABELS if label in model.marker_names)
     places = np.tile(default_markers(model, labels), (20, 1, 1))
     write_trc(Markers(np.arange(20) / 100.0, labels, places), tmp_path / "x.trc")
-    prepared = prepare_request(AnalyzeRequest((tmp_path / "x.trc",), 70.0, arms=True), tmp_path / "out")
+    prepared = prepare_request(
+        AnalyzeRequest((tmp_path / "x.trc",), 70.0, arms=True), tmp_path / "out"
+    )
     assert any("no markers show two segments of one (--arms)" in text for text in prepared.assumed)
 
 
 def test_markers_of_an_arm_alone_move_that_arm_on_a_free_trunk(tmp_path) -> None:
-    """A pushing arm, as a laboratory of shoulders labels it: no leg has a marker, a muscle or a contact."""
+    """A pushing arm, as a laboratory of shoulders labels it: no leg has a marker, a muscle or a
+    contact.
+    """
     sites = {
-        label: site for label, site in protocols().protocols["montreal"].labels.items() if site.segment != "pelvis"
+        label: site
+        for label, site in protocols().protocols["montreal"].labels.items()
+        if site.segment != "pelvis"
     }
     model, _ = generic_model(sites, arms=True, alone=True)
     free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
@@ -100,7 +126,10 @@ def test_markers_of_an_arm_alone_move_that_arm_on_a_free_trunk(tmp_path) -> None
     assert model.mass == pytest.approx(generic_model(sites, arms=True)[0].mass)
     labels = tuple(label for label in sites if label in model.marker_names)
     way = 0.1 * np.linspace(0.0, 1.0, 20)[:, None, None] * np.array([1.0, 0.0, 0.0])
-    write_trc(Markers(np.arange(20) / 100.0, labels, default_markers(model, labels) + way), tmp_path / "x.trc")
+    write_trc(
+        Markers(np.arange(20) / 100.0, labels, default_markers(model, labels) + way),
+        tmp_path / "x.trc",
+    )
     prepared = prepare_request(AnalyzeRequest((tmp_path / "x.trc",), 70.0), tmp_path / "out")
     assert any("No marker is on a leg" in text for text in prepared.assumed)
     assert "contacts" not in prepared.study.read_text()

@@ -1,4 +1,6 @@
-"""What unknown markers may lie on, by geometry: the truth where it is known, a table that the user gives back."""
+"""What unknown markers may lie on, by geometry: the truth where it is known, a table that the user
+gives back.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def test_numbered_markers_of_the_model_itself_are_found_again(size: float, turn:
     truth = [protocols().protocols["plug_in_gait"].labels[label] for label in body.names]
     found = proposed_sites(numbered(body, size, turn))
     assert len(found) == len(truth)
-    assert {proposal.label: proposal.site for proposal in found} == {f"M{k}": site for k, site in enumerate(truth)}
+    assert {proposal.label: proposal.site for proposal in found} == {
+        f"M{k}": site for k, site in enumerate(truth)
+    }
     assert max(proposal.distance for proposal in found) < 0.02
 
 
@@ -42,7 +46,9 @@ def test_landmarks_of_a_person_are_offered_on_the_right_side(data) -> None:
     assert markers is not None
     truth = recognize(markers.names).sites
     names = tuple(label for label, site in truth.items() if site.kind == "bony")
-    found = proposed_sites(Markers(markers.time, names, np.stack([markers[name] for name in names], axis=1)))
+    found = proposed_sites(
+        Markers(markers.time, names, np.stack([markers[name] for name in names], axis=1))
+    )
     right = [proposal for proposal in found if proposal.site == truth[proposal.label]]
     assert len(right) >= 0.8 * sum(site.key in LANDMARKS for site in truth.values())
     for proposal in found:
@@ -60,11 +66,16 @@ def test_the_table_is_written_beside_the_refusal_and_taken_when_it_is_given_back
     table = tmp_path / "out" / "protocol.toml"
     assert '= "left thigh.lateral_epicondyle"' in table.read_text()
     assert not (tmp_path / "out" / "study.toml").exists()
-    checked = AnalyzeRequest(request.recordings, 70.0, static=request.static, table=read_protocols(table))
+    checked = AnalyzeRequest(
+        request.recordings, 70.0, static=request.static, table=read_protocols(table)
+    )
     prepared = prepare_request(checked, tmp_path / "out")
     assert any("Proposed by geometry, then checked; 15 labels" in text for text in prepared.assumed)
 
 
 def test_what_is_no_standing_body_is_not_offered() -> None:
     places = np.random.default_rng(0).random((5, 30, 3))
-    assert proposed_sites(Markers(np.arange(5) / 100.0, tuple(f"M{k}" for k in range(30)), places)) == ()
+    assert (
+        proposed_sites(Markers(np.arange(5) / 100.0, tuple(f"M{k}" for k in range(30)), places))
+        == ()
+    )

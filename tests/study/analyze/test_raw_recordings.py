@@ -82,10 +82,14 @@ def test_a_recording_without_markers_says_what_to_give(tmp_path) -> None:
         prepare_request(AnalyzeRequest((tmp_path / "empty.trc",), 70.0), tmp_path / "out")
 
 
-def test_plates_that_nobody_steps_on_cover_no_frame_though_feet_have_no_landmark(tmp_path, monkeypatch) -> None:
+def test_plates_that_nobody_steps_on_cover_no_frame_though_feet_have_no_landmark(
+    tmp_path, monkeypatch
+) -> None:
     body = standing(0.05)
     ankles = [index for index, name in enumerate(body.names) if name[1:] not in ("HEE", "TOE")]
-    bare = replace(body, names=tuple(body.names[index] for index in ankles), values=body.values[:, ankles])
+    bare = replace(
+        body, names=tuple(body.names[index] for index in ankles), values=body.values[:, ankles]
+    )
     write_trc(bare, tmp_path / "x.trc")
     unloaded = (body.time, np.zeros(len(body)), np.zeros((len(body), 3)))
     monkeypatch.setattr("myomorph.study.analyze.plate_cover.total_force", lambda *_: unloaded)

@@ -14,7 +14,8 @@ from sensor_files import write_orientations
 from truths.simulated_sensors import NO_ERRORS, simulated_sensors
 
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
-HEIGHT, MASS = 1.80, 85.0
+HEIGHT = 1.80
+MASS = 85.0
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +26,20 @@ def walk(data):
 
     model, _ = generic_model({}, HEIGHT, MASS)
     home = "rajagopal-walk-emg"
-    recorded = mm.read_motion(data(f"{home}/coordinates.sto"), mm.read_model(data(f"{home}/subject_walk_scaled.osim")))
+    recorded = mm.read_motion(
+        data(f"{home}/coordinates.sto"), mm.read_model(data(f"{home}/subject_walk_scaled.osim"))
+    )
     names = [name for name in recorded.names if name in model.coordinate_names]
     # Of 1000 frames a second every tenth.
-    known = mm.Motion(recorded.time[::10], tuple(names), np.column_stack([recorded[name][::10] for name in names]))
-    motion = mm.Motion(known.time, model.coordinate_names, compile_tree(model).coordinates_of(known))
-    return motion, simulated_sensors(model, motion, BODIES, NO_ERRORS, mounted=np.tile(np.eye(3), (len(BODIES), 1, 1)))
+    known = mm.Motion(
+        recorded.time[::10], tuple(names), np.column_stack([recorded[name][::10] for name in names])
+    )
+    motion = mm.Motion(
+        known.time, model.coordinate_names, compile_tree(model).coordinates_of(known)
+    )
+    return motion, simulated_sensors(
+        model, motion, BODIES, NO_ERRORS, mounted=np.tile(np.eye(3), (len(BODIES), 1, 1))
+    )
 
 
 @pytest.fixture

@@ -33,15 +33,23 @@ from myomorph.study.plan.plan import read_plan
 def test_a_prepared_study_is_read_as_a_plan(tmp_path: Path) -> None:
     for folder, shift in (("one", 0.3), ("two", 0.4)):
         (tmp_path / folder).mkdir()
-        write_trc(standing(shift).rotated(Laboratory("z", 90.0).rotation.T), tmp_path / folder / "markers.trc")
+        write_trc(
+            standing(shift).rotated(Laboratory("z", 90.0).rotation.T),
+            tmp_path / folder / "markers.trc",
+        )
     write_trc(standing().rotated(Laboratory("z", 90.0).rotation.T), tmp_path / "static.trc")
-    files = (tmp_path / "one" / "markers.trc", tmp_path / "two" / "markers.trc", tmp_path / "static.trc")
+    files = (
+        tmp_path / "one" / "markers.trc",
+        tmp_path / "two" / "markers.trc",
+        tmp_path / "static.trc",
+    )
     prepared = prepare_request(AnalyzeRequest(files, 70.0, height=1.7), tmp_path / "out")
     plan = read_plan(prepared.study)
     assert [one.name for one in plan.trials] == ["one", "two"]
     assert plan.subjects["subject"].static == tmp_path / "out" / ".." / "static.trc"
     assert all(
-        one.get(Laboratory) == Laboratory("z", 90.0) and one.get(ContactsFile).contacts == "auto" for one in plan.trials
+        one.get(Laboratory) == Laboratory("z", 90.0) and one.get(ContactsFile).contacts == "auto"
+        for one in plan.trials
     )
     assert plan.home(tmp_path / "out", "subject", "one") == tmp_path / "out" / "one"
     assert any("static.trc is the static trial" in text for text in prepared.assumed)
@@ -55,8 +63,12 @@ def test_height_is_held_against_the_markers_and_scales_the_generic_model(tmp_pat
         walk = tmp_path / f"{height}" / "walk.trc"
         walk.parent.mkdir()
         write_trc(replace(body, values=height / 1.7 * body.values), walk)
-        prepared = prepare_request(AnalyzeRequest((walk,), 70.0, height=height), walk.parent / "out")
-        assert prepared.assumed[0].startswith(f"Height {height:g} m (--height): the markers of walk.trc show")
+        prepared = prepare_request(
+            AnalyzeRequest((walk,), 70.0, height=height), walk.parent / "out"
+        )
+        assert prepared.assumed[0].startswith(
+            f"Height {height:g} m (--height): the markers of walk.trc show"
+        )
         model = read_model(walk.parent / "out" / "generic.osim")
         sizes.append(default_markers(model, ("LASI", "LANK"))[:, 1])
     np.testing.assert_allclose(np.ptp(sizes[0]), 0.9 * np.ptp(sizes[1]), rtol=1e-6)
@@ -64,12 +76,16 @@ def test_height_is_held_against_the_markers_and_scales_the_generic_model(tmp_pat
 
 @pytest.mark.parametrize("height", [1.2, 170.0])
 def test_a_wrong_height_is_said_first_and_not_used(tmp_path: Path, height: float) -> None:
-    # Static trials are looked for in folders beside that of the recording: not in those of other tests.
+    # Static trials are looked for in folders beside that of the recording: not in those of other
+    # tests.
     walk = tmp_path / "own" / "walk.trc"
     walk.parent.mkdir()
     write_trc(standing(0.3), walk)
     prepared = prepare_request(AnalyzeRequest((walk,), 70.0, height=height), tmp_path / "out")
-    assert re.match(rf"WARNING: the markers of walk.trc show .*[+-]\d+ % of --height {height:g} m", prepared.assumed[0])
+    assert re.match(
+        rf"WARNING: the markers of walk.trc show .*[+-]\d+ % of --height {height:g} m",
+        prepared.assumed[0],
+    )
     assert not any("from those of a body" in text for text in prepared.assumed)
 
 
@@ -87,7 +103,9 @@ def test_a_study_file_that_was_changed_is_not_lost(tmp_path: Path) -> None:
 
 
 def forces_of(force: np.ndarray, path: Path, under: float = 0.5) -> Path:
-    """A table of one plate's forces under the standing body; so far on the way from the left heel to the right one."""
+    """A table of one plate's forces under the standing body; so far on the way from the left heel
+    to the right one.
+    """
     names = [f"ground_force_{part}" for part in ("vx", "vy", "vz", "px", "py", "pz")]
     values = np.zeros((len(force), 6))
     values[:, 1] = force
@@ -98,7 +116,9 @@ def forces_of(force: np.ndarray, path: Path, under: float = 0.5) -> Path:
 
 
 def test_the_plan_is_read_as_it_was_written(tmp_path: Path) -> None:
-    """What is said of all trials and of one, settings of steps, and files with signs that TOML knows."""
+    """What is said of all trials and of one, settings of steps, and files with signs that TOML
+    knows.
+    """
     for name in ('a "b" #1', "c"):
         write_trc(standing(0.3), tmp_path / f"{name}.trc")
     (tmp_path / "touches.csv").write_text("site,start,stop\n")
@@ -109,17 +129,25 @@ def test_the_plan_is_read_as_it_was_written(tmp_path: Path) -> None:
         TimeSpan((0.05, 0.15)),
         Laboratory("z", 12.5),
     )
-    options = {"id": {"cutoff": 6.5}, "tension": {"reactions": "ground"}, "uncertainty": {"draws": 20}}
+    options = {
+        "id": {"cutoff": 6.5},
+        "tension": {"reactions": "ground"},
+        "uncertainty": {"draws": 20},
+    }
     files = tuple(sorted(tmp_path.glob("*.trc")))
     plan = read_plan(
-        prepare_request(AnalyzeRequest(files, 70.25, inputs=inputs, options=options), tmp_path / "out").study
+        prepare_request(
+            AnalyzeRequest(files, 70.25, inputs=inputs, options=options), tmp_path / "out"
+        ).study
     )
     assert [trial.name for trial in plan.trials] == ['a "b" #1', "c"]
     for trial, path in zip(plan.trials, files, strict=True):
         assert trial.markers.resolve() == path
         assert Path(trial.get(ContactsFile).contacts).resolve() == tmp_path / "touches.csv"
         assert trial.get(ContactsFile).measured == "shared"
-        assert trial.inputs.only(ContactPointsFile, EmgFiles, TimeSpan, Laboratory) == inputs.without(ContactsFile)
+        assert trial.inputs.only(
+            ContactPointsFile, EmgFiles, TimeSpan, Laboratory
+        ) == inputs.without(ContactsFile)
         assert trial.get(BodyMass).mass == 70.25
     assert plan.settings == options
     assert plan.steps[0] == ("calibrate", "ik", "id", "muscles", "tension", "uncertainty", "report")
@@ -130,10 +158,14 @@ def test_what_belongs_to_one_recording_is_refused_for_two(tmp_path: Path) -> Non
         write_trc(standing(0.3), tmp_path / f"{name}.trc")
     loads = ByType(LoadsFile(forces_of(np.full(20, 700.0), tmp_path / "x.mot")))
     request = AnalyzeRequest((tmp_path / "a.trc", tmp_path / "b.trc"), 70.0, inputs=loads)
-    with pytest.raises(BadData, match=r"--loads .*x\.mot: it belongs to one recording, and there are 2"):
+    with pytest.raises(
+        BadData, match=r"--loads .*x\.mot: it belongs to one recording, and there are 2"
+    ):
         prepare_request(request, tmp_path / "out")
     with pytest.raises(BadFile, match=r"does not exist.*--loads"):
-        prepare_request(replace(request, inputs=ByType(LoadsFile(tmp_path / "none.mot"))), tmp_path / "out")
+        prepare_request(
+            replace(request, inputs=ByType(LoadsFile(tmp_path / "none.mot"))), tmp_path / "out"
+        )
 
 
 def test_plates_weigh_somebody_who_stands_still(tmp_path: Path) -> None:
@@ -156,7 +188,10 @@ def test_plates_weigh_somebody_who_stands_still(tmp_path: Path) -> None:
         prepare_request(request, tmp_path / "one_foot")
     forces_of(steady, tmp_path / "static_grf.mot")
     prepared = prepare_request(request, tmp_path / "out")
-    assert prepared.assumed[0] == "Mass 61.3 kg, as the plates of static.trc weigh it standing still (--mass)."
+    assert (
+        prepared.assumed[0]
+        == "Mass 61.3 kg, as the plates of static.trc weigh it standing still (--mass)."
+    )
     assert read_plan(prepared.study).subjects["subject"].mass == 61.3
 
 
@@ -167,7 +202,9 @@ def test_a_plate_under_two_feet_is_shared(tmp_path: Path) -> None:
     for under, contacts in ((0.5, ContactsFile("auto", "shared")), (0.02, ContactsFile())):
         force = np.full(1 + int(body.time[-1] / 0.01), 690.0)
         forces_of(force, tmp_path / "walk_grf.mot", under=under)
-        prepared = prepare_request(AnalyzeRequest((tmp_path / "walk.trc",), 70.0), tmp_path / f"{under}")
+        prepared = prepare_request(
+            AnalyzeRequest((tmp_path / "walk.trc",), 70.0), tmp_path / f"{under}"
+        )
         assert read_plan(prepared.study).trials[0].get(ContactsFile) == contacts
         assert any("Two feet share a plate" in text for text in prepared.assumed) == (under == 0.5)
 
@@ -179,7 +216,10 @@ def test_keys_from_python_are_those_of_study_files(tmp_path: Path) -> None:
     prepared = prepare_study([tmp_path / "walk.trc"], tmp_path / "out", 70.0, keys=keys)
     trial = read_plan(prepared.study).trials[0]
     assert trial.get(LoadsFile).loads.resolve() == loads
-    assert (trial.get(EmgFiles).emg_side, trial.get(ContactPointsFile).contact_points) == ("left", "auto")
+    assert (trial.get(EmgFiles).emg_side, trial.get(ContactPointsFile).contact_points) == (
+        "left",
+        "auto",
+    )
     assert trial.get(TimeSpan).time == (0.05, 0.15)
     with pytest.raises(UnknownName, match="emg_side"):
         prepare_study([tmp_path / "walk.trc"], tmp_path / "out", 70.0, keys={"emgside": "left"})

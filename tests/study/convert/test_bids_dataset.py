@@ -12,7 +12,13 @@ import numpy as np
 import pytest
 
 from myomorph.demo.arm import example_files
-from myomorph.io.bids.recording import force_signals, plates_of, read_emg, read_motion_trial, write_emg
+from myomorph.io.bids.recording import (
+    force_signals,
+    plates_of,
+    read_emg,
+    read_motion_trial,
+    write_emg,
+)
 from myomorph.io.bids.signals import Channel, read_signals, signals_of, write_signals
 from myomorph.io.c3d.write import write_trial
 from myomorph.io.loads import read_external_loads
@@ -50,12 +56,23 @@ EVENTS = (Event(0.1, "Reach", "Right"), Event(0.3, "Touch"))
 
 
 def validated(folder):
-    """Errors that the validator of BIDS finds in a dataset and its derivatives, and how many files it looked at."""
+    """Errors that the validator of BIDS finds in a dataset and its derivatives, and how many files
+    it looked at.
+    """
     program = [sys.executable, "-c", "import bids_validator_deno; bids_validator_deno.cli()"]
     options = ["--format", "json", "--recursive", "--max-rows", "-1"]
-    said = json.loads(subprocess.run([*program, folder, *options], capture_output=True, text=True, check=False).stdout)
+    said = json.loads(
+        subprocess.run(
+            [*program, folder, *options], capture_output=True, text=True, check=False
+        ).stdout
+    )
     parts = [said, *said.get("derivativesSummary", {}).values()]
-    errors = [issue for part in parts for issue in part["issues"]["issues"] if issue["severity"] == "error"]
+    errors = [
+        issue
+        for part in parts
+        for issue in part["issues"]["issues"]
+        if issue["severity"] == "error"
+    ]
     return errors, sum(part["summary"]["totalFiles"] for part in parts)
 
 
@@ -69,8 +86,11 @@ def study(tmp_path_factory):
     outcomes = run_study(read_plan(home / "study.toml"), home / "out")
     assert not any(outcome.error for outcome in outcomes)
     made = export_bids(home / "out", home / "bids")
-    first, second = (read_result(home / "out" / name) for name in ("s_01/reach/reach.nc", "s-01/events/events.nc"))
-    return SimpleNamespace(home=home, arm=arm, notes=made, first=first, second=second, bids=home / "bids")
+    first = read_result(home / "out" / "s_01/reach/reach.nc")
+    second = read_result(home / "out" / "s-01/events/events.nc")
+    return SimpleNamespace(
+        home=home, arm=arm, notes=made, first=first, second=second, bids=home / "bids"
+    )
 
 
 def test_the_validator_finds_no_error(study):
@@ -90,7 +110,9 @@ def test_the_validator_finds_what_is_wrong(study, tmp_path):
 def test_results_are_read_back(study):
     trials = read_bids(study.bids)
     assert sorted(trials) == ["s 01/reach", "s-01/events"]
-    derived, values, names = trials["s 01/reach"].derived, study.first.values, study.first.names
+    derived = trials["s 01/reach"].derived
+    values = study.first.values
+    names = study.first.names
     for table, variable, kind in (
         ("angles", "coordinate_value", "coordinate"),
         ("torques", "generalized_force", "coordinate"),
@@ -99,22 +121,29 @@ def test_results_are_read_back(study):
         ("envelopes", "emg", "emg_channel"),
     ):
         assert derived[table].names == names[kind]
-        np.testing.assert_allclose(derived[table].values, values[variable], rtol=1e-14, err_msg=table)
+        np.testing.assert_allclose(
+            derived[table].values, values[variable], rtol=1e-14, err_msg=table
+        )
     np.testing.assert_allclose(derived["torques"].time, study.first.time, atol=1e-12)
     for table, drawn in (("angles", "coordinates"), ("torques", "torques"), ("tensions", "forces")):
         limits = np.hstack([values[f"{drawn}_{part}"] for part in ("low", "high", "sd")])
-        np.testing.assert_allclose(derived[f"{table}Intervals"].values, limits, rtol=1e-14, err_msg=table)
+        np.testing.assert_allclose(
+            derived[f"{table}Intervals"].values, limits, rtol=1e-14, err_msg=table
+        )
     assert derived["anglesIntervals"].facts["Draws"] == 4
     assert {channel.unit for channel in derived["angles"].channels} == {"rad"}
     (load,) = plates_of(derived["loads"])
-    assert {channel.placement for channel in derived["loads"].channels} == set(names["external_force_body"])
+    assert {channel.placement for channel in derived["loads"].channels} == set(
+        names["external_force_body"]
+    )
     assert np.array_equal(load.forces, values["external_force_vector"][:, 0])
     assert list(trials["s-01/events"].derived) == ["angles"]
 
 
 def test_recordings_are_read_back(study):
     trials = read_bids(study.bids)
-    first, second = (trials[name].recording for name in ("s 01/reach", "s-01/events"))
+    first = trials["s 01/reach"].recording
+    second = trials["s-01/events"].recording
     recorded = read_trc(study.arm.markers).markers
     assert first.markers.names == recorded.names
     assert np.array_equal(first.markers.values, recorded.values)
@@ -122,12 +151,18 @@ def test_recordings_are_read_back(study):
     loads = read_external_loads(study.arm.loads)
     assert np.array_equal(first.plates[0].forces, loads.forces[:, 0])
     assert np.array_equal(first.plates[0].points, loads.points[:, 0])
-    assert [(event.label, event.side) for event in second.events] == [("Reach", "Right"), ("Touch", "")]
+    assert [(event.label, event.side) for event in second.events] == [
+        ("Reach", "Right"),
+        ("Touch", ""),
+    ]
     assert [event.time for event in second.events] == pytest.approx([0.1, 0.3], abs=1e-6)
-    emg, whole = trials["s 01/reach"].emg, read_sto(study.arm.emg)
+    emg = trials["s 01/reach"].emg
+    whole = read_sto(study.arm.emg)
     assert emg.names == whole.names
     np.testing.assert_allclose(emg.time, whole.time, atol=1e-9)
-    np.testing.assert_allclose(emg.values, whole.values, atol=2.0 * np.abs(whole.values).max() / 2**24)
+    np.testing.assert_allclose(
+        emg.values, whole.values, atol=2.0 * np.abs(whole.values).max() / 2**24
+    )
 
 
 def test_commands_take_files_of_the_dataset(study, command, tmp_path):
@@ -135,9 +170,13 @@ def test_commands_take_files_of_the_dataset(study, command, tmp_path):
     ik = command("ik", "--model", study.arm.model, "--markers", path, "--out", tmp_path / "q.mot")
     assert ik.status == 0, ik.err
     angles = read_sto(tmp_path / "q.mot")
-    np.testing.assert_allclose(np.deg2rad(angles.values), study.first.values["coordinate_value"], atol=1e-6)
+    np.testing.assert_allclose(
+        np.deg2rad(angles.values), study.first.values["coordinate_value"], atol=1e-6
+    )
     convert([path], tmp_path / "back.trc")
-    np.testing.assert_allclose(read_trc(tmp_path / "back.trc").markers.values, read_recording(path).markers.values)
+    np.testing.assert_allclose(
+        read_trc(tmp_path / "back.trc").markers.values, read_recording(path).markers.values
+    )
     emg = next(study.bids.glob("sub-s01x2/emg/*.bdf"))
     assert channels_of(emg).names == read_sto(study.arm.emg).names
     forces = path.with_name(path.name.replace("markers", "forces"))
@@ -146,7 +185,8 @@ def test_commands_take_files_of_the_dataset(study, command, tmp_path):
     assert made.status == 0, made.err
     assert read_motion_trial(forces).markers is None
     assert [file.name for file in files_of([study.bids])[0]] == [
-        f"sub-{name}_tracksys-markers_motion.tsv" for name in ("s01_task-events", "s01x2_task-reach")
+        f"sub-{name}_tracksys-markers_motion.tsv"
+        for name in ("s01_task-events", "s01x2_task-reach")
     ]
     assert command("info", emg).out.count("flexor") == 1
 
@@ -173,7 +213,9 @@ def test_files_that_are_gone_are_named_and_results_stand_in(study, tmp_path):
         moved.rename(elsewhere)
     assert any("reach.trc" in note and "is gone" in note for note in notes)
     (trial,) = read_bids(tmp_path / "bids").values()
-    assert np.array_equal(trial.recording.markers.values, study.first.values["recorded_marker_position"])
+    assert np.array_equal(
+        trial.recording.markers.values, study.first.values["recorded_marker_position"]
+    )
 
 
 def test_what_is_refused(study, command, tmp_path, monkeypatch):
@@ -208,7 +250,9 @@ def test_any_rate_and_lost_samples_of_emg(tmp_path):
     values = rng.standard_normal((1234, 2)) * [1e-4, 3e3]
     values[7, 0] = np.nan
     stem = tmp_path / "sub-1_task-a"
-    write_emg(stem, Emg(time, ("a long name of a muscle", "B"), values), ("V", "n/a"), {"TaskName": "a"})
+    write_emg(
+        stem, Emg(time, ("a long name of a muscle", "B"), values), ("V", "n/a"), {"TaskName": "a"}
+    )
     back = read_emg(tmp_path / "sub-1_task-a_emg.bdf")
     assert back.names == ("a long name of a muscle", "B")
     assert back.units == ("V", "")
@@ -216,8 +260,13 @@ def test_any_rate_and_lost_samples_of_emg(tmp_path):
     values[7, 0] = 0.0
     for column in range(2):
         limit = 1.2 * np.abs(values[:, column]).max() / 2**23
-        np.testing.assert_allclose(back.values[:, column], values[:, column], atol=max(limit, 2e-5 / 2**23))
-    plain = [edfio.EdfSignal(column, 50.0, label="C", physical_dimension="mV") for column in (np.arange(100.0),)]
+        np.testing.assert_allclose(
+            back.values[:, column], values[:, column], atol=max(limit, 2e-5 / 2**23)
+        )
+    plain = [
+        edfio.EdfSignal(column, 50.0, label="C", physical_dimension="mV")
+        for column in (np.arange(100.0),)
+    ]
     edfio.Edf(plain).write(tmp_path / "plain.edf")
     other = read_emg(tmp_path / "plain.edf")
     assert (other.names, other.units, other.rate) == (("C",), ("V",), pytest.approx(50.0))
@@ -231,7 +280,9 @@ def test_motion_of_others(tmp_path):
     home = tmp_path / "sub-1" / "motion"
     home.mkdir(parents=True)
     (tmp_path / "dataset_description.json").write_text('{"Name": "x", "BIDSVersion": "1.11.0"}')
-    (tmp_path / "task-walk_tracksys-opt_motion.json").write_text('{"SamplingFrequency": 50, "TaskName": "walk"}')
+    (tmp_path / "task-walk_tracksys-opt_motion.json").write_text(
+        '{"SamplingFrequency": 50, "TaskName": "walk"}'
+    )
     (tmp_path / "task-run_motion.json").write_text('{"SamplingFrequency": 10}')
     head = "name\tcomponent\ttype\ttracked_point\tunits\n"
     rows = [f"A_{axis}\t{axis}\tPOS\tA\tcm" for axis in "zxy"] + ["knee\tn/a\tJNTANG\tn/a\tdeg"]
@@ -260,7 +311,10 @@ def test_motion_of_others(tmp_path):
 
 def test_a_table_without_markers_is_no_recording(tmp_path):
     series = Series(np.arange(3.0), ("knee",), np.zeros((3, 1)))
-    write_signals(tmp_path / "sub-1_task-a_tracksys-angles", signals_of(series, [Channel("knee", "JNTANG", "deg")]))
+    write_signals(
+        tmp_path / "sub-1_task-a_tracksys-angles",
+        signals_of(series, [Channel("knee", "JNTANG", "deg")]),
+    )
     with pytest.raises(BadFile, match="holds no positions of markers"):
         read_recording(tmp_path / "sub-1_task-a_tracksys-angles_motion.tsv")
 

@@ -22,7 +22,9 @@ WALKS = ("knee-implant-walk/walk1.c3d", "c3d-gait-plugingait/HC002D/Straight/HC0
 
 def about_origin(wrenches):
     """Force and moment about the origin (samples, 6) of all wrenches together."""
-    moment = np.nan_to_num(wrenches.torques) + np.cross(np.nan_to_num(wrenches.points), wrenches.forces)
+    moment = np.nan_to_num(wrenches.torques) + np.cross(
+        np.nan_to_num(wrenches.points), wrenches.forces
+    )
     return np.hstack([wrenches.forces.sum(axis=1), moment.sum(axis=1)])
 
 
@@ -57,7 +59,9 @@ def test_emg_keeps_its_values_and_clock(walk):
 
 
 def test_back_to_c3d(walk, tmp_path):
-    """TRC, MOT and STO to one C3D file: markers and EMG as they were, the same wrenches of each plate."""
+    """TRC, MOT and STO to one C3D file: markers and EMG as they were, the same wrenches of each
+    plate.
+    """
     path, trial, out, _ = walk
     parts = [out / f"{path.stem}{one}" for one in (".trc", "_grf.mot", "_emg.sto")]
     convert(parts, tmp_path / "back.c3d")
@@ -67,9 +71,13 @@ def test_back_to_c3d(walk, tmp_path):
     emg = read_sto(out / f"{path.stem}_emg.sto")
     for name in emg.names:
         np.testing.assert_allclose(again.analog[name], emg[name], rtol=1e-6, atol=1e-10)
-    expected, found = recorded_wrenches(trial), recorded_wrenches(again)
-    # What lies below the threshold of load is left out of both; the edges of loading may differ by a sample.
-    firm = (np.linalg.norm(expected.forces, axis=2) > 50.0) & (np.linalg.norm(found.forces, axis=2) > 50.0)
+    expected = recorded_wrenches(trial)
+    found = recorded_wrenches(again)
+    # What lies below the threshold of load is left out of both; the edges of loading may differ by
+    # a sample.
+    firm = (np.linalg.norm(expected.forces, axis=2) > 50.0) & (
+        np.linalg.norm(found.forces, axis=2) > 50.0
+    )
     assert firm.sum() > 0.9 * (np.linalg.norm(expected.forces, axis=2) > 50.0).sum()
     np.testing.assert_allclose(found.forces[firm], expected.forces[firm], atol=1e-3)
     np.testing.assert_allclose(found.points[firm], expected.points[firm], atol=1e-5)
@@ -79,7 +87,8 @@ def test_back_to_c3d(walk, tmp_path):
 def test_c3d_to_c3d_is_exact(walk, tmp_path):
     path, _, _, _ = walk
     convert([path], tmp_path / "same.c3d")
-    one, other = read_c3d(path), read_c3d(tmp_path / "same.c3d")
+    one = read_c3d(path)
+    other = read_c3d(tmp_path / "same.c3d")
     np.testing.assert_allclose(other.markers.values, one.markers.values, rtol=1e-6, atol=1e-7)
     for a, b in zip(one.plate_recordings, other.plate_recordings, strict=True):
         np.testing.assert_allclose(b.channels, a.channels, rtol=1e-5, atol=1e-4)
@@ -91,7 +100,9 @@ def test_units_names_and_time(walk, tmp_path):
     path, trial, _, _ = walk
     first, second = trial.markers.names[:2]
     start = float(trial.markers.time[10])
-    options = ConvertOptions(units="m", labels={first: "renamed", second: ""}, time=(start, start + 0.3))
+    options = ConvertOptions(
+        units="m", labels={first: "renamed", second: ""}, time=(start, start + 0.3)
+    )
     convert([path], tmp_path / "some.trc", options)
     text = (tmp_path / "some.trc").read_text()
     assert "\tm\t" in text.splitlines()[2]
@@ -109,9 +120,9 @@ def test_the_walk_goes_where_it_is_told(data):
         made = turned(found, "y", forward, "")
         middle = np.nanmean(made.markers.values, axis=1)
         way = middle[-1] - middle[0]
-        assert way @ (np.eye(3)["xyz".index(forward[-1])] * (-1 if forward[0] == "-" else 1)) > 0.7 * np.linalg.norm(
-            way
-        )
+        assert way @ (
+            np.eye(3)["xyz".index(forward[-1])] * (-1 if forward[0] == "-" else 1)
+        ) > 0.7 * np.linalg.norm(way)
         assert np.nanmax(made.markers.values[..., 1]) > 1.2
         forces = made.wrenches.forces.sum(axis=1)
         assert forces[:, 1].mean() > 100.0
@@ -123,7 +134,12 @@ def test_the_walk_goes_where_it_is_told(data):
 
 def test_axes_as_text():
     np.testing.assert_array_equal(axes_of_text("x,z,-y"), Z_UP_TO_Y_UP)
-    for wrong, why in (("x,y", "three axes"), ("x,x,z", "twice"), ("x,z,y", "left-handed"), ("a,b,c", "three axes")):
+    for wrong, why in (
+        ("x,y", "three axes"),
+        ("x,x,z", "twice"),
+        ("x,z,y", "left-handed"),
+        ("a,b,c", "three axes"),
+    ):
         with pytest.raises(BadData, match=why):
             axes_of_text(wrong)
 
@@ -155,7 +171,9 @@ def _standing():
 
 def test_bodies_of_plates_by_name(data, tmp_path):
     made = convert(
-        [data("knee-implant-walk/walk1.c3d")], tmp_path / "walk", ConvertOptions(plates=("calcn_l", "", "toes_r"))
+        [data("knee-implant-walk/walk1.c3d")],
+        tmp_path / "walk",
+        ConvertOptions(plates=("calcn_l", "", "toes_r")),
     )
     loads = read_external_loads(tmp_path / "walk" / "walk1_grf.xml")
     assert loads.bodies == ("calcn_l", "toes_r")
@@ -164,7 +182,14 @@ def test_bodies_of_plates_by_name(data, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "side"),
-    [("RHEE", "right"), ("LTOE", "left"), ("RHeel", "right"), ("L_heel", "left"), ("r_calc", "right"), ("heel", "")],
+    [
+        ("RHEE", "right"),
+        ("LTOE", "left"),
+        ("RHeel", "right"),
+        ("L_heel", "left"),
+        ("r_calc", "right"),
+        ("heel", ""),
+    ],
 )
 def test_sides_of_foot_markers(name, side):
     assert side_of(name) == side

@@ -55,7 +55,10 @@ def test_a_gait_recording(data):
 def test_gaps_are_listed_by_marker(data):
     found = inspect(data("mouse-gait-c3d-force/Cage6_1L_05_01_26_trial_1.c3d"))
     told = facts(found)
-    assert any(label.startswith("gaps of ") and "%" in text and "longest" in text for label, text in found.facts)
+    assert any(
+        label.startswith("gaps of ") and "%" in text and "longest" in text
+        for label, text in found.facts
+    )
     assert told["unlabelled points"] == "14"
     # A tenth of a newton is a mouse, not a fault of the plate.
     assert not any("does not fit" in line for line in found.warnings)
@@ -79,7 +82,9 @@ def test_a_model_and_its_loads(data):
     assert told["muscles"] == "80: 80 Millard2012EquilibriumMuscle"
     told = facts(inspect(data("rajagopal-walk-emg/grf_walk.xml")))
     assert "calcn_r" in told["Right_GRF"]
-    assert inspect(data("rajagopal-walk-emg/ik_tasks_walk.xml")).kind == "OpenSim settings: IKTaskSet"
+    assert (
+        inspect(data("rajagopal-walk-emg/ik_tasks_walk.xml")).kind == "OpenSim settings: IKTaskSet"
+    )
 
 
 def test_wrong_units_jumps_and_lost_frames_are_doubted(tmp_path):
@@ -99,9 +104,18 @@ def test_wrong_units_jumps_and_lost_frames_are_doubted(tmp_path):
     assert any("another unit" in line for line in inspect(path).warnings)
 
 
-@pytest.mark.parametrize(("degrees", "size", "doubt"), [(True, 0.5, "radians?"), (False, 60.0, "degrees?")])
+@pytest.mark.parametrize(
+    ("degrees", "size", "doubt"), [(True, 0.5, "radians?"), (False, 60.0, "degrees?")]
+)
 def test_angles_that_do_not_fit_the_header_are_doubted(degrees, size, doubt, tmp_path):
-    names = ("hip_flexion_r", "hip_adduction_r", "hip_rotation_r", "knee_angle_r", "ankle_angle_r", "pelvis_tx")
+    names = (
+        "hip_flexion_r",
+        "hip_adduction_r",
+        "hip_rotation_r",
+        "knee_angle_r",
+        "ankle_angle_r",
+        "pelvis_tx",
+    )
     values = np.random.default_rng(0).uniform(0.8 * size, size, (50, 6))
     path = tmp_path / "q.mot"
     write_sto(Table(np.arange(50) / 100, names, values, in_degrees=degrees), path)
@@ -119,12 +133,23 @@ def test_what_is_no_known_file_is_refused(name, tmp_path):
 @pytest.mark.parametrize("kind", KINDS)
 def test_garbage_under_any_name_ends_in_one_line(kind, tmp_path):
     random = np.random.default_rng(3)
-    contents = [b"", b"\n", b"\0" * 3000, b"hello world\n" * 50, random.bytes(5000), b"\x02\x50" + random.bytes(5000)]
+    contents = [
+        b"",
+        b"\n",
+        b"\0" * 3000,
+        b"hello world\n" * 50,
+        random.bytes(5000),
+        b"\x02\x50" + random.bytes(5000),
+    ]
     contents += [
         b"DataRate\tUnits\n1\tmm\nFrame#\tTime\tA\n" + random.bytes(500),
         b"endheader\ntime\ta\n" + random.bytes(500),
     ]
-    contents += [b"Frame#\tTime\tA\n\tX1\tY1\tZ1\n", b"endheader\ntime\ta\n", b"endheader\ntime\n0\n1\n"]
+    contents += [
+        b"Frame#\tTime\tA\n\tX1\tY1\tZ1\n",
+        b"endheader\ntime\ta\n",
+        b"endheader\ntime\n0\n1\n",
+    ]
     for number, content in enumerate(contents):
         path = tmp_path / f"{number}{kind}"
         path.write_bytes(content)
@@ -160,7 +185,9 @@ def test_tables_cut_anywhere_or_damaged_end_in_one_line(name, data, tmp_path):
     assert told == {True, False}
 
 
-@pytest.mark.parametrize(("value", "shown"), [("nan", "NaN"), ("inf", "infinite"), ("1e300", "good")])
+@pytest.mark.parametrize(
+    ("value", "shown"), [("nan", "NaN"), ("inf", "infinite"), ("1e300", "good")]
+)
 def test_values_that_are_no_measure_are_told(value, shown, tmp_path):
     path = tmp_path / "x.mot"
     path.write_text(f"t\nversion=1\nendheader\ntime\ta\tb\n0\t{value}\t1\n0.1\t2\t3\n0.2\t2\t3\n")
@@ -185,7 +212,11 @@ def test_recordings_cut_at_any_length_end_in_one_line(data, tmp_path):
 
 @pytest.mark.long
 def test_every_odd_file_is_good_or_refused_in_one_line(data):
-    paths = [path for folder in ("c3d-vendor-samples", "odd-trc-mot") for path in sorted(data(folder).rglob("*"))]
+    paths = [
+        path
+        for folder in ("c3d-vendor-samples", "odd-trc-mot")
+        for path in sorted(data(folder).rglob("*"))
+    ]
     paths = [path for path in paths if path.suffix.lower() in KINDS]
     assert len(paths) > 50
     refused = {path.name for path in paths if outcome(path) != "good"}

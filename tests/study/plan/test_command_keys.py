@@ -35,7 +35,11 @@ def taken_by(command, parameter):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
-    keys = {*input_keys("subject", SubjectTable), *trial_table().model_fields, *SubjectTable.model_fields}
+    keys = {
+        *input_keys("subject", SubjectTable),
+        *trial_table().model_fields,
+        *SubjectTable.model_fields,
+    }
     taken = inspect.signature(COMMANDS[name], eval_str=True).parameters
     asked = {*taken, *taken_by(COMMANDS[name], "inputs")} - {*RUN, *TABLES, "inputs"}
     assert set(TABLES.values()) <= set(step_settings())

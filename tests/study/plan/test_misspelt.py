@@ -1,9 +1,17 @@
-"""Misspelt options and keys are answered by what is meant, keys in a wrong table by where they belong."""
+"""Misspelt options and keys are answered by what is meant, keys in a wrong table by where they
+belong.
+"""
 
 from __future__ import annotations
 
 import pytest
-from benchmarks.accuracy.laboratory.misspelt import KEYS, OPTIONS, answer_to_key, answer_to_option, named
+from benchmarks.accuracy.laboratory.misspelt import (
+    KEYS,
+    OPTIONS,
+    answer_to_key,
+    answer_to_option,
+    named,
+)
 
 
 @pytest.mark.parametrize("text", OPTIONS)

@@ -30,7 +30,14 @@ FORCES = ("force_checks", "force_shift", "force_columns", "force_rate", "force_o
 
 @pytest.fixture
 def folder(tmp_path):
-    for name in ("generic.osim", "walk1.trc", "walk2.trc", "walk1_grf.xml", "walk1_emg.sto", "run.trc"):
+    for name in (
+        "generic.osim",
+        "walk1.trc",
+        "walk2.trc",
+        "walk1_grf.xml",
+        "walk1_emg.sto",
+        "run.trc",
+    ):
         (tmp_path / name).write_text("")
     return tmp_path
 
@@ -65,14 +72,18 @@ def test_table_form_and_options(folder):
         folder,
         SMALLEST.replace(
             '["walk*.trc"]',
-            '[{markers = "run.trc", name = "fast", loads = "walk1_grf.xml", emg = "walk1_emg.sto", time = [0.5, 1.5]}]',
+            '[{markers = "run.trc", name = "fast", loads = "walk1_grf.xml", emg = "walk1_emg.sto",'
+            " time = [0.5, 1.5]}]",
         )
         + "[options.id]\ncutoff = 6\n[options.tension]\npassive = false\nweights = 'volume'\n",
     )
     (trial,) = plan.trials
     assert (trial.name, trial.time) == ("fast", (0.5, 1.5))
     assert trial.get(LoadsFile).loads == folder / "walk1_grf.xml"
-    assert plan.settings == {"id": {"cutoff": 6.0}, "tension": {"passive": False, "weights": "volume"}}
+    assert plan.settings == {
+        "id": {"cutoff": 6.0},
+        "tension": {"passive": False, "weights": "volume"},
+    }
 
 
 def test_everything_wrong_is_told_at_once(folder):
@@ -101,15 +112,27 @@ def test_everything_wrong_is_told_at_once(folder):
     [
         (SMALLEST + "[options.id]\ncutof = 6\n", ("unknown key 'options.id.cutof'", "'cutoff'")),
         (SMALLEST + "[options.ids]\ncutoff = 6\n", ("unknown key 'options.ids'", "'id'")),
-        (SMALLEST.replace("model", "modle"), ("'subject.1.model' is missing", "unknown key 'subject.1.modle'")),
+        (
+            SMALLEST.replace("model", "modle"),
+            ("'subject.1.model' is missing", "unknown key 'subject.1.modle'"),
+        ),
         (SMALLEST.replace("72.6", "-1"), ("'subject.1.mass' = -1", "greater than 0")),
         (SMALLEST.replace("72.6", '"heavy"'), ("'subject.1.mass' = 'heavy'",)),
-        (SMALLEST + "[options.tension]\nweights = 'heavy'\n", ("options.tension.weights", "'volume'")),
+        (
+            SMALLEST + "[options.tension]\nweights = 'heavy'\n",
+            ("options.tension.weights", "'volume'"),
+        ),
         (SMALLEST.replace('"ik", ', ""), ("lack 'ik'",)),
         (SMALLEST.replace('["walk*.trc"]', "[]"), ("has no trials",)),
-        (SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'), ("trials.1.marker'", "'markers'")),
+        (
+            SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'),
+            ("trials.1.marker'", "'markers'"),
+        ),
         (SMALLEST.replace('["walk*.trc"]', '[{name = "a"}]'), ("one of 'markers' and 'motion'",)),
-        (SMALLEST.replace("mass = 72.6", "height = 1.8"), ("'height' and 'chest'", "'chest' is missing")),
+        (
+            SMALLEST.replace("mass = 72.6", "height = 1.8"),
+            ("'height' and 'chest'", "'chest' is missing"),
+        ),
         (SMALLEST.replace("mass = 72.6", "time = [2, 1]"), ("start before an end",)),
         ("[study]\nname = 'x'\n", ("'subject' is missing",)),
         ("[[study\n", ("is not TOML",)),
@@ -132,7 +155,10 @@ def test_forces_without_bodies_are_not_guessed(folder):
     plan = plan_of(folder, SMALLEST)
     assert plan.trials[1].get(LoadsFile).loads is None
     assert any("walk2_forces.mot is not used" in remark for remark in plan.remarks)
-    given = '[{markers = "walk2.trc", loads = "walk2_forces.mot", bodies = {ground_force_ = "calcn_r"}}]'
+    given = (
+        '[{markers = "walk2.trc", loads = "walk2_forces.mot", bodies = {ground_force_ ='
+        ' "calcn_r"}}]'
+    )
     (trial,) = plan_of(folder, SMALLEST.replace('["walk*.trc"]', given)).trials
     assert dict(trial.get(LoadsFile).bodies) == {"ground_force_": "calcn_r"}
 
@@ -157,7 +183,12 @@ def test_rule_of_names(tmp_path, markers, loads):
 def test_plain_stem():
     from pathlib import Path
 
-    names = {"markers_walk.trc": "walk", "walk_Markers.trc": "walk", "markers.trc": "markers", "a.b.trc": "a.b"}
+    names = {
+        "markers_walk.trc": "walk",
+        "walk_Markers.trc": "walk",
+        "markers.trc": "markers",
+        "a.b.trc": "a.b",
+    }
     assert {name: plain_stem(Path(name)) for name in names} == names
 
 
@@ -166,7 +197,9 @@ INPUT_KEYS = {"contact_points", "measured"}
 
 
 def test_options_are_those_of_the_steps():
-    """Written once: every setting of a step's dataclass is a key, with its default and a line of help."""
+    """Written once: every setting of a step's dataclass is a key, with its default and a line of
+    help.
+    """
     from dataclasses import fields
 
     from myomorph.tension.recruitment import RecruitmentOptions
@@ -174,7 +207,11 @@ def test_options_are_those_of_the_steps():
     from myomorph.tension.terms.contacts import ContactOptions
 
     settings = {one.name: one for one in step_settings()["tension"]}
-    own = {one.name for options in (TensionOptions, ContactOptions, RecruitmentOptions) for one in fields(options)}
+    own = {
+        one.name
+        for options in (TensionOptions, ContactOptions, RecruitmentOptions)
+        for one in fields(options)
+    }
     emg = {name for name in settings if name.startswith("emg_")}
     assert emg >= {"emg_mode", "emg_weight", "emg_slack", "emg_display_only"}
     assert set(settings) - emg == own | {"cutoff", *FORCES, "reactions", "intervals", *INPUT_KEYS}
@@ -185,11 +222,17 @@ def test_options_are_those_of_the_steps():
 def test_steps_on_a_subject_come_before_those_that_use_its_model(folder):
     steps = '["calibrate", "ik", "identify", "id"]'
     text = SMALLEST.replace('["ik", "id", "muscles", "tension", "report"]', steps)
-    text = text.replace("mass = 72.6", 'mass = 72.6\nstatic = "run.trc"\nheight = 1.8\nchest = 0.9\nsex = "male"')
+    text = text.replace(
+        "mass = 72.6", 'mass = 72.6\nstatic = "run.trc"\nheight = 1.8\nchest = 0.9\nsex = "male"'
+    )
     plan = plan_of(folder, text + "[options.identify]\ncutoff = 6\nspacing = 0.01\n")
     subject = plan.subjects["s01"]
     assert plan.steps[0] == ("calibrate", "ik", "identify", "id")
-    assert (subject.static, subject.shape.height, subject.shape.sex) == (folder / "run.trc", 1.8, "male")
+    assert (subject.static, subject.shape.height, subject.shape.sex) == (
+        folder / "run.trc",
+        1.8,
+        "male",
+    )
     assert [trial.name for trial in subject.trials] == ["walk1", "walk2"]
     assert plan.settings["identify"] == {"cutoff": 6.0, "spacing": 0.01}
     told = problems_of(folder, text.replace(steps, '["ik", "id", "identify", "calibrate"]'))
@@ -200,12 +243,22 @@ def test_steps_on_a_subject_come_before_those_that_use_its_model(folder):
 
 
 def test_keys_where_they_stood_are_read_and_it_is_said_where_they_belong(folder):
-    plan = plan_of(folder, SMALLEST + '[options.tension]\nmeasured = "shared"\ncontact_points = "auto"\n')
+    plan = plan_of(
+        folder, SMALLEST + '[options.tension]\nmeasured = "shared"\ncontact_points = "auto"\n'
+    )
     assert plan.trials[0].get(ContactsFile).measured == "shared"
     assert plan.trials[0].get(ContactPointsFile).contact_points == "auto"
     assert plan.settings == {}
     assert not any("belongs to" in remark for remark in plan.remarks)
-    old = plan_of(folder, SMALLEST.replace("mass = 72.6", 'mass = 72.6\nmeasured = "shared"\ncontact_points = "auto"'))
+    old = plan_of(
+        folder,
+        SMALLEST.replace(
+            "mass = 72.6", 'mass = 72.6\nmeasured = "shared"\ncontact_points = "auto"'
+        ),
+    )
     assert old.trials[0].inputs == plan.trials[0].inputs
     for key in ("measured", "contact_points"):
-        assert f"subject 's01': '{key}' belongs to [options.tension]; it is still read here" in old.remarks
+        assert (
+            f"subject 's01': '{key}' belongs to [options.tension]; it is still read here"
+            in old.remarks
+        )

@@ -1,4 +1,6 @@
-"""Laws of study files: names that pass are folders everywhere, tables of measures never fail but by a problem."""
+"""Laws of study files: names that pass are folders everywhere, tables of measures never fail but by
+a problem.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,24 @@ from myomorph.study.plan.plan_checks import check_names, folder_key
 from myomorph.study.plan.subject_tables import filtered_steps, merged
 from myomorph.study.trial.trial_inputs import TrialFiles
 
-DEVICES = ["CON", "PRN", "AUX", "NUL", "COM1", "COM2", "COM3", "COM9", "COM¹", "LPT1", "LPT2", "LPT9", "LPT³"]
-NAME = st.text(min_size=1, max_size=12) | st.sampled_from([*DEVICES, "con.txt", "nul. ", "com1.a.b", "a.", "A", "a"])
+DEVICES = [
+    "CON",
+    "PRN",
+    "AUX",
+    "NUL",
+    "COM1",
+    "COM2",
+    "COM3",
+    "COM9",
+    "COM¹",
+    "LPT1",
+    "LPT2",
+    "LPT9",
+    "LPT³",
+]
+NAME = st.text(min_size=1, max_size=12) | st.sampled_from(
+    [*DEVICES, "con.txt", "nul. ", "com1.a.b", "a.", "A", "a"]
+)
 NAMES = st.lists(NAME, min_size=1, max_size=5)
 TABLE = st.text(alphabet='subjectmas,;\t\n"[kg]0123.- \0ä', max_size=120)
 
@@ -69,7 +87,9 @@ def test_what_is_no_table_is_a_problem(tmp_path, content):
     assert problems
 
 
-@pytest.mark.parametrize(("name", "unit", "factor"), [(n, u, f) for n, own in UNITS.items() for u, f in own.items()])
+@pytest.mark.parametrize(
+    ("name", "unit", "factor"), [(n, u, f) for n, own in UNITS.items() for u, f in own.items()]
+)
 @pytest.mark.parametrize("form", ["{} [{}]", "{}({})", " {} [ {} ] "])
 def test_units_of_headings(tmp_path, name, unit, factor, form):
     path = tmp_path / "m.csv"

@@ -21,7 +21,10 @@ static = "{subject} standing.trc"
 trials = ["slow*.trc", "fast*.trc"]
 steps = ["ik", "id"]
 """
-MEASURES = "subject;mass [kg];height [cm];sex;age;group;BMI\nP1;61,5;170;f;30;old;21\nP2;80;182;M;;young;\n"
+MEASURES = (
+    "subject;mass [kg];height"
+    " [cm];sex;age;group;BMI\nP1;61,5;170;f;30;old;21\nP2;80;182;M;;young;\n"
+)
 
 
 @pytest.fixture
@@ -61,17 +64,27 @@ def test_every_folder_that_matches_is_a_subject(folder):
     plan = plan_of(folder, FOLDERS)
     assert list(plan.subjects) == ["P1", "P2"]
     assert [(one.subject, one.name) for one in plan.trials] == [
-        ("P1", "slow1"), ("P1", "fast1"), ("P2", "slow1"), ("P2", "fast1")
-    ]  # fmt: skip
+        ("P1", "slow1"),
+        ("P1", "fast1"),
+        ("P2", "slow1"),
+        ("P2", "fast1"),
+    ]
     assert plan.trials[0].markers == folder / "P1" / "slow1.trc"
     assert plan.trials[0].model.resolve() == folder / "generic.osim"
     assert plan.subjects["P2"].static == folder / "P2" / "P2 standing.trc"
 
 
 def test_a_table_of_its_own_goes_before_a_pattern(folder):
-    own = '[[subject]]\nfolders = "P2"\nmodel = "../generic.osim"\ntrials = ["slow1.trc"]\nsteps = ["ik"]\n'
+    own = (
+        '[[subject]]\nfolders = "P2"\nmodel = "../generic.osim"\ntrials = ["slow1.trc"]\nsteps ='
+        ' ["ik"]\n'
+    )
     plan = plan_of(folder, FOLDERS + own)
-    assert [(one.subject, one.name) for one in plan.trials] == [("P1", "slow1"), ("P1", "fast1"), ("P2", "slow1")]
+    assert [(one.subject, one.name) for one in plan.trials] == [
+        ("P1", "slow1"),
+        ("P1", "fast1"),
+        ("P2", "slow1"),
+    ]
     assert any("'P2' has a table of its own" in remark for remark in plan.remarks)
 
 
@@ -89,8 +102,9 @@ def test_names_in_a_list(folder):
         """
     plan = plan_of(folder, text)
     assert [(one.subject, one.name, one.condition) for one in plan.trials] == [
-        ("a", "slow", "slow"), ("b", "slow", "slow")
-    ]  # fmt: skip
+        ("a", "slow", "slow"),
+        ("b", "slow", "slow"),
+    ]
     assert plan.conditions.names == ("slow",)
 
 
@@ -109,24 +123,52 @@ def test_conditions(folder):
     [
         ('"f*1"', '"run*"', ("conditions: 'fast': no trial matches 'run*'", "'fast1'")),
         ('"f*1"', '"*1"', ("is in more than one condition: slow, fast",)),
-        ('"fast*.trc"]', '{markers = "fast1.trc", condition = "sloow"}]', ("unknown condition 'sloow'", "'slow'")),
+        (
+            '"fast*.trc"]',
+            '{markers = "fast1.trc", condition = "sloow"}]',
+            ("unknown condition 'sloow'", "'slow'"),
+        ),
         ('folders = "P*"', 'folders = "Q*"', ("no folder matches 'Q*'",)),
         ('folders = "P*"', 'folders = "Q1"', ("there is no folder 'Q1'",)),
-        ('folders = "P*"', 'folders = "P*"\nname = "s"', ("has 'name' and 'folders': expected one of them",)),
+        (
+            'folders = "P*"',
+            'folders = "P*"\nname = "s"',
+            ("has 'name' and 'folders': expected one of them",),
+        ),
         ('folders = "P*"', "folders = []", ("'names' or 'folders' is empty",)),
         ('folders = "P*"', 'names = ["P1", "P1"]', ("names: 'P1' is there twice",)),
         ("slow*.trc", f"{'s' * 3000}.trc", ("does not exist",)),
         ('folders = "P*"\n', "", ("'subject.1.name' is missing",)),
-        ("{subject} standing", "{subject}standing", ("'P1standing.trc' does not exist", "'P1 standing.trc'")),
+        (
+            "{subject} standing",
+            "{subject}standing",
+            ("'P1standing.trc' does not exist", "'P1 standing.trc'"),
+        ),
         ('["ik", "id"]', '["ik", "id", "ik"]', ("'ik' is there twice",)),
-        ('["ik", "id"]', '["ik", "identify"]', ("subject 'P1': the step 'identify' needs the subject's 'mass'",)),
+        (
+            '["ik", "id"]',
+            '["ik", "identify"]',
+            ("subject 'P1': the step 'identify' needs the subject's 'mass'",),
+        ),
         ('model = "../generic.osim"', 'model_of = "P9"', ("no subject 'P9'", "'P1', 'P2'")),
         ('model = "../generic.osim"', 'model_of = "P1"', ("'P1' waits for 'P1'",)),
-        ('["ik", "id"]', '["ik", "id"]\noptions = {id = {cutof = 1}}', ("options.id.cutof'", "'cutoff'")),
-        ('["ik", "id"]', '["ik", "tension"]\noptions = {tension = {intervals = -1}}', ("intervals at -1",)),
-        ('["ik", "id"]', '["ik", "id"]\noptions = {id = {cutoff = -6}}', ("cutoff -6.0 Hz: expected a positive",)),
+        (
+            '["ik", "id"]',
+            '["ik", "id"]\noptions = {id = {cutof = 1}}',
+            ("options.id.cutof'", "'cutoff'"),
+        ),
+        (
+            '["ik", "id"]',
+            '["ik", "tension"]\noptions = {tension = {intervals = -1}}',
+            ("intervals at -1",),
+        ),
+        (
+            '["ik", "id"]',
+            '["ik", "id"]\noptions = {id = {cutoff = -6}}',
+            ("cutoff -6.0 Hz: expected a positive",),
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_named(folder, old, new, words):
     told = problems_of(folder, FOLDERS.replace(old, new, 1))
     for word in words:
@@ -136,7 +178,9 @@ def test_what_is_wrong_is_named(folder, old, new, words):
 def test_exclusions_have_reasons(folder):
     told = '[[exclude]]\nsubject = "P1"\ntrial = "fast*"\nreason = "a marker fell off"\n'
     plan = plan_of(folder, FOLDERS + told)
-    assert [(one.subject, one.trial, one.reason) for one in plan.excluded] == [("P1", "fast1", "a marker fell off")]
+    assert [(one.subject, one.trial, one.reason) for one in plan.excluded] == [
+        ("P1", "fast1", "a marker fell off")
+    ]
     assert [one.name for one in plan.trials] == ["slow1", "slow1", "fast1"]
     assert plan.conditions.trials["P1", "fast1"] == "fast"
     # Of a subject that is left out no file is looked for.
@@ -148,7 +192,10 @@ def test_exclusions_have_reasons(folder):
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ('subject = "P1"\ntrial = "jump"\nreason = "x"', ("excludes nothing", "no trial 'jump'", "'slow1'")),
+        (
+            'subject = "P1"\ntrial = "jump"\nreason = "x"',
+            ("excludes nothing", "no trial 'jump'", "'slow1'"),
+        ),
         ('subject = "P7"\nreason = "x"', ("excludes nothing", "no subject 'P7'", "'P1'")),
         ('subject = "P1"', ("'exclude.1.reason' is missing",)),
         ('subject = "*"\nreason = "x"', ("nothing is left: 2 subjects or trials are excluded",)),
@@ -167,7 +214,8 @@ def test_a_table_of_measures(folder):
     assert [one.get(BodyMass).mass for one in plan.trials] == [61.5, 61.5, 80.0, 80.0]
     assert plan.subjects["P1"].shape.sex == "female"
     assert plan.subjects["P1"].shape.age == 30.0
-    # A height without a chest is no body shape, and no fault in a table that has a column of heights.
+    # A height without a chest is no body shape, and no fault in a table that has a column of
+    # heights.
     assert plan.subjects["P1"].shape.height is None
     assert plan.groups is None
     assert any("not used: BMI" in remark for remark in plan.remarks)
@@ -176,7 +224,9 @@ def test_a_table_of_measures(folder):
 def test_models_of_a_table_of_measures(folder):
     table = "subject,model\nP1,generic.osim\nP2,generik.osim\n"
     told = problems_of(folder, with_measures().replace('model = "../generic.osim"\n', ""), table)
-    assert "line 3 ('P2'): model file 'generik.osim' does not exist: there are 'generic.osim'" in told
+    assert (
+        "line 3 ('P2'): model file 'generik.osim' does not exist: there are 'generic.osim'" in told
+    )
     table = table.replace("generik", "generic")
     plan = plan_of(folder, with_measures().replace('model = "../generic.osim"\n', ""), table)
     assert {one.model for one in plan.trials} == {folder / "generic.osim"}
@@ -249,7 +299,8 @@ def test_groups_by_pattern_without_those_that_are_left_out(folder):
 def test_names_that_cannot_be_folders(folder, names, words):
     trials = ", ".join(f'{{markers = "P1/slow1.trc", name = "{name}"}}' for name in names)
     text = (
-        f'[study]\nname = "x"\n[[subject]]\nname = "s"\nmodel = "generic.osim"\ntrials = [{trials}]\nsteps = ["ik"]\n'
+        '[study]\nname = "x"\n[[subject]]\nname = "s"\nmodel = "generic.osim"\ntrials ='
+        f' [{trials}]\nsteps = ["ik"]\n'
     )
     told = problems_of(folder, text)
     for word in words:
@@ -257,7 +308,10 @@ def test_names_that_cannot_be_folders(folder, names, words):
 
 
 def test_subjects_whose_folders_would_be_one(folder):
-    one = '[[subject]]\nname = "{}"\nmodel = "generic.osim"\ntrials = ["P1/slow1.trc"]\nsteps = ["ik"]\n'
+    one = (
+        '[[subject]]\nname = "{}"\nmodel = "generic.osim"\ntrials = ["P1/slow1.trc"]\nsteps ='
+        ' ["ik"]\n'
+    )
     text = "[study]\nname = 'x'\n" + one.format("s1") + one.format("S1") + one.format("results.csv")
     told = problems_of(folder, text)
     assert "subject 's1' and subject 'S1' would write the same folder" in told
@@ -266,22 +320,31 @@ def test_subjects_whose_folders_would_be_one(folder):
 
 def test_options_of_subjects_and_trials_over_those_of_the_study(folder):
     text = FOLDERS.replace(
-        '"fast*.trc"]', '{markers = "fast*.trc", options = {id = {cutoff = 15}}}]\noptions = {ik = {tolerance = 1e-6}}'
+        '"fast*.trc"]',
+        '{markers = "fast*.trc", options = {id = {cutoff = 15}}}]\noptions = {ik = {tolerance ='
+        " 1e-6}}",
     )
     plan = plan_of(folder, text + "[options.tension]\ncutoff = 6\n")
     assert plan.settings == {"tension": {"cutoff": 6.0}}
     assert plan.settings_of("P1") == {"tension": {"cutoff": 6.0}, "ik": {"tolerance": 1e-6}}
-    # The filter is one for all steps that differentiate, so what a trial says of it replaces what the study says.
+    # The filter is one for all steps that differentiate, so what a trial says of it replaces what
+    # the study says.
     assert plan.settings_of("P1", "fast1") == {"id": {"cutoff": 15.0}, "ik": {"tolerance": 1e-6}}
 
 
 def test_the_model_of_a_subject_that_makes_none(folder):
     one = '[[subject]]\nname = "{}"\n{}\ntrials = ["P1/slow1.trc"]\nsteps = ["ik"]\n'
-    text = "[study]\nname = 'x'\n" + one.format("a", 'model = "generic.osim"') + one.format("b", 'model_of = "a"')
+    text = (
+        "[study]\nname = 'x'\n"
+        + one.format("a", 'model = "generic.osim"')
+        + one.format("b", 'model_of = "a"')
+    )
     assert "subject 'b': model_of: subject 'a' makes no model" in problems_of(folder, text)
     plan = plan_of(folder, text.replace('steps = ["ik"]', 'steps = ["calibrate", "ik"]', 1))
     assert (plan.maker("a"), plan.maker("b"), plan.begins_with("b")) == ("a", "a", "a")
-    chain = text.replace('steps = ["ik"]', 'steps = ["calibrate", "ik"]', 1) + one.format("c", 'model_of = "b"')
+    chain = text.replace('steps = ["ik"]', 'steps = ["calibrate", "ik"]', 1) + one.format(
+        "c", 'model_of = "b"'
+    )
     assert plan_of(folder, chain).maker("c") == "a"
 
 

@@ -1,4 +1,6 @@
-"""Jobs on a Dask cluster: done once each, with their models, and told of where their process is lost."""
+"""Jobs on a Dask cluster: done once each, with their models, and told of where their process is
+lost.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +29,23 @@ from truths.cluster import Cluster, cluster_in
 from truths.interrupted_checks import differences, left_over
 
 ROOT = Path(__file__).parents[3]
-HERE = {"PYTHONPATH": os.pathsep.join(map(str, (Path(__file__).parent, ROOT / "tests", ROOT / "src", ROOT)))}
+HERE = {
+    "PYTHONPATH": os.pathsep.join(
+        map(str, (Path(__file__).parent, ROOT / "tests", ROOT / "src", ROOT))
+    )
+}
 
 
 def named(name: str) -> Model:
     """A model of nothing."""
-    return Model(name, (), (), (), np.zeros(3))
+    return Model(name=name, bodies=(), joints=(), coordinates=(), gravity=np.zeros(3))
 
 
 def tell(folder: Path, name: str, model: Model | None) -> Outcome:
     """Say which process has done the job, and with which model."""
-    return Outcome("s", name, folder, error=f"{os.getpid()} {'' if model is None else model.name} {id(model)}")
+    return Outcome(
+        "s", name, folder, error=f"{os.getpid()} {'' if model is None else model.name} {id(model)}"
+    )
 
 
 def take_long(folder: Path, name: str, model: Model | None) -> Outcome:
@@ -104,7 +112,9 @@ def test_jobs_are_done_once_each_by_all_processes_with_one_model_for_all_jobs_of
         workers.start(job, models[i % 2] if i < 10 else None)
     found = all_ended(workers, 12)
     assert sorted(one.job.key for one in found) == sorted(job.key for job in jobs)
-    told = {one.outcome.trial: one.outcome.error.split(" ") for one in found if one.outcome is not None}
+    told = {
+        one.outcome.trial: one.outcome.error.split(" ") for one in found if one.outcome is not None
+    }
     assert len({process for process, _, _ in told.values()}) == 2
     for i in range(12):
         assert told[f"t{i}"][1] == (models[i % 2].name if i < 10 else "")
@@ -153,7 +163,9 @@ def date_of(model: Model | None) -> Outcome:
 
 
 @pytest.mark.parametrize(("date", "told"), [("", "the clock"), ("5", "5")])
-def test_results_are_dated_as_the_sender_does(date: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_are_dated_as_the_sender_does(
+    date: str, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An empty variable is none: libraries take it for a number that cannot be read."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "7")
     assert do_job(pickle.dumps(date_of), date=date).trial == told
@@ -163,12 +175,16 @@ def test_results_are_dated_as_the_sender_does(date: str, told: str, monkeypatch:
 def test_workers_of_the_command_are_those_of_the_cluster(
     arm: SimpleNamespace, command: Callable[..., SimpleNamespace]
 ) -> None:
-    run = command("run", arm.folder / "study.toml", "--out", arm.out, "--scheduler", "a:1", "--workers", 2)
+    run = command(
+        "run", arm.folder / "study.toml", "--out", arm.out, "--scheduler", "a:1", "--workers", 2
+    )
     assert (run.status, arm.out.exists()) == (2, False)
     assert "set them at 'dask worker'" in run.err
 
 
-def test_a_process_that_was_killed_is_told_of_and_another_takes_its_place(workers: DaskWorkers, tmp_path: Path) -> None:
+def test_a_process_that_was_killed_is_told_of_and_another_takes_its_place(
+    workers: DaskWorkers, tmp_path: Path
+) -> None:
     import psutil
 
     job = Job(("s", "long"), partial(take_long, tmp_path, "long"))
@@ -189,7 +205,9 @@ def test_a_process_that_was_killed_is_told_of_and_another_takes_its_place(worker
     assert workers.count == 2
 
 
-def test_what_a_job_lets_through_does_not_end_the_study(workers: DaskWorkers, tmp_path: Path) -> None:
+def test_what_a_job_lets_through_does_not_end_the_study(
+    workers: DaskWorkers, tmp_path: Path
+) -> None:
     workers.start(Job(("s", "bad"), raise_error), None)
     (ended,) = all_ended(workers, 1)
     assert ended.outcome is None
@@ -222,7 +240,9 @@ def test_a_scheduler_that_does_not_answer_is_named_soon() -> None:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(BadData, match=f"--scheduler {address}: no scheduler answers .*dask scheduler"):
+        with pytest.raises(
+            BadData, match=f"--scheduler {address}: no scheduler answers .*dask scheduler"
+        ):
             DaskWorkers(address, patience=2.0)
     with pytest.raises(BadData, match="no scheduler answers"):
         DaskWorkers(address, patience=2.0)
@@ -249,7 +269,10 @@ def test_a_program_that_is_no_scheduler_is_named_soon() -> None:
 def test_a_scheduler_without_workers_is_told_from_none(tmp_path: Path) -> None:
     with cluster_in(tmp_path / "alone") as alone:
         address = alone.scheduler()
-        with pytest.raises(BadData, match=f"it has no workers: start some with 'dask worker {address} --nthreads 1'"):
+        with pytest.raises(
+            BadData,
+            match=f"it has no workers: start some with 'dask worker {address} --nthreads 1'",
+        ):
             DaskWorkers(address, patience=1.0)
 
 
@@ -285,13 +308,20 @@ def test_processes_that_are_not_fit_are_named_with_what_to_do(tmp_path: Path) ->
     assert not unfit(fitness(str(mark[0]), mark[1]), mark)
 
 
-def test_workers_of_another_version_get_no_job(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_of_another_version_get_no_job(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("myomorph.study.run.dask_cluster.__version__", "99.0")
-    with pytest.raises(BadData, match=r"no worker can be used: worker tcp://\S+ has Myomorph .* this program is 99.0"):
+    with pytest.raises(
+        BadData,
+        match=r"no worker can be used: worker tcp://\S+ has Myomorph .* this program is 99.0",
+    ):
         DaskWorkers(cluster.address, patience=10.0)
 
 
-def test_a_study_ends_where_the_scheduler_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_study_ends_where_the_scheduler_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(dask_workers, "LOOK", 0.2)
     with cluster_in(tmp_path / "brief", HERE) as brief:
         brief.scheduler()

@@ -83,7 +83,8 @@ def test_before_the_first_run(arm, study):
 
 def test_it_says_what_a_run_then_does(arm, study, monkeypatch, tmp_path):
     monkeypatch.setenv("MYOMORPH_STEP_TIMES", str(tmp_path / "times.csv"))
-    # A job during which kernels are compiled tells nothing of times, and the tests beside this one compile some.
+    # A job during which kernels are compiled tells nothing of times, and the tests beside this one
+    # compile some.
     monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: 0)
     run_study(read_plan(study), arm.out)
     rows = looked(study, arm.out)
@@ -94,12 +95,17 @@ def test_it_says_what_a_run_then_does(arm, study, monkeypatch, tmp_path):
     study.write_text(STUDY + "[options.id]\ncutoff = 30\n", encoding="utf-8")
     rows = looked(study, arm.out)
     found = {one.key: one for one in run_study(read_plan(study), arm.out)}
-    # The filter is told to identification too, so the model is made anew, and with it all that uses it.
+    # The filter is told to identification too, so the model is made anew, and with it all that uses
+    # it.
     assert rows["s01", ""].computed == ("identify",)
     assert rows["s02", "again"].reasons["ik"] == (AFTER_OTHERS,)
-    assert all((found[key].reused, found[key].error) == (row.reused, "") for key, row in rows.items())
+    assert all(
+        (found[key].reused, found[key].error) == (row.reused, "") for key, row in rows.items()
+    )
     # With another filter inverse dynamics never ran here; of the other steps the time is known.
-    assert all(row.unknown == tuple(step for step in row.computed if step == "id") for row in rows.values())
+    assert all(
+        row.unknown == tuple(step for step in row.computed if step == "id") for row in rows.values()
+    )
     assert all(row.seconds > 0.0 for row in rows.values())
 
     study.write_text(STUDY + "[options.id]\ncutoff = 30\nnet = true\n", encoding="utf-8")
@@ -119,7 +125,8 @@ def test_what_cannot_be_opened_is_told(arm, study):
 
 def test_a_time_that_no_frame_has_is_told_before_the_first_run(arm, study):
     study.write_text(
-        STUDY.replace('trials = ["again.trc"', 'time = [90.0, 91.0]\ntrials = ["again.trc"', 1), encoding="utf-8"
+        STUDY.replace('trials = ["again.trc"', 'time = [90.0, 91.0]\ntrials = ["again.trc"', 1),
+        encoding="utf-8",
     )
     found = looked_at(study, arm.out)
     assert ["no frame from 90 to 91 s" in problem for problem in found.problems] == [True]
@@ -133,7 +140,13 @@ def test_a_model_that_cannot_be_read_is_told_once(arm, study):
 
 @pytest.mark.parametrize(
     ("seconds", "words"),
-    [(0.04, "0.0 s"), (9.97, "10 s"), (59.6, "1 min 0 s"), (200, "3 min 20 s"), (7501, "2 h 5 min")],
+    [
+        (0.04, "0.0 s"),
+        (9.97, "10 s"),
+        (59.6, "1 min 0 s"),
+        (200, "3 min 20 s"),
+        (7501, "2 h 5 min"),
+    ],
 )
 def test_times_in_words(seconds, words):
     assert in_words(seconds) == words

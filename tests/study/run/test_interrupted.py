@@ -1,4 +1,6 @@
-"""The program killed, its disk full, its folder read-only, its cluster cut off: what is left is whole, and goes on."""
+"""The program killed, its disk full, its folder read-only, its cluster cut off: what is left is
+whole, and goes on.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,10 @@ def undisturbed(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run_here(
-    study: Path, command: Callable[..., SimpleNamespace], in_process: None, monkeypatch: pytest.MonkeyPatch
+    study: Path,
+    command: Callable[..., SimpleNamespace],
+    in_process: None,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> Callable[[Path], tuple[int, str]]:
     """Runs the study in this process: exit status and what was said."""
     for name, value in SETTINGS.items():
@@ -172,12 +177,17 @@ def test_a_folder_that_cannot_be_written_is_refused_at_once(
     out = mount("ro")
     run = command("run", study, "--out", out, "--workers", 1)
     assert run.status == 2
-    assert run.err == f"error: {out}: cannot be written (Read-only file system); give --out another folder\n"
+    assert (
+        run.err
+        == f"error: {out}: cannot be written (Read-only file system); give --out another folder\n"
+    )
 
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="network namespaces are of Linux")
-def test_a_machine_that_is_cut_off_loses_nothing(study: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_a_machine_that_is_cut_off_loses_nothing(
+    study: Path, undisturbed: Path, tmp_path: Path
+) -> None:
     reason = namespaces_work()
     if reason:
         pytest.skip(f"no network namespaces: {reason}")

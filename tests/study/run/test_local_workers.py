@@ -1,4 +1,6 @@
-"""Processes beside this one do jobs as it would; those that are lost are replaced, and none outlives its parent."""
+"""Processes beside this one do jobs as it would; those that are lost are replaced, and none
+outlives its parent.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +113,9 @@ def test_a_process_ends_with_its_parent(tmp_path):
     finally:
         parent.kill()
         parent.wait()
-    _, alive = psutil.wait_procs([psutil.Process(number)] if psutil.pid_exists(number) else [], timeout=20.0)
+    _, alive = psutil.wait_procs(
+        [psutil.Process(number)] if psutil.pid_exists(number) else [], timeout=20.0
+    )
     assert not alive
 
 

@@ -1,4 +1,6 @@
-"""Folders and files may be called what people call them: blanks, accents, signs that shells and patterns know."""
+"""Folders and files may be called what people call them: blanks, accents, signs that shells and
+patterns know.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def test_a_study_in_a_folder_with_an_odd_name(tmp_path: Path, command, name: str
     arm = example_files(home)
     arm.model.rename(home / "mo del ü.osim")
     arm.markers.rename(home / "été [1] + 100%.trc")
-    (home / "study file.toml").write_text(STUDY.format(trial="été [1] + 100%.trc"), encoding="utf-8")
+    (home / "study file.toml").write_text(
+        STUDY.format(trial="été [1] + 100%.trc"), encoding="utf-8"
+    )
     told = command("run", home / "study file.toml", "--out", home / "résultats (2) #3")
     assert told.status == 0, told.err
     (report,) = (home / "résultats (2) #3").rglob("report.html")
@@ -73,7 +77,9 @@ def test_names_that_only_some_systems_have(tmp_path: Path, command, name: str) -
         shutil.copy(arm.markers, tmp_path / name)
     except OSError:
         pytest.skip("this file system does not take the name")
-    told = command("ik", "--model", arm.model, "--markers", tmp_path / name, "--out", tmp_path / "out.mot")
+    told = command(
+        "ik", "--model", arm.model, "--markers", tmp_path / name, "--out", tmp_path / "out.mot"
+    )
     assert told.status == 0, told.err
     assert (tmp_path / "out.mot").is_file()
 
@@ -89,7 +95,9 @@ def test_a_model_may_name_its_meshes_as_windows_does(tmp_path: Path) -> None:
     )
     arm.model.write_text(text, encoding="utf-8")
     (tmp_path / "Geometry").mkdir()
-    (tmp_path / "Geometry" / "bone.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
+    (tmp_path / "Geometry" / "bone.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8"
+    )
     write_osim(read_osim(arm.model), tmp_path / "copy.osim")
     for path in (arm.model, tmp_path / "copy.osim"):
         found, warnings = read_surfaces(read_osim(path), [tmp_path])
@@ -105,10 +113,20 @@ def test_a_name_that_is_not_utf8_is_named(tmp_path: Path, command) -> None:
         shutil.copy(arm.markers, tmp_path / "\udce9t\udce9.trc")
     except OSError:
         pytest.skip("this file system does not take the name")
-    told = command("ik", "--model", arm.model, "--markers", tmp_path / "\udce9t\udce9.trc", "--out", tmp_path / "a.mot")
+    told = command(
+        "ik",
+        "--model",
+        arm.model,
+        "--markers",
+        tmp_path / "\udce9t\udce9.trc",
+        "--out",
+        tmp_path / "a.mot",
+    )
     assert (told.status, "is not UTF-8" in told.err) == (2, True)
     assert not list(tmp_path.glob("*a.mot*"))
-    (tmp_path / "study.toml").write_text(STUDY.format(trial="*t*.trc").replace("mo del ü", "arm"), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        STUDY.format(trial="*t*.trc").replace("mo del ü", "arm"), encoding="utf-8"
+    )
     told = command("run", tmp_path / "study.toml", "--out", tmp_path / "out")
     assert (told.status, "is not UTF-8" in told.err) == (2, True)
     assert not (tmp_path / "out").exists()
@@ -117,7 +135,9 @@ def test_a_name_that_is_not_utf8_is_named(tmp_path: Path, command) -> None:
 def test_a_terminal_without_accents_shows_them_otherwise(tmp_path: Path) -> None:
     arm = example_files(tmp_path)
     arm.markers.rename(tmp_path / "été 歩.trc")
-    (tmp_path / "study.toml").write_text(STUDY.format(trial="*.trc").replace("mo del ü", "arm"), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        STUDY.format(trial="*.trc").replace("mo del ü", "arm"), encoding="utf-8"
+    )
     given = [sys.executable, "-m", "myomorph", "run", "study.toml", "--dry-run", "--out", "out"]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     ended = subprocess.run(given, cwd=tmp_path, env=environment, capture_output=True, check=False)

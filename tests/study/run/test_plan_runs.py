@@ -71,13 +71,19 @@ def test_options_of_a_subject_and_of_a_trial_are_used(arm, study):
 
     assert options("s01", "reach")["id.cutoff"] == 30.0
     assert options("s02", "again")["id.cutoff"] == 5.0
-    assert (options("s02", "reach")["id.cutoff"], options("s02", "reach")["ik.tolerance"]) == (12.0, 1e-6)
+    assert (options("s02", "reach")["id.cutoff"], options("s02", "reach")["ik.tolerance"]) == (
+        12.0,
+        1e-6,
+    )
 
 
 def test_models_in_a_circle_are_refused(study):
     text = STUDY.replace('model = "arm.osim"', 'model_of = "s02"')
     study.write_text(text, encoding="utf-8")
-    with pytest.raises(BadFile, match="subjects wait for each other's models: 's01' waits for 's02' waits for 's01'"):
+    with pytest.raises(
+        BadFile,
+        match="subjects wait for each other's models: 's01' waits for 's02' waits for 's01'",
+    ):
         read_plan(study)
 
 
@@ -85,13 +91,19 @@ def test_models_in_a_circle_are_refused(study):
     ("told", "words"),
     [
         ('labels = {R = "UA9"}', "labels: unknown marker 'UA9': arm.osim has 'UA1', 'UA2'"),
-        ('emg_muscles = {CH1 = ["flexr"]}', "emg_muscles: unknown muscle 'flexr': arm.osim has 'flexor'"),
+        (
+            'emg_muscles = {CH1 = ["flexr"]}',
+            "emg_muscles: unknown muscle 'flexr': arm.osim has 'flexor'",
+        ),
         (
             'trials = [{markers = "reach.trc", plates = ["", "fore_r"]}]',
             "plates: unknown body 'fore_r': arm.osim has 'fore'",
         ),
         (
-            'trials = [{markers = "reach.trc", loads = "reach_forces.mot", bodies = {plate_ = "uper"}}]',
+            (
+                'trials = [{markers = "reach.trc", loads = "reach_forces.mot", bodies = {plate_ ='
+                ' "uper"}}]'
+            ),
             "bodies: unknown body 'uper': arm.osim has 'upper'",
         ),
     ],

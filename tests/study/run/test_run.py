@@ -1,4 +1,6 @@
-"""A study runs trial by trial: what fails is named, the rest is whole, and what has not changed is reused."""
+"""A study runs trial by trial: what fails is named, the rest is whole, and what has not changed is
+reused.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ cutoff = {cutoff}
 """
 
 
-def run(arm, trials='"reach.trc"', steps='"ik", "id", "muscles", "tension"', cutoff="6", resume=False):
+def run(
+    arm, trials='"reach.trc"', steps='"ik", "id", "muscles", "tension"', cutoff="6", resume=False
+):
     path = arm.folder / "study.toml"
     path.write_text(STUDY.format(trials=trials, steps=steps, cutoff=cutoff))
     return run_study(read_plan(path), arm.out, fresh=not resume)
@@ -36,16 +40,25 @@ def run(arm, trials='"reach.trc"', steps='"ik", "id", "muscles", "tension"', cut
 
 def test_all_steps_in_one_file(arm):
     (outcome,) = run(arm)
-    assert (outcome.error, outcome.done, outcome.reused) == ("", ("ik", "id", "muscles", "tension"), ())
+    assert (outcome.error, outcome.done, outcome.reused) == (
+        "",
+        ("ik", "id", "muscles", "tension"),
+        (),
+    )
     assert outcome.frames == 61
     assert outcome.rms < 1e-6
     home = arm.out / "s01" / "reach"
     found = read_result(home / "reach.nc")
     assert set(found.provenance) == {"ik", "id", "muscles", "tension"}
     np.testing.assert_allclose(
-        found.values["muscle_force"][:, 0], read_sto(home / "forces.sto")["flexor"], rtol=1e-8, atol=1e-12
+        found.values["muscle_force"][:, 0],
+        read_sto(home / "forces.sto")["flexor"],
+        rtol=1e-8,
+        atol=1e-12,
     )
-    columns = list(zip(found.names["crossing_muscle"], found.names["crossing_coordinate"], strict=True))
+    columns = list(
+        zip(found.names["crossing_muscle"], found.names["crossing_coordinate"], strict=True)
+    )
     arms = read_sto(home / "muscles" / "moment_arms_elbow_flexion.sto")
     stored = found.values["moment_arm"][:, columns.index(("extensor", "elbow_flexion"))]
     np.testing.assert_allclose(arms["extensor"], stored, rtol=1e-8, atol=1e-12)
@@ -103,7 +116,8 @@ def test_resume_takes_over_what_has_not_changed(arm):
     (fresh,) = run(arm)
     assert fresh.reused == ()
     np.testing.assert_array_equal(
-        read_result(arm.out / "s01" / "reach" / "reach.nc").values["activation"], whole.values["activation"]
+        read_result(arm.out / "s01" / "reach" / "reach.nc").values["activation"],
+        whole.values["activation"],
     )
 
 

@@ -1,4 +1,6 @@
-"""A study again: what has changed is named and computed, the rest is taken over, and the bytes are the same."""
+"""A study again: what has changed is named and computed, the rest is taken over, and the bytes are
+the same.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,10 @@ def run(arm, trials=1, cutoff=6, preset="", out=None, steps='"ik", "id"', **give
     path = arm.folder / "study.toml"
     path.write_text(
         STUDY.format(
-            trials=", ".join(f'"{name}.trc"' for name in names), cutoff=cutoff, preset=preset, steps=steps
+            trials=", ".join(f'"{name}.trc"' for name in names),
+            cutoff=cutoff,
+            preset=preset,
+            steps=steps,
         ).replace('[options.report]\npreset = ""\n', "")
     )
     return run_study(read_plan(path), out or arm.out, **given)
@@ -74,12 +79,14 @@ def contents(out):
 
 def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
     """Byte for byte, tables, results and reports."""
-    there, here = tmp_path / "there", tmp_path / "here"
+    there = tmp_path / "there"
+    here = tmp_path / "here"
     by_workers = run(arm, 2, out=there, steps=ALL, workers=LocalWorkers(2))
     by_this = run(arm, 2, out=here, steps=ALL)
     assert [one.error for one in by_workers] == [one.error for one in by_this] == ["", ""]
     assert [one.key for one in by_workers] == [one.key for one in by_this]
-    found, expected = contents(there), contents(here)
+    found = contents(there)
+    expected = contents(here)
     # Reports tell the folder of results nowhere, tables of links neither.
     assert found == expected
     assert not list(there.rglob(".*"))
@@ -87,7 +94,9 @@ def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """The example's files and the results of two trials, and the contents of these; nothing writes there."""
+    """The example's files and the results of two trials, and the contents of these; nothing writes
+    there.
+    """
     arm = example_files(tmp_path_factory.mktemp("finished"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", DATE)
@@ -106,7 +115,9 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.parametrize("stopped_in", ["id", "tension", "gather", "report"])
-def test_an_interrupted_run_ends_with_the_same_bytes(whole, dated, tmp_path, monkeypatch, stopped_in):
+def test_an_interrupted_run_ends_with_the_same_bytes(
+    whole, dated, tmp_path, monkeypatch, stopped_in
+):
     arm, expected = whole
 
     def interrupted(*_, **__):
@@ -114,7 +125,9 @@ def test_an_interrupted_run_ends_with_the_same_bytes(whole, dated, tmp_path, mon
 
     with monkeypatch.context() as patch:
         if stopped_in in STEPS["trial"]:
-            patch.setattr(f"{STEPS['trial'][stopped_in]}.STEP", replace(step_of(stopped_in), run=interrupted))
+            patch.setattr(
+                f"{STEPS['trial'][stopped_in]}.STEP", replace(step_of(stopped_in), run=interrupted)
+            )
         elif stopped_in == "gather":
             patch.setattr(module.os, "replace", interrupted)
         else:
@@ -129,7 +142,11 @@ def test_an_interrupted_run_ends_with_the_same_bytes(whole, dated, tmp_path, mon
 
 def test_nothing_is_written_where_nothing_has_changed(arm):
     run(arm, 2, steps=ALL)
-    before = {path: path.stat().st_mtime_ns for path in arm.out.rglob("*") if path.is_file() and "reach" in str(path)}
+    before = {
+        path: path.stat().st_mtime_ns
+        for path in arm.out.rglob("*")
+        if path.is_file() and "reach" in str(path)
+    }
     outcomes = run(arm, 2, steps=ALL)
     assert [one.reused for one in outcomes] == [("ik", "id", "report")] * 2
     assert [one.timed for one in outcomes] == [()] * 2
@@ -152,7 +169,9 @@ def test_what_changed_is_named_and_only_that_computed(arm):
     arm.model.write_text(arm.model.read_text().replace("800", "900"))
     outcomes = run(arm, 2, cutoff=5)
     assert [one.changed for one in outcomes] == [("model arm.osim has changed",)] * 2
-    assert "because model arm.osim has changed" in (arm.out / "study.log").read_text(encoding="utf-8")
+    assert "because model arm.osim has changed" in (arm.out / "study.log").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_another_look_makes_only_the_report_again(arm):
@@ -172,7 +191,9 @@ def test_the_report_shows_the_muscles_of_the_study_file(arm):
     path.write_text(path.read_text() + 'muscles = ["flexor", "Psoas"]\n')
     (outcome,) = run_study(read_plan(path), arm.out)
     assert [step for step, _ in outcome.timed] == ["report"]
-    assert "The model lacks: Psoas." in (arm.out / "s01" / "reach0" / "report.html").read_text(encoding="utf-8")
+    assert "The model lacks: Psoas." in (arm.out / "s01" / "reach0" / "report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_results_do_not_outlive_the_steps_that_now_fail(arm):
@@ -251,7 +272,13 @@ def test_the_log_and_the_times(arm):
     run(arm, 2, cutoff=5)
     lines = (arm.out / "study.log").read_text(encoding="utf-8").splitlines()
     assert sum("done s01/reach0: computed ik id;" in line for line in lines) == 1
-    assert sum("done s01/reach0: computed id; reused ik; because id.cutoff 6.0 -> 5.0" in line for line in lines) == 1
+    assert (
+        sum(
+            "done s01/reach0: computed id; reused ik; because id.cutoff 6.0 -> 5.0" in line
+            for line in lines
+        )
+        == 1
+    )
     assert sum("(2 of 2)" in line for line in lines) >= 2
     with (arm.out / "timings.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -275,7 +302,8 @@ def test_no_subject_can_have_the_name_of_a_file_of_the_study(arm):
 
 def test_no_worker_begins_where_nothing_has_changed(arm):
     class Idle:
-        count, memory = 2, None
+        count = 2
+        memory = None
 
         def start(self, job, model):
             raise AssertionError(f"{job.key} is given out")
@@ -294,12 +322,20 @@ def test_no_worker_begins_where_nothing_has_changed(arm):
         (one.done, one.frames, one.rms, one.largest) for one in first
     ]
     assert contents(arm.out).keys() == before.keys()
-    assert {name for name, one in contents(arm.out).items() if one != before[name]} <= {"results.csv"}
+    assert {name for name, one in contents(arm.out).items() if one != before[name]} <= {
+        "results.csv"
+    }
 
 
 @pytest.mark.parametrize(
     "lost",
-    ["study.html", "results_tidy.csv", "s01/reach0/values.csv", "s01/reach0/report.html", "s01/reach0/reach0.nc"],
+    [
+        "study.html",
+        "results_tidy.csv",
+        "s01/reach0/values.csv",
+        "s01/reach0/report.html",
+        "s01/reach0/reach0.nc",
+    ],
 )
 def test_what_was_removed_is_made_again(finished, dated, tmp_path, lost):
     arm, before = finished

@@ -32,14 +32,24 @@ class Done(Work):
 
 
 def job(do, name, model=None, needs=(), after=()):
-    return Done("trial", Outcome("s", name, Path(name)), (), None, needs, after, model, do=do)
+    return Done(
+        scope="trial",
+        outcome=Outcome("s", name, Path(name)),
+        steps=(),
+        open=None,
+        needs=needs,
+        after=after,
+        model=model,
+        do=do,
+    )
 
 
 class Told:
     """Remembers what it was told."""
 
     def __init__(self):
-        self.order, self.losses = [], []
+        self.order = []
+        self.losses = []
 
     def started(self, key):
         self.order.append(key[1])
@@ -111,7 +121,11 @@ def test_a_lost_job_is_repeated_once():
     found, told = run(*jobs, workers=Losing(a=1, b=2))
     assert found["a"].done == found["c"].done == ("done",)
     assert found["b"].error == "its worker was lost twice: out of reach"
-    assert told.losses == [("a", "out of reach", True), ("b", "out of reach", True), ("b", "out of reach", False)]
+    assert told.losses == [
+        ("a", "out of reach", True),
+        ("b", "out of reach", True),
+        ("b", "out of reach", False),
+    ]
     assert told.order == ["a", "a", "b", "b", "c"]
 
 
@@ -145,7 +159,11 @@ def test_models_are_let_go_when_no_job_needs_them():
         opened.append(path)
         return None, ""
 
-    jobs = [job(made.plain, f"{subject}{trial}", Path(subject)) for subject in "xy" for trial in range(3)]
+    jobs = [
+        job(made.plain, f"{subject}{trial}", Path(subject))
+        for subject in "xy"
+        for trial in range(3)
+    ]
     run(*jobs, read=read)
     assert opened == [Path("x"), Path("y")]
 

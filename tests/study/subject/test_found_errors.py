@@ -22,8 +22,12 @@ def test_errors_of_drawn_parameters_come_out_as_they_were_drawn(arm):
     model = read_model(arm.model)
     # Of the whole mass nothing is known here: no body's error is another's.
     sizes = replace(NONE, body_mass=0.04, mass_center=0.1, inertia=0.06)
-    tables = [inertial_parameters(drawn_model(model, Draw(k, sizes, Normals(400)))) for k in range(400)]
-    found = {(one.source, one.item): one.size for one in identified_errors(model, np.std(tables, axis=0))}
+    tables = [
+        inertial_parameters(drawn_model(model, Draw(k, sizes, Normals(400)))) for k in range(400)
+    ]
+    found = {
+        (one.source, one.item): one.size for one in identified_errors(model, np.std(tables, axis=0))
+    }
     for body in model.body_names:
         assert found["segment_mass", body] == pytest.approx(0.04, rel=0.05)
         assert found["mass_center", body] == pytest.approx(0.1, rel=0.1)

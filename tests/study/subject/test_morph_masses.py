@@ -1,4 +1,6 @@
-"""Masses of a morphed model: nothing is lost, every body is possible, and a model that only grew keeps its own."""
+"""Masses of a morphed model: nothing is lost, every body is possible, and a model that only grew
+keeps its own.
+"""
 
 from __future__ import annotations
 
@@ -41,13 +43,18 @@ def test_a_skin_is_filled_with_mass_points(size):
     upright = trimesh.transformations.rotation_matrix(np.pi / 2.0, [1.0, 0.0, 0.0])
     tube.apply_transform(upright)
     tube.apply_translation([0.0, -0.41 * size, 0.0])
-    found, notes = with_morphed_masses(morph, 12.0 * size**3, Surface(np.array(tube.vertices), np.array(tube.faces)))
+    found, notes = with_morphed_masses(
+        morph, 12.0 * size**3, Surface(np.array(tube.vertices), np.array(tube.faces))
+    )
     assert found.mass == pytest.approx(12.0 * size**3, rel=1e-10)
     assert (np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(found))) > 0.0).all()
-    middle = sum(
-        body.mass * (body.mass_center + np.array([0.0, down * size, 0.0]))
-        for body, down in zip(found.bodies, (0.0, -0.4), strict=True)
-    ) / found.mass  # fmt: skip
+    middle = (
+        sum(
+            body.mass * (body.mass_center + np.array([0.0, down * size, 0.0]))
+            for body, down in zip(found.bodies, (0.0, -0.4), strict=True)
+        )
+        / found.mass
+    )
     np.testing.assert_allclose(middle, [0.0, -0.41 * size, 0.0], atol=0.002 * size)
     assert any("mass points inside the skin" in note for note in notes)
 
@@ -56,7 +63,11 @@ def test_what_cannot_be_is_named(morph):
     with pytest.raises(BadData, match="a mass of -1 kg"):
         with_morphed_masses(morph, -1.0)
     light = replace(
-        morph.model, bodies=tuple(Body(one.name, 0.0, np.zeros(3), np.zeros((3, 3))) for one in morph.model.bodies)
+        morph.model,
+        bodies=tuple(
+            Body(name=one.name, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+            for one in morph.model.bodies
+        ),
     )
     with pytest.raises(BadData, match="no masses to carry over"):
         with_morphed_masses(replace(morph, model=light), 10.0)

@@ -1,4 +1,6 @@
-"""A morph from files: a thigh and a shank as made bones, from folder to model, bones, tables and report."""
+"""A morph from files: a thigh and a shank as made bones, from folder to model, bones, tables and
+report.
+"""
 
 import csv
 import re
@@ -32,10 +34,14 @@ def bone(seed):
     made = trimesh.creation.icosphere(subdivisions=4)
     direction = made.vertices / np.linalg.norm(made.vertices, axis=1)[:, None]
     radius = np.ones(len(direction))
-    for size, axis in zip((0.7, 0.5, 0.3), ([0.3, 1, 0.2], [-0.4, -1, 0.5], [1, -0.7, -0.6]), strict=True):
+    for size, axis in zip(
+        (0.7, 0.5, 0.3), ([0.3, 1, 0.2], [-0.4, -1, 0.5], [1, -0.7, -0.6]), strict=True
+    ):
         toward = np.array(axis) / np.linalg.norm(axis)
         radius += size * np.exp(8.0 * (direction @ toward - 1.0)) * (1.0 + 0.1 * rng.random())
-    return trimesh.Trimesh(direction * radius[:, None] * [0.02, 0.2, 0.02] - [0, 0.2, 0], made.faces)
+    return trimesh.Trimesh(
+        direction * radius[:, None] * [0.02, 0.2, 0.02] - [0, 0.2, 0], made.faces
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,19 +51,48 @@ def leg(tmp_path_factory):
     (folder / "Geometry").mkdir()
     (folder / "bones").mkdir()
     pairs = ["body,name,source_x,source_y,source_z,target_x,target_y,target_z"]
-    bodies, joints, coordinates, parent = [], [], [], "ground"
+    bodies = []
+    joints = []
+    coordinates = []
+    parent = "ground"
     for k, name in enumerate(("femur_r", "tibia_r")):
         shape = bone(k)
         shape.export(folder / "Geometry" / f"{name}.obj")
-        trimesh.Trimesh(shape.vertices * GROWTH, shape.faces).export(folder / "bones" / f"{name}.stl")
+        trimesh.Trimesh(shape.vertices * GROWTH, shape.faces).export(
+            folder / "bones" / f"{name}.stl"
+        )
         order = np.argsort(shape.vertices[:, 1])
         for count, place in enumerate(shape.vertices[order[:: len(order) // 9]]):
             pairs.append(",".join(map(str, (name, f"p{count}", *place, *(place * GROWTH)))))
         mesh = Mesh(f"{name}.obj", Transform.identity(), np.ones(3))
-        bodies.append(Body(name, 2.0, np.array([0, -0.2, 0]), np.diag([0.02, 0.001, 0.02]), (mesh,)))
+        bodies.append(
+            Body(
+                name=name,
+                mass=2.0,
+                mass_center=np.array([0, -0.2, 0]),
+                inertia=np.diag([0.02, 0.001, 0.02]),
+                meshes=(mesh,),
+            )
+        )
         place = Transform(np.eye(3), np.array([0.0, -0.4 * k, 0.0]))
-        turn = Axis("rotation", [0.0, 0.0, 1.0], linear(1.0, 0.0), (f"q{k}",))
-        joints.append(Joint(f"j{k}", "PinJoint", parent, name, place, Transform.identity(), (turn,), (f"q{k}",)))
+        turn = Axis(
+            kind="rotation",
+            vector=[0.0, 0.0, 1.0],
+            function=linear(1.0, 0.0),
+            coordinates=(f"q{k}",),
+        )
+        joints.append(
+            Joint(
+                name=f"j{k}",
+                kind="PinJoint",
+                parent=parent,
+                child=name,
+                parent_frame=place,
+                child_frame=Transform.identity(),
+                axes=(turn,),
+                coordinates=(f"q{k}",),
+            )
+        )
         coordinates.append(Coordinate(f"q{k}", range=(-0.5, 0.5)))
         parent = name
     points = (
@@ -65,9 +100,24 @@ def leg(tmp_path_factory):
         PathPoint("P2", "femur_r", [0.03, -0.35, 0.0]),
         PathPoint("P3", "tibia_r", [0.024, -0.1, 0.004]),
     )
-    muscle = Muscle("vas", "Thelen2003Muscle", Path(points), 1000.0, 0.1, 0.25)
+    muscle = Muscle(
+        name="vas",
+        kind="Thelen2003Muscle",
+        path=Path(points),
+        max_isometric_force=1000.0,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.25,
+    )
     marker = Marker("KNEE", "femur_r", [0.0, -0.4, 0.05])
-    leg = Model("leg", tuple(bodies), tuple(joints), tuple(coordinates), [0, -9.81, 0], (marker,), (muscle,))
+    leg = Model(
+        name="leg",
+        bodies=tuple(bodies),
+        joints=tuple(joints),
+        coordinates=tuple(coordinates),
+        gravity=[0, -9.81, 0],
+        markers=(marker,),
+        muscles=(muscle,),
+    )
     write_osim(leg, folder / "leg.osim")
     (folder / "pairs.csv").write_text("\n".join(pairs) + "\n", encoding="utf-8")
     return folder
@@ -80,8 +130,11 @@ def morphed(leg):
 
 
 def test_bones_that_are_stretched_take_their_muscles_along(morphed):
-    source, target = morphed.morph.source, morphed.morph.model
-    for before, after in zip(source.muscles[0].path.points, target.muscles[0].path.points, strict=True):
+    source = morphed.morph.source
+    target = morphed.morph.model
+    for before, after in zip(
+        source.muscles[0].path.points, target.muscles[0].path.points, strict=True
+    ):
         assert np.linalg.norm(after.location - before.location * GROWTH) < SLIDE
     marker = target.marker("KNEE").location
     assert np.linalg.norm(marker - source.marker("KNEE").location * GROWTH) < SLIDE
@@ -105,7 +158,9 @@ def test_model_bones_tables_and_report_are_written_together(morphed, leg, tmp_pa
     again = read_model(out)
     drawn = read_mesh(tmp_path / again.bodies[0].meshes[0].file)
     np.testing.assert_allclose(
-        np.ptp(drawn.vertices, axis=0), np.ptp(read_mesh(leg / "bones" / "femur_r.stl").vertices, axis=0), atol=1e-6
+        np.ptp(drawn.vertices, axis=0),
+        np.ptp(read_mesh(leg / "bones" / "femur_r.stl").vertices, axis=0),
+        atol=1e-6,
     )
     with (folder / "points.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -161,7 +216,9 @@ def test_what_a_morph_is_made_from_is_not_written_over(leg, tmp_path, capsys):
 def test_a_mass_that_is_none_is_refused_before_bones_are_matched(leg):
     for mass in (0.0, -5.0, np.nan):
         with pytest.raises(BadData, match="mass of"):
-            morph_files(MorphFiles(leg / "leg.osim", leg / "bones", mass=mass), MorphSettings.of(QUICK))
+            morph_files(
+                MorphFiles(leg / "leg.osim", leg / "bones", mass=mass), MorphSettings.of(QUICK)
+            )
 
 
 def test_a_folder_without_bones_of_the_model_is_refused(leg, tmp_path):
@@ -177,13 +234,16 @@ def test_bones_in_millimetres_are_named(leg, tmp_path):
     with pytest.raises(BadData, match="as if in millimeters"):
         morph_files(MorphFiles(leg / "leg.osim", tmp_path), MorphSettings.of(QUICK))
     told = morph_files(MorphFiles(leg / "leg.osim", tmp_path, unit="mm"), MorphSettings.of(QUICK))
-    assert told.morph.bones["femur_r"].whole.scale == pytest.approx(np.cbrt(np.prod(GROWTH)), rel=0.2)
+    assert told.morph.bones["femur_r"].whole.scale == pytest.approx(
+        np.cbrt(np.prod(GROWTH)), rel=0.2
+    )
 
 
 def test_landmarks_of_a_body_that_is_not_there_are_named(leg, tmp_path):
     table = tmp_path / "pairs.csv"
     table.write_text(
-        "body,name,source_x,source_y,source_z,target_x,target_y,target_z\nfemur_l,head,0,0,0,0,0,0\n", encoding="utf-8"
+        "body,name,source_x,source_y,source_z,target_x,target_y,target_z\nfemur_l,head,0,0,0,0,0,0\n",
+        encoding="utf-8",
     )
     with pytest.raises(BadData, match="femur_l"):
         morph_files(MorphFiles(leg / "leg.osim", leg / "bones", table), MorphSettings.of(QUICK))
@@ -205,7 +265,9 @@ def test_landmarks_of_a_body_that_is_not_there_are_named(leg, tmp_path):
 def test_what_the_command_cannot_do_ends_in_one_line(leg, tmp_path, capsys, told, answer):
     (tmp_path / "mouse.xml").write_text("<mujoco/>", encoding="utf-8")
     told = [str(tmp_path / one) if one == "mouse.xml" else one for one in told]
-    status = main(["morph", "--source", str(leg / "leg.osim"), "--out", str(tmp_path / "o.osim"), *told])
+    status = main(
+        ["morph", "--source", str(leg / "leg.osim"), "--out", str(tmp_path / "o.osim"), *told]
+    )
     error = capsys.readouterr().err
     assert status == 2
     assert answer in error
@@ -216,18 +278,16 @@ def test_what_the_command_cannot_do_ends_in_one_line(leg, tmp_path, capsys, told
 def test_a_study_begins_with_the_subject_s_bones(leg, tmp_path, capsys):
     rows = "\n".join(f"{k + 1}\t{0.01 * k}\t0\t{-400 + k}\t50" for k in range(20))
     header = "PathFileType\t4\t(X/Y/Z)\tw.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
-    header += (
-        "OrigDataStartFrame\tOrigNumFrames\n100\t100\t20\t1\tmm\t100\t1\t20\nFrame#\tTime\tKNEE\n\t\tX1\tY1\tZ1\n\n"
-    )
+    header += "OrigDataStartFrame\tOrigNumFrames\n100\t100\t20\t1\tmm\t100\t1\t20\nFrame#\tTime\tKNEE\n\t\tX1\tY1\tZ1\n\n"
     (tmp_path / "w.trc").write_text(header + rows + "\n", encoding="utf-8")
     (tmp_path / "scan").mkdir()
     (tmp_path / "scan" / "tibia_r.stl").write_bytes((leg / "bones" / "tibia_r.stl").read_bytes())
     study = tmp_path / "study.toml"
     quick = "\n".join(f"{name} = {value}" for name, value in QUICK.items())
     study.write_text(
-        f'[study]\nname = "own"\n[[subject]]\nname = "s1"\nmodel = "{(leg / "leg.osim").as_posix()}"\n'
-        f'trials = ["w.trc"]\nsteps = ["morph", "ik"]\nbones = {{ folder = "scan" }}\n'
-        f"[options.morph]\n{quick}\n",
+        '[study]\nname = "own"\n[[subject]]\nname = "s1"\nmodel ='
+        f' "{(leg / "leg.osim").as_posix()}"\ntrials = ["w.trc"]\nsteps = ["morph", "ik"]\nbones ='
+        f' {{ folder = "scan" }}\n[options.morph]\n{quick}\n',
         encoding="utf-8",
     )
     assert main(["run", str(study), "--out", str(tmp_path / "out")]) == 0
@@ -243,8 +303,8 @@ def test_a_study_begins_with_the_subject_s_bones(leg, tmp_path, capsys):
 def test_a_study_says_what_its_bones_lack(leg, tmp_path, capsys):
     study = tmp_path / "study.toml"
     study.write_text(
-        f'[study]\nname = "own"\n[[subject]]\nname = "s1"\nmodel = "{(leg / "leg.osim").as_posix()}"\n'
-        'trials = ["w.trc"]\nsteps = ["morph", "ik"]\n',
+        '[study]\nname = "own"\n[[subject]]\nname = "s1"\nmodel ='
+        f' "{(leg / "leg.osim").as_posix()}"\ntrials = ["w.trc"]\nsteps = ["morph", "ik"]\n',
         encoding="utf-8",
     )
     assert main(["run", str(study), "--out", str(tmp_path / "out")]) == 2

@@ -56,20 +56,31 @@ def run(folder, home, use, more=""):
 def residual(path):
     """Root mean square of the force and the moment that are left at the pelvis [N], [N m]."""
     table = read_sto(path)
-    parts = {"force": ("tx_force", "ty_force", "tz_force"), "moment": ("tilt_moment", "list_moment", "rotation_moment")}
+    parts = {
+        "force": ("tx_force", "ty_force", "tz_force"),
+        "moment": ("tilt_moment", "list_moment", "rotation_moment"),
+    }
     middle = slice(len(table.time) // 4, -len(table.time) // 4)
     return [
-        float(np.sqrt(sum((table[f"pelvis_{name}"][middle] ** 2).mean() for name in names))) for names in parts.values()
+        float(np.sqrt(sum((table[f"pelvis_{name}"][middle] ** 2).mean() for name in names)))
+        for names in parts.values()
     ]
 
 
 def test_markers_lie_where_soft_tissue_has_them(tmp_path):
-    """A refined motion is that of the mass; its marker errors are of q - alpha q'', here q (1 + alpha w^2)."""
+    """A refined motion is that of the mass; its marker errors are of q - alpha q'', here q (1 +
+    alpha w^2).
+    """
     ball = '<geom type="sphere" size=".1" mass="1"/>'
     arm = f'<body name="arm" pos="0 0 .3"><joint name="shoulder" axis="1 0 0"/>{ball}</body>'
     body = tmp_path / "body.xml"
-    body.write_text(f'<mujoco><worldbody><body name="trunk"><freejoint/>{ball}{arm}</body></worldbody></mujoco>')
-    model, time, w, alpha = read_model(body), np.arange(0.0, 2.0, 0.005), 12.0, 5e-4
+    body.write_text(
+        f'<mujoco><worldbody><body name="trunk"><freejoint/>{ball}{arm}</body></worldbody></mujoco>'
+    )
+    model = read_model(body)
+    time = np.arange(0.0, 2.0, 0.005)
+    w = 12.0
+    alpha = 5e-4
     values = 0.3 * np.sin(w * time)[:, None] * np.ones(len(model.coordinates))
     path = tmp_path / "motions" / "walk.mot"
     path.parent.mkdir()
@@ -77,7 +88,12 @@ def test_markers_lie_where_soft_tissue_has_them(tmp_path):
     opening = SimpleNamespace(model=model, values={})
     assert refined._open(refined.RefinedFile(path, 6.0), opening).values[0].tissue is None
     count = len(model.coordinates)
-    tissue = SoftTissue(model.coordinate_names, coordinate_groups(model), np.full(count, alpha), np.zeros(count))
+    tissue = SoftTissue(
+        names=model.coordinate_names,
+        groups=coordinate_groups(model),
+        alpha=np.full(count, alpha),
+        sd=np.zeros(count),
+    )
     (tmp_path / "soft_tissue.csv").write_text(tissue_sheet(tissue).csv())
     of_markers = refined._open(refined.RefinedFile(path, 6.0), opening).values[0].of_markers
     np.testing.assert_allclose(of_markers[20:-20], (1.0 + alpha * w**2) * values[20:-20], atol=1e-3)
@@ -90,22 +106,31 @@ def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
     assert (subject.error, trial.error, other.error, its_trial.error) == ("", "", "", "")
     home = tmp_path / "results" / "s4"
     refined = read_sto(home / "refinement" / "motions" / "walking1.mot")
-    used, plain = (read_sto(home / "walking1" / name) for name in ("coordinates.mot", "coordinates_ik.mot"))
+    used = read_sto(home / "walking1" / "coordinates.mot")
+    plain = read_sto(home / "walking1" / "coordinates_ik.mot")
     np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
     assert 0.1 < np.abs(used.values - plain.values).max() < 30.0
     left = residual(home / "walking1" / "torques.sto")
-    # What `refine` itself says is left: the trial's inverse dynamics has the same motion, forces and masses.
+    # What `refine` itself says is left: the trial's inverse dynamics has the same motion, forces
+    # and masses.
     last = (home / "refinement" / "trials.csv").read_text().splitlines()[-1].split(",")
     assert left[0] < 1.5 * float(last[-2])
-    assert "refined together with body" in read_result(home / "walking1" / "walking1.nc").facts["notes"]
+    assert (
+        "refined together with body"
+        in read_result(home / "walking1" / "walking1.nc").facts["notes"]
+    )
 
     # A new recording of that body: only its motion is refined.
     later = tmp_path / "results" / "again"
-    first, second = (read_osim(one / "refined.osim") for one in (home, later))
-    assert [one.mass for one in first.bodies] == pytest.approx([one.mass for one in second.bodies], rel=1e-9)
+    first = read_osim(home / "refined.osim")
+    second = read_osim(later / "refined.osim")
+    assert [one.mass for one in first.bodies] == pytest.approx(
+        [one.mass for one in second.bodies], rel=1e-9
+    )
     for one, same in zip(first.markers, second.markers, strict=True):
         np.testing.assert_allclose(one.location, same.location, atol=1e-9)
-    used, refined = (read_sto(later / name) for name in ("walking1/coordinates.mot", "refinement/motions/walking1.mot"))
+    used = read_sto(later / "walking1/coordinates.mot")
+    refined = read_sto(later / "refinement/motions/walking1.mot")
     np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
 
     again = run(folder, tmp_path, "true")
@@ -113,6 +138,8 @@ def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
     subject, trial = run(folder, tmp_path, "false")
     assert (subject.reused, trial.reused) == (("refine",), ())
     assert any("refined motion" in text for text in trial.changed)
-    np.testing.assert_allclose(read_sto(home / "walking1" / "coordinates.mot").values[:, 6:], plain.values[:, 6:])
+    np.testing.assert_allclose(
+        read_sto(home / "walking1" / "coordinates.mot").values[:, 6:], plain.values[:, 6:]
+    )
     after = residual(home / "walking1" / "torques.sto")
     assert after[0] > 1.5 * left[0]

@@ -1,4 +1,6 @@
-"""Species tables out of files, and a man's leg muscles on a mouse's skeleton as files of both have them."""
+"""Species tables out of files, and a man's leg muscles on a mouse's skeleton as files of both have
+them.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,12 @@ from myomorph.morph.species.counterparts import Posed
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, write_morphed
-from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files, species_tables
+from myomorph.study.subject.species_morphing import (
+    SpeciesFiles,
+    read_species,
+    species_files,
+    species_tables,
+)
 from opensim_oracle import ask
 
 OWN = """
@@ -33,7 +40,12 @@ landmarks = [{ name = "top", rule = "farthest", toward = { proximal = 1 } }]
 def test_the_table_of_man_and_mouse_is_whole():
     assert set(species_tables()) >= {"human-mouse", "human-mouse-arm"}
     table = read_species("human-mouse")
-    assert {one.targets[0] for one in table.bones} >= {"mouse", "mouse__RFemur", "mouse__RTibia", "mouse__RTarsus"}
+    assert {one.targets[0] for one in table.bones} >= {
+        "mouse",
+        "mouse__RFemur",
+        "mouse__RTibia",
+        "mouse__RTarsus",
+    }
     assert table.homologous("semimem_r") == ("SM",)
     assert table.homologous("sart_r") == ()
     named = [name for one in table.muscles for name in one.sources]
@@ -54,7 +66,9 @@ def test_tables_name_what_the_models_have(data, name):
     ours = [n for bone in table.bones for n in (*bone.sources, *bone.transferred)] + [
         one.source_joint for one in joints
     ]
-    theirs = [n for bone in table.bones for n in bone.targets] + [one.target_joint for one in joints]
+    theirs = [n for bone in table.bones for n in bone.targets] + [
+        one.target_joint for one in joints
+    ]
     assert set(ours) | set(table.missing) <= set(source.body_names)
     assert set(theirs) | set(table.extra) <= set(target.body_names)
     for pair in table.coordinates:
@@ -65,14 +79,23 @@ def test_tables_name_what_the_models_have(data, name):
 
 
 def test_the_forearms_lie_alike_in_man_and_mouse(data):
-    """Right of the radius is the thumb's side: there it lies of the ulna's end, in the postures that the table has."""
+    """Right of the radius is the thumb's side: there it lies of the ulna's end, in the postures
+    that the table has.
+    """
     pytest.importorskip("myo_sim")
     source = read_model("myo-sim:myoarm")
     target = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse-arm")
     (bone,) = (one for one in table.bones if "radius_r" in one.sources)
     for model, posture, frame, radius, ulna, up in (
-        (source, table.posture, table.frames(bone)[0], "radius_r", "ulna_r", table.source_frame.axes[0]),
+        (
+            source,
+            table.posture,
+            table.frames(bone)[0],
+            "radius_r",
+            "ulna_r",
+            table.source_frame.axes[0],
+        ),
         (
             target,
             table.target_posture,
@@ -82,12 +105,17 @@ def test_the_forearms_lie_alike_in_man_and_mouse(data):
             table.target_frame.axes[0],
         ),
     ):
-        bones, posed = source_bones(model), Posed(model, posture)
+        bones = source_bones(model)
+        posed = Posed(model, posture)
         ends = []
         for name in (radius, ulna):
             vertices = bones[name].vertices
             height = vertices @ np.array(up)
-            ends.append(posed.within(name, radius).apply(vertices[height < np.quantile(height, 0.05)].mean(axis=0)))
+            ends.append(
+                posed.within(name, radius).apply(
+                    vertices[height < np.quantile(height, 0.05)].mean(axis=0)
+                )
+            )
         across = frame.axes @ (ends[0] - ends[1])
         assert across[2] > 2.0 * np.abs(across[1]), radius
 
@@ -144,7 +172,9 @@ def table_bodies() -> list[str]:
 
 @pytest.mark.long
 def test_a_mouse_gets_a_mans_arms(data):
-    """Both arms' muscles, with forces by the leg's scaling; those of bones that the skeleton lacks are named."""
+    """Both arms' muscles, with forces by the leg's scaling; those of bones that the skeleton lacks
+    are named.
+    """
     pytest.importorskip("myo_sim")
     given = SpeciesFiles(
         Path("myo-sim:myoarm"),
@@ -154,16 +184,24 @@ def test_a_mouse_gets_a_mans_arms(data):
     )
     assert given.sources()[0].name == "myo-sim:myoarm"
     morphed, _ = species_files(given, MorphSettings.of({}))
-    model, law = morphed.morph.model, read_species("human-mouse-arm").scaling
+    model = morphed.morph.model
+    law = read_species("human-mouse-arm").scaling
     ours = {name for name in model.muscle_names if not name.endswith("_l")}
     assert ours >= {"DELT2", "DELT3", "TRIlong", "BIClong", "BRA", "SUBSC", "FCU", "PT"}
     assert set(model.muscle_names) == ours | {f"{name}_l" for name in ours}
     assert "DELT1" not in ours
     # As unsure as species are unlike: of a humerus of 13 mm more than 5.
-    assert all(one.within > 5e-3 for one in morphed.morph.points if one.target_body == "mouse__RHumerus")
-    assert any(one.within is not None and np.isfinite(one.within).any() for one in morphed.checks.arms)
+    assert all(
+        one.within > 5e-3 for one in morphed.morph.points if one.target_body == "mouse__RHumerus"
+    )
+    assert any(
+        one.within is not None and np.isfinite(one.within).any() for one in morphed.checks.arms
+    )
     man = read_model("myo-sim:myoarm")
-    lengths = {one: model.muscle(one).optimal_fiber_length / man.muscle(one).optimal_fiber_length for one in ours}
+    lengths = {
+        one: model.muscle(one).optimal_fiber_length / man.muscle(one).optimal_fiber_length
+        for one in ours
+    }
     (size,) = {round(length / law.fiber, 9) for length in lengths.values()}
     assert 0.03 < size < 0.08
     for one in ours:
@@ -192,9 +230,12 @@ def test_a_mouse_gets_a_mans_muscles(data, tmp_path):
     assert {"RightKNEE", "LeftKNEE", "TAIL"} <= set(model.marker_names)
     assert not model.coordinate("mouse__LKnee_flexion").locked
     assert model.coordinate("mouse__RBPhalange3_flexion").locked
-    assert model.muscle("recfem_r").max_isometric_force == pytest.approx(4.162 * (0.025 / 0.0205) ** (2 / 3), rel=1e-3)
+    assert model.muscle("recfem_r").max_isometric_force == pytest.approx(
+        4.162 * (0.025 / 0.0205) ** (2 / 3), rel=1e-3
+    )
     for muscle, change in zip(model.muscles[:40], morphed.morph.muscles, strict=True):
-        # All of a rat's adductor magnus ends near the knee, so that paths of its short parts shrink less than bones do.
+        # All of a rat's adductor magnus ends near the knee, so that paths of its short parts shrink
+        # less than bones do.
         most = 0.2 if muscle.name.startswith("addmag") else 0.1
         assert 0.03 < change.path < most, muscle.name
         assert {point.body for point in muscle.path.points} <= set(model.body_names)
@@ -208,4 +249,6 @@ def test_a_mouse_gets_a_mans_muscles(data, tmp_path):
     found = ask({"mouse": tmp_path / "mouse.osim"}, tmp_path)["mouse"]
     assert isinstance(found, dict), found
     assert len(found["muscles"]) == 80
-    assert all(np.isfinite(length) and length > 0.0 for length in found["poses"][0]["lengths"].values())
+    assert all(
+        np.isfinite(length) and length > 0.0 for length in found["poses"][0]["lengths"].values()
+    )

@@ -41,7 +41,9 @@ def test_inverse_dynamics_uses_the_identified_model(arm):
     assert read_osim(home / "identified.osim").body("upper").mass == pytest.approx(UPPER, abs=0.15)
     assert (home / "identification" / "report.html").is_file()
     made = read_result(home / "reach" / "reach.nc").provenance["id"]
-    assert [one.name for one in made.sources if one.role == "model"] == [str(home / "identified.osim")]
+    assert [one.name for one in made.sources if one.role == "model"] == [
+        str(home / "identified.osim")
+    ]
 
     again = run(arm, resume=True)
     assert [one.reused for one in again] == [("identify",), ("ik", "id")]

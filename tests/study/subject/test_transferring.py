@@ -44,14 +44,21 @@ STEPS = '["transfer", "ik", "identify"]'
 
 
 def plan(data, home, steps=STEPS, detailed=DETAILED, check="second"):
-    path, folder = home / "study.toml", data("rajagopal-walk-emg").parent
-    path.write_text(STUDY.format(folder=folder, steps=steps, detailed=detailed.format(folder=folder), check=check))
+    path = home / "study.toml"
+    folder = data("rajagopal-walk-emg").parent
+    path.write_text(
+        STUDY.format(
+            folder=folder, steps=steps, detailed=detailed.format(folder=folder), check=check
+        )
+    )
     return read_plan(path)
 
 
 def test_the_model_with_more_joints_must_be_named(data, tmp_path):
     for steps, detailed in ((STEPS, ""), ('["ik", "identify"]', DETAILED)):
-        with pytest.raises(BadFile, match="'transfer' and 'detailed', the model with more joints, go together"):
+        with pytest.raises(
+            BadFile, match="'transfer' and 'detailed', the model with more joints, go together"
+        ):
             plan(data, tmp_path, steps, detailed)
 
 
@@ -64,9 +71,12 @@ def test_masses_of_many_links_are_identified_from_the_carried_motion(data, tmp_p
     model = read_osim(home / "identified.osim")
     assert len(model.bodies) == 80
     assert model.mass == pytest.approx(85.27, abs=0.01)
-    carried, used = (read_sto(home / part) for part in ("transfer/motions/first.mot", "first/coordinates.mot"))
+    carried = read_sto(home / "transfer/motions/first.mot")
+    used = read_sto(home / "first/coordinates.mot")
     np.testing.assert_allclose(used.values, carried.values, atol=1e-6)
-    rows = list(csv.DictReader((home / "identification" / "cross_validation.csv").read_text().splitlines()))
+    rows = list(
+        csv.DictReader((home / "identification" / "cross_validation.csv").read_text().splitlines())
+    )
     assert {row["motion"] for row in rows} == {"second"}
     again = run_study(plan(data, tmp_path), tmp_path / "out")
     assert [outcome.reused for outcome in again] == [("transfer", "identify"), ("ik",), ("ik",)]

@@ -1,4 +1,6 @@
-"""Groups of a study file: their strides are found in the trials' coordinates and compared (made walkers)."""
+"""Groups of a study file: their strides are found in the trials' coordinates and compared (made
+walkers).
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,11 @@ control = {control}
 
 
 def study(
-    folder, mutants=("m1", "m2", "m3", "m4"), controls=("c1", "c2", "c3", "c4"), strides="", steps='"ik", "muscles"'
+    folder,
+    mutants=("m1", "m2", "m3", "m4"),
+    controls=("c1", "c2", "c3", "c4"),
+    strides="",
+    steps='"ik", "muscles"',
 ):
     model = walker()
     write_osim(model, folder / "walker.osim")
@@ -36,9 +42,14 @@ def study(
     subjects = ""
     for name in (*mutants, *controls):
         write_trc(recording(model, rng, 0.6 if name in mutants else 0.1), folder / f"{name}.trc")
-        subjects += f'[[subject]]\nname = "{name}"\nmodel = "walker.osim"\ntrials = ["{name}.trc"]\nsteps = [{steps}]\n'
+        subjects += (
+            f'[[subject]]\nname = "{name}"\nmodel = "walker.osim"\ntrials = ["{name}.trc"]\nsteps ='
+            f" [{steps}]\n"
+        )
     path = folder / "study.toml"
-    text = STUDY.format(subjects=subjects, mutant=list(mutants), control=list(controls), strides=strides)
+    text = STUDY.format(
+        subjects=subjects, mutant=list(mutants), control=list(controls), strides=strides
+    )
     path.write_text(text.replace("'", '"'))
     return path
 
@@ -50,7 +61,9 @@ def table(path):
 
 def test_groups_are_compared_after_the_trials(tmp_path):
     # Hips that swing evenly slide the feet: the ground is told.
-    outcomes = run_study(read_plan(study(tmp_path, strides="[strides]\nbelt = 0")), tmp_path / "out")
+    outcomes = run_study(
+        read_plan(study(tmp_path, strides="[strides]\nbelt = 0")), tmp_path / "out"
+    )
     assert [one.error for one in outcomes] == [""] * 9
     assert outcomes[-1].done == ("groups",)
     out = tmp_path / "out"
@@ -60,7 +73,8 @@ def test_groups_are_compared_after_the_trials(tmp_path):
     assert "Muscle length" in page
     curves = table(out / "group_curves.csv")
     assert {row["kind"] for row in curves} == {"joint angle [°]", "muscle length [mm]"}
-    # Strikes are where the foot is farthest ahead, so that the knee bends in the last half of the cycle.
+    # Strikes are where the foot is farthest ahead, so that the knee bends in the last half of the
+    # cycle.
     knee = [row for row in curves if row["curve"] == "knee_angle_l"]
     largest = min(knee, key=lambda row: float(row["difference"]))
     assert 55.0 < float(largest["percent"]) < 95.0
@@ -69,8 +83,12 @@ def test_groups_are_compared_after_the_trials(tmp_path):
     parameters = {row["parameter"]: row for row in table(out / "group_parameters.csv")}
     duration = parameters["stride duration, foot_r [s]"]
     assert float(duration["mutant_mean"]) == pytest.approx(PERIOD, abs=0.01)
-    assert float(parameters["stride length, foot_l [m]"]["control_mean"]) == pytest.approx(PERIOD, rel=0.05)
-    assert float(parameters["phase, foot_l after foot_r"]["control_mean"]) == pytest.approx(0.5, abs=0.02)
+    assert float(parameters["stride length, foot_l [m]"]["control_mean"]) == pytest.approx(
+        PERIOD, rel=0.05
+    )
+    assert float(parameters["phase, foot_l after foot_r"]["control_mean"]) == pytest.approx(
+        0.5, abs=0.02
+    )
     assert float(duration["p_holm"]) > 0.05
     strides = table(out / "group_strides.csv")
     assert {row["subject"] for row in strides} == {"m1", "m2", "m3", "m4", "c1", "c2", "c3", "c4"}
@@ -85,7 +103,9 @@ def test_phases_are_averaged_around_the_turn():
         found = in_one_turn([*animals, Animal("d", {"speed [m/s]": np.ones(2)})])
         means = [one.scalar(name) for one in found[:3]]
         middle = shift - 1.0 if shift > 0.75 else shift
-        np.testing.assert_allclose(means, middle + np.array([-0.02 / 3.0, 0.03, -0.025]), atol=1e-12)
+        np.testing.assert_allclose(
+            means, middle + np.array([-0.02 / 3.0, 0.03, -0.025]), atol=1e-12
+        )
     assert found[3].scalar("speed [m/s]") == 1.0
 
 
@@ -100,7 +120,10 @@ def test_a_trial_without_results_is_left_out_and_said(tmp_path):
 
 
 def test_limbs_and_trunk_may_be_told(tmp_path):
-    told = '[strides]\ntrunk = "pelvis"\ndirection = [1, 0, 0]\nlimbs = {right = ["foot_r", "thigh_r"]}'
+    told = (
+        '[strides]\ntrunk = "pelvis"\ndirection = [1, 0, 0]\nlimbs = {right = ["foot_r",'
+        ' "thigh_r"]}'
+    )
     run_study(read_plan(study(tmp_path, ("m1",), ("c1",), told)), tmp_path / "out")
     assert {row["limb"] for row in table(tmp_path / "out" / "group_strides.csv")} == {"right"}
     unknown = '[strides]\nlimbs = {right = "hoof_r"}'
@@ -116,7 +139,11 @@ def test_what_is_wrong_with_groups_is_told_before_anything_runs(tmp_path):
         ('mutant = ["m1"]', "mutant = []", "'mutant' has no subjects"),
         ('mutant = ["m1"]', 'mutant = ["c1"]', "is in both groups"),
         ('mutant = ["m1"]', 'mutant = ["m1"]\nother = ["m1"]', "expected two groups"),
-        ('control = ["c1"]', 'control = ["c1"]\n[strides]\ndirection = [0, 0, 0]', "expected a vector"),
+        (
+            'control = ["c1"]',
+            'control = ["c1"]\n[strides]\ndirection = [0, 0, 0]',
+            "expected a vector",
+        ),
     ):
         assert old in good
         path.write_text(good.replace(old, new))

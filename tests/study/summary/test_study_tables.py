@@ -1,4 +1,6 @@
-"""The tables of a study and its page: all trials, in the order of the study file, whatever became of them."""
+"""The tables of a study and its page: all trials, in the order of the study file, whatever became
+of them.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ def table(path):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """Four subjects twice slow and twice fast; one recording is broken, one is left out, in one the knee bends far."""
+    """Four subjects twice slow and twice fast; one recording is broken, one is left out, in one the
+    knee bends far.
+    """
     home = tmp_path_factory.mktemp("study")
     write_osim(walker(), home / "walker.osim")
     rng = np.random.default_rng(7)
@@ -71,13 +75,29 @@ def study(tmp_path_factory):
 
 def test_all_values_in_one_table(study):
     rows = table(study.out / "results_tidy.csv")
-    assert list(rows[0]) == ["subject", "condition", "trial", "step", "quantity", "value", "unit", "low", "high", "sd"]
+    assert list(rows[0]) == [
+        "subject",
+        "condition",
+        "trial",
+        "step",
+        "quantity",
+        "value",
+        "unit",
+        "low",
+        "high",
+        "sd",
+    ]
     trials = list(dict.fromkeys((row["subject"], row["trial"]) for row in rows))
     assert trials == [(one.subject, one.trial) for one in study.outcomes if not one.error]
-    assert {(row["condition"], row["trial"][5:9]) for row in rows} == {("slow", "slow"), ("fast", "fast")}
+    assert {(row["condition"], row["trial"][5:9]) for row in rows} == {
+        ("slow", "slow"),
+        ("fast", "fast"),
+    }
     own = table(study.out / "S1" / "walk_fast1" / "values.csv")
     mine = [row for row in rows if (row["subject"], row["trial"]) == ("S1", "walk_fast1")]
-    assert [(row["quantity"], row["value"]) for row in mine] == [(row["quantity"], row["value"]) for row in own]
+    assert [(row["quantity"], row["value"]) for row in mine] == [
+        (row["quantity"], row["value"]) for row in own
+    ]
     whole = pq.read_table(study.out / "results.parquet")
     assert whole.column_names == list(rows[0])
     for name in whole.column_names:
@@ -111,18 +131,30 @@ def test_conditions_are_means_of_subjects(study):
     for row in table(study.out / "results_tidy.csv"):
         if row["quantity"] == quantity:
             trials[row["condition"], row["subject"]].append(float(row["value"]))
-    rows = {row["condition"]: row for row in table(study.out / "condition_values.csv") if row["quantity"] == quantity}
+    rows = {
+        row["condition"]: row
+        for row in table(study.out / "condition_values.csv")
+        if row["quantity"] == quantity
+    }
     for condition in ("slow", "fast"):
         means = [np.mean(trials[condition, subject]) for subject in OWN]
         row = rows[condition]
-        np.testing.assert_allclose((float(row["mean"]), float(row["sd"])), (np.mean(means), np.std(means, ddof=1)))
+        np.testing.assert_allclose(
+            (float(row["mean"]), float(row["sd"])), (np.mean(means), np.std(means, ddof=1))
+        )
         assert (row["n"], row["of"], row["unit"]) == ("4", "subjects", "deg")
 
 
 def test_curves_of_conditions(study):
-    rows = [row for row in table(study.out / "condition_curves.csv") if row["curve"] == "knee_angle_r"]
-    assert [float(row["percent"]) for row in rows if row["condition"] == "slow"] == list(np.arange(101.0))
-    assert {(row["kind"], row["cycle"], row["of"]) for row in rows} == {("joint angle [°]", "stride", "subjects")}
+    rows = [
+        row for row in table(study.out / "condition_curves.csv") if row["curve"] == "knee_angle_r"
+    ]
+    assert [float(row["percent"]) for row in rows if row["condition"] == "slow"] == list(
+        np.arange(101.0)
+    )
+    assert {(row["kind"], row["cycle"], row["of"]) for row in rows} == {
+        ("joint angle [°]", "stride", "subjects")
+    }
     # By hand at one percent, from the trials' own curves.
     column = "joint angle: knee_angle_r [°]"
     means = []
@@ -136,7 +168,9 @@ def test_curves_of_conditions(study):
 
 def test_conditions_are_compared_within_subjects(study):
     rows = table(study.out / "differences.csv")
-    assert {(row["first"], row["second"], row["paired"]) for row in rows} == {("slow", "fast", "yes")}
+    assert {(row["first"], row["second"], row["paired"]) for row in rows} == {
+        ("slow", "fast", "yes")
+    }
     (knee,) = [row for row in rows if row["name"] == "knee_angle_l"]
     assert 50.0 < float(knee["percent"]) < 95.0
     # The knee bends by 0.3 rad more, by half a radian more in one of the fourteen.
@@ -149,7 +183,9 @@ def test_a_trial_unlike_the_others_is_named(study):
     bent = [row for row in rows if row["quantity"] == "knee_angle_r, range in a stride"]
     assert [(row["subject"], row["trial"]) for row in bent] == [("S2", "walk_fast2")]
     assert float(bent[0]["score"]) > 3.5
-    assert any("distance of its curve" in row["quantity"] and row["trial"] == "walk_fast2" for row in rows)
+    assert any(
+        "distance of its curve" in row["quantity"] and row["trial"] == "walk_fast2" for row in rows
+    )
     assert "walk_fast2" in (study.out / PAGE).read_text(encoding="utf-8").split('id="outliers"')[1]
 
 
@@ -180,7 +216,9 @@ def test_the_order_in_which_trials_ended_does_not_matter(study, tmp_path, monkey
         shutil.copytree(study.out, out)
         moved = [replace(one, folder=out / one.folder.relative_to(study.out)) for one in outcomes]
         gather_study(study.plan, moved, out, out)
-        found.append({name: (out / name).read_bytes() for name in (PAGE, *(name for name, _ in FILES))})
+        found.append(
+            {name: (out / name).read_bytes() for name in (PAGE, *(name for name, _ in FILES))}
+        )
         assert not list(out.glob(".*"))
     assert found[0] == found[1]
 
@@ -189,7 +227,9 @@ def test_changes_since_the_last_run_are_told(study, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(study.out, out)
     told = [
-        replace(one, folder=out / one.folder.relative_to(study.out), changed=("ik.accuracy: 1 -> 2",))
+        replace(
+            one, folder=out / one.folder.relative_to(study.out), changed=("ik.accuracy: 1 -> 2",)
+        )
         for one in study.outcomes
     ]
     gather_study(study.plan, told, out, out)
@@ -216,7 +256,8 @@ def test_a_study_of_which_nothing_went_well(tmp_path):
 
 def test_running_means_are_those_of_numpy():
     rng = np.random.default_rng(0)
-    running, whole = RunningMeans(101), []
+    running = RunningMeans(101)
+    whole = []
     names = [("angle", "a"), ("angle", "b"), ("torque", "a")]
     for k in range(12):
         own = [0, 1] if k < 3 else [2, 0] if k % 2 else [0, 1, 2]
@@ -230,7 +271,9 @@ def test_running_means_are_those_of_numpy():
     np.testing.assert_allclose(running.mean[:, order], np.nanmean(whole, axis=0), rtol=1e-12)
     np.testing.assert_array_equal(running.count[:, order], np.isfinite(whole).sum(axis=0))
     np.testing.assert_allclose(
-        running.squares[:, order], np.nanvar(whole, axis=0) * np.isfinite(whole).sum(axis=0), rtol=1e-9
+        running.squares[:, order],
+        np.nanvar(whole, axis=0) * np.isfinite(whole).sum(axis=0),
+        rtol=1e-9,
     )
 
 
@@ -238,9 +281,13 @@ def test_a_condition_does_not_mix_strides_with_whole_trials():
     percent = np.linspace(0.0, 100.0, 101)
 
     def curves(height):
-        return {"joint angle [°]": Series(percent, ("knee",), (height * np.sin(percent / 10.0))[:, None])}
+        return {
+            "joint angle [°]": Series(
+                percent, ("knee",), (height * np.sin(percent / 10.0))[:, None]
+            )
+        }
 
-    values = [Value("ik", "duration", 1.0, "s")]
+    values = [Value(step="ik", quantity="duration", value=1.0, unit="s")]
     growing = GrowingCondition("slow")
     growing.add("s1", "stands", values, OF_TRIAL, curves(100.0))
     growing.add("s1", "walks", values, OF_STRIDE, curves(1.0))
@@ -248,16 +295,29 @@ def test_a_condition_does_not_mix_strides_with_whole_trials():
     growing.add("s2", "turns", values, OF_TRIAL, curves(100.0))
     found = growing.finished(of_subjects=True)
     assert (found.cycle, found.unit, found.trials) == ("stride", "subjects", 4)
-    np.testing.assert_allclose(found.curves["joint angle [°]"].mean[:, 0], 2.0 * np.sin(percent / 10.0), atol=1e-12)
+    np.testing.assert_allclose(
+        found.curves["joint angle [°]"].mean[:, 0], 2.0 * np.sin(percent / 10.0), atol=1e-12
+    )
     assert len(growing.notes) == 2
     assert "s2, turns" in growing.notes[1]
 
 
 def test_the_unit_is_the_same_in_all_conditions_of_a_study():
-    slow, fast = GrowingCondition("slow"), GrowingCondition("fast")
-    for condition, subject, trial, seconds in ((slow, "s1", "a", 1.0), (slow, "s2", "a", 3.0), (fast, "s1", "b", 5.0)):
-        condition.add(subject, trial, [Value("ik", "duration", seconds, "s")], OF_TRIAL, {})
-    fast.add("s1", "c", [Value("ik", "duration", 7.0, "s")], OF_TRIAL, {})
+    slow = GrowingCondition("slow")
+    fast = GrowingCondition("fast")
+    for condition, subject, trial, seconds in (
+        (slow, "s1", "a", 1.0),
+        (slow, "s2", "a", 3.0),
+        (fast, "s1", "b", 5.0),
+    ):
+        condition.add(
+            subject,
+            trial,
+            [Value(step="ik", quantity="duration", value=seconds, unit="s")],
+            OF_TRIAL,
+            {},
+        )
+    fast.add("s1", "c", [Value(step="ik", quantity="duration", value=7.0, unit="s")], OF_TRIAL, {})
     means = described([slow, fast])[0].conditions
     assert means[0] == pytest.approx((2.0, np.sqrt(2.0), 2))
     assert means[1] == pytest.approx((6.0, np.nan, 1), nan_ok=True)
@@ -266,14 +326,19 @@ def test_the_unit_is_the_same_in_all_conditions_of_a_study():
 
 def test_angles_that_models_count_the_other_way_round_are_noted():
     def angle(name, least, most):
-        return [Value("ik", f"{name}, minimum", least, "deg"), Value("ik", f"{name}, maximum", most, "deg")]
+        return [
+            Value(step="ik", quantity=f"{name}, minimum", value=least, unit="deg"),
+            Value(step="ik", quantity=f"{name}, maximum", value=most, unit="deg"),
+        ]
 
     search = SignSearch()
     search.add("s1", angle("knee_angle_r", 2.0, 70.0) + angle("hip_flexion_r", -20.0, 40.0))
     search.add("s2", angle("knee_angle_r", -5.0, 65.0) + angle("hip_flexion_r", -30.0, 0.0))
     assert search.notes() == []
     search.add("s3", angle("knee_angle_r", -68.0, 1.0))
-    assert search.notes()[0].startswith("knee_angle_r: above zero in s1, s2, below it in s3: where their models")
+    assert search.notes()[0].startswith(
+        "knee_angle_r: above zero in s1, s2, below it in s3: where their models"
+    )
 
 
 def test_without_the_extra_parquet_the_tables_are_csv_alone(study, tmp_path, monkeypatch):

@@ -8,7 +8,12 @@ from scipy import stats
 
 from myomorph.model.series import Series
 from myomorph.study.summary.condition_values import GrowingCondition, OutlierSearch
-from myomorph.study.summary.value_differences import KEPT_DRAWS, MeasuredValues, difference_rows, differences
+from myomorph.study.summary.value_differences import (
+    KEPT_DRAWS,
+    MeasuredValues,
+    difference_rows,
+    differences,
+)
 from myomorph.study.trial.tidy import OF_TRIAL
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.spread import ValueErrors, of_subject, widened_errors
@@ -30,7 +35,9 @@ def test_errors_that_trials_of_a_subject_share_cancel_between_its_conditions():
     rng = np.random.default_rng(1)
     shared = rng.normal(0.0, 5.0, DRAWS)
     own = {name: rng.normal(0.0, 1.0, DRAWS) for name in "ab"}
-    (one,) = gathered([("s", name, value, shared + own[name]) for name, value in (("a", 10.0), ("b", 14.0))])
+    (one,) = gathered(
+        [("s", name, value, shared + own[name]) for name, value in (("a", 10.0), ("b", 14.0))]
+    )
     assert one.difference == -4.0
     assert one.measured_sd == pytest.approx(np.std(own["b"] - own["a"], ddof=1), rel=1e-5)
     assert np.isnan(one.low)
@@ -38,9 +45,15 @@ def test_errors_that_trials_of_a_subject_share_cancel_between_its_conditions():
 
 
 def test_errors_of_subjects_are_independent_though_their_draws_have_the_same_numbers():
-    """Of n subjects with errors of one size the mean's falls with the root of n, whatever the draws share."""
+    """Of n subjects with errors of one size the mean's falls with the root of n, whatever the draws
+    share.
+    """
     same = np.random.default_rng(2).normal(0.0, 3.0, DRAWS)
-    trials = [(f"s{k}", name, 10.0 * k, same if name == "b" else 0.0 * same) for k in range(9) for name in "ab"]
+    trials = [
+        (f"s{k}", name, 10.0 * k, same if name == "b" else 0.0 * same)
+        for k in range(9)
+        for name in "ab"
+    ]
     (one,) = gathered(trials)
     assert one.paired
     assert one.measured_sd == pytest.approx(np.std(same, ddof=1) / 3.0, rel=1e-5)
@@ -51,7 +64,8 @@ def test_errors_of_subjects_are_independent_though_their_draws_have_the_same_num
 @pytest.mark.parametrize("paired", [True, False])
 def test_intervals_by_the_spread_are_those_of_student_and_welch(paired):
     rng = np.random.default_rng(3)
-    first, second = rng.normal(0.0, 1.0, 6), rng.normal(1.0, 2.0, 6)
+    first = rng.normal(0.0, 1.0, 6)
+    second = rng.normal(1.0, 2.0, 6)
     subjects = ("s", "s") if paired else ("s", "other")
     groups = zip("ab", subjects, (first, second), strict=True)
     trials = [(f"{who}{k}", name, x, None) for name, who, own in groups for k, x in enumerate(own)]
@@ -65,7 +79,9 @@ def test_intervals_by_the_spread_are_those_of_student_and_welch(paired):
 
 
 def test_trials_of_an_only_subject_do_not_show_what_they_share():
-    """Their spread holds what differs between them; what they share is added, and nothing is counted twice."""
+    """Their spread holds what differs between them; what they share is added, and nothing is
+    counted twice.
+    """
     rng = np.random.default_rng(4)
     tilt = rng.normal(0.0, 2.0, DRAWS)
     trials = []
@@ -75,7 +91,8 @@ def test_trials_of_an_only_subject_do_not_show_what_they_share():
     (one,) = gathered(trials)
     assert one.unit_of == "trials"
     assert one.measured_sd == pytest.approx(np.std(tilt, ddof=1), rel=0.1)
-    half, drawn = one.high - one.difference, 1.95996 * one.measured_sd
+    half = one.high - one.difference
+    drawn = 1.95996 * one.measured_sd
     assert one.high_all - one.difference == pytest.approx(np.hypot(half, drawn), rel=1e-4)
     head, row = difference_rows([one])
     assert dict(zip(head, row, strict=True))["n_first"] == "4"
@@ -85,15 +102,21 @@ def test_widened_errors_keep_their_middle():
     errors = np.random.default_rng(5).normal(1.0, 2.0, (200, 1))
     errors[3] = np.nan
     wide = widened_errors(errors, np.array([1.5]))
-    low, high = np.nanquantile(errors, (0.05, 0.95)), np.nanquantile(wide, (0.05, 0.95))
+    low = np.nanquantile(errors, (0.05, 0.95))
+    high = np.nanquantile(wide, (0.05, 0.95))
     assert np.diff(high)[0] == pytest.approx(1.5 * np.diff(low)[0])
     assert high.mean() == pytest.approx(low.mean())
 
 
 def test_a_condition_of_one_trial_without_strides_has_no_curves_to_be_far_from():
-    """Beside another condition its curves are dropped; the search for outliers asks nothing of them."""
-    curves = {"joint angle [deg]": Series(np.linspace(0.0, 100.0, 101), ("knee",), np.zeros((101, 1)))}
-    condition, search = GrowingCondition("rise"), OutlierSearch()
+    """Beside another condition its curves are dropped; the search for outliers asks nothing of
+    them.
+    """
+    curves = {
+        "joint angle [deg]": Series(np.linspace(0.0, 100.0, 101), ("knee",), np.zeros((101, 1)))
+    }
+    condition = GrowingCondition("rise")
+    search = OutlierSearch()
     condition.add("s", "rise1", [Value(*NAME, 1.0, "N m")], OF_TRIAL, curves)
     condition.without_whole_trials()
     search.add_curves(("s", "rise", "rise1"), condition, OF_TRIAL, curves)

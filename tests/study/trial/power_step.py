@@ -44,14 +44,18 @@ def _run(trial: TrialInputs, output: StepOutput, torques: Torques) -> Power:
     found = Series(torques.torques.time, torques.torques.names, values)
     output.writer.time(found.time)
     output.writer.names("coordinate", found.names)
-    output.writer.put("joint_power", ("time", "coordinate"), values, "W", "power of the generalized force")
+    output.writer.put(
+        "joint_power", ("time", "coordinate"), values, "W", "power of the generalized force"
+    )
     write_sto(Table(found.time, found.names, values), output.folder / "joint_power.sto")
     return Power(found)
 
 
 def _read(stored: Stored, options: OptionSet) -> Power | None:
     values = stored.values.get("joint_power")
-    return None if values is None else Power(Series(stored.time, stored.names["coordinate"], values))
+    return (
+        None if values is None else Power(Series(stored.time, stored.names["coordinate"], values))
+    )
 
 
 def _show(given: ReportInput, stored: Stored) -> ReportInput:
@@ -59,7 +63,9 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
     if found is None:
         return given
     peaks = np.nanmax(np.abs(found.power.values), axis=0)
-    rows = tuple((name, f"{peak:.1f} W") for name, peak in zip(found.power.names, peaks, strict=True))
+    rows = tuple(
+        (name, f"{peak:.1f} W") for name, peak in zip(found.power.names, peaks, strict=True)
+    )
     section = Section("power", "Joint power", grids=(Grid(("Coordinate", "Peak"), rows),))
     return replace(given, more=(*given.more, section))
 

@@ -71,17 +71,34 @@ def test_its_options_are_settings(arm, power, capsys):
     (outcome,) = run_study(changed, arm.out)
     assert outcome.reused == ("ik", "id")
     assert read_result(arm.out / "s01" / "reach" / "reach.nc").values["joint_power"].min() >= 0.0
-    with pytest.raises(BadFile, match=r"unknown key .options\.power\.generate.: there are .*generated"):
+    with pytest.raises(
+        BadFile, match=r"unknown key .options\.power\.generate.: there are .*generated"
+    ):
         plan(arm, "generate = true")
 
 
 def test_it_has_a_command(arm, power, capsys):
     run_study(plan(arm), arm.out)
-    motion, out = arm.out / "s01" / "reach" / "coordinates.mot", arm.folder / "alone"
+    motion = arm.out / "s01" / "reach" / "coordinates.mot"
+    out = arm.folder / "alone"
     capsys.readouterr()
     assert main(["power", "--help"]) == 0
     assert "--generated" in capsys.readouterr().out
-    assert main(["power", "--model", str(arm.model), "--motion", str(motion), "--out", str(out), "--generated"]) == 0
+    assert (
+        main(
+            [
+                "power",
+                "--model",
+                str(arm.model),
+                "--motion",
+                str(motion),
+                "--out",
+                str(out),
+                "--generated",
+            ]
+        )
+        == 0
+    )
     assert read_result(out / "power.nc").values["joint_power"].min() >= 0.0
 
 

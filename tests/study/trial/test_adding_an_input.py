@@ -72,7 +72,9 @@ def test_what_is_wrong_with_it_is_named(arm, heart):
 
 def test_it_is_a_flag(heart):
     made = inputs_class("heart").__origin__
-    assert inputs_of_flags(made(heart=Path("beats.txt"))).get(HeartFile) == HeartFile(Path("beats.txt"))
+    assert inputs_of_flags(made(heart=Path("beats.txt"))).get(HeartFile) == HeartFile(
+        Path("beats.txt")
+    )
     assert inputs_of_flags(made()).get(HeartFile) is None
 
 

@@ -29,9 +29,15 @@ def test_what_the_child_compiles_is_found_in_the_cache(tmp_path):
     compile_muscles(frozenset({TENDONS}))
     folder = kernel_folder()
     with FileLock(folder / LOCK):
-        shutil.copytree(folder, tmp_path / folder.name, ignore=shutil.ignore_patterns("*.path_frames-*", LOCK))
+        shutil.copytree(
+            folder, tmp_path / folder.name, ignore=shutil.ignore_patterns("*.path_frames-*", LOCK)
+        )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    subprocess.run([sys.executable, "-m", "myomorph.study.workers.ahead", "tendons"], check=True, env=environment)
+    subprocess.run(
+        [sys.executable, "-m", "myomorph.study.workers.ahead", "tendons"],
+        check=True,
+        env=environment,
+    )
     subprocess.run([sys.executable, "-c", USE], check=True, env=environment)
 
 
@@ -51,4 +57,7 @@ def test_the_rules_by_which_paths_wrap_are_those_of_their_kernels():
     for wraps in (set(), {SURFACES}, {TENDONS}, {SURFACES, TENDONS}):
         model = two_links(frozenset(wraps))
         assert wraps_of(model) == wraps
-        assert compile_paths(model).wraps == (1 if SURFACES in wraps else None, 1 if TENDONS in wraps else None)
+        assert compile_paths(model).wraps == (
+            1 if SURFACES in wraps else None,
+            1 if TENDONS in wraps else None,
+        )

@@ -8,15 +8,15 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.study.step.job_steps import changes
 
 BEFORE = Provenance(
-    "id",
-    (
+    step="id",
+    sources=(
         Source("model", "/a/generic.osim", "1"),
         Source("markers", "/a/walk.trc", "2"),
         Source("loads", "/a/grf.mot", "3"),
     ),
-    {"ik.tolerance": 1e-5, "id.cutoff": 6.0, "time": [0.5, 1.0]},
-    "1.0.0",
-    "2026-01-01",
+    options={"ik.tolerance": 1e-5, "id.cutoff": 6.0, "time": [0.5, 1.0]},
+    version="1.0.0",
+    date="2026-01-01",
 )
 
 
@@ -32,15 +32,21 @@ def test_nothing():
 
 
 def test_files():
-    assert changes(BEFORE, source("model", "/a/generic.osim", "9")) == ("model generic.osim has changed",)
-    assert changes(BEFORE, source("model", "C:\\b\\scaled.osim", "9")) == ("model generic.osim -> scaled.osim",)
+    assert changes(BEFORE, source("model", "/a/generic.osim", "9")) == (
+        "model generic.osim has changed",
+    )
+    assert changes(BEFORE, source("model", "C:\\b\\scaled.osim", "9")) == (
+        "model generic.osim -> scaled.osim",
+    )
     assert changes(BEFORE, source("emg", "/a/walk_emg.sto", "4")) == ("emg walk_emg.sto is new",)
     fewer = replace(BEFORE, sources=BEFORE.sources[:2])
     assert changes(BEFORE, fewer) == ("loads grf.mot is no longer used",)
 
 
 def test_options_and_version():
-    told = replace(BEFORE, options=BEFORE.options | {"ik.tolerance": 1e-4, "id.net": True}, version="1.1.0")
+    told = replace(
+        BEFORE, options=BEFORE.options | {"ik.tolerance": 1e-4, "id.net": True}, version="1.1.0"
+    )
     assert changes(BEFORE, told) == (
         "version 1.0.0 -> 1.1.0",
         "id.net None -> True",

@@ -1,4 +1,6 @@
-"""What a user says of contacts: one word, a table, or a file of sites; what is wrong is told at once."""
+"""What a user says of contacts: one word, a table, or a file of sites; what is wrong is told at
+once.
+"""
 
 from __future__ import annotations
 
@@ -48,10 +50,15 @@ def test_a_table_tells_touches(model, tmp_path):
 def test_a_file_of_sites(model, tmp_path):
     taps = written(tmp_path, "frame,site,event\n150,hand,touch\n300,hand,leave\n", "taps.csv")
     text = (
-        'feet = false\nmeasured = "shared"\nintervals = "taps.csv"\n[camera]\nrate = 300.0\nstart = 1.0\n'
+        'feet = false\nmeasured = "shared"\nintervals = "taps.csv"\n[camera]\nrate = 300.0\nstart ='
+        " 1.0\n"
         + SITE.replace("[[site]]", '[[site]]\nintervals = "file"\ndirection = "any"\ngrip = 0.05')
-        + SITE.replace('"hand"', '"elbow"').replace("points", "intervals = [[0.0, 0.5]]\nfriction = inf\npoints")
-        + SITE.replace('"hand"', '"wrist"').replace("points", 'direction = [0.0, 0.0, 2.0]\nframe = "upper"\npoints')
+        + SITE.replace('"hand"', '"elbow"').replace(
+            "points", "intervals = [[0.0, 0.5]]\nfriction = inf\npoints"
+        )
+        + SITE.replace('"hand"', '"wrist"').replace(
+            "points", 'direction = [0.0, 0.0, 2.0]\nframe = "upper"\npoints'
+        )
     )
     path = written(tmp_path, text)
     plan = read_contacts(path, model)
@@ -80,7 +87,10 @@ def test_a_file_of_sites(model, tmp_path):
         ('measured = "maybe"\n', "'measured' = 'maybe'"),
         (SITE.replace('"hand"', '""'), "'site.1.name' = ''"),
         (SITE + "rests = nan\n", "'site.1.rests' = nan"),
-        (SITE + "intervals = [[0.4, 0.2]]\n", "site 'hand': intervals = .*expected a start before an end"),
+        (
+            SITE + "intervals = [[0.4, 0.2]]\n",
+            "site 'hand': intervals = .*expected a start before an end",
+        ),
         ("[camera]\nstart = nan\n" + SITE, "'camera.start' = nan"),
     ],
 )
@@ -110,13 +120,25 @@ def test_names_that_end_otherwise_are_refused(model, tmp_path):
 
 def test_a_file_that_is_not_there_tells_what_is(tmp_path):
     written(tmp_path, SITE, "seat.toml")
-    with pytest.raises(BadFile, match=r"is no file; expected auto, \.csv or \.toml; .* has 'seat\.toml'"):
+    with pytest.raises(
+        BadFile, match=r"is no file; expected auto, \.csv or \.toml; .* has 'seat\.toml'"
+    ):
         contact_files(tmp_path / "seet.toml")
 
 
 def test_touches_of_another_clock_are_named(arm, command, tmp_path):
     path = written(tmp_path, "feet = false\n" + SITE + "intervals = [[900.0, 901.0]]\n")
-    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
+    done = command(
+        "tension",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--contacts",
+        path,
+        "--out",
+        arm.out,
+    )
     assert done.status == 0
     assert "'hand' is specified to touch at 900 to 901 s" in done.err
 
@@ -124,11 +146,15 @@ def test_touches_of_another_clock_are_named(arm, command, tmp_path):
 def test_soles_that_a_table_leaves_out_are_named():
     told = Contacts(("heel_r",), ())
     soles = [Site(name, "foot", np.zeros((1, 3))) for name in ("heel_r", "toe_r")]
-    assert unreported_feet(told, soles) == ("no contact interval is specified for toe_r: found from the motion",)
+    assert unreported_feet(told, soles) == (
+        "no contact interval is specified for toe_r: found from the motion",
+    )
     assert unreported_feet(Contacts(("hand",), ()), soles) == ()
 
 
-@pytest.mark.parametrize("told", [("--measured", "hidden"), ("--measured", "shared", "--contacts", "auto")])
+@pytest.mark.parametrize(
+    "told", [("--measured", "hidden"), ("--measured", "shared", "--contacts", "auto")]
+)
 def test_what_plates_are_for_needs_contacts_and_plates(arm, command, told):
     done = command("tension", "--model", arm.model, "--motion", arm.motion, *told, "--out", arm.out)
     assert done.status == 2
@@ -137,7 +163,17 @@ def test_what_plates_are_for_needs_contacts_and_plates(arm, command, told):
 
 
 def test_a_model_without_feet_needs_sites(arm, command):
-    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", "auto", "--out", arm.out)
+    done = command(
+        "tension",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--contacts",
+        "auto",
+        "--out",
+        arm.out,
+    )
     assert done.status == 2
     assert "no contact site" in done.err
     assert not arm.out.exists()
@@ -146,7 +182,17 @@ def test_a_model_without_feet_needs_sites(arm, command):
 def test_touches_of_a_site_that_does_not_exist(arm, command, tmp_path):
     taps = written(tmp_path, "site,start,stop\nheel_r,0.1,0.4\n", "taps.csv")
     path = written(tmp_path, f'feet = false\nintervals = "{taps.name}"\n' + SITE)
-    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--contacts", path, "--out", arm.out)
+    done = command(
+        "tension",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--contacts",
+        path,
+        "--out",
+        arm.out,
+    )
     assert done.status == 2
     assert "'heel_r'" in done.err
     assert "hand" in done.err

@@ -1,4 +1,6 @@
-"""Impacts from a recording of their sound to forces on the body that strikes: made sounds, known impulses."""
+"""Impacts from a recording of their sound to forces on the body that strikes: made sounds, known
+impulses.
+"""
 
 from __future__ import annotations
 
@@ -44,16 +46,27 @@ def test_impulses_reach_the_hand(arm, command):
     drum(arm.folder / "drum.wav")
     (arm.folder / "contacts.toml").write_text(CONTACTS)
     done = command(
-        "tension", "--model", arm.model, "--motion", arm.motion, "--contacts", arm.folder / "contacts.toml",
-        "--out", arm.out,
-    )  # fmt: skip
+        "tension",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--contacts",
+        arm.folder / "contacts.toml",
+        "--out",
+        arm.out,
+    )
     assert done.status == 0, done.err
     touches = read_events(arm.out / "contacts.csv").intervals
     assert [one.surface for one in touches] == ["snare", "snare"]
-    np.testing.assert_allclose([one.start for one in touches], [time for time, _ in STROKES], atol=0.003)
+    np.testing.assert_allclose(
+        [one.start for one in touches], [time for time, _ in STROKES], atol=0.003
+    )
     loads = read_external_loads(arm.out / "contact_forces.xml")
     (hand,) = [k for k, body in enumerate(loads.bodies) if body == "fore"]
     for time, impulse in STROKES:
         near = np.abs(loads.time - time) < 0.05
-        np.testing.assert_allclose(np.trapezoid(loads.forces[near, hand, 1], loads.time[near]), impulse, rtol=0.1)
+        np.testing.assert_allclose(
+            np.trapezoid(loads.forces[near, hand, 1], loads.time[near]), impulse, rtol=0.1
+        )
     assert not loads.forces[:, hand, [0, 2]].any()

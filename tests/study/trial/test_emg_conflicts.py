@@ -12,8 +12,18 @@ from myomorph.tension.emg_conflicts import EmgConflict
 @pytest.mark.parametrize("count", [0, 2])
 def test_conflicts_come_back_from_a_result_file(tmp_path, count):
     given = (
-        EmgConflict("soleus_r", "", 0.1, 0.3, 0.2, 0.8, 0.45),
-        EmgConflict("", "knee_angle_r", 0.5, 0.6, 0.55, 40.0, -6.0),
+        EmgConflict(
+            muscle="soleus_r", coordinate="", start=0.1, stop=0.3, worst=0.2, emg=0.8, found=0.45
+        ),
+        EmgConflict(
+            muscle="",
+            coordinate="knee_angle_r",
+            start=0.5,
+            stop=0.6,
+            worst=0.55,
+            emg=40.0,
+            found=-6.0,
+        ),
     )[:count]
     with new_result(tmp_path / "one.nc", "tension") as writer:
         put_conflicts(writer, given)
@@ -27,7 +37,17 @@ def test_the_report_has_a_section_on_conflicts(arm, command):
     silent = [row.split("\t") for row in lines[head:]]
     rows = ["\t".join([row[0], "0.0" if k > 30 else row[1]]) for k, row in enumerate(silent)]
     arm.emg.write_text("\n".join([*lines[:head], *rows]) + "\n")
-    told = ("tension", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads, "--emg", arm.emg)
+    told = (
+        "tension",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--loads",
+        arm.loads,
+        "--emg",
+        arm.emg,
+    )
     options = ("--emg-weight", 10, "--emg-gains", "normalized", "--emg-delay", 0.0)
     found = command(*told, *options, "--out", arm.out)
     assert found.status == 0, found.err

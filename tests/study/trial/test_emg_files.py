@@ -30,7 +30,9 @@ def walker(data):
 def raw(tmp_path):
     """A minute of noise of 1 kHz whose amplitude rises and falls, in a file."""
     time = np.arange(4000) / 1000.0
-    noise = np.random.default_rng(4).normal(size=(len(time), 2)) * (1.2 + np.sin(3.0 * time))[:, None]
+    noise = (
+        np.random.default_rng(4).normal(size=(len(time), 2)) * (1.2 + np.sin(3.0 * time))[:, None]
+    )
     table = Table(time, ("soleus_r", "CH7"), 1e-3 * noise)
     write_sto(table, tmp_path / "raw.sto")
     return tmp_path / "raw.sto", table
@@ -101,7 +103,8 @@ def test_raw_channels_become_envelopes(raw, walker):
 def test_a_reference_scales_raw_channels(raw, walker, tmp_path):
     path, table = raw
     write_sto(Table(table.time, table.names, 2.0 * table.values), tmp_path / "mvc.sto")
-    own, by_reference = open_emg(path, walker, {}), open_emg(path, walker, {}, reference=[tmp_path / "mvc.sto"])
+    own = open_emg(path, walker, {})
+    by_reference = open_emg(path, walker, {}, reference=[tmp_path / "mvc.sto"])
     np.testing.assert_allclose(by_reference.emg.values, 0.5 * own.emg.values, rtol=1e-6)
 
 
@@ -127,7 +130,9 @@ def test_what_does_not_exist_is_named(raw, walker, tmp_path):
 
 
 def test_noise_of_a_real_recording_takes_no_part(data, walker):
-    """The right gastrocnemius of the child of Plug-in Gait; the electrodes of tibialis posterior are on nobody."""
+    """The right gastrocnemius of the child of Plug-in Gait; the electrodes of tibialis posterior
+    are on nobody.
+    """
     path = data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d")
     opened = open_emg(path, walker, {})
     noise = [text for text in opened.notes if "noise throughout" in text]
@@ -144,7 +149,8 @@ def test_noise_of_a_real_recording_takes_no_part(data, walker):
 def test_raw_channels_with_an_offset_are_raw(raw, walker, tmp_path, offset):
     path, table = raw
     write_sto(Table(table.time, table.names, table.values + offset), tmp_path / "offset.sto")
-    found, plain = (open_emg(one, walker, {"soleus_r": ("soleus_r",)}) for one in (tmp_path / "offset.sto", path))
+    found = open_emg((tmp_path / "offset.sto"), walker, {"soleus_r": ("soleus_r",)})
+    plain = open_emg(path, walker, {"soleus_r": ("soleus_r",)})
     assert any("raw EMG" in note for note in found.notes)
     np.testing.assert_allclose(found.emg["soleus_r"], plain.emg["soleus_r"], atol=0.02)
 

@@ -41,7 +41,9 @@ def test_names_without_what_programs_add() -> None:
     assert plain_channel("Voltage.R Tib Ant") == ("Tib_Ant", "right")
 
 
-@pytest.mark.parametrize("name", ["Force.Fx1", "Mz2", "FP1_Fx", "AMTI1.Fx", "load cell", "Channel_01", "1"])
+@pytest.mark.parametrize(
+    "name", ["Force.Fx1", "Mz2", "FP1_Fx", "AMTI1.Fx", "load cell", "Channel_01", "1"]
+)
 def test_channels_of_plates_and_sensors_are_no_emg(name: str) -> None:
     assert OTHER_SENSORS.search(name)
 

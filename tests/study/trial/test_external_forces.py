@@ -48,7 +48,9 @@ def test_a_table_needs_no_bodies(walk, data) -> None:
     model, motion, named = walk
     found = read_loads(data(f"{FOLDER}/grf_walk.mot"), model, motion)
     for body in ("calcn_r", "calcn_l"):
-        np.testing.assert_allclose(by_body(found, body, motion), by_body(named, body, motion), atol=0.5)
+        np.testing.assert_allclose(
+            by_body(found, body, motion), by_body(named, body, motion), atol=0.5
+        )
 
 
 def test_a_plate_that_nobody_steps_on_is_left_out(walk, tmp_path) -> None:
@@ -57,7 +59,9 @@ def test_a_plate_that_nobody_steps_on_is_left_out(walk, tmp_path) -> None:
         part: np.concatenate([getattr(named, part), np.zeros((len(named), 1, 3))], axis=1)
         for part in ("forces", "points", "torques")
     }
-    path = table_of(named, tmp_path / "three.mot", names=("a", "b", "idle"), bodies=("x", "x", "x"), **parts)
+    path = table_of(
+        named, tmp_path / "three.mot", names=("a", "b", "idle"), bodies=("x", "x", "x"), **parts
+    )
     found = read_loads(path, model, motion)
     assert "" not in found.bodies
     assert set(found.bodies) == {"calcn_r", "calcn_l"}
@@ -74,7 +78,13 @@ def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path)
     points = np.where(first, named.points[:, :1], named.points[:, 1:2])
     torques = np.where(keep, np.where(first, named.torques[:, :1], named.torques[:, 1:2]), 0.0)
     path = table_of(
-        named, tmp_path / "belt.mot", names=("belt",), bodies=("x",), forces=forces, points=points, torques=torques
+        named,
+        tmp_path / "belt.mot",
+        names=("belt",),
+        bodies=("x",),
+        forces=forces,
+        points=points,
+        torques=torques,
     )
     found = read_loads(path, model, motion)
     assert set(found.bodies) == {"calcn_r", "calcn_l"}
@@ -85,8 +95,12 @@ def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path)
         assert np.abs(by_body(found, body, motion) - expected).max() < 30.0
 
 
-def test_forces_that_count_from_another_zero_are_moved_or_the_option_is_named(walk, tmp_path) -> None:
-    """A table that lasts as long as the motion and begins elsewhere is the same table later; any other is refused."""
+def test_forces_that_count_from_another_zero_are_moved_or_the_option_is_named(
+    walk, tmp_path
+) -> None:
+    """A table that lasts as long as the motion and begins elsewhere is the same table later; any
+    other is refused.
+    """
     model, motion, named = walk
     inside = (named.time >= motion.time[0] - 1e-9) & (named.time <= motion.time[-1] + 1e-9)
     parts = {part: getattr(named, part)[inside] for part in ("forces", "points", "torques")}
@@ -99,8 +113,13 @@ def test_forces_that_count_from_another_zero_are_moved_or_the_option_is_named(wa
     assert "moved by -40" in later.findings[0].text
     assert "clock zero" not in {one.kind for one in plain.findings}
     with pytest.raises(BadData, match=r"--force-shift SECONDS; -40"):
-        read_loads(tmp_path / "later.mot", model, motion, options=ForceOptions(force_checks="report"))
-    half = {part: getattr(same, part)[: len(same) // 2] for part in ("time", "forces", "points", "torques")}
+        read_loads(
+            tmp_path / "later.mot", model, motion, options=ForceOptions(force_checks="report")
+        )
+    half = {
+        part: getattr(same, part)[: len(same) // 2]
+        for part in ("time", "forces", "points", "torques")
+    }
     path = table_of(replace(same, **half), tmp_path / "half.mot", time=half["time"] + 40.0)
     with pytest.raises(BadData, match=r"no time in common.*--force-shift"):
         read_loads(path, model, motion)
@@ -129,7 +148,13 @@ def test_prefixes_and_plates_as_texts() -> None:
     keys = {key.name: key.kind for key in keys_of(LoadsFile)}
     bodies = keys["bodies"].parsed("bodies", ["ground_force_r_=calcn_r", "x=calcn_l"])
     assert dict(bodies) == {"ground_force_r_": "calcn_r", "x": "calcn_l"}
-    assert keys["plates"].parsed("plates", "calcn_r,none,-,,calcn_l") == ("calcn_r", "", "", "", "calcn_l")
+    assert keys["plates"].parsed("plates", "calcn_r,none,-,,calcn_l") == (
+        "calcn_r",
+        "",
+        "",
+        "",
+        "calcn_l",
+    )
     for wrong in (["calcn_r"], ["a="], ["a=b", "a=c"]):
         with pytest.raises(BadData, match="prefix=body"):
             keys["bodies"].parsed("bodies", wrong)
@@ -143,13 +168,17 @@ def test_times_that_do_not_meet_are_refused(walk, tmp_path) -> None:
 
 
 def test_a_csv_of_forces_and_moments_about_the_origin(walk, tmp_path) -> None:
-    """The same wrench, whatever its form: the sum about the ground's origin is that of the file with points."""
+    """The same wrench, whatever its form: the sum about the ground's origin is that of the file
+    with points.
+    """
     model, motion, named = walk
     moments = named.torques + np.cross(named.points, named.forces)
     values = np.concatenate([named.forces[:, 0], moments[:, 0]], axis=1)
     columns = ("Fx1", "Fy1", "Fz1", "Mx1", "My1", "Mz1")
     lines = ["time," + ",".join(columns)]
-    lines += [",".join(f"{x:.9g}" for x in (t, *row)) for t, row in zip(named.time, values, strict=True)]
+    lines += [
+        ",".join(f"{x:.9g}" for x in (t, *row)) for t, row in zip(named.time, values, strict=True)
+    ]
     path = tmp_path / "cells.csv"
     path.write_text("\n".join(lines) + "\n", "utf-8")
     found = read_loads(path, model, motion, {"F1": named.bodies[0]})
@@ -165,7 +194,9 @@ def test_a_csv_of_forces_and_moments_about_the_origin(walk, tmp_path) -> None:
     )
     origin = np.zeros((len(here), 3))
     np.testing.assert_allclose(
-        sum_of_wrenches(model, here, one, origin), sum_of_wrenches(model, here, other, origin), atol=1e-5
+        sum_of_wrenches(model, here, one, origin),
+        sum_of_wrenches(model, here, other, origin),
+        atol=1e-5,
     )
 
 
@@ -176,10 +207,14 @@ def read_motion_at(motion, time):
 
 
 def test_an_idle_plate_of_a_recording_does_not_end_inverse_dynamics(walk) -> None:
-    """As a C3D file with a plate that nobody steps on: its force acts on nobody, and torques come out."""
+    """As a C3D file with a plate that nobody steps on: its force acts on nobody, and torques come
+    out.
+    """
     model, motion, named = walk
     plates = [plate_of(named, k) for k in range(2)]
-    still = replace(plates[0], name="idle", forces=0.0 * plates[0].forces, points=np.nan * plates[0].points)
+    still = replace(
+        plates[0], name="idle", forces=0.0 * plates[0].forces, points=np.nan * plates[0].points
+    )
     recording = Trial(plates=(*plates, still), plate_time=named.time, source="walk.c3d")
     found = on_feet(plate_wrenches(recording), model, motion)
     assert set(found.bodies) == {"calcn_r", "calcn_l"}
@@ -191,21 +226,37 @@ def test_an_idle_plate_of_a_recording_does_not_end_inverse_dynamics(walk) -> Non
 
 def test_identification_takes_tables_too(walk, data) -> None:
     model, motion, named = walk
-    (one,) = open_motions(model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")])
+    (one,) = open_motions(
+        model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")]
+    )
     for body in ("calcn_r", "calcn_l"):
-        np.testing.assert_allclose(by_body(one.wrenches, body, motion), by_body(named, body, motion), atol=0.5)
+        np.testing.assert_allclose(
+            by_body(one.wrenches, body, motion), by_body(named, body, motion), atol=0.5
+        )
     bodies = LoadsFile(bodies={"ground_force_r_": "calcn_r", "ground_force_l_": "calcn_l"})
-    (same,) = open_motions(model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")], named=bodies)
+    (same,) = open_motions(
+        model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")], named=bodies
+    )
     assert set(same.wrenches.bodies) == {"calcn_r", "calcn_l"}
 
 
 def plate_of(wrenches, number):
     """A force as that of a plate."""
     loaded = (wrenches.forces[:, number, 1] > 30.0)[:, None]
-    point, torque = (np.where(loaded, part[:, number], np.nan) for part in (wrenches.points, wrenches.torques))
-    corners = np.nanmean(point, axis=0) + 0.3 * np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]])
+    point = np.where(loaded, wrenches.points[:, number], np.nan)
+    torque = np.where(loaded, wrenches.torques[:, number], np.nan)
+    corners = np.nanmean(point, axis=0) + 0.3 * np.array(
+        [[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]]
+    )
     force = np.where(loaded, wrenches.forces[:, number], 0.0)
-    return ForcePlate(f"plate {number + 1}", 2, corners, force, point, torque)
+    return ForcePlate(
+        name=f"plate {number + 1}",
+        kind=2,
+        corners=corners,
+        forces=force,
+        points=point,
+        torques=torque,
+    )
 
 
 def test_a_model_with_the_name_of_a_recording_is_no_file_of_forces(tmp_path) -> None:

@@ -42,7 +42,9 @@ ELASTIC = TensionOptions(tendons="elastic")
 def arm(data) -> tuple[Model, Motion, Series]:
     """OpenSim's arm of two coordinates, 6 muscles, every second frame of 80, and its torques."""
     model = read_osim(data(ARM + "arm26_bounds.osim"))
-    whole = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
+    whole = differentiate(
+        motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0
+    )
     keep = slice(0, 80, 2)
     motion = whole.frames(keep)
     return model, motion, inverse_dynamics(model, motion)
@@ -55,12 +57,18 @@ def changed(model: Model, **muscle: float) -> Model:
 
 @pytest.fixture(scope="module")
 def solved(data) -> tuple[Model, Motion, Tension]:
-    """The arm with two missing frames and a first muscle whose path is shorter than its slack tendon."""
+    """The arm with two missing frames and a first muscle whose path is shorter than its slack
+    tendon.
+    """
     model, motion, torques = arm(data)
     model = changed(model, tendon_slack_length=model.muscles[0].tendon_slack_length + 0.2)
     values = np.array(torques.values)
     values[20:22] = np.nan
-    return model, motion, solve_tension(model, motion, Series(torques.time, torques.names, values), ELASTIC)
+    return (
+        model,
+        motion,
+        solve_tension(model, motion, Series(torques.time, torques.names, values), ELASTIC),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +83,8 @@ def stored(solved, tmp_path_factory):
 
 
 def test_files_hold_fibers_and_tendons(solved, stored):
-    tension, folder = solved[2], stored[0]
+    tension = solved[2]
+    folder = stored[0]
     held = {
         "fiber_lengths": tension.fibers.lengths,
         "fiber_velocities": tension.fibers.velocities,
@@ -91,13 +100,25 @@ def test_files_hold_fibers_and_tendons(solved, stored):
 
 
 def test_a_result_gives_back_its_fibers(solved, stored):
-    tension, found = solved[2], get_tension(stored[2], ELASTIC)
-    for name in ("lengths", "velocities", "tendon_strains", "fiber_powers", "tendon_powers", "transient", "bridged"):
-        assert np.array_equal(getattr(found.fibers, name), getattr(tension.fibers, name), equal_nan=True)
+    tension = solved[2]
+    found = get_tension(stored[2], ELASTIC)
+    for name in (
+        "lengths",
+        "velocities",
+        "tendon_strains",
+        "fiber_powers",
+        "tendon_powers",
+        "transient",
+        "bridged",
+    ):
+        assert np.array_equal(
+            getattr(found.fibers, name), getattr(tension.fibers, name), equal_nan=True
+        )
     assert found.fibers.rigid == tension.fibers.rigid
     assert found.fibers.unreachable == tension.fibers.unreachable
     for name in ("residual", "equilibrium", "steps", "second_activations"):
-        own, read = getattr(tension.fibers.certificate, name), getattr(found.fibers.certificate, name)
+        own = getattr(tension.fibers.certificate, name)
+        read = getattr(found.fibers.certificate, name)
         assert own == read or (np.isnan(own) and np.isnan(read))
 
 
@@ -114,7 +135,9 @@ def test_rigid_tendons_write_nothing(data, tmp_path):
 def test_what_cannot_reach_and_what_is_bridged_is_reported_with_its_place(solved, stored):
     model, motion, tension = solved
     first, second = stored[1][:2]
-    assert first.startswith(f"{model.muscles[0].name}: the path is shorter than the slack tendon, first at ")
+    assert first.startswith(
+        f"{model.muscles[0].name}: the path is shorter than the slack tendon, first at "
+    )
     assert f"{motion.time[tension.fibers.unreachable[0].frame]:.3f} s" in first
     assert "in 2 frames" in second
     assert f"{motion.time[20]:.3f}" in second
@@ -152,11 +175,14 @@ def test_work_of_fibers_and_tendons_is_that_of_the_path(data):
     found = solve_tension(model, motion, torques, ELASTIC)
     optimal = {one.name: one.optimal_fiber_length for one in model.muscles}
     rows = fiber_work(motion.time, found.muscles, found.fibers, optimal, None)
-    paths, inside = muscle_kinematics(model, motion), ~found.fibers.transient
+    paths = muscle_kinematics(model, motion)
+    inside = ~found.fibers.transient
     power = -(found.forces * paths.velocities)[inside]
     for m, row in enumerate(rows):
         whole = np.trapezoid(power[:, m], motion.time[inside])
-        assert np.isclose(row.fiber_done - row.fiber_absorbed + row.tendon_returned - row.tendon_stored, whole)
+        assert np.isclose(
+            row.fiber_done - row.fiber_absorbed + row.tendon_returned - row.tendon_stored, whole
+        )
         assert row.shortest < row.longest
 
 
@@ -182,7 +208,9 @@ def test_signals_and_numbers_leave_the_ends_out(solved, stored):
 
 def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     model, motion, tension = solved
-    given = ReportInput(PageHead("arm"), model, kinematics=Kinematics(coordinates=motion), tension=tension)
+    given = ReportInput(
+        PageHead("arm"), model, kinematics=Kinematics(coordinates=motion), tension=tension
+    )
     section = fiber_section(prepare(given))
     assert len(section.figures) == 15
     assert "near an end" in section.figures[0].svg
@@ -194,8 +222,11 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
 
 
 def test_thin_lines_of_one_end_do_not_reach_the_other():
-    time, ends = np.arange(8.0), np.zeros(8, bool)
+    time = np.arange(8.0)
+    ends = np.zeros(8, bool)
     ends[:2] = True
     thick, thin = _fiber_lines(time, [time + 1.0], ["one"], ends)
     assert np.isnan(thick.values[:2]).all()
-    assert np.array_equal(np.isfinite(thin.values), [True, True, True, False, False, False, False, False])
+    assert np.array_equal(
+        np.isfinite(thin.values), [True, True, True, False, False, False, False, False]
+    )

@@ -1,4 +1,6 @@
-"""What checks of forces and markers found is printed by a study, counted in outcomes, and stands in the report."""
+"""What checks of forces and markers found is printed by a study, counted in outcomes, and stands in
+the report.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,15 @@ from myomorph.study.step.step import step_of
 from myomorph.study.trial.steps.id import FINDINGS, Torques
 
 TIME = np.arange(4) / 10.0
-FOUND = (Finding("wrong foot", "F1", "force 'F1' acts under calcn_l: put there", (), True),)
+FOUND = (
+    Finding(
+        kind="wrong foot",
+        place="F1",
+        text="force 'F1' acts under calcn_l: put there",
+        times=(),
+        mended=True,
+    ),
+)
 
 
 def test_findings_reach_the_report(tmp_path) -> None:
@@ -33,8 +43,12 @@ def test_findings_reach_the_report(tmp_path) -> None:
 
 def test_findings_are_printed_with_their_trial(capsys) -> None:
     three = np.zeros((4, 0, 3))
-    wrenches = Wrenches(TIME, (), (), three, three, three, findings=FOUND)
-    torques = Torques(Motion(TIME, ("a",), np.zeros((4, 1))), Series(TIME, ("a",), np.zeros((4, 1))), wrenches)
+    wrenches = Wrenches(
+        time=TIME, names=(), bodies=(), forces=three, points=three, torques=three, findings=FOUND
+    )
+    torques = Torques(
+        Motion(TIME, ("a",), np.zeros((4, 1))), Series(TIME, ("a",), np.zeros((4, 1))), wrenches
+    )
     outcome = step_of("id").outcome(Outcome("s01", "walk", Path("x"), frames=4), torques)
     assert outcome.findings == (FOUND[0].text,)
     print_outcome(outcome)

@@ -1,4 +1,6 @@
-"""The page for the clinic: written beside the report of a walk, held against the norm that was asked for."""
+"""The page for the clinic: written beside the report of a walk, held against the norm that was
+asked for.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def prepared(data):
     home = data("opensim-gait-subject01") / "ref_id"
     model = read_model(home / "subject01.osim")
     motion = motion_from_table(read_sto(home / "subject01_walk1_ik.mot"), model)
-    return prepare(ReportInput(PageHead("s01: walk"), model, kinematics=Kinematics(coordinates=motion)))
+    return prepare(
+        ReportInput(PageHead("s01: walk"), model, kinematics=Kinematics(coordinates=motion))
+    )
 
 
 def test_the_norm_of_adults_is_a_walk():
@@ -45,9 +49,16 @@ def test_the_norm_of_adults_is_a_walk():
 
 def test_a_walk_has_its_page_and_the_report_leads_to_it(prepared, tmp_path):
     write_report(tmp_path, prepared)
-    page, report = ((tmp_path / name).read_text("utf-8") for name in ("gait.html", "report.html"))
+    page = (tmp_path / "gait.html").read_text("utf-8")
+    report = (tmp_path / "report.html").read_text("utf-8")
     assert 'href="gait.html"' in report
-    for words in ("Knee flexion", "Walking speed", "Gait profile score of 5 variables", "CC BY 4.0", "No scaled score"):
+    for words in (
+        "Knee flexion",
+        "Walking speed",
+        "Gait profile score of 5 variables",
+        "CC BY 4.0",
+        "No scaled score",
+    ):
         assert words in page
     assert page.count("<svg") == ANGLES
     write_report(tmp_path, prepared, GaitNorms(("none",)))
@@ -83,7 +94,9 @@ def test_a_norm_that_is_nothing_is_refused(tmp_path):
 
 def test_draws_are_the_bands(prepared, tmp_path):
     rng = np.random.default_rng(0)
-    errors = {side: rng.standard_normal((50, 1, len(KEYS))).repeat(SAMPLES, axis=1) for side in SIDES}
+    errors = {
+        side: rng.standard_normal((50, 1, len(KEYS))).repeat(SAMPLES, axis=1) for side in SIDES
+    }
     shown = replace(prepared.results, uncertainty=Uncertainty(gait=errors))
     write_report(tmp_path, prepare(shown))
     page = (tmp_path / "gait.html").read_text("utf-8")
@@ -93,12 +106,15 @@ def test_draws_are_the_bands(prepared, tmp_path):
 
 def test_moments_of_feet_off_plates_are_left_out(data, prepared):
     home = data("opensim-gait-subject01") / "ref_id"
-    model, motion, strides = prepared.results.model, prepared.results.kinematics.motion, prepared.strides
+    model = prepared.results.model
+    motion = prepared.results.kinematics.motion
+    strides = prepared.strides
     motion = differentiate(motion, cutoff=6.0)
     wrenches = read_external_loads(home / "subject01_walk1_grf.xml")
     torques = inverse_dynamics(model, motion, resample_wrenches(wrenches, motion.time, cutoff=6.0))
     with_plates = gait_curves(model, motion, strides, torques, wrenches)
-    ankle, power = KEYS.index("ankle_moment"), KEYS.index("ankle_power")
+    ankle = KEYS.index("ankle_moment")
+    power = KEYS.index("ankle_power")
     for side in SIDES:
         moment = with_plates.mean(side)[:, ankle]
         if np.isfinite(moment).any():
@@ -106,7 +122,8 @@ def test_moments_of_feet_off_plates_are_left_out(data, prepared):
             assert 40.0 < 2.0 * np.nanargmax(moment) < 60.0
             assert np.nanmax(with_plates.mean(side)[:, power]) > 1.0
     assert (
-        np.isfinite(with_plates.mean("right")[:, ankle]).any() or np.isfinite(with_plates.mean("left")[:, ankle]).any()
+        np.isfinite(with_plates.mean("right")[:, ankle]).any()
+        or np.isfinite(with_plates.mean("left")[:, ankle]).any()
     )
     without = gait_curves(model, motion, strides, torques)
     assert not np.isfinite(without.right.values[..., ANGLES:]).any()

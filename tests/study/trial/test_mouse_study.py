@@ -1,4 +1,6 @@
-"""A study of a mouse: labels of its own, parts worth using, muscle lengths of every stride in page and tables."""
+"""A study of a mouse: labels of its own, parts worth using, muscle lengths of every stride in page
+and tables.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,9 @@ def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
 
 
 def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
-    """Two hind paws and two forepaws on one plate: what is left is solved, and its reserves are small."""
+    """Two hind paws and two forepaws on one plate: what is left is solved, and its reserves are
+    small.
+    """
     plan = study(tmp_path, data, ["ik", "id", "tension"], "[options.ik]\npasses_only = true")
     outcome = run_study(plan, tmp_path / "out")[0]
     assert outcome.error == ""
@@ -75,15 +79,22 @@ def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
         np.testing.assert_array_equal(muscles.all(axis=1), muscles.any(axis=1))
         out = muscles.all(axis=1)
         assert np.isnan(tension.reserve(f"reserve_Knee_extension_{leg}")[out]).all()
-        assert np.isnan(tension.torques[out, tension.coordinates.index(f"Knee_extension_{leg}")]).all()
-        given, asked = tension.reserve(f"reserve_Knee_extension_{leg}"), f"Knee_extension_{leg}"
+        assert np.isnan(
+            tension.torques[out, tension.coordinates.index(f"Knee_extension_{leg}")]
+        ).all()
+        given = tension.reserve(f"reserve_Knee_extension_{leg}")
+        asked = f"Knee_extension_{leg}"
         torque = tension.torques[:, tension.coordinates.index(asked)]
         assert np.sqrt(np.nanmean(given**2) / np.nanmean(torque**2)) < 0.2
-    np.testing.assert_array_equal(tension.status == STATUS_NAMES.index("not determined"), unknown.all(axis=1))
+    np.testing.assert_array_equal(
+        tension.status == STATUS_NAMES.index("not determined"), unknown.all(axis=1)
+    )
 
 
 def test_parts_that_show_enough_nowhere_are_named(tmp_path, data):
-    plan = study(tmp_path, data, ["ik"], "[options.ik]\npasses_only = true\npasses_min_duration = 30.0")
+    plan = study(
+        tmp_path, data, ["ik"], "[options.ik]\npasses_only = true\npasses_min_duration = 30.0"
+    )
     assert "no part of 30 s shows 75 %" in run_study(plan, tmp_path / "out")[0].error
     with pytest.raises(BadFile, match="passes_onl"):
         study(tmp_path, data, ["ik"], "[options.ik]\npasses_onl = true")
@@ -93,12 +104,20 @@ def test_labels_that_the_model_does_not_know_are_named(tmp_path, data):
     study(tmp_path, data, ["ik"])
     file = tmp_path / "study.toml"
     file.write_text(file.read_text().replace('"Left_Illiac"', '"Left_Iliac"'))
-    with pytest.raises(BadFile, match=r"labels: unknown marker 'Left_Iliac': mouse\.osim has 'Left_Illiac'"):
+    with pytest.raises(
+        BadFile, match=r"labels: unknown marker 'Left_Iliac': mouse\.osim has 'Left_Illiac'"
+    ):
         read_plan(file)
 
 
 def test_two_markers_cannot_have_one_name():
-    trial = Trial(markers=Markers(np.zeros(1), ("LEFT_HIP", "LeftHIP"), np.zeros((1, 2, 3))), source="mouse.c3d")
+    trial = Trial(
+        markers=Markers(np.zeros(1), ("LEFT_HIP", "LeftHIP"), np.zeros((1, 2, 3))),
+        source="mouse.c3d",
+    )
     with pytest.raises(BadData, match="'LEFT_HIP' and 'LeftHIP' would both be called 'Left_Hip'"):
         with_labels(trial, GAIT_LABELS)
-    assert with_labels(trial, {"Nose": "Head", "LeftHIP": "hip"}).markers.names == ("LEFT_HIP", "hip")
+    assert with_labels(trial, {"Nose": "Head", "LeftHIP": "hip"}).markers.names == (
+        "LEFT_HIP",
+        "hip",
+    )

@@ -1,4 +1,6 @@
-"""Stairs as a file: steps, cells and recordings into forces on bodies and into tensions (made, forces known)."""
+"""Stairs as a file: steps, cells and recordings into forces on bodies and into tensions (made,
+forces known).
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from myomorph.study.run.run import run_study
 
 MASS = 0.025
 WEIGHT = MASS * 9.80665
-RATE, FRAMES = 500.0, 500
+RATE = 500.0
+FRAMES = 500
 HERE = Transform.identity()
 
 STAIRS = """
@@ -53,37 +56,89 @@ body = "paw"
 def animal():
     """A trunk over one paw that slides with it: its weight must come through the paw."""
     axes = tuple(
-        Axis("translation" if i < 3 else "rotation", np.eye(3)[i % 3], linear(1.0), (name,))
+        Axis(
+            kind="translation" if i < 3 else "rotation",
+            vector=np.eye(3)[i % 3],
+            function=linear(1.0),
+            coordinates=(name,),
+        )
         for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))
     )
     names = tuple(axis.coordinates[0] for axis in axes)
     # It ends on the trunk below the paw, so that it pushes the paw down.
-    ends = (PathPoint("a", "trunk", np.array([0.0, -0.05, 0.0])), PathPoint("b", "paw", np.zeros(3)))
-    reach = (Axis("translation", np.array([0.0, 1.0, 0.0]), linear(1.0), ("reach",)),)
-    return Model(
-        "animal",
-        (Body("trunk", MASS, np.zeros(3), 1e-5 * np.eye(3)), Body("paw", 1e-6, np.zeros(3), 1e-9 * np.eye(3))),
-        (
-            Joint("root", "CustomJoint", GROUND, "trunk", HERE, HERE, axes, names),
-            Joint("limb", "CustomJoint", "trunk", "paw", HERE, HERE, reach, ("reach",)),
+    ends = (
+        PathPoint("a", "trunk", np.array([0.0, -0.05, 0.0])),
+        PathPoint("b", "paw", np.zeros(3)),
+    )
+    reach = (
+        Axis(
+            kind="translation",
+            vector=np.array([0.0, 1.0, 0.0]),
+            function=linear(1.0),
+            coordinates=("reach",),
         ),
-        (
-            *(Coordinate(name, "translational" if name in "xyz" else "rotational", range=(-9, 9)) for name in names),
+    )
+    return Model(
+        name="animal",
+        bodies=(
+            Body(name="trunk", mass=MASS, mass_center=np.zeros(3), inertia=1e-5 * np.eye(3)),
+            Body(name="paw", mass=1e-6, mass_center=np.zeros(3), inertia=1e-9 * np.eye(3)),
+        ),
+        joints=(
+            Joint(
+                name="root",
+                kind="CustomJoint",
+                parent=GROUND,
+                child="trunk",
+                parent_frame=HERE,
+                child_frame=HERE,
+                axes=axes,
+                coordinates=names,
+            ),
+            Joint(
+                name="limb",
+                kind="CustomJoint",
+                parent="trunk",
+                child="paw",
+                parent_frame=HERE,
+                child_frame=HERE,
+                axes=reach,
+                coordinates=("reach",),
+            ),
+        ),
+        coordinates=(
+            *(
+                Coordinate(name, "translational" if name in "xyz" else "rotational", range=(-9, 9))
+                for name in names
+            ),
             Coordinate("reach", "translational", range=(-9, 9)),
         ),
-        np.array([0.0, -9.80665, 0.0]),
-        muscles=(Muscle("pusher", "Thelen2003Muscle", Path(ends), 2.0, 0.02, 0.01),),
+        gravity=np.array([0.0, -9.80665, 0.0]),
+        muscles=(
+            Muscle(
+                name="pusher",
+                kind="Thelen2003Muscle",
+                path=Path(ends),
+                max_isometric_force=2.0,
+                optimal_fiber_length=0.02,
+                tendon_slack_length=0.01,
+            ),
+        ),
     )
 
 
 def recording(folder, measures=("fx", "fy", "fz")):
-    """The paw on the low step for the first half and on the high one for the second; the trunk stands over it."""
+    """The paw on the low step for the first half and on the high one for the second; the trunk
+    stands over it.
+    """
     time = np.arange(FRAMES) / RATE
     low = time < 0.5
     x = np.where(low, 0.002, 0.031)
     y = np.where(low, 0.0, 0.01)
     columns = np.zeros((FRAMES, 7))
-    columns[:, 0], columns[:, 1], columns[:, 6] = x, y + 0.02, -0.02
+    columns[:, 0] = x
+    columns[:, 1] = y + 0.02
+    columns[:, 6] = -0.02
     model = animal()
     write_sto(Table(time, model.coordinate_names, columns, in_degrees=False), folder / "walk.sto")
     force = np.zeros((FRAMES, 3))
@@ -98,13 +153,18 @@ def recording(folder, measures=("fx", "fy", "fz")):
     with (folder / "cells.csv").open("w") as stream:
         stream.write("time," + ",".join(values) + "\n")
         for i, t in enumerate(time):
-            stream.write(f"{t:.6f}," + ",".join(f"{column[i]:.9f}" for column in values.values()) + "\n")
+            stream.write(
+                f"{t:.6f}," + ",".join(f"{column[i]:.9f}" for column in values.values()) + "\n"
+            )
     return model, Motion(time, model.coordinate_names, columns), force, low
 
 
 def write(folder, measures=("fx", "fy", "fz"), head='recording = "cells.csv"'):
     quoted = "[" + ", ".join(f'"{one}"' for one in measures) + "]"
-    parts = {step: "[" + ", ".join(f'"{step}_{one}"' for one in measures) + "]" for step in ("low", "high")}
+    parts = {
+        step: "[" + ", ".join(f'"{step}_{one}"' for one in measures) + "]"
+        for step in ("low", "high")
+    }
     path = folder / "stairs.toml"
     path.write_text(STAIRS.format(head=head, measures=quoted, **parts))
     return path
@@ -120,12 +180,18 @@ def test_forces_come_back_on_the_paw(tmp_path):
     away = np.abs(loads.time - 0.5) > 0.02
     np.testing.assert_allclose(total[away], force[away], atol=2e-6)
     at = loads.points[:, loads.names.index("low_paw")]
-    np.testing.assert_allclose(at[low & away], np.tile([0.002, 0.0, 0.0], ((low & away).sum(), 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        at[low & away], np.tile([0.002, 0.0, 0.0], ((low & away).sum(), 1)), atol=1e-9
+    )
 
 
 def test_the_other_sense_and_the_other_up(tmp_path):
     model, motion, force, _ = recording(tmp_path)
-    other = read_loads(write(tmp_path, head='recording = "cells.csv"\nforce_on = "step"\ntare = "none"'), model, motion)
+    other = read_loads(
+        write(tmp_path, head='recording = "cells.csv"\nforce_on = "step"\ntare = "none"'),
+        model,
+        motion,
+    )
     assert not len(other.names)
     path = write(tmp_path, head='recording = "cells.csv"\nup = "z"')
     path.write_text(
@@ -143,7 +209,9 @@ def test_one_axis_is_open_until_it_is_told(tmp_path):
     loads = read_loads(write(tmp_path, ("fz",)), model, motion)
     assert not loads.names
     assert len(loads.notes) == 2
-    zero = read_loads(write(tmp_path, ("fz",), 'recording = "cells.csv"\nunmeasured = "zero"'), model, motion)
+    zero = read_loads(
+        write(tmp_path, ("fz",), 'recording = "cells.csv"\nunmeasured = "zero"'), model, motion
+    )
     away = np.abs(zero.time - 0.5) > 0.02
     np.testing.assert_allclose(zero.forces.sum(axis=1)[away, 1], force[away, 1], atol=2e-6)
     assert not zero.forces[..., [0, 2]].any()
@@ -168,7 +236,11 @@ def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     assert plan.stairs is not None
     still = slice(100, 104)
     part = Motion(
-        motion.time[still], motion.names, motion.values[still], 0 * motion.values[still], 0 * motion.values[still]
+        time=motion.time[still],
+        names=motion.names,
+        values=motion.values[still],
+        velocities=0 * motion.values[still],
+        accelerations=0 * motion.values[still],
     )
     setting = set_contacts(plan, model, part, Measurements(part), ContactOptions())
     assert [one.sites for one in setting.task.measured] == [("paw",)]
@@ -184,7 +256,9 @@ def test_channels_of_other_files(tmp_path):
     recording(tmp_path)
     cells = read_channels(tmp_path / "cells.csv")
     write_sto(Table(cells.time, cells.names, cells.values), tmp_path / "cells.sto")
-    np.testing.assert_allclose(read_channels(tmp_path / "cells.sto").values, cells.values, atol=1e-7)
+    np.testing.assert_allclose(
+        read_channels(tmp_path / "cells.sto").values, cells.values, atol=1e-7
+    )
     text = (tmp_path / "cells.csv").read_text().replace(",", ";")
     (tmp_path / "semi.csv").write_text(text)
     np.testing.assert_allclose(read_channels(tmp_path / "semi.csv").values, cells.values)
@@ -209,7 +283,11 @@ def test_what_is_wrong_is_told_at_once(tmp_path):
         ('"low_fz"]', '"low_f"]', "no channel 'low_f'"),
         ('"fz"]', '"fw"]', "expected some of fx"),
         ("size = [0.02, 0.06]", "size = [0.02, 0.0]", "two lengths above 0"),
-        ("[stairs]", "[stairs]\nloaded = 0.01", "loaded from 0.01 of body weight and unloaded below 0.02"),
+        (
+            "[stairs]",
+            "[stairs]\nloaded = 0.01",
+            "loaded from 0.01 of body weight and unloaded below 0.02",
+        ),
         ("[stairs]", "[stairs]\nfriction = 1", "unknown key 'stairs.friction'"),
     ):
         assert old in good
@@ -249,11 +327,16 @@ def studied(folder, measures, trial):
     places = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]])
     own = [Marker(f"T{k}", "trunk", place) for k, place in enumerate(places)]
     own += [Marker("paw", "paw", np.zeros(3))]
-    values = np.concatenate([motion.values[:, None, :3] + places, motion.values[:, None, :3]], axis=1)
+    values = np.concatenate(
+        [motion.values[:, None, :3] + places, motion.values[:, None, :3]], axis=1
+    )
     values[:, -1, 1] += motion.values[:, 6]
     write_osim(model.with_markers(tuple(own)), folder / "animal.osim")
     slow = slice(None, None, 10)
-    write_trc(Markers(motion.time[slow], tuple(one.name for one in own), values[slow]), folder / "walk.trc")
+    write_trc(
+        Markers(motion.time[slow], tuple(one.name for one in own), values[slow]),
+        folder / "walk.trc",
+    )
     (folder / "contacts.toml").write_text('stairs = "stairs.toml"\n')
     (folder / "study.toml").write_text(STUDY.format(trial=trial))
     (outcome,) = run_study(read_plan(folder / "study.toml"), folder / "out")

@@ -1,4 +1,6 @@
-"""All tables of strides take them from the same place: plates and events first, the motion else (a made walker)."""
+"""All tables of strides take them from the same place: plates and events first, the motion else (a
+made walker).
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,10 @@ def walk():
     assert alone is not None
     events = tuple(
         Event(time + SHIFT, label, "Right")
-        for label, times in (("Foot Strike", alone.strikes["foot_r"]), ("Foot Off", alone.lifts["foot_r"]))
+        for label, times in (
+            ("Foot Strike", alone.strikes["foot_r"]),
+            ("Foot Off", alone.lifts["foot_r"]),
+        )
         for time in times
     )
     return model, motion, alone, events
@@ -69,12 +74,16 @@ def test_events_of_a_side_are_not_those_of_two_feet_on_it():
     points = Series(
         time,
         ("fore", "hind", "trunk"),
-        np.stack([np.stack([time + one, 0 * time, 0 * time], axis=1) for one in (*swings[:2], 0 * time)], axis=1),
+        np.stack(
+            [np.stack([time + one, 0 * time, 0 * time], axis=1) for one in (*swings[:2], 0 * time)],
+            axis=1,
+        ),
     )
     limbs = [Limb("fore_r", ("fore",)), Limb("hind_r", ("hind",))]
     events = [Event(at, "Foot Strike", "Right") for at in (0.3, 1.3, 2.3)]
     up = np.array([0.0, 1.0, 0.0])
-    plain, found = (find_strides(points, limbs, ["trunk"], up, events=one) for one in ((), events))
+    plain = find_strides(points, limbs, ["trunk"], up, events=())
+    found = find_strides(points, limbs, ["trunk"], up, events=events)
     for limb in limbs:
         np.testing.assert_array_equal(found.strikes[limb.name], plain.strikes[limb.name])
     assert any("events" in note for note in found.notes)
@@ -83,7 +92,9 @@ def test_events_of_a_side_are_not_those_of_two_feet_on_it():
 
 
 def test_plates_tell_the_only_stride_of_a_recording(walk):
-    """A foot that is not seen to turn at its strikes has those that its plate shows, and none outside of the motion."""
+    """A foot that is not seen to turn at its strikes has those that its plate shows, and none
+    outside of the motion.
+    """
     model, motion, alone, _ = walk
     start, stop = alone.strikes["foot_r"][1:3]
     lift = next(one for one in alone.lifts["foot_r"] if one > start)
@@ -93,10 +104,19 @@ def test_plates_tell_the_only_stride_of_a_recording(walk):
         stands |= (time >= one) & (time < one + lift - start)
     forces = np.zeros((len(time), 1, 3))
     forces[stands, 0] = model.weight * np.asarray(model.up)
-    plate = Wrenches(time, ("plate",), ("foot_r",), forces, np.zeros_like(forces), np.zeros_like(forces))
+    plate = Wrenches(
+        time=time,
+        names=("plate",),
+        bodies=("foot_r",),
+        forces=forces,
+        points=np.zeros_like(forces),
+        torques=np.zeros_like(forces),
+    )
     short = cut(motion, start - 0.05, stop + 0.05)
     without = walking_strides(model, short)
     assert without is None or "foot_r" not in {one.limb for one in without.strides}
-    (found,) = [one for one in walking_strides(model, short, wrenches=plate).strides if one.limb == "foot_r"]
+    (found,) = [
+        one for one in walking_strides(model, short, wrenches=plate).strides if one.limb == "foot_r"
+    ]
     assert (found.start, found.lift, found.stop) == pytest.approx((start, lift, stop), abs=0.01)
     assert found.source == "plates"

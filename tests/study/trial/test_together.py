@@ -1,4 +1,6 @@
-"""Several subjects and objects solved as one: what they pass to each other obeys Newton, and files tell it."""
+"""Several subjects and objects solved as one: what they pass to each other obeys Newton, and files
+tell it.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ intervals = "always"
 
 @pytest.fixture
 def held(arm):
-    """A ball that goes where the hand goes, without turning; its true acceleration, cut-off and all."""
+    """A ball that goes where the hand goes, without turning; its true acceleration, cut-off and
+    all.
+    """
     model = read_osim(arm.model)
     tree = compile_tree(model)
     table = read_sto(arm.motion)
@@ -90,7 +94,9 @@ def test_a_held_ball_takes_the_force_that_its_motion_needs(held):
     force = get_contact_forces(read_result(home / "held.nc")).of("grip")
     needed = MASS * (held.acceleration + [0.0, 9.80665, 0.0])
     inside = slice(5, -5)
-    np.testing.assert_allclose(force[inside], needed[inside], atol=0.02 * np.linalg.norm(needed[inside], axis=1).max())
+    np.testing.assert_allclose(
+        force[inside], needed[inside], atol=0.02 * np.linalg.norm(needed[inside], axis=1).max()
+    )
     loads = read_external_loads(home / "contact_forces.xml")
     on = {body: loads.forces[:, k] for k, body in enumerate(loads.bodies)}
     np.testing.assert_allclose(on["ball_ball"], force, atol=1e-6)

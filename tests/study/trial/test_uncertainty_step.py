@@ -46,7 +46,9 @@ trials = [{{ markers = "reach.trc", loads = "reach_grf.xml" }}]
 
 
 def opened(arm, thin, **sizes):
-    files = TrialFiles(arm.model, inputs=settings_of_keys({"motion": arm.motion, "loads": arm.loads}))
+    files = TrialFiles(
+        arm.model, inputs=settings_of_keys({"motion": arm.motion, "loads": arm.loads})
+    )
     trial = open_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
     poses = recorded_poses(trial)
     torques = solve_dynamics(trial, poses.recorded)
@@ -57,7 +59,8 @@ def test_criteria_are_drawn_alike_often():
     draws = [Draw(number, Sources(), Normals(90)) for number in range(90)]
     exponents = Counter(drawn_criterion(TensionOptions(), one).exponent for one in draws)
     loads = Counter(
-        drawn_costs(RecruitmentOptions(joint_load=0.1, joint_load_joints="all"), one).joint_load for one in draws
+        drawn_costs(RecruitmentOptions(joint_load=0.1, joint_load_joints="all"), one).joint_load
+        for one in draws
     )
     assert exponents == {1.5: 30, 2.0: 30, 3.0: 30}
     assert loads == {0.0: 30, 0.1: 30, 0.2: 30}
@@ -73,7 +76,9 @@ def test_without_errors_what_is_drawn_is_the_result(arm, thin):
 
 
 def test_an_error_of_the_force_comes_out_as_its_moment(arm):
-    """Torques are linear in the force: their standard deviation is the gain's share of the moment of the force."""
+    """Torques are linear in the force: their standard deviation is the gain's share of the moment
+    of the force.
+    """
     chain, torques, sources = opened(arm, False, plate_gain=0.02)
     values = np.stack([chain.drawn(Draw(k, sources, Normals(100)))["torques"] for k in range(100)])
     files = TrialFiles(arm.model, inputs=settings_of_keys({"motion": arm.motion}))
@@ -84,15 +89,22 @@ def test_an_error_of_the_force_comes_out_as_its_moment(arm):
 
 
 def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
-    """Angles of a chain whose markers are misplaced: least squares on its own Jacobian gives their deviation."""
+    """Angles of a chain whose markers are misplaced: least squares on its own Jacobian gives their
+    deviation.
+    """
     chain, _, sources = opened(arm, False, placement=0.002)
-    values = np.stack([chain.drawn(Draw(k, sources, Normals(200)))["coordinates"][0] for k in range(200)])
-    model, angles = read_model(arm.model), chain.recorded.values[0]
+    values = np.stack(
+        [chain.drawn(Draw(k, sources, Normals(200)))["coordinates"][0] for k in range(200)]
+    )
+    model = read_model(arm.model)
+    angles = chain.recorded.values[0]
     rows = []
     for marker in model.markers:
-        # Planar pins: a marker on the upper arm moves with the shoulder, one on the forearm with both.
+        # Planar pins: a marker on the upper arm moves with the shoulder, one on the forearm with
+        # both.
         place = np.asarray(marker.location)[:2]
-        turn, elbow = angles[0], angles[0] + angles[1]
+        turn = angles[0]
+        elbow = angles[0] + angles[1]
         across = np.array([[0.0, -1.0], [1.0, 0.0]])
 
         def rotation(angle):
@@ -102,7 +114,9 @@ def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
             rows.append(np.column_stack([across @ rotation(turn) @ place, np.zeros(2)]))
         else:
             own = across @ rotation(elbow) @ place
-            rows.append(np.column_stack([across @ rotation(turn) @ np.array([0.0, -0.3]) + own, own]))
+            rows.append(
+                np.column_stack([across @ rotation(turn) @ np.array([0.0, -0.3]) + own, own])
+            )
     jacobian = np.concatenate(rows)
     expected = 0.002 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     np.testing.assert_allclose(values.std(axis=0), expected, rtol=0.12)
@@ -111,7 +125,8 @@ def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
 def test_processes_that_share_the_draws_come_to_the_same(arm, monkeypatch):
     chain, _, sources = opened(arm, True, placement=0.002, plate_gain=0.02)
     draws = [Draw(k, sources, Normals(9)) for k in range(9)]
-    alone, begun = list(attempts(chain, draws, 1)), []
+    alone = list(attempts(chain, draws, 1))
+    begun = []
     begin = LocalWorkers._begin
     monkeypatch.setattr(LocalWorkers, "_begin", lambda self: begun.append(begin(self)) or begun[-1])
     together = attempts(chain, draws, 3)
@@ -127,7 +142,8 @@ def test_processes_that_share_the_draws_come_to_the_same(arm, monkeypatch):
 
 
 def test_limits_are_widened_by_factors_that_the_last_line_names(arm, command):
-    sizes, words = arm.folder / "sizes.toml", ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
+    sizes = arm.folder / "sizes.toml"
+    words = ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads)
     found = {}
     for state in ("true", "false"):
         sizes.write_text(f"draws = 12\ncontributions = 0\nwidened = {state}\n")
@@ -135,10 +151,13 @@ def test_limits_are_widened_by_factors_that_the_last_line_names(arm, command):
         assert done.status == 0, done.err
         assert (f"torques {FACTORS['torques']:g}" in done.out) == (state == "true")
         assert "limits of 90 % from 12 draws" in done.out
-        low, high = (read_sto(arm.folder / f"torques{one}.sto").values for one in ("_low", "_high"))
+        low = read_sto(arm.folder / "torques_low.sto").values
+        high = read_sto(arm.folder / "torques_high.sto").values
         found[state] = 0.5 * (low + high), high - low
     np.testing.assert_allclose(found["true"][0], found["false"][0], atol=1e-6)
-    np.testing.assert_allclose(found["true"][1], FACTORS["torques"] * found["false"][1], rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        found["true"][1], FACTORS["torques"] * found["false"][1], rtol=1e-5, atol=1e-6
+    )
 
 
 def test_who_draws_is_nobodys_business_without_draws(arm, command):
@@ -150,10 +169,22 @@ def test_who_draws_is_nobodys_business_without_draws(arm, command):
 
 def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):
     out = arm.folder / "torques.sto"
-    words = ("id", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads, "--cutoff", 6)
+    words = (
+        "id",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--loads",
+        arm.loads,
+        "--cutoff",
+        6,
+    )
     done = command(*words, "--out", out, "--draws", 8)
     assert done.status == 0, done.err
-    table, low, high = (read_sto(arm.folder / f"torques{one}.sto") for one in ("", "_low", "_high"))
+    table = read_sto(arm.folder / "torques.sto")
+    low = read_sto(arm.folder / "torques_low.sto")
+    high = read_sto(arm.folder / "torques_high.sto")
     assert low.names == table.names == high.names
     assert (low.values < high.values).all()
     with (arm.folder / "torques_uncertainty.csv").open(encoding="utf-8") as stream:
@@ -164,8 +195,15 @@ def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):
 
 def test_angles_have_limits_in_degrees(arm, command):
     out = arm.folder / "angles.mot"
-    assert command("ik", "--model", arm.model, "--markers", arm.markers, "--out", out, "--draws", 8).status == 0
-    table, low, high = (read_sto(arm.folder / f"angles{one}.mot") for one in ("", "_low", "_high"))
+    assert (
+        command(
+            "ik", "--model", arm.model, "--markers", arm.markers, "--out", out, "--draws", 8
+        ).status
+        == 0
+    )
+    table = read_sto(arm.folder / "angles.mot")
+    low = read_sto(arm.folder / "angles_low.mot")
+    high = read_sto(arm.folder / "angles_high.mot")
     assert (table.facts["inDegrees"], low.facts["inDegrees"]) == ("yes", "yes")
     assert ((low.values < table.values) & (table.values < high.values)).mean() > 0.8
 
@@ -183,7 +221,9 @@ def test_a_file_of_sizes_that_is_wrong_is_refused_in_one_line(arm, command, line
     sizes = arm.folder / "sizes.toml"
     sizes.write_text(line)
     out = arm.folder / "torques.sto"
-    done = command("id", "--model", arm.model, "--motion", arm.motion, "--out", out, "--uncertainty", sizes)
+    done = command(
+        "id", "--model", arm.model, "--motion", arm.motion, "--out", out, "--uncertainty", sizes
+    )
     assert done.status == 2
     assert len(done.err.splitlines()) == 1
     assert re.search(text, done.err)
@@ -199,7 +239,8 @@ def test_a_study_draws_where_it_says_so(arm):
     home = arm.out / "s01" / "reach"
     stored = read_result(home / "reach.nc")
     assert stored.provenance["uncertainty"].options["uncertainty.strength"] == 0.3
-    low, high = stored.values["activations_low"], stored.values["activations_high"]
+    low = stored.values["activations_low"]
+    high = stored.values["activations_high"]
     assert low.shape == stored.values["activation"].shape
     assert (low <= high + 1e-12).all()
     page = (home / "report.html").read_text(encoding="utf-8")
@@ -213,7 +254,8 @@ def test_a_study_draws_where_it_says_so(arm):
         values = {row["quantity"]: row for row in csv.DictReader(stream)}
     peak = values["elbow_flexion_moment, maximum"]
     assert float(peak["low"]) < float(peak["value"]) < float(peak["high"])
-    # Between the limits of a peak lies 3.29 times its deviation where it is normal, and it is widened.
+    # Between the limits of a peak lies 3.29 times its deviation where it is normal, and it is
+    # widened.
     assert 2.0 < (float(peak["high"]) - float(peak["low"])) / float(peak["sd"]) < 4.5
     assert values["frames"]["low"] == ""
     (result,) = load(home).values()
@@ -222,7 +264,9 @@ def test_a_study_draws_where_it_says_so(arm):
 
 def test_without_a_word_a_study_draws_nothing(arm):
     path = arm.folder / "study.toml"
-    path.write_text(STUDY.format(line="").replace("[uncertainty]\ndraws = 12\ncontributions = 2\n", ""))
+    path.write_text(
+        STUDY.format(line="").replace("[uncertainty]\ndraws = 12\ncontributions = 2\n", "")
+    )
     assert "uncertainty" not in read_plan(path).steps[0]
 
 

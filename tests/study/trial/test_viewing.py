@@ -60,7 +60,9 @@ def test_recordings_are_named_by_folder_and_trial(write: Write, arm: SimpleNames
     assert list(recordings(path)) == ["walk1"]
 
 
-def test_files_of_one_trial_belong_together_and_those_of_several_do_not(write: Write, arm: SimpleNamespace) -> None:
+def test_files_of_one_trial_belong_together_and_those_of_several_do_not(
+    write: Write, arm: SimpleNamespace
+) -> None:
     write(f"a_muscles{STORED}", "a")
     write(f"a_tension{STORED}", "a")
     write(f"b_muscles{STORED}", "b", first=5.0)
@@ -69,8 +71,20 @@ def test_files_of_one_trial_belong_together_and_those_of_several_do_not(write: W
     assert found["b"]().kinematics.motion.time[0] == 5.0  # type: ignore[union-attr]
 
 
-def test_what_a_command_wrote_is_shown(arm: SimpleNamespace, command: Callable[..., SimpleNamespace]) -> None:
-    done = command("tension", "--model", arm.model, "--motion", arm.motion, "--loads", arm.loads, "--out", arm.out)
+def test_what_a_command_wrote_is_shown(
+    arm: SimpleNamespace, command: Callable[..., SimpleNamespace]
+) -> None:
+    done = command(
+        "tension",
+        "--model",
+        arm.model,
+        "--motion",
+        arm.motion,
+        "--loads",
+        arm.loads,
+        "--out",
+        arm.out,
+    )
     assert done.status == 0, done.err
     replay = open_replay([arm.out])
     try:
@@ -104,7 +118,12 @@ def test_what_is_missing_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[s
     (tmp_path / f"broken{STORED}").write_bytes(b"no result at all")
     with pytest.raises(BadFile, match="is not a result of Myomorph"):
         recordings(tmp_path)
-    for given in ([], [str(tmp_path / "nowhere")], [str(tmp_path), "--port", "99999"], [str(tmp_path), "--port", "a"]):
+    for given in (
+        [],
+        [str(tmp_path / "nowhere")],
+        [str(tmp_path), "--port", "99999"],
+        [str(tmp_path), "--port", "a"],
+    ):
         status = main(["view", *given, "--no-browser"])
         told = capsys.readouterr().err
         assert status == 2, given
@@ -112,7 +131,9 @@ def test_what_is_missing_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert "Traceback" not in told
 
 
-def test_a_model_that_is_gone_is_told(write: Write, arm: SimpleNamespace, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_model_that_is_gone_is_told(
+    write: Write, arm: SimpleNamespace, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = write(f"walk{STORED}", "walk")
     arm.model.unlink()
     status = main(["view", str(path), "--no-browser"])
@@ -127,7 +148,10 @@ def test_results_are_shown_from_any_folder(
 ) -> None:
     """Also where the model was named relative to the folder that the command ran in."""
     monkeypatch.chdir(arm.folder)
-    assert main(["muscles", "--model", arm.model.name, "--motion", arm.motion.name, "--out", "out"]) == 0
+    assert (
+        main(["muscles", "--model", arm.model.name, "--motion", arm.motion.name, "--out", "out"])
+        == 0
+    )
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)

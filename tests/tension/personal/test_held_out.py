@@ -1,4 +1,6 @@
-"""Groups that keep generic values: those whose values explain held-out frames clearly better, and no others."""
+"""Groups that keep generic values: those whose values explain held-out frames clearly better, and
+no others.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ PARTS = (slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8), slice(8, 8))
 
 @pytest.mark.parametrize("score", [0.2, 10.0, -10.0])
 def test_generic_values_of_a_group_must_be_better_by_half_a_percent(monkeypatch, score):
-    """The first group would gain a little too little, the second a little more than enough; at least 0.005."""
+    """The first group would gain a little too little, the second a little more than enough; at
+    least 0.005.
+    """
     least = BETTER * max(abs(score), 1.0)
     gains = {"first": 0.9 * least, "second": 1.1 * least}
 
@@ -29,8 +33,12 @@ def test_generic_values_of_a_group_must_be_better_by_half_a_percent(monkeypatch,
     monkeypatch.setattr(room, "check", check)
     prior = SimpleNamespace(parts=PARTS, groups=("first", "second"), group=np.array([0, 1]))
     unseen = [SimpleNamespace(name="walk", counted=np.ones(7, bool))]
-    found, p = held_out(prior, None, [], unseen, np.zeros(1), SimpleNamespace(p=np.ones(8), noise=None))
+    found, p = held_out(
+        prior, None, [], unseen, np.zeros(1), SimpleNamespace(p=np.ones(8), noise=None)
+    )
     assert found.kept == ("second",)
     np.testing.assert_array_equal(p, [1.0, 0.0] * 4)
     assert found.frames == 7
-    assert (found.score_generic, found.score) == pytest.approx((score + 1.0, score - gains["second"]))
+    assert (found.score_generic, found.score) == pytest.approx(
+        (score + 1.0, score - gains["second"])
+    )

@@ -1,4 +1,6 @@
-"""Fibers followed from known activations: slopes by finite differences, forces against an independent integrator."""
+"""Fibers followed from known activations: slopes by finite differences, forces against an
+independent integrator.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,13 @@ from myomorph.muscles.hill import hill_forces, muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.tension.personal.fibers import LENGTHS, follow, muscle_shapes
 from myomorph.tension.personal.prior import sizes_of
-from truths.simulated_muscles import as_degroote, integrated_degroote, integrated_forces, smooth_activations, swings
+from truths.simulated_muscles import (
+    as_degroote,
+    integrated_degroote,
+    integrated_forces,
+    smooth_activations,
+    swings,
+)
 
 TIME = np.arange(0.0, 1.2, 0.01)
 RANGES = {"r_shoulder_elev": (-0.15, 0.4), "r_elbow_flex": (0.3, 2.0)}
@@ -33,21 +41,34 @@ def case(request, data):
 @pytest.mark.parametrize("elastic", [True, False])
 def test_slopes_are_those_of_finite_differences(case, elastic):
     model, _, moved, a = case
-    shapes, sizes = muscle_shapes(model, elastic), sizes_of(model)
+    shapes = muscle_shapes(model, elastic)
+    sizes = sizes_of(model)
     given = moved.lengths[None], moved.velocities[None]
     found = follow(shapes, sizes, *given, a[None], 0.01)
-    for name, slope in (("fiber", found.by_fiber), ("slack", found.by_slack), ("strain", found.by_strain)):
+    for name, slope in (
+        ("fiber", found.by_fiber),
+        ("slack", found.by_slack),
+        ("strain", found.by_strain),
+    ):
         h = 1e-6 * getattr(sizes, name)
-        up, down = (
-            follow(shapes, replace(sizes, **{name: getattr(sizes, name) + sign * h}), *given, a[None], 0.01).force
-            for sign in (1.0, -1.0)
-        )
+        up = follow(
+            shapes, replace(sizes, **{name: getattr(sizes, name) + 1.0 * h}), *given, a[None], 0.01
+        ).force
+        down = follow(
+            shapes,
+            replace(sizes, **{name: getattr(sizes, name) + (-1.0) * h}),
+            *given,
+            a[None],
+            0.01,
+        ).force
         difference = (up - down) / (2.0 * h)
         scale = np.abs(difference).max(axis=(0, 1)) + 1e-3 * sizes.force / getattr(sizes, name)
-        # Tables are joined with one slope but a jump of curvature: a difference across a joint sees it.
+        # Tables are joined with one slope but a jump of curvature: a difference across a joint sees
+        # it.
         assert np.quantile(np.abs(difference - slope) / scale, 0.99) < 1e-4, name
     h = 1e-6
-    up, down = (follow(shapes, sizes, *given, (a + sign * h)[None], 0.01).force for sign in (1.0, -1.0))
+    up = follow(shapes, sizes, *given, (a + 1.0 * h)[None], 0.01).force
+    down = follow(shapes, sizes, *given, (a + (-1.0) * h)[None], 0.01).force
     scale = np.abs(found.by_activation).max(axis=(0, 1))
     assert np.quantile(np.abs((up - down) / (2.0 * h) - found.by_activation) / scale, 0.99) < 1e-4
 
@@ -59,7 +80,12 @@ def test_forces_are_those_of_an_independent_integrator(case):
     else:
         theirs = integrated_forces(model, motion, a)
     ours = follow(
-        muscle_shapes(model), sizes_of(model), moved.lengths[None], moved.velocities[None], a[None], 0.01
+        muscle_shapes(model),
+        sizes_of(model),
+        moved.lengths[None],
+        moved.velocities[None],
+        a[None],
+        0.01,
     ).force[0]
     settled = slice(20, None)
     error = np.sqrt(np.mean((ours - theirs)[settled] ** 2, axis=0)) / theirs.max(axis=0)
@@ -72,7 +98,12 @@ def test_rigid_tendons_give_the_forces_of_hill_forces(case):
     known = hill_forces(model, moved.lengths, moved.velocities)
     wanted = a * known.active + known.passive
     found = follow(
-        muscle_shapes(model, False), sizes_of(model), moved.lengths[None], moved.velocities[None], a[None], 0.01
+        muscle_shapes(model, False),
+        sizes_of(model),
+        moved.lengths[None],
+        moved.velocities[None],
+        a[None],
+        0.01,
     )
     scale = sizes_of(model).force
     damped = np.array([one.parameters.get("fiber_damping", 0.0) for one in model.muscles])
@@ -82,11 +113,16 @@ def test_rigid_tendons_give_the_forces_of_hill_forces(case):
 
 def test_frames_held_still_are_in_equilibrium(case):
     model, _, moved, a = case
-    shapes, sizes = muscle_shapes(model), sizes_of(model)
+    shapes = muscle_shapes(model)
+    sizes = sizes_of(model)
     found = follow(shapes, sizes, moved.lengths[None], 0.0 * moved.lengths[None], a[None], np.inf)
     x = found.length[0]
     w = np.sqrt(x**2 - shapes.sine**2)
-    pull = (a * shapes.active(x)[0] * shapes.velocity(np.zeros_like(x))[0] + shapes.passive(x)[0]) * w / x
+    pull = (
+        (a * shapes.active(x)[0] * shapes.velocity(np.zeros_like(x))[0] + shapes.passive(x)[0])
+        * w
+        / x
+    )
     tendon = shapes.tendon((moved.lengths - sizes.fiber * w) / sizes.slack - 1.0)[0]
     reaches = moved.lengths > 1.02 * sizes.slack + sizes.fiber * shapes.shortest
     assert np.abs(pull - tendon)[reaches].max() < 1e-8

@@ -1,4 +1,6 @@
-"""Muscles fitted to simulated people: parameters come back within their intervals, and what is not known is said."""
+"""Muscles fitted to simulated people: parameters come back within their intervals, and what is not
+known is said.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,18 @@ from myomorph.tension.personal.generic_map import map_generic
 from myomorph.tension.personal.personalize import PersonalizeOptions, personalize
 from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of, with_sizes
 from myomorph.tension.personal.recordings import PersonalTrial, torque_floors, windows_of
-from truths.simulated_muscles import Spread, as_degroote, person, recorded, smooth_activations, some_gains, swings
+from truths.simulated_muscles import (
+    Spread,
+    as_degroote,
+    person,
+    recorded,
+    smooth_activations,
+    some_gains,
+    swings,
+)
 
-FIBER, SLACK = "optimal_fiber_length", "tendon_slack_length"
+FIBER = "optimal_fiber_length"
+SLACK = "tendon_slack_length"
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +48,9 @@ def someone(arm26):
     own = person(arm26, motions, Spread(), rng, np.array([0, 0, 0, 1, 1, 1]))
     gains = some_gains(arm26, CAREFUL, rng)
     trials = [
-        recorded(arm26, own, motion, smooth_activations(time, 6, rng), CAREFUL, rng, gains, f"swing {k}")
+        recorded(
+            arm26, own, motion, smooth_activations(time, 6, rng), CAREFUL, rng, gains, f"swing {k}"
+        )
         for k, motion in enumerate(motions)
     ]
     return own, [*trials, passive_trial(arm26, own, ARM, rng)]
@@ -61,7 +74,9 @@ def test_lengths_lie_within_their_intervals(arm26, someone, found):
 
 
 def test_what_is_identifiable_is_found(arm26, someone, found):
-    known = [(one, true) for one, true in lengths(found, arm26, someone[0]) if one.identifiable != "no"]
+    known = [
+        (one, true) for one, true in lengths(found, arm26, someone[0]) if one.identifiable != "no"
+    ]
     assert len(known) >= 4
     before = np.mean([abs(one.generic / true - 1.0) for one, true in known])
     after = np.mean([abs(one.person / true - 1.0) for one, true in known])
@@ -82,7 +97,11 @@ def test_a_muscle_without_information_keeps_its_prior(arm26, someone):
     """A trial without torques of note and EMG: nothing is identifiable, nothing moves far."""
     trial = someone[1][0]
     weak = replace(trial.torques, values=0.0 * trial.torques.values)
-    still = replace(trial.motion, velocities=0.0 * trial.motion.velocities, values=0.0 * trial.motion.values + 0.5)
+    still = replace(
+        trial.motion,
+        velocities=0.0 * trial.motion.velocities,
+        values=0.0 * trial.motion.values + 0.5,
+    )
     silent = PersonalTrial("still", still, weak)
     quiet = personalize(arm26, [silent], PersonalizeOptions(hold_out=False))
     of_lengths = [one for one in quiet.estimates if one.parameter in (FIBER, SLACK)]
@@ -93,7 +112,9 @@ def test_a_muscle_without_information_keeps_its_prior(arm26, someone):
 
 
 def test_generic_values_are_kept_where_they_explain_more(arm26, someone):
-    """Fitted parameters of one group are replaced by wrong ones: held out, its generic values are better and stay."""
+    """Fitted parameters of one group are replaced by wrong ones: held out, its generic values are
+    better and stay.
+    """
     trials = someone[1][:2]
     shapes = muscle_shapes(arm26)
     windows, rows = windows_of(arm26, trials)
@@ -114,7 +135,9 @@ def test_generic_values_are_kept_where_they_explain_more(arm26, someone):
 
 
 def test_a_generic_model_alone_maps_its_operating_ranges(arm26):
-    """A model whose muscles were all lengthened by a wrong scaling comes back to those of the generic model."""
+    """A model whose muscles were all lengthened by a wrong scaling comes back to those of the
+    generic model.
+    """
     spoiled = replace(
         arm26,
         muscles=tuple(
@@ -137,7 +160,9 @@ def test_a_generic_model_alone_maps_its_operating_ranges(arm26):
     ]
 
 
-def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(arm26, someone, monkeypatch):
+def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(
+    arm26, someone, monkeypatch
+):
     """At the same parameters; while it pulls the muscles, recordings say as much as without it."""
     shapes = muscle_shapes(arm26)
     windows, rows = windows_of(arm26, someone[1][:1])
@@ -145,7 +170,9 @@ def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(arm26, s
     floors = torque_floors(arm26, rows, windows)
     plain = fit(prior, shapes, windows, floors, steps=1)
     pull = 50.0 * np.eye(len(plain.p))[:12]
-    monkeypatch.setattr("myomorph.tension.personal.fit._outside", lambda *_: (pull, np.full(12, 5.0)))
+    monkeypatch.setattr(
+        "myomorph.tension.personal.fit._outside", lambda *_: (pull, np.full(12, 5.0))
+    )
     pulled = fit(prior, shapes, windows, floors, steps=1)
     assert np.abs(pulled.p - plain.p).max() > 0.05
     np.testing.assert_allclose(pulled.covariance, plain.covariance, rtol=1e-9)
@@ -154,7 +181,9 @@ def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(arm26, s
 def test_nothing_to_fit_to_is_refused(arm26):
     with pytest.raises(BadData, match="nothing to fit muscles to"):
         personalize(arm26)
-    other = replace(arm26, muscles=tuple(replace(one, name=f"x{one.name}") for one in arm26.muscles))
+    other = replace(
+        arm26, muscles=tuple(replace(one, name=f"x{one.name}") for one in arm26.muscles)
+    )
     with pytest.raises(BadModel, match="no muscle of the generic model"):
         map_generic(other, arm26)
     with pytest.raises(BadData, match="expected 0 to 1"):
@@ -162,28 +191,40 @@ def test_nothing_to_fit_to_is_refused(arm26):
 
 
 def test_passive_torques_of_one_joint_at_a_time_are_enough(arm26, someone):
-    """Each pose has the torque of one joint only; those left out tell the same as if they were of another recording."""
+    """Each pose has the torque of one joint only; those left out tell the same as if they were of
+    another recording.
+    """
     own, (*_, passive) = someone
     values = np.array(passive.torques.values)
     halves = []
     for k, name in enumerate(("r_elbow_flex", "r_shoulder_elev")):
         j = passive.torques.names.index(name)
         column = np.where(np.arange(len(values)) % 2 == k, values[:, j], np.nan)
-        halves.append(replace(passive, name=name, torques=Series(passive.motion.time, (name,), column[:, None])))
+        halves.append(
+            replace(
+                passive, name=name, torques=Series(passive.motion.time, (name,), column[:, None])
+            )
+        )
     both = np.column_stack([one.torques.values for one in halves])
     names = tuple(one.name for one in halves)
     together = replace(passive, torques=Series(passive.motion.time, names, both))
     options = PersonalizeOptions(hold_out=False)
-    one, two = personalize(arm26, [together], options), personalize(arm26, halves, options)
-    # Errors of neighbouring poses are looked for recording by recording, so that weights differ a little.
+    one = personalize(arm26, [together], options)
+    two = personalize(arm26, halves, options)
+    # Errors of neighbouring poses are looked for recording by recording, so that weights differ a
+    # little.
     spread = np.sqrt(np.diag(one.fitted.covariance))
     assert np.all(np.abs(one.fitted.p - two.fitted.p) < 0.3 * spread)
     fitted = [est for est in one.estimates if est.parameter == SLACK and est.identifiable != "no"]
     assert fitted
     for est in fitted:
-        assert est.low <= own.muscles[arm26.muscle_names.index(est.of)].tendon_slack_length <= est.high
+        assert (
+            est.low <= own.muscles[arm26.muscle_names.index(est.of)].tendon_slack_length <= est.high
+        )
     with pytest.raises(BadData, match="no column is the torque of a coordinate"):
-        personalize(arm26, [replace(passive, torques=Series(passive.motion.time, ("x",), values[:, :1]))])
+        personalize(
+            arm26, [replace(passive, torques=Series(passive.motion.time, ("x",), values[:, :1]))]
+        )
 
 
 def test_muscles_that_cannot_reach_are_named(arm26, someone):
@@ -196,11 +237,21 @@ def test_muscles_that_cannot_reach_are_named(arm26, someone):
 
 
 def test_written_models_have_the_person_s_muscles(data, tmp_path):
-    """Of Millard's and Thelen's class too: lengths, strength, and the passive curve stretched by its factor."""
-    for name in ("rajagopal-walk-emg/subject_walk_scaled.osim", "opensim-reference-small/arm26_bounds.osim"):
+    """Of Millard's and Thelen's class too: lengths, strength, and the passive curve stretched by
+    its factor.
+    """
+    for name in (
+        "rajagopal-walk-emg/subject_walk_scaled.osim",
+        "opensim-reference-small/arm26_bounds.osim",
+    ):
         model = read_model(data(name))
         before = sizes_of(model)
-        after = MuscleSizes(1.05 * before.fiber, 0.97 * before.slack, 1.2 * before.force, 1.1 * before.strain)
+        after = MuscleSizes(
+            fiber=1.05 * before.fiber,
+            slack=0.97 * before.slack,
+            force=1.2 * before.force,
+            strain=1.1 * before.strain,
+        )
         made = with_sizes(model, after, before)
         write_osim(made, tmp_path / "made.osim")
         read = sizes_of(read_model(tmp_path / "made.osim"))
@@ -209,6 +260,8 @@ def test_written_models_have_the_person_s_muscles(data, tmp_path):
         np.testing.assert_allclose(read.force, after.force, rtol=1e-9)
         x = np.tile([[1.4]], (1, len(model.muscles)))
         plain = muscle_shapes(model).passive(x)[0]
-        stretched = muscle_shapes(read_model(tmp_path / "made.osim")).passive(1.0 + 1.1 * (x - 1.0))[0]
+        stretched = muscle_shapes(read_model(tmp_path / "made.osim")).passive(
+            1.0 + 1.1 * (x - 1.0)
+        )[0]
         # Millard's curve begins with a stiffness that does not follow its strains.
         np.testing.assert_allclose(stretched, plain, rtol=0.01)

@@ -1,4 +1,5 @@
-"""The shape of a body and the mass inside it: skins, envelopes, grids of mass points and the maps that weigh them.
+"""The shape of a body and the mass inside it: skins, envelopes, grids of mass points and the maps
+that weigh them.
 
 It knows no motion and no forces.
 """

@@ -1,4 +1,6 @@
-"""Mass points where there is no skin: a solid around every body of the model, from what the model says of it."""
+"""Mass points where there is no skin: a solid around every body of the model, from what the model
+says of it.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +11,28 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from myomorph.identify.body.points import MAX_GRID_POINTS, SPACING, Links, MassPoints, fill, links_of
+from myomorph.identify.body.points import (
+    MAX_GRID_POINTS,
+    SPACING,
+    Links,
+    MassPoints,
+    fill,
+    links_of,
+)
 from myomorph.identify.body.skin import Skin
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
-from myomorph.model.surface import Surface, body_meshes, hull_faces, joined_surfaces, signed_volume, used_part
+from myomorph.model.surface import (
+    Surface,
+    body_meshes,
+    hull_faces,
+    joined_surfaces,
+    signed_volume,
+    used_part,
+)
 
 TISSUE = 1050.0  # Density of solids whose size the inertia does not show [kg/m^3]
 PLAUSIBLE = (400.0, 3000.0)
@@ -56,50 +72,80 @@ BONE = "ellipsoids along the bones with the bodies' mass"
 
 
 def envelope_points(
-    model: Model, pose: Motion, spacing: float = SPACING, surfaces: Mapping[str, Surface] | None = None
+    model: Model,
+    pose: Motion,
+    spacing: float = SPACING,
+    surfaces: Mapping[str, Surface] | None = None,
 ) -> EnvelopePoints:
-    """Points on a regular grid inside a solid around every body that has mass, in the first frame of a motion.
-    A body of mass m, mass center c and central second moments S fills the ellipsoid of half axes
-    sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would be no soft tissue (its
-    density is not `PLAUSIBLE`: inertias that were only guessed), it fills the convex hull of its meshes, and
-    where it has none, an ellipsoid along its bones, each of density `TISSUE`.
-    `surfaces`: meshes by the name the model gives them, as `read_surfaces` finds them.
+    """Points on a regular grid inside a solid around every body that has mass, in the first frame
+    of a motion. A body of mass m, mass center c and central second moments S fills the ellipsoid of
+    half axes sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would
+    be no soft tissue (its density is not `PLAUSIBLE`: inertias that were only guessed), it fills
+    the convex hull of its meshes, and where it has none, an ellipsoid along its bones, each of
+    density `TISSUE`. `surfaces`: meshes by the name the model gives them, as `read_surfaces` finds
+    them.
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
     links = links_of(model, pose)
     heavy = [i for i, body in enumerate(model.bodies) if body.mass >= MIN_MASS]
     if not heavy:
-        raise BadData(f"no body of model '{model.name}' weighs {MIN_MASS:g} kg or more: nothing to fill with points")
+        raise BadData(
+            f"no body of model '{model.name}' weighs {MIN_MASS:g} kg or more: nothing to fill with"
+            " points"
+        )
     moments = pseudo_inertias(inertial_parameters(model))
     solids = [_solid(model.bodies[i], i, moments[i], links, surfaces or {}) for i in heavy]
     if sum(solid.volume for solid in solids) / spacing**3 > MAX_GRID_POINTS / 4:
-        raise BadData(f"a {1000 * spacing:g} mm grid has over {MAX_GRID_POINTS // 4:,} points: give a wider spacing")
+        raise BadData(
+            f"a {1000 * spacing:g} mm grid has over {MAX_GRID_POINTS // 4:,} points: give a wider"
+            " spacing"
+        )
     kinds = Counter(solid.kind for solid in solids)
-    points, owners, masses = [], [], []
+    points = []
+    owners = []
+    masses = []
     for i, solid in zip(heavy, solids, strict=True):
         inside = _grid(solid, links.rotations[i], links.origins[i], spacing)
         points.append(inside)
         owners.append(np.full(len(inside), i))
         masses.append(np.full(len(inside), model.bodies[i].mass / len(inside)))
-    words = "no skin: " + "; ".join(f"{kind} ({count} bodies)" for kind, count in kinds.most_common())
+    words = "no skin: " + "; ".join(
+        f"{kind} ({count} bodies)" for kind, count in kinds.most_common()
+    )
     return EnvelopePoints(
-        frozen_array(np.concatenate(points)), np.concatenate(owners), frozen_array(np.concatenate(masses)), words
+        points=frozen_array(np.concatenate(points)),
+        link=np.concatenate(owners),
+        masses=frozen_array(np.concatenate(masses)),
+        words=words,
     )
 
 
 def own_points(
-    model: Model, pose: Motion, mass: float, spacing: float = SPACING, surfaces: Mapping[str, Surface] | None = None
+    model: Model,
+    pose: Motion,
+    mass: float,
+    spacing: float = SPACING,
+    surfaces: Mapping[str, Surface] | None = None,
 ) -> MassPoints:
     """Points of `envelope_points`, each of the link whose envelope it fills, of a whole mass [kg]."""
     links = links_of(model, pose)
     points, owners, masses, words = envelope_points(model, pose, spacing, surfaces)
     entries = (np.ones(len(owners)), (np.arange(len(owners)), owners))
     weights = scipy.sparse.csr_array(entries, (len(owners), len(links.names)))
-    return MassPoints(points, masses * (mass / masses.sum()), weights, links, spacing, words)
+    return MassPoints(
+        points=points,
+        reference=masses * (mass / masses.sum()),
+        weights=weights,
+        links=links,
+        spacing=spacing,
+        source=words,
+    )
 
 
-def _solid(body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[str, Surface]) -> Solid:
+def _solid(
+    body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[str, Surface]
+) -> Solid:
     semi_axes = _of_inertia(body.mass, moments)
     if semi_axes is not None:
         return semi_axes
@@ -121,24 +167,30 @@ def _of_inertia(mass: float, moments: Array) -> Solid | None:
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:
-    """The convex hull of points under soft tissue of even thickness; without it and smaller where it is too large."""
+    """The convex hull of points under soft tissue of even thickness; without it and smaller where
+    it is too large.
+    """
     try:
         hull = scipy.spatial.ConvexHull(corners)
         wanted = mass / TISSUE
         if hull.volume < wanted:
             thickness = _thickness(hull, wanted)
-            hull = scipy.spatial.ConvexHull((corners[hull.vertices][:, None] + thickness * _DIRECTIONS).reshape(-1, 3))
+            hull = scipy.spatial.ConvexHull(
+                (corners[hull.vertices][:, None] + thickness * _DIRECTIONS).reshape(-1, 3)
+            )
     except scipy.spatial.QhullError:
         return None
     surface = used_part(hull.points, hull_faces(hull))
     middle = surface.vertices.mean(axis=0)
     vertices = middle + (wanted / hull.volume) ** (1.0 / 3.0) * (surface.vertices - middle)
-    return Solid(HULL, middle, np.zeros((3, 3)), Surface(vertices, surface.faces))
+    return Solid(
+        kind=HULL, center=middle, axes=np.zeros((3, 3)), surface=Surface(vertices, surface.faces)
+    )
 
 
 def _thickness(hull: scipy.spatial.ConvexHull, wanted: float) -> float:
-    """Thickness t of soft tissue over a convex body whose volume becomes V + A t + M t^2 + 4/3 pi t^3 (Steiner) [m].
-    M is pi times the mean width; the width is averaged over the three axes.
+    """Thickness t of soft tissue over a convex body whose volume becomes V + A t + M t^2 + 4/3 pi
+    t^3 (Steiner) [m]. M is pi times the mean width; the width is averaged over the three axes.
     """
     width = float(np.ptp(hull.points, axis=0).mean())
     roots = np.roots([4.0 / 3.0 * np.pi, np.pi * width, hull.area, hull.volume - wanted])
@@ -152,7 +204,9 @@ _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 def _along_bones(body: Body, i: int, links: Links) -> Solid:
     bones = links.bones[links.bone_links == i]
-    along = (bones[:, 1] - bones[:, 0])[np.argmax(np.linalg.norm(bones[:, 1] - bones[:, 0], axis=1))]
+    along = (bones[:, 1] - bones[:, 0])[
+        np.argmax(np.linalg.norm(bones[:, 1] - bones[:, 0], axis=1))
+    ]
     volume = body.mass / TISSUE
     sphere = (volume * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
     # No thinner than a third of its length, no flatter than a sphere.
@@ -170,7 +224,8 @@ def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array
     if solid.surface is not None:
         placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)
         return fill(Skin(placed, watertight=True), spacing)
-    center, axes = rotation @ solid.center + origin, rotation @ solid.axes
+    center = rotation @ solid.center + origin
+    axes = rotation @ solid.axes
     reach = np.sqrt(np.square(axes).sum(axis=1))
     spans = [
         np.arange(np.floor((c - r) / spacing), np.ceil((c + r) / spacing) + 1)

@@ -1,4 +1,6 @@
-"""Mass points on a grid inside a body, what each weighs before anything is measured, and the links they belong to."""
+"""Mass points on a grid inside a body, what each weighs before anything is measured, and the links
+they belong to.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,22 @@ from myomorph.rigid.tree import compile_tree
 
 SPACING = 0.005  # That of [D] [m]
 BLOCK = 4
-MAX_GRID_POINTS = 60_000_000  # Grid points in the box around a body; more would not fit into a laptop
+# Grid points in the box around a body; more would not fit into a laptop
+MAX_GRID_POINTS = 60_000_000
 DENSITIES: Mapping[str, float] = {
-    "head": 1110.0, "upper_trunk": 920.0, "lower_trunk": 1010.0, "upper_arm": 1070.0, "lower_arm": 1130.0,
-    "hand": 1160.0, "thigh": 1050.0, "shank": 1090.0, "foot": 1100.0,
-}  # fmt: skip
-"""Dempster 1955 as tabulated by Winter 2009, table 4.1 [kg/m^3]; the lungs are part of the upper trunk."""
+    "head": 1110.0,
+    "upper_trunk": 920.0,
+    "lower_trunk": 1010.0,
+    "upper_arm": 1070.0,
+    "lower_arm": 1130.0,
+    "hand": 1160.0,
+    "thigh": 1050.0,
+    "shank": 1090.0,
+    "foot": 1100.0,
+}
+"""Dempster 1955 as tabulated by Winter 2009, table 4.1 [kg/m^3]; the lungs are part of the upper
+trunk.
+"""
 
 
 @read_only
@@ -36,8 +48,8 @@ class Links:
     names : of the bodies, in the model's order
     rotations, origins : (links, 3, 3), (links, 3) of the bodies' frames [m]
     centers : (links, 3) mass centers of the model that mass points are for [m]
-    bones : (bones, 2, 3) straight pieces between joint centers (and to mass centers and markers at the
-        ends of limbs), for distances to a bone [m]
+    bones : (bones, 2, 3) straight pieces between joint centers (and to mass centers and markers at
+        the ends of limbs), for distances to a bone [m]
     bone_links : (bones,) link of each
     """
 
@@ -73,15 +85,27 @@ class MassPoints:
     def __post_init__(self) -> None:
         freeze(self, points=(-1, 3), reference=(len(self.points),))
         if self.weights.shape != (len(self.points), len(self.links.names)):
-            raise BadData(f"expected weights ({len(self.points)}, {len(self.links.names)}), got {self.weights.shape}")
+            raise BadData(
+                f"expected weights ({len(self.points)}, {len(self.links.names)}), got"
+                f" {self.weights.shape}"
+            )
 
     @cached_property
     def places(self) -> Array:
-        """(links, 10, 10) parameters of a link from the moments 1, x, y, z, xx, yy, zz, yz, zx, xy of its points."""
-        return np.stack([_from_moments(R, p) for R, p in zip(self.links.rotations, self.links.origins, strict=True)])
+        """(links, 10, 10) parameters of a link from the moments 1, x, y, z, xx, yy, zz, yz, zx, xy
+        of its points.
+        """
+        return np.stack(
+            [
+                _from_moments(R, p)
+                for R, p in zip(self.links.rotations, self.links.origins, strict=True)
+            ]
+        )
 
     def parameters(self, masses: Array) -> Array:
-        """(links, 10) inertial parameters of the links, W rho of eq. 3.5, for point masses (points,) [kg]."""
+        """(links, 10) inertial parameters of the links, W rho of eq. 3.5, for point masses
+        (points,) [kg].
+        """
         moments = self.weights.T @ (point_moments(self.points) * np.asarray(masses)[:, None])
         return np.einsum("lij,lj->li", self.places, moments)
 
@@ -93,8 +117,11 @@ def point_moments(points: Array) -> Array:
 
 
 def _from_moments(rotation: Array, origin: Array) -> Array:
-    """(10, 10): unit mass at x in ground gives the link's parameters `result @ point_moments(x)`, eq. 3.9."""
-    # Coordinates in the link are r = R^T (x - p); as polynomials in x each r_a is `linear[a] . (1, x, y, z)`.
+    """(10, 10): unit mass at x in ground gives the link's parameters `result @ point_moments(x)`,
+    eq. 3.9.
+    """
+    # Coordinates in the link are r = R^T (x - p); as polynomials in x each r_a is `linear[a] . (1,
+    # x, y, z)`.
     linear = np.hstack([-(rotation.T @ origin)[:, None], rotation.T])
     pairs = ((1, 1), (2, 2), (3, 3), (2, 3), (3, 1), (1, 2))
 
@@ -105,21 +132,36 @@ def _from_moments(rotation: Array, origin: Array) -> Array:
         return np.concatenate([[0.5 * square[0, 0]], square[0, 1:], quadratic])
 
     second = {(a, b): product(a, b) for a in range(3) for b in range(a, 3)}
-    xx, yy, zz = second[0, 0], second[1, 1], second[2, 2]
+    xx = second[0, 0]
+    yy = second[1, 1]
+    zz = second[2, 2]
     first = np.hstack([linear, np.zeros((3, 6))])
-    rows = [np.eye(10)[0], *first, yy + zz, zz + xx, xx + yy, -second[1, 2], -second[0, 2], -second[0, 1]]
+    rows = [
+        np.eye(10)[0],
+        *first,
+        yy + zz,
+        zz + xx,
+        xx + yy,
+        -second[1, 2],
+        -second[0, 2],
+        -second[0, 1],
+    ]
     return np.stack(rows)
 
 
 def links_of(model: Model, pose: Motion) -> Links:
-    """The model's bodies in the first frame of a motion, with bones from joint center to joint center.
-    A link's bones go from its own joint to the joints of its children, and from its joint through its mass
-    center as far again beyond it, which is where a trunk holds a head that is no link of its own.
+    """The model's bodies in the first frame of a motion, with bones from joint center to joint
+    center. A link's bones go from its own joint to the joints of its children, and from its joint
+    through its mass center as far again beyond it, which is where a trunk holds a head that is no
+    link of its own.
     """
     frames = frames_in_ground(model, pose)
-    rotations, origins = frames[:, :3, :3], frames[:, :3, 3]
+    rotations = frames[:, :3, :3]
+    origins = frames[:, :3, 3]
     number = {name: i for i, name in enumerate(model.body_names)}
-    centers = np.array([origins[i] + rotations[i] @ body.mass_center for i, body in enumerate(model.bodies)])
+    centers = np.array(
+        [origins[i] + rotations[i] @ body.mass_center for i, body in enumerate(model.bodies)]
+    )
     joints = {}
     for joint in model.joints:
         i = number[joint.child]
@@ -140,21 +182,23 @@ def links_of(model: Model, pose: Motion) -> Links:
 
 
 def fill(skin: Skin, spacing: float = SPACING) -> Array:
-    """Points (points, 3) of the grid `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside the skin [m].
-    The grid hangs on the origin of the skin's frame, so that a skin moved by a whole number of spacings
-    has the same points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside or outside as a whole.
+    """Points (points, 3) of the grid `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside the skin
+    [m]. The grid hangs on the origin of the skin's frame, so that a skin moved by a whole number of
+    spacings has the same points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside
+    or outside as a whole.
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
-    vertices, faces = skin.surface.vertices, skin.surface.faces
+    vertices = skin.surface.vertices
+    faces = skin.surface.faces
     low = np.floor(vertices.min(axis=0) / spacing - 0.5).astype(np.int64)
     high = np.ceil(vertices.max(axis=0) / spacing - 0.5).astype(np.int64)
     blocks = (high - low) // BLOCK + 1
     if blocks.prod() * BLOCK**3 > MAX_GRID_POINTS:
         extent = np.ptp(vertices, axis=0)
         raise BadData(
-            f"a grid of {1000 * spacing:g} mm in a box of {' x '.join(f'{x:.3g}' for x in extent)} m is more than "
-            f"{MAX_GRID_POINTS:,} points: give a wider spacing"
+            f"a grid of {1000 * spacing:g} mm in a box of {' x '.join(f'{x:.3g}' for x in extent)}"
+            f" m is more than {MAX_GRID_POINTS:,} points: give a wider spacing"
         )
     passed = _passed(vertices / spacing - 0.5 - low, faces, blocks)
     if not skin.watertight:
@@ -166,10 +210,14 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
     offsets = np.argwhere(np.ones((BLOCK, BLOCK, BLOCK)))
     for part in np.array_split(cut, max(1, len(cut) // 4096)):
         index = part[:, None] * BLOCK + offsets
-        within[tuple(part.T)] = inside(skin, (index.reshape(-1, 3) + low + 0.5) * spacing).reshape(-1, *(BLOCK,) * 3)
+        within[tuple(part.T)] = inside(skin, (index.reshape(-1, 3) + low + 0.5) * spacing).reshape(
+            -1, *(BLOCK,) * 3
+        )
     cells = np.argwhere(within.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK))
     if not len(cells):
-        raise BadData(f"no point of a grid of {1000 * spacing:g} mm is inside the skin: give a finer spacing")
+        raise BadData(
+            f"no point of a grid of {1000 * spacing:g} mm is inside the skin: give a finer spacing"
+        )
     return (cells + low + 0.5) * spacing
 
 
@@ -183,10 +231,13 @@ def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray
     return passed
 
 
-def reference_masses(points: Array, mass: float, regions: Sequence[str] | np.ndarray | None = None) -> Array:
-    """Masses (points,) that points on a regular grid have before anything is measured, rho_ref [kg].
-    M / N of [D], or in proportion to the density of each point's region, scaled to the whole mass.
-    `mass`: of the whole body [kg]; `regions` (points,) name of the region of each point, one of `DENSITIES`.
+def reference_masses(
+    points: Array, mass: float, regions: Sequence[str] | np.ndarray | None = None
+) -> Array:
+    """Masses (points,) that points on a regular grid have before anything is measured, rho_ref
+    [kg]. M / N of [D], or in proportion to the density of each point's region, scaled to the whole
+    mass. `mass`: of the whole body [kg]; `regions` (points,) name of the region of each point, one
+    of `DENSITIES`.
     """
     if not mass > 0.0:
         raise BadData(f"a mass of {mass:g} kg: expected above 0")

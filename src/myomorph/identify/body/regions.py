@@ -1,4 +1,6 @@
-"""What two models of a human body have in common: regions, joint centers between them, and masses given to regions."""
+"""What two models of a human body have in common: regions, joint centers between them, and masses
+given to regions.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,32 @@ from myomorph.model.sides import split_side
 from myomorph.rigid.tree import compile_tree
 
 CENTER_OF = {
-    "thigh": "hip", "shank": "knee", "talus": "ankle", "foot": "subtalar", "toes": "toes", "torso": "lumbar",
-    "head": "neck", "upper_arm": "shoulder", "lower_arm": "elbow", "hand": "wrist",
-}  # fmt: skip
-"""The joint by which each region hangs on the one before it; a foot without a talus hangs on the ankle."""
+    "thigh": "hip",
+    "shank": "knee",
+    "talus": "ankle",
+    "foot": "subtalar",
+    "toes": "toes",
+    "torso": "lumbar",
+    "head": "neck",
+    "upper_arm": "shoulder",
+    "lower_arm": "elbow",
+    "hand": "wrist",
+}
+"""The joint by which each region hangs on the one before it; a foot without a talus hangs on the
+ankle.
+"""
 PARENT = {
-    "torso": "pelvis", "thigh": "pelvis", "shank": "thigh", "talus": "shank", "foot": "talus", "toes": "foot",
-    "head": "torso", "upper_arm": "torso", "lower_arm": "upper_arm", "hand": "lower_arm",
-}  # fmt: skip
+    "torso": "pelvis",
+    "thigh": "pelvis",
+    "shank": "thigh",
+    "talus": "shank",
+    "foot": "talus",
+    "toes": "foot",
+    "head": "torso",
+    "upper_arm": "torso",
+    "lower_arm": "upper_arm",
+    "hand": "lower_arm",
+}
 MIDDLE = ("pelvis", "torso", "head")
 HINGES = ("knee", "elbow")
 
@@ -71,9 +91,9 @@ class Center:
 
 def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dict[str, Region]:
     """The region of every body, from the segments that the bodies' names tell.
-    The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk, spine,
-    ribs and shoulder girdle together, is the torso.
-    `stated`: segments that go before the names.
+    The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk,
+    spine, ribs and shoulder girdle together, is the torso. `stated`: segments that go before the
+    names.
     """
     segments = segments_of(model, stated)
     parents = {joint.child: joint.parent for joint in model.joints}
@@ -82,7 +102,9 @@ def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dic
     for name, segment in segments.items():
         if name in pelvis:
             region = "pelvis"
-        elif segment.name == "head" and all(segments[child].name == "head" for child in _below(model, name)):
+        elif segment.name == "head" and all(
+            segments[child].name == "head" for child in _below(model, name)
+        ):
             region = "head"
         elif segment.name in ("head", "upper_trunk", "lower_trunk"):
             region = "torso"
@@ -98,10 +120,14 @@ def _pelvis(model: Model, segments: Mapping[str, Segment], parents: Mapping[str,
     carriers = {
         parents[name]
         for name, segment in segments.items()
-        if segment.name == "thigh" and parents[name] != GROUND and segments[parents[name]].name != "thigh"
+        if segment.name == "thigh"
+        and parents[name] != GROUND
+        and segments[parents[name]].name != "thigh"
     }
     if not carriers:
-        raise BadData(f"no body of model '{model.name}' is called a thigh, so its pelvis is unknown")
+        raise BadData(
+            f"no body of model '{model.name}' is called a thigh, so its pelvis is unknown"
+        )
     result = set(carriers)
     while True:
         size = len(result)
@@ -122,20 +148,26 @@ def _part_of_foot(body: str) -> str:
 
 
 def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]:
-    """The joint centers between regions, by key; of several joints, that which carries the most bodies.
-    A center is the origin of the joint's frame in the outer body, or the mean anchor of its hinges.
+    """The joint centers between regions, by key; of several joints, that which carries the most
+    bodies. A center is the origin of the joint's frame in the outer body, or the mean anchor of its
+    hinges.
     """
     result: dict[str, Center] = {}
     for joint in model.joints:
         if joint.parent == GROUND or regions[joint.parent] == regions[joint.child]:
             continue
-        inner, outer = regions[joint.parent], regions[joint.child]
+        inner = regions[joint.parent]
+        outer = regions[joint.child]
         if outer.name not in CENTER_OF:
             continue
         name = "ankle" if outer.name == "foot" and inner.name == "shank" else CENTER_OF[outer.name]
-        anchors = [axis.origin for axis in joint.axes if axis.kind == "rotation" and axis.function.arity]
+        anchors = [
+            axis.origin for axis in joint.axes if axis.kind == "rotation" and axis.function.arity
+        ]
         location = joint.child_frame.apply(np.mean(anchors, axis=0) if anchors else np.zeros(3))
-        center = Center(name, outer.side, inner, outer, joint, location)
+        center = Center(
+            name=name, side=outer.side, inner=inner, outer=outer, joint=joint, location=location
+        )
         other = result.get(center.key)
         if other is None or len(_below(model, joint.child)) > len(_below(model, other.joint.child)):
             result[center.key] = center
@@ -158,7 +190,9 @@ class Standing:
     @cached_property
     def frames(self) -> dict[str, Array]:
         """(4, 4) poses of the bodies' frames in ground."""
-        return dict(zip(self.model.body_names, frames_in_ground(self.model, self.pose), strict=True))
+        return dict(
+            zip(self.model.body_names, frames_in_ground(self.model, self.pose), strict=True)
+        )
 
     @cached_property
     def centers(self) -> dict[str, Center]:
@@ -168,7 +202,10 @@ class Standing:
     @cached_property
     def places(self) -> dict[str, Array]:
         """(3,) each center in ground [m]."""
-        return {key: self.in_ground(center.joint.child, center.location) for key, center in self.centers.items()}
+        return {
+            key: self.in_ground(center.joint.child, center.location)
+            for key, center in self.centers.items()
+        }
 
     def in_ground(self, body: str, point: Array) -> Array:
         """(3,) a point of a body in ground [m]."""
@@ -181,7 +218,9 @@ class Standing:
     def hinge_axis(self, key: str) -> Array | None:
         """(3,) first moving axis of the joint of a center in ground; None where none moves."""
         joint = self.centers[key].joint
-        axis = next((each for each in joint.axes if each.kind == "rotation" and each.function.arity), None)
+        axis = next(
+            (each for each in joint.axes if each.kind == "rotation" and each.function.arity), None
+        )
         if axis is None:
             return None
         return self.frames[joint.parent][:3, :3] @ joint.parent_frame.rotation @ axis.vector
@@ -193,16 +232,18 @@ class Standing:
 
 
 def spread(inertia: Array, target: Array) -> Array:
-    """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as even as possible.
-    All masses grow by the same factor and all mass centers move by the same vector, which gives the sum its mass and
-    its mass center. With second moments P of the sum and Q of the target about the mass center, both in the basis V
-    that makes P = V V^T and Q = V L V^T with L diagonal: where L < 1 the bodies are drawn together by the linear map
-    that turns P into V min(L, 1) V^T and moves mass the least (Olkin and Pukelsheim 1982); where L > 1 each body gets
+    """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as
+    even as possible. All masses grow by the same factor and all mass centers move by the same
+    vector, which gives the sum its mass and its mass center. With second moments P of the sum and Q
+    of the target about the mass center, both in the basis V that makes P = V V^T and Q = V L V^T
+    with L diagonal: where L < 1 the bodies are drawn together by the linear map that turns P into V
+    min(L, 1) V^T and moves mass the least (Olkin and Pukelsheim 1982); where L > 1 each body gets
     its share by mass of V max(L - 1, 0) V^T, without moving. Every body stays physically possible.
     `inertia` (bodies, 4, 4) in ground, their sum of positive mass; `target` (4, 4) in ground.
     """
     total = inertia.sum(axis=0)
-    P, Q = (_moments(matrix) for matrix in (total, target))
+    P = _moments(total)
+    Q = _moments(target)
     half = _root(P)
     inverse = np.linalg.inv(half)
     values, vectors = np.linalg.eigh(inverse @ Q @ inverse)
@@ -216,7 +257,9 @@ def spread(inertia: Array, target: Array) -> Array:
 
 
 def spread_mass(inertia: Array, target: Array) -> Array:
-    """The same with only the mass and the mass center of the target, moments about them as they grow with mass."""
+    """The same with only the mass and the mass center of the target, moments about them as they
+    grow with mass.
+    """
     return _moved(inertia, inertia.sum(axis=0), target, np.eye(3))
 
 
@@ -237,7 +280,10 @@ def _moments(pseudo: Array) -> Array:
     moments: Array = pseudo[:3, :3] / mass - np.outer(center, center)
     least = float(np.linalg.eigvalsh(moments)[0])
     if not least > 0.0:
-        raise BadData(f"its least second moment of mass is {least * mass:.3g} kg m^2: no distribution of mass has it")
+        raise BadData(
+            f"its least second moment of mass is {least * mass:.3g} kg m^2: no distribution of mass"
+            " has it"
+        )
     return moments
 
 

@@ -1,4 +1,6 @@
-"""The shape of a person from height and chest circumference: a skin with joint centers and landmarks."""
+"""The shape of a person from height and chest circumference: a skin with joint centers and
+landmarks.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ import numpy as np
 import scipy
 
 from myomorph.identify.body.skin import Skin, check_height, check_skin
-from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
+from myomorph.identify.body.statistical_body import (
+    FREE,
+    LOCAL,
+    StatisticalBody,
+    segment_of_bone,
+    statistical_body,
+)
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, from_extra
 from myomorph.model.frozen_map import FrozenMap
@@ -18,19 +26,27 @@ from myomorph.model.surface import Surface, edges_of, signed_volume
 
 DENSITY = 985.0  # Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]
 AGE = 25.0
-SPREAD = 0.15  # Standard deviation of a trait around the average before anything is measured, twice that of a trunk's
+# Standard deviation of a trait around the average before anything is measured, twice that of a
+# trunk's
+SPREAD = 0.15
 MISFIT = FrozenMap({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
 """What counts as one standard deviation of each measurement [m], [m], [kg]."""
 MAX_STEPS = 60
 LEGS_APART = np.radians(10.0)
-"""Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs touch."""
+"""Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs
+touch.
+"""
 FORWARD, UP, RIGHT = np.eye(3)
 _GENDER = {"female": 1.0, "male": 0.0, None: 0.5}
 _SIDES = {"right": "R", "left": "L"}
 _CENTERS = {
-    "hip": "upperleg01", "knee": "lowerleg01", "ankle": "foot", "shoulder": "upperarm01", "elbow": "lowerarm01",
+    "hip": "upperleg01",
+    "knee": "lowerleg01",
+    "ankle": "foot",
+    "shoulder": "upperarm01",
+    "elbow": "lowerarm01",
     "wrist": "wrist",
-}  # fmt: skip
+}
 _NIPPLES = (8451, 1779)
 _ARMS = ("upperarm", "lowerarm", "wrist", "finger", "metacarpal")
 _LEGS = ("upperleg", "lowerleg", "foot", "toe")
@@ -46,8 +62,10 @@ class Shape:
     # anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel", ...
     landmarks: Mapping[str, Array]
     segments: tuple[Segment, ...]  # of the body, the columns of `skinning`
-    skinning: scipy.sparse.csr_array  # (vertices, segments) share of each segment in each vertex of the skin
-    measured: Mapping[str, float]  # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
+    # (vertices, segments) share of each segment in each vertex of the skin
+    skinning: scipy.sparse.csr_array
+    # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
+    measured: Mapping[str, float]
     reached: Mapping[str, float]  # the same of the skin, and its "volume" [m^3]
     notes: tuple[str, ...] = ()  # what was taken for granted or missed, one line each
 
@@ -60,11 +78,11 @@ def body_shape(
     age: float | None = None,
 ) -> Shape:
     """The most ordinary body that has these measurements, with arms and legs apart.
-    Traits of the statistical body are those that minimise the misfit of height (in 0.1 mm), chest (in 0.5 mm)
-    and mass (in 0.05 kg), plus the squares of the traits' distances from the average in `SPREAD`. The chest
-    circumference is that of a tape, the convex hull of the trunk's section at the height of the nipples; the
-    mass is the skin's volume times `DENSITY`.
-    `height`, `chest` [m]; `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
+    Traits of the statistical body are those that minimise the misfit of height (in 0.1 mm), chest
+    (in 0.5 mm) and mass (in 0.05 kg), plus the squares of the traits' distances from the average in
+    `SPREAD`. The chest circumference is that of a tape, the convex hull of the trunk's section at
+    the height of the nipples; the mass is the skin's volume times `DENSITY`. `height`, `chest` [m];
+    `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
     `age` [years]; 25 where it is not given.
     """
     _check(height, chest, mass, sex)
@@ -80,7 +98,8 @@ def body_shape(
     vertices, heads = _legs_apart(body, vertices, heads)
     used, compact = np.unique(body.faces, return_inverse=True)
     floor = np.array([heads[body.bones.index("root"), 0], vertices[used, 1].min(), 0.0])
-    vertices, heads = vertices - floor, heads - floor
+    vertices = vertices - floor
+    heads = heads - floor
     segments, table = _by_segment(body)
     skin = check_skin(Surface(vertices[used], compact.reshape(-1, 3)))
     if len(skin.surface.vertices) != len(used):
@@ -94,8 +113,10 @@ def body_shape(
         measured=FrozenMap(measured),
         reached=FrozenMap(reached),
         notes=(
-            f"statistical shape (anny), {sex or 'half female, half male (no sex given)'}, {age:g} years, volume times "
-            f"{DENSITY:g} kg/m^3 is its mass",
+            (
+                f"statistical shape (anny), {sex or 'half female, half male (no sex given)'},"
+                f" {age:g} years, volume times {DENSITY:g} kg/m^3 is its mass"
+            ),
             *_out_of_reach(measured, reached),
             *skin.notes,
         ),
@@ -103,7 +124,11 @@ def body_shape(
 
 
 def _likely_traits(
-    body: StatisticalBody, age: float, gender: float, measured: Mapping[str, float], trunk: np.ndarray
+    body: StatisticalBody,
+    age: float,
+    gender: float,
+    measured: Mapping[str, float],
+    trunk: np.ndarray,
 ) -> dict[str, float]:
     """The traits nearest to the average that reach the measurements, by name."""
     names = (*FREE, *LOCAL)
@@ -119,9 +144,17 @@ def _likely_traits(
         errors = [(got[name] - value) / MISFIT[name] for name, value in measured.items()]
         return np.array([*errors, *((values - average) / spread)])
 
-    # The measures have kinks where a trait passes an average, at which steps may shrink without end.
+    # The measures have kinks where a trait passes an average, at which steps may shrink without
+    # end.
     minimum = scipy.optimize.least_squares(
-        misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MAX_STEPS
+        misfit,
+        average,
+        bounds=(lowest, 1.0),
+        diff_step=1e-4,
+        x_scale=spread,
+        xtol=1e-6,
+        ftol=1e-6,
+        max_nfev=MAX_STEPS,
     )
     return traits_of(minimum.x)
 
@@ -133,13 +166,15 @@ def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -
         unit, factor, most = ("kg", 1.0, 0.5) if name == "mass" else ("mm", 1e3, 2.0)
         if factor * abs(reached[name] - value) > most:
             lines.append(
-                f"{name} {factor * value:.4g} {unit} is out of reach of the statistical shape with the other "
-                f"measurements: it has {factor * reached[name]:.4g} {unit}"
+                f"{name} {factor * value:.4g} {unit} is out of reach of the statistical shape with"
+                f" the other measurements: it has {factor * reached[name]:.4g} {unit}"
             )
     return lines
 
 
-def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | None = None) -> dict[str, float]:
+def measurements(
+    body: StatisticalBody, vertices: Array, trunk: np.ndarray | None = None
+) -> dict[str, float]:
     """Height [m], chest [m], volume [m^3] and mass [kg] of a standing body's vertices."""
     trunk = _trunk(body) if trunk is None else trunk
     volume = signed_volume(vertices, body.faces)
@@ -153,12 +188,15 @@ def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | Non
 
 
 def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
-    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of its section."""
+    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of
+    its section.
+    """
     above = vertices[:, 1] > level
     cut = edges[above[edges[:, 0]] != above[edges[:, 1]]]
     if len(cut) < 3:
         raise BadData(f"nothing to measure around at a height of {level:.4g} m")
-    a, b = vertices[cut[:, 0]], vertices[cut[:, 1]]
+    a = vertices[cut[:, 0]]
+    b = vertices[cut[:, 1]]
     share = (level - a[:, 1]) / (b[:, 1] - a[:, 1])
     points = (a + share[:, None] * (b - a))[:, [0, 2]]
     return float(scipy.spatial.ConvexHull(points).area)
@@ -166,17 +204,23 @@ def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
 
 def _check(height: float, chest: float, mass: float | None, sex: str | None) -> None:
     check_height(height)
-    low, high = 0.3 * height, 1.2 * height
+    low = 0.3 * height
+    high = 1.2 * height
     if not low <= chest <= high:
         units = {"centimeters": 100.0, "millimeters": 1000.0}
-        fitting = [f"; {chest:g} {unit} are {chest / f:.4g} m" for unit, f in units.items() if low <= chest / f <= high]
+        fitting = [
+            f"; {chest:g} {unit} are {chest / f:.4g} m"
+            for unit, f in units.items()
+            if low <= chest / f <= high
+        ]
         raise BadData(
-            f"a chest of {chest:g} m is implausible for height {height:g} m: expected {low:.2f} to {high:.2f}"
-            f"{''.join(fitting)}"
+            f"a chest of {chest:g} m is implausible for height {height:g} m: expected {low:.2f} to"
+            f" {high:.2f}{''.join(fitting)}"
         )
     if mass is not None and not 8.0 * height**2 <= mass <= 70.0 * height**2:
         raise BadData(
-            f"{mass:g} kg is implausible for height {height:g} m: expected {8 * height**2:.0f} to {70 * height**2:.0f}"
+            f"{mass:g} kg is implausible for height {height:g} m: expected {8 * height**2:.0f} to"
+            f" {70 * height**2:.0f}"
         )
     if sex not in (None, "female", "male"):
         raise BadData(f"a sex of '{sex}': expected 'female' or 'male', or none")
@@ -184,7 +228,9 @@ def _check(height: float, chest: float, mass: float | None, sex: str | None) -> 
 
 def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Array:
     """(vertices,) share of the bones whose names start so."""
-    columns = [i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)]
+    columns = [
+        i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)
+    ]
     return np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
 
 
@@ -198,13 +244,20 @@ def _trunk(body: StatisticalBody) -> np.ndarray:
 
 def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[Array, Array]:
     """Legs turned outward about the hips, the skin by linear blending."""
-    vertices, heads = vertices.copy(), heads.copy()
+    vertices = vertices.copy()
+    heads = heads.copy()
     for side, sign in (("R", 1.0), ("L", -1.0)):
         center = heads[body.bones.index(f"upperleg01.{side}")].copy()
-        turn = scipy.spatial.transform.Rotation.from_rotvec([-sign * LEGS_APART, 0.0, 0.0]).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_rotvec(
+            [-sign * LEGS_APART, 0.0, 0.0]
+        ).as_matrix()
         moves = (vertices - center) @ turn.T + center - vertices
         vertices += _share(body, _LEGS, f".{side}")[:, None] * moves
-        leg = [i for i, bone in enumerate(body.bones) if bone.startswith(_LEGS) and bone.endswith(f".{side}")]
+        leg = [
+            i
+            for i, bone in enumerate(body.bones)
+            if bone.startswith(_LEGS) and bone.endswith(f".{side}")
+        ]
         heads[leg] = (heads[leg] - center) @ turn.T + center
     return vertices, heads
 
@@ -223,19 +276,23 @@ def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, 
     centers = {"lumbar": place["spine03"], "neck": place["neck01"]}
     for side, letter in _SIDES.items():
         centers |= {f"{side} {name}": place[f"{bone}.{letter}"] for name, bone in _CENTERS.items()}
-        centers[f"{side} toes"] = np.mean([place[f"toe{i}-1.{letter}"] for i in range(1, 6)], axis=0)
+        centers[f"{side} toes"] = np.mean(
+            [place[f"toe{i}-1.{letter}"] for i in range(1, 6)], axis=0
+        )
     centers["pelvis"] = 0.5 * (centers["right hip"] + centers["left hip"])
     used = np.unique(body.faces)
     centers["head top"] = vertices[used[np.argmax(vertices[used, 1])]]
     return {name: frozen_array(point) for name, point in centers.items()}
 
 
-def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, Array]) -> dict[str, int]:
+def landmark_vertices(
+    vertices: Array, faces: np.ndarray, places: Mapping[str, Array]
+) -> dict[str, int]:
     """Vertex of each landmark of a standing body, x forward, y up, z right.
-    Landmarks are where a ray from a joint center, along an axis of the body or of a joint, leaves the skin; the
-    pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found: 14, 19 and 30 % of the
-    distance of the ASIS medial, behind and below them.
-    `places` (3,) where each bone of the rig begins [m].
+    Landmarks are where a ray from a joint center, along an axis of the body or of a joint, leaves
+    the skin; the pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found:
+    14, 19 and 30 % of the distance of the ASIS medial, behind and below them. `places` (3,) where
+    each bone of the rig begins [m].
     """
     used = np.unique(faces)
 
@@ -251,13 +308,21 @@ def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, A
         "head top": int(used[np.argmax(vertices[used, 1])]),
     }
     for letter, side, out in (("R", "right", RIGHT), ("L", "left", -RIGHT)):
-        shoulder, elbow, wrist = (places[f"{bone}.{letter}"] for bone in ("upperarm01", "lowerarm01", "wrist"))
-        knee, ankle = places[f"lowerleg01.{letter}"], places[f"foot.{letter}"]
-        # The elbow bends about the normal of upper arm and forearm, which points outward on the right.
+        shoulder = places[f"upperarm01.{letter}"]
+        elbow = places[f"lowerarm01.{letter}"]
+        wrist = places[f"wrist.{letter}"]
+        knee = places[f"lowerleg01.{letter}"]
+        ankle = places[f"foot.{letter}"]
+        # The elbow bends about the normal of upper arm and forearm, which points outward on the
+        # right.
         hinge = np.cross(elbow - shoulder, wrist - elbow)
         hinge *= np.sign(hinge @ out) or 1.0
         level = hips[letter] + 0.30 * width * UP
-        foot = [v for v in used if np.linalg.norm(vertices[v] - ankle) < 0.25 and vertices[v, 1] < ankle[1]]
+        foot = [
+            v
+            for v in used
+            if np.linalg.norm(vertices[v] - ankle) < 0.25 and vertices[v, 1] < ankle[1]
+        ]
         forward = vertices[foot, 0]
         result |= {
             f"{side} ASIS": leaving(level + 0.14 * width * out, FORWARD),
@@ -279,7 +344,9 @@ def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) ->
     """Where a ray from inside first leaves a surface; its start where it meets nothing."""
     igl = from_extra("morph", "igl", "libigl")
 
-    hits = igl.ray_mesh_intersect(np.array(start), np.array(direction), vertices, faces.astype(np.int64))
+    hits = igl.ray_mesh_intersect(
+        np.array(start), np.array(direction), vertices, faces.astype(np.int64)
+    )
     if not hits:
         return start
     return start + hits[0][1] * direction

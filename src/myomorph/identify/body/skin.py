@@ -10,12 +10,21 @@ import scipy
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, from_extra
 from myomorph.model.frozen_map import grouped
-from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
+from myomorph.model.surface import (
+    Surface,
+    area_of,
+    border_of,
+    distinct_faces,
+    pieces_of,
+    signed_volume,
+    turned_outward,
+)
 
 TALLEST = 3.0  # No body is longer than this in any direction [m]; what is longer is in other units
 UNITS = (("decimeters", 10.0), ("centimeters", 100.0), ("millimeters", 1000.0))
 CHUNK = 200_000
-SPECK = 0.004  # Closed pieces of less than this share of the body's volume are no part of it; a hand is 0.005
+# Closed pieces of less than this share of the body's volume are no part of it; a hand is 0.005
+SPECK = 0.004
 COARSE = 60  # Samples along the longest side of the box in which a skin is looked at for crossings
 
 
@@ -26,7 +35,8 @@ class Skin:
     surface: Surface  # consistently oriented, outward, holes filled where they could be [m]
     watertight: bool  # whether every edge has a face on both sides, after repair
     crossing: bool = False  # whether it passes through itself, or its pieces through each other
-    # axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape does not show it
+    # axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape
+    # does not show it
     up: str = ""
     notes: tuple[str, ...] = ()  # what was repaired or left out, one line each
 
@@ -37,19 +47,22 @@ class Skin:
 
     def moved(self, rotation: Array, translation: Array) -> Skin:
         """The same skin at R x + t."""
-        surface = Surface(self.surface.vertices @ np.asarray(rotation).T + translation, self.surface.faces)
+        surface = Surface(
+            self.surface.vertices @ np.asarray(rotation).T + translation, self.surface.faces
+        )
         return replace(self, surface=surface, up="")
 
 
 def check_skin(surface: Surface, height: float | None = None) -> Skin:
     """A skin that can be filled with points, with notes on what had to be done to it.
-    Faces without area go; open pieces beside the body (clothes, helper geometry) and pieces inside it (eyes,
-    teeth) go; faces are turned to one side and outward; every hole is closed by a fan around the middle of
-    its border. A surface that passes through itself is kept: it shows by winding numbers of 2 and more on
-    a coarse grid, and `inside` counts such places once.
-    `height`: of the body, if known [m]; its unit is then certain.
+    Faces without area go; open pieces beside the body (clothes, helper geometry) and pieces inside
+    it (eyes, teeth) go; faces are turned to one side and outward; every hole is closed by a fan
+    around the middle of its border. A surface that passes through itself is kept: it shows by
+    winding numbers of 2 and more on a coarse grid, and `inside` counts such places once. `height`:
+    of the body, if known [m]; its unit is then certain.
     """
-    vertices, faces = np.array(surface.vertices), np.array(surface.faces)
+    vertices = np.array(surface.vertices)
+    faces = np.array(surface.faces)
     _check_units(vertices, faces, height)
     notes: list[str] = []
     kept = distinct_faces(faces)
@@ -58,29 +71,35 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     faces = _one_body(vertices, kept, notes)
     vertices, faces = _closed(vertices, faces, notes)
     used, compact = np.unique(faces, return_inverse=True)
-    vertices, faces = vertices[used], compact.reshape(-1, 3)
+    vertices = vertices[used]
+    faces = compact.reshape(-1, 3)
     if not signed_volume(vertices, faces) > 1e-9:
         raise BadData("the skin encloses no volume: expected a closed surface of a body")
     watertight = not len(border_of(faces))
     if not watertight:
-        notes.append("the skin is still open: points with winding numbers above one half count as inside")
+        notes.append(
+            "the skin is still open: points with winding numbers above one half count as inside"
+        )
     up = _up(vertices)
     if up and up != "y":
-        notes.append(f"the body stands along {up}, not y: give landmarks, or turn the skin as the model's ground is")
+        notes.append(
+            f"the body stands along {up}, not y: give landmarks, or turn the skin as the model's"
+            " ground is"
+        )
     skin = Skin(Surface(vertices, faces), watertight, up=up)
     doubled = _doubled(skin)
     if doubled > 0.0:
         notes.append(
-            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed more than once, "
-            "which counts once"
+            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed"
+            " more than once, which counts once"
         )
     return replace(skin, crossing=doubled > 0.0, notes=tuple(notes))
 
 
 def inside(skin: Skin, points: Array) -> np.ndarray:
     """(points,) whether each of the points (points, 3) [m] is inside the skin.
-    By generalized winding numbers above one half (Barill et al. 2018, libigl), which open and self-crossing
-    surfaces have too.
+    By generalized winding numbers above one half (Barill et al. 2018, libigl), which open and
+    self-crossing surfaces have too.
     """
     return winding_numbers(skin, points) > 0.5
 
@@ -95,7 +114,9 @@ def winding_numbers(skin: Skin, points: Array) -> Array:
     x = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
     if not len(x):
         return np.zeros(0)
-    parts = (igl.fast_winding_number(vertices, faces, x[i : i + CHUNK]) for i in range(0, len(x), CHUNK))
+    parts = (
+        igl.fast_winding_number(vertices, faces, x[i : i + CHUNK]) for i in range(0, len(x), CHUNK)
+    )
     return np.concatenate([np.atleast_1d(part) for part in parts])
 
 
@@ -105,8 +126,10 @@ def check_height(height: float) -> None:
         return
     for unit, factor in UNITS:
         if 0.3 <= height / factor <= 2.6:
-            raise BadData(f"a height of {height:g} m is no body's: expected meters; {height:g} {unit} are "
-                          f"{height / factor:.4g} m")  # fmt: skip
+            raise BadData(
+                f"a height of {height:g} m is no body's: expected meters; {height:g} {unit} are "
+                f"{height / factor:.4g} m"
+            )
     raise BadData(f"a height of {height:g} m is no body's: expected 0.3 to 2.6")
 
 
@@ -121,9 +144,16 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
         raise BadData("the skin has no extent")
     if height is not None:
         # Arms held out make a body longer than it is tall, bent knees shorter.
-        fitting = [unit for unit, factor in (("meters", 1.0), *UNITS) if 0.75 < longest / factor / height < 1.34]
+        fitting = [
+            unit
+            for unit, factor in (("meters", 1.0), *UNITS)
+            if 0.75 < longest / factor / height < 1.34
+        ]
         if not fitting:
-            raise BadData(f"the skin is {longest:.4g} long, the body {height:g} m tall: expected its skin in meters")
+            raise BadData(
+                f"the skin is {longest:.4g} long, the body {height:g} m tall: expected its skin in"
+                " meters"
+            )
         guess = fitting[0]
     elif longest <= TALLEST:
         guess = "meters"
@@ -133,7 +163,9 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
     if guess != "meters":
         factor = dict(UNITS).get(guess)
         remedy = f"divide its coordinates by {factor:g}" if factor else "give it in meters"
-        raise BadData(f"the skin is {longest:.4g} long, as a body in {guess}: expected meters; {remedy}")
+        raise BadData(
+            f"the skin is {longest:.4g} long, as a body in {guess}: expected meters; {remedy}"
+        )
 
 
 def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -144,7 +176,10 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarra
     body, *others = sorted(pieces, key=lambda piece: -area_of(vertices, piece))
     main = Skin(Surface(vertices, body), watertight=True)
     whole = signed_volume(vertices, body)
-    kept, opened, within, specks = [body], 0, 0, 0
+    kept = [body]
+    opened = 0
+    within = 0
+    specks = 0
     for piece in others:
         if len(border_of(piece)):
             opened += 1
@@ -155,11 +190,14 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarra
         else:
             kept.append(piece)
     if turned:
-        notes.append(f"faces that looked inward were turned outward in {turned} of {len(pieces)} pieces")
+        notes.append(
+            f"faces that looked inward were turned outward in {turned} of {len(pieces)} pieces"
+        )
     if opened or within or specks:
         notes.append(
-            f"the body is the piece with the largest surface, {len(body)} faces; left out: {opened} open pieces beside "
-            f"it (clothes, helper geometry), {within} inside it, {specks} specks"
+            f"the body is the piece with the largest surface, {len(body)} faces; left out: {opened}"
+            f" open pieces beside it (clothes, helper geometry), {within} inside it, {specks}"
+            " specks"
         )
     if len(kept) > 1:
         notes.append(f"{len(kept)} closed pieces together are the body")
@@ -172,7 +210,9 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array
     if not len(border):
         return vertices, faces
     following: dict[int, list[int]] = grouped(border.tolist())
-    added_vertices, added_faces, around = [vertices], [faces], []
+    added_vertices = [vertices]
+    added_faces = [faces]
+    around = []
     number = len(vertices)
     while following:
         start = next(iter(following))
@@ -186,18 +226,25 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array
                 edges = np.stack([loop, np.roll(loop, -1)], axis=1)
                 added_vertices.append(vertices[loop].mean(axis=0, keepdims=True))
                 added_faces.append(np.column_stack([edges[:, ::-1], np.full(len(loop), number)]))
-                around.append(float(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1).sum()))
+                around.append(
+                    float(
+                        np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1).sum()
+                    )
+                )
                 number += 1
                 break
             loop.append(end)
     if around:
-        notes.append(f"{len(around)} holes were filled, the largest {1000 * max(around):.0f} mm around")
+        notes.append(
+            f"{len(around)} holes were filled, the largest {1000 * max(around):.0f} mm around"
+        )
     return np.concatenate(added_vertices), np.concatenate(added_faces)
 
 
 def _doubled(skin: Skin) -> float:
     """Share of the samples inside that the skin encloses more than once."""
-    low, high = skin.surface.vertices.min(axis=0), skin.surface.vertices.max(axis=0)
+    low = skin.surface.vertices.min(axis=0)
+    high = skin.surface.vertices.max(axis=0)
     step = float((high - low).max()) / COARSE
     axes = [np.arange(a + step / 2.0, b, step) for a, b in zip(low, high, strict=True)]
     samples = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -206,11 +253,16 @@ def _doubled(skin: Skin) -> float:
 
 
 def _up(vertices: Array) -> str:
-    """Axis along which the body is longest, that across which it is symmetric set aside; "" if none is."""
+    """Axis along which the body is longest, that across which it is symmetric set aside; "" if none
+    is.
+    """
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     few = vertices[:: max(1, len(vertices) // 3000)] - middle
-    tree, extent = scipy.spatial.cKDTree(vertices - middle), np.ptp(vertices, axis=0)
-    asymmetry = np.array([np.median(tree.query(few * np.where(np.arange(3) == i, -1.0, 1.0))[0]) for i in range(3)])
+    tree = scipy.spatial.cKDTree(vertices - middle)
+    extent = np.ptp(vertices, axis=0)
+    asymmetry = np.array(
+        [np.median(tree.query(few * np.where(np.arange(3) == i, -1.0, 1.0))[0]) for i in range(3)]
+    )
     across = int(asymmetry.argmin())
     others = [index for index in range(3) if index != across]
     if asymmetry[across] > 0.5 * np.sort(asymmetry)[1]:

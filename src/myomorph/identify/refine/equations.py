@@ -17,19 +17,24 @@ from myomorph.rigid.frames import over_frames
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import TreeArrays, compile_tree
 
-POSTURE_SD = 0.2  # How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]
-ACCELERATION_SD = 20.0  # How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]
+# How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]
+POSTURE_SD = 0.2
+# How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]
+ACCELERATION_SD = 20.0
 BOUND_SD = 0.01  # How far a coordinate goes beyond its bounds [rad or m]
 MASS_SD = 1e-4  # Of the whole body's mass, of itself: it is known
 LENGTH_STEP = 1e-5
 UNEXPLAINED = 2.0
-"""A frame whose residual is so many times the usual one, after motions alone were refined, loses weight: something
-that no plate measures, as a chair, carries a part of the body there."""
+"""A frame whose residual is so many times the usual one, after motions alone were refined, loses
+weight: something that no plate measures, as a chair, carries a part of the body there.
+"""
 
 
 @read_only
 class TrialEquations:
-    """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared unknowns."""
+    """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared
+    unknowns.
+    """
 
     band: Array
     right: Array
@@ -48,14 +53,19 @@ class Equations:
 
 def cost(problem: Problem, at: Unknowns) -> float:
     """Squares in units of standard deviations."""
-    tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
     total = float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
     for trial, coefficients in zip(problem.trials, at.motions, strict=True):
         rates = problem.rates(trial, coefficients)
         errors, residual = problem.predict(tree, locations, trial, rates)
         weights = _weights(problem, trial)
-        total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.pose.markers.weight))
-        total += weights.share * float(trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1))
+        total += weights.marker * float(
+            np.einsum("fmi,fmi,m->", errors, errors, problem.pose.markers.weight)
+        )
+        total += weights.share * float(
+            trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1)
+        )
         free = problem.pose.free
         moved = coefficients - _start(trial, tuple(free.tolist()))
         for nu, weight in ((0, weights.value), (2, weights.acceleration)):
@@ -66,7 +76,9 @@ def cost(problem: Problem, at: Unknowns) -> float:
 
 @read_only
 class _Weights:
-    """Of one frame's squares, a frame counting for its share of the time over which errors are alike."""
+    """Of one frame's squares, a frame counting for its share of the time over which errors are
+    alike.
+    """
 
     marker: float
     share: float
@@ -91,13 +103,16 @@ def _weights(problem: Problem, trial: TrialData) -> _Weights:
 
 @lru_cache(maxsize=64)
 def _start(trial: TrialData, free: tuple[int, ...]) -> Array:
-    """(coefficients, free) of the splines nearest to inverse kinematics: the same for every point of a search."""
+    """(coefficients, free) of the splines nearest to inverse kinematics: the same for every point
+    of a search.
+    """
     return trial.basis.fitted(trial.start[:, list(free)])
 
 
 def _beyond(problem: Problem, values: Array) -> Array:
     """(frames, free) how far coordinates are beyond their bounds, 0 inside."""
-    low, high = problem.pose.lower, problem.pose.upper
+    low = problem.pose.lower
+    high = problem.pose.upper
     return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
 
 
@@ -106,7 +121,8 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
     lengths, places, masses = problem.columns()
     rows = []
     if problem.body:
-        length_sd, marker_sd = problem.options.length_sd, problem.marker_sd
+        length_sd = problem.options.length_sd
+        marker_sd = problem.marker_sd
         rows.append((lengths, np.eye(len(at.factors)) / length_sd, (at.factors - 1.0) / length_sd))
         rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
     if problem.masses:
@@ -123,8 +139,12 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
 
 
 def with_trust(problem: Problem, at: Unknowns) -> Problem:
-    """The problem with the weights of the frames that the residuals at a point ask for, see `UNEXPLAINED`."""
-    tree, locations, trials = problem.arrays(at), problem.placed(at.factors, at.shifts), []
+    """The problem with the weights of the frames that the residuals at a point ask for, see
+    `UNEXPLAINED`.
+    """
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
+    trials = []
     for trial, coefficients in zip(problem.trials, at.motions, strict=True):
         residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
         sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
@@ -136,9 +156,11 @@ def with_trust(problem: Problem, at: Unknowns) -> Problem:
 
 def linearize(problem: Problem, at: Unknowns) -> Equations:
     """Normal equations at a point."""
-    tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
     p = problem.count
-    H, g = np.zeros((p, p)), np.zeros(p)
+    H = np.zeros((p, p))
+    g = np.zeros(p)
     nearby = _neighbors(problem, at)
     trials = tuple(
         _trial_equations(problem, at, trial, coefficients, tree, locations, nearby, H, g)
@@ -161,7 +183,9 @@ def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]
         longer = tree._replace(
             pre_p=tree.pre_p + LENGTH_STEP * pre,
             post_p=tree.post_p + LENGTH_STEP * post,
-            functions=tree.functions._replace(coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients),
+            functions=tree.functions._replace(
+                coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients
+            ),
         )
         result.append((longer, problem.placed(factors, at.shifts)))
     return result
@@ -170,7 +194,8 @@ def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]
 @lru_cache(maxsize=4)
 def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
     """How each length changes the constants of the tree: all but linear, so that once is enough."""
-    unstretched, result = compile_tree(problem.model).arrays, []
+    unstretched = compile_tree(problem.model).arrays
+    result = []
     for i in range(len(problem.lengths)):
         factors = np.ones(len(problem.lengths))
         factors[i] += LENGTH_STEP
@@ -205,17 +230,29 @@ def slopes(
     nearby: list[tuple[TreeArrays, Array]],
 ) -> _Slopes:
     """Derivatives of markers and residuals of every frame in all unknowns; `rates` are consistent."""
-    free, frames, m = problem.pose.free, len(trial.time), len(problem.locations)
-    tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    of_rates, moved = np.empty((3, frames, 6, len(free))), np.empty((frames, len(free), 3 * m))
+    free = problem.pose.free
+    frames = len(trial.time)
+    m = len(problem.locations)
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
+    of_rates = np.empty((3, frames, 6, len(free)))
+    moved = np.empty((frames, len(free), 3 * m))
     wrench = trial.wrench
 
     def part(start: int, stop: int) -> None:
         s = slice(start, stop)
         difference_frames(
-            tree, problem.pose.markers.body, locations, free, *(rate[s] for rate in rates), wrench[s],
-            of_rates[0, s], of_rates[1, s], of_rates[2, s], moved[s],
-        )  # fmt: skip
+            tree,
+            problem.pose.markers.body,
+            locations,
+            free,
+            *(rate[s] for rate in rates),
+            wrench[s],
+            of_rates[0, s],
+            of_rates[1, s],
+            of_rates[2, s],
+            moved[s],
+        )
 
     over_frames(part, frames)
     of_rates[:, ~trial.use] = 0.0
@@ -228,7 +265,9 @@ def slopes(
         residual_by_length[:, :, i] = (more - residual) / LENGTH_STEP
     turned = np.empty((frames, m, 3, 3))
     for i in range(3 if problem.body else 0):
-        turned[:, :, :, i] = problem.predict(tree, locations + np.eye(3)[i], trial, rates)[0] - errors
+        turned[:, :, :, i] = (
+            problem.predict(tree, locations + np.eye(3)[i], trial, rates)[0] - errors
+        )
     by_mass = np.zeros((frames, 6, 0))
     if problem.masses:
         by_mass = _by_mass(problem, at, trial, rates)
@@ -236,13 +275,18 @@ def slopes(
 
 
 def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: Rates) -> Array:
-    moved, model = problem.prior.moved, problem.stretched(at.factors)
+    moved = problem.prior.moved
+    model = problem.stretched(at.factors)
     T = tangents(at.parameters[moved])
     result = np.zeros((len(trial.time), 6, 10 * len(moved)))
-    motion = Motion(trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates[:3]))
+    motion = Motion(
+        trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates[:3])
+    )
     for block in regressor_blocks(model, motion):
         by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]
-        result[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(len(by_link), 6, -1)
+        result[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(
+            len(by_link), 6, -1
+        )
     result[~trial.use] = 0.0
     return result
 
@@ -259,29 +303,39 @@ def _trial_equations(
     g: Array,
 ) -> TrialEquations:
     """Normal equations of a trial; what it says of the shared unknowns is added to H, g."""
-    n, p, basis = len(problem.pose.free), problem.count, trial.basis
+    n = len(problem.pose.free)
+    p = problem.count
+    basis = trial.basis
     rates = problem.rates(trial, coefficients)
     errors, residual = problem.predict(tree, locations, trial, rates)
     of = slopes(problem, at, trial, rates, nearby)
     weights = _weights(problem, trial)
     seen = np.isfinite(trial.observed).all(axis=2)
-    marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.pose.markers.weight, 0.0), 3, axis=1))
+    marker_root = np.sqrt(
+        np.repeat(np.where(seen, weights.marker * problem.pose.markers.weight, 0.0), 3, axis=1)
+    )
     residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
     misses = marker_root * errors.reshape(len(errors), -1)
     beyond = _beyond(problem, rates[0][:, problem.pose.free])
     departed = coefficients - _start(trial, tuple(problem.pose.free.tolist()))
-    values, bends = basis.at(departed), basis.at(departed, 2)
+    values = basis.at(departed)
+    bends = basis.at(departed, 2)
     window = WIDTH * n
-    band, right = np.zeros((window, basis.count * n)), np.zeros(basis.count * n)
+    band = np.zeros((window, basis.count * n))
+    right = np.zeros(basis.count * n)
     cross = np.zeros((basis.count * n, p))
     row, column = np.tril_indices(window)
     # Markers do not feel masses, which come last.
-    shared, alphas = problem.columns()[2].start, problem.alphas
+    shared = problem.columns()[2].start
+    alphas = problem.alphas
     for first in np.unique(basis.first):
         f = np.flatnonzero(basis.first == first)
         w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
         # Residual rows depend on the window through values, rates and accelerations.
-        A = sum(w[:, None, :, None] * of.rates[nu, f][:, :, None, :] for nu, w in enumerate((w0, w1, w2)))
+        A = sum(
+            w[:, None, :, None] * of.rates[nu, f][:, :, None, :]
+            for nu, w in enumerate((w0, w1, w2))
+        )
         A = (A * residual_root[f][:, :, None, None]).reshape(6 * len(f), window)
         b = (residual_root[f] * residual[f]).ravel()
         M = of.moved[f] * marker_root[f, None]
@@ -291,12 +345,16 @@ def _trial_equations(
         if problem.tissue is not None:
             # Markers depend on the window through values less alpha times accelerations.
             soft = alphas * per_frame
-            mixed = np.einsum("fa,fb,fij->aibj", w0, w2, soft, optimize=True).reshape(window, window)
+            mixed = np.einsum("fa,fb,fij->aibj", w0, w2, soft, optimize=True).reshape(
+                window, window
+            )
             both = np.einsum("fa,fb,fij->aibj", w2, w2, alphas[:, None] * soft, optimize=True)
             block += both.reshape(window, window) - mixed - mixed.T
         diagonal = weights.value + weights.bound * (beyond[f] != 0.0)
         per_frame[:, np.arange(n), np.arange(n)] += diagonal
-        block += np.einsum("fa,fb,fij->aibj", w0, w0, per_frame, optimize=True).reshape(window, window)
+        block += np.einsum("fa,fb,fij->aibj", w0, w0, per_frame, optimize=True).reshape(
+            window, window
+        )
         bend = np.einsum("fa,fb->ab", w2, w2)
         block += np.kron(bend, np.diag(weights.acceleration))
         seen = np.einsum("fir,fr->fi", M, misses[f])
@@ -308,7 +366,11 @@ def _trial_equations(
         right[span] += gradient.ravel() + A.T @ b
         if p:
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            parts = [(w0, joined)] if problem.tissue is None else [(w0, joined), (w2, -alphas[:, None] * joined)]
+            parts = (
+                [(w0, joined)]
+                if problem.tissue is None
+                else [(w0, joined), (w2, -alphas[:, None] * joined)]
+            )
             for w, of_coordinates in parts:
                 crossed = np.einsum("fa,fip->aip", w, of_coordinates, optimize=True)
                 cross[span, :shared] += crossed.reshape(window, shared)

@@ -1,4 +1,6 @@
-"""Motion, body and masses of one subject from markers and plates at once, and what may not be believed of them."""
+"""Motion, body and masses of one subject from markers and plates at once, and what may not be
+believed of them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,13 @@ from myomorph.identify.refine.predictions import (
     worse,
 )
 from myomorph.identify.refine.problem import Problem, Unknowns, generic_parameters, motion_of
-from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, Refinement, SubjectTrial
+from myomorph.identify.refine.refinement import (
+    Errors,
+    Prediction,
+    RefinedTrial,
+    Refinement,
+    SubjectTrial,
+)
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.identify.soft_tissue import Use, predicts_better
 from myomorph.model.arrays import Array
@@ -32,44 +40,67 @@ from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import GROUND, Model
 from myomorph.motion.turns import floating_coordinates
 
-MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
-"""Change of a link's mass, of itself, that is reported; and the share of the body under which a link does not count."""
+MAX_MASS_CHANGE = 0.5
+MIN_MASS_SHARE = 0.003
+"""Change of a link's mass, of itself, that is reported; and the share of the body under which a
+link does not count.
+"""
 
 
-def kept_note(tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions) -> Iterator[str]:
+def kept_note(
+    tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions
+) -> Iterator[str]:
     """That parts of the given model were kept, and by how much refined ones predict worse."""
     if not tried:
         return
     kept = "lengths and marker positions" if options.masses else "body and masses"
     texts = []
     for what, predictions in tried:
-        worst = max(predictions, key=lambda each: max(each.ratio, each.markers_ratio * WORSE / LEAVES_MARKERS))
+        worst = max(
+            predictions,
+            key=lambda each: max(each.ratio, each.markers_ratio * WORSE / LEAVES_MARKERS),
+        )
         texts.append(f"refined {what} predict {_numbers(worst)}")
-    yield f"{kept} are those of the given model, only {refined_parts(options)} were refined: {'; '.join(texts)}"
+    yield (
+        f"{kept} are those of the given model, only {refined_parts(options)} were refined:"
+        f" {'; '.join(texts)}"
+    )
 
 
 def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
-    """That refined motions lie farther from their own markers than inverse kinematics on the given model."""
-    left = [trial for trial in trials if trial.after.markers > LEAVES_MARKERS * trial.before.markers]
+    """That refined motions lie farther from their own markers than inverse kinematics on the given
+    model.
+    """
+    left = [
+        trial for trial in trials if trial.after.markers > LEAVES_MARKERS * trial.before.markers
+    ]
     if left:
         listed = ", ".join(
-            f"{trial.name} {1e3 * trial.after.markers:.1f} mm (before {1e3 * trial.before.markers:.1f})"
+            f"{trial.name} {1e3 * trial.after.markers:.1f} mm (before"
+            f" {1e3 * trial.before.markers:.1f})"
             for trial in left[:4]
         )
         yield (
-            f"forces pull {len(left)} of {len(trials)} refined motions away from their markers: {listed}; see whether "
-            "the subject's mass, the plates' zeros and clock are right, and what else touched the body"
+            f"forces pull {len(left)} of {len(trials)} refined motions away from their markers:"
+            f" {listed}; see whether the subject's mass, the plates' zeros and clock are right, and"
+            " what else touched the body"
         )
 
 
 def refined_parts(options: RefineOptions) -> str:
     """What options refine beside motions, in words."""
-    words = {(True, True): "body and masses", (True, False): "lengths and marker positions", (False, True): "masses"}
+    words = {
+        (True, True): "body and masses",
+        (True, False): "lengths and marker positions",
+        (False, True): "masses",
+    }
     return words.get((options.body, options.masses), "motions")
 
 
 def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
-    """That some recordings are predicted worse than by the given model, although all together are not."""
+    """That some recordings are predicted worse than by the given model, although all together are
+    not.
+    """
     left = [
         prediction
         for prediction in predictions
@@ -78,7 +109,8 @@ def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     worse = [
         prediction
         for prediction in predictions
-        if max(prediction.ratios) > WORSE or (prediction.markers_ratio > WORSE and prediction not in left)
+        if max(prediction.ratios) > WORSE
+        or (prediction.markers_ratio > WORSE and prediction not in left)
     ]
     if worse:
         listed = "; ".join(_numbers(prediction) for prediction in worse[:4])
@@ -89,25 +121,27 @@ def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
     if left:
         listed = "; ".join(_numbers(prediction) for prediction in left[:4])
         yield (
-            f"bodies that were refined without them lie farther from the markers of {len(left)} of {len(predictions)} "
-            f"predictions than the given model, which may have been calibrated with them: {listed}; add recordings, or "
-            "keep lengths and marker positions (--no-body)"
+            f"bodies that were refined without them lie farther from the markers of {len(left)} of"
+            f" {len(predictions)} predictions than the given model, which may have been calibrated"
+            f" with them: {listed}; add recordings, or keep lengths and marker positions"
+            " (--no-body)"
         )
 
 
 def _numbers(prediction: Prediction) -> str:
     return (
-        f"{prediction.name} at {prediction.refined.force:.1f} N, {prediction.refined.moment:.1f} N m, markers "
-        f"{1e3 * prediction.refined.markers:.1f} mm (given model {prediction.given.force:.1f} N, "
-        f"{prediction.given.moment:.1f} N m, "
-        f"{1e3 * prediction.given.markers:.1f} mm; a body refined without forces "
-        f"{1e3 * prediction.markers_alone:.1f} mm)"
+        f"{prediction.name} at {prediction.refined.force:.1f} N, {prediction.refined.moment:.1f} N"
+        f" m, markers {1e3 * prediction.refined.markers:.1f} mm (given model"
+        f" {prediction.given.force:.1f} N, {prediction.given.moment:.1f} N m,"
+        f" {1e3 * prediction.given.markers:.1f} mm; a body refined without forces"
+        f" {1e3 * prediction.markers_alone:.1f} mm)"
     )
 
 
 def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
     """Links that got a mass that is hard to believe, as one line."""
-    before, after = inertial_parameters(problem.model)[:, 0], at.parameters[:, 0]
+    before = inertial_parameters(problem.model)[:, 0]
+    after = at.parameters[:, 0]
     counts = before > MIN_MASS_SHARE * before.sum()
     far = np.flatnonzero(counts & (np.abs(after - before) > MAX_MASS_CHANGE * before))
     if not len(far):
@@ -117,14 +151,16 @@ def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
     swung = dict.fromkeys(name for i in far[:4] for name in _joint_above(problem.model, names[i]))
     how = f" that swings {', '.join(map(repr, swung))} fast and far" if swung else ""
     yield (
-        f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a recording{how} with "
-        "nothing but plates to touch (a chair, a rail or a hand carries a part of the body), or keep the given masses "
-        "(--no-masses)"
+        f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a"
+        f" recording{how} with nothing but plates to touch (a chair, a rail or a hand carries a"
+        " part of the body), or keep the given masses (--no-masses)"
     )
 
 
 def _joint_above(model: Model, body: str) -> tuple[str, ...]:
-    """Coordinates of the nearest joint above a body that moves it; none where only the floating base does."""
+    """Coordinates of the nearest joint above a body that moves it; none where only the floating
+    base does.
+    """
     above = {joint.child: joint for joint in model.joints}
     while body in above and not above[body].coordinates:
         body = above[body].parent
@@ -142,22 +178,25 @@ def refine(
 ) -> Refinement:
     """Motion, lengths, marker positions and masses of a subject in one problem over all trials.
 
-    Over frames f of all trials, markers m, coordinates q (quintic splines), lengths s, marker shifts d and
-    inertial parameters phi,
+    Over frames f of all trials, markers m, coordinates q (quintic splines), lengths s, marker
+    shifts d and inertial parameters phi,
 
-    min sum |x_m(q_f, s, d) - y_fm|^2 / noise^2 + sum |Y(q_f, q'_f, q''_f, s) phi - w_f|^2 / noise_w^2 + priors,
+    min sum |x_m(q_f, s, d) - y_fm|^2 / noise^2 + sum |Y(q_f, q'_f, q''_f, s) phi - w_f|^2 /
+    noise_w^2 + priors,
 
-    where Y phi are the six root rows of the equations of motion and w the wrench of the plates. Every phi is a
-    body's: masses change by P = L (I + E / 2)^2 L^T of their pseudo-inertia. Normal equations are banded in the
-    coefficients of each motion; their Schur complement leaves the shared unknowns.
+    where Y phi are the six root rows of the equations of motion and w the wrench of the plates.
+    Every phi is a body's: masses change by P = L (I + E / 2)^2 L^T of their pseudo-inertia. Normal
+    equations are banded in the coefficients of each motion; their Schur complement leaves the
+    shared unknowns.
 
-    Where markers move more than the mass (`soft_tissue`), they are seen at q - alpha q'', by the alphas of `identify`.
+    Where markers move more than the mass (`soft_tissue`), they are seen at q - alpha q'', by the
+    alphas of `identify`.
 
-    Where body and masses predict recordings that were not used worse than the given ones, masses alone are refined;
-    where these do too, motions alone.
+    Where body and masses predict recordings that were not used worse than the given ones, masses
+    alone are refined; where these do too, motions alone.
 
-    Source: Werling et al. 2023 (AddBiomechanics) for the problem; Wensing, Kim and Slotine 2018 for the
-    pseudo-inertia. The solver is our own.
+    Source: Werling et al. 2023 (AddBiomechanics) for the problem; Wensing, Kim and Slotine 2018 for
+    the pseudo-inertia. The solver is our own.
 
     Parameters
     ----------
@@ -210,7 +249,9 @@ def refine(
     """
     options = options or RefineOptions()
     if model.loops:
-        raise BadModel(model.source or model.name, "bodies tied in loops cannot be refined; remove the loops")
+        raise BadModel(
+            model.source or model.name, "bodies tied in loops cannot be refined; remove the loops"
+        )
     if len(floating_coordinates(model)) < 6:
         free = "its base does not move freely in the ground, so that plates say nothing of its root"
         raise BadModel(model.source or model.name, free)
@@ -231,14 +272,18 @@ class _Choice:
     """What is refined in the end."""
 
     options: RefineOptions  # with soft tissue "always" or "never"
-    predictions: tuple[Prediction, ...]  # by what is refined, or by what was tried last where only motions are
+    # by what is refined, or by what was tried last where only motions are
+    predictions: tuple[Prediction, ...]
     # what was not taken because it predicts worse, with its predictions
     tried: tuple[tuple[str, tuple[Prediction, ...]], ...] = ()
 
 
-def _choice(model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]) -> _Choice:
-    """Body and masses, masses alone or nothing but motions: the first that does not predict worse. Soft tissue where
-    `identify` has it of the same recordings, and predictions here are better with it too.
+def _choice(
+    model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]
+) -> _Choice:
+    """Body and masses, masses alone or nothing but motions: the first that does not predict worse.
+    Soft tissue where `identify` has it of the same recordings, and predictions here are better with
+    it too.
     """
     tried: list[tuple[str, tuple[Prediction, ...]]] = []
     predictions: tuple[Prediction, ...] = ()
@@ -251,9 +296,13 @@ def _choice(model: Model, recorded: Sequence[Opened], options: RefineOptions, pr
     while options.check and (options.body or options.masses):
         ways = [replace(options, soft_tissue=use) for use in uses]
         predicted = [predictions_of(model, recorded, way, progress) for way in ways]
-        softer = [np.divide(new.ratios, old.ratios) for old, new in zip(predicted[0], predicted[-1], strict=True)]
+        softer = [
+            np.divide(new.ratios, old.ratios)
+            for old, new in zip(predicted[0], predicted[-1], strict=True)
+        ]
         taken = -1 if predicts_better(np.array(softer), len(recorded) > 1) else 0
-        chosen, predictions = ways[taken], predicted[taken]
+        chosen = ways[taken]
+        predictions = predicted[taken]
         if not worse(predictions):
             break
         tried.append((refined_parts(options), predictions))
@@ -294,25 +343,32 @@ def _refinement(
     )
 
 
-def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, at: Unknowns) -> Iterator[RefinedTrial]:
-    tree, places = problem.arrays(at), problem.placed(at.factors, at.shifts)
+def _refined_trials(
+    model: Model, recorded: Sequence[Opened], problem: Problem, at: Unknowns
+) -> Iterator[RefinedTrial]:
+    tree = problem.arrays(at)
+    places = problem.placed(at.factors, at.shifts)
     for index, (data, trial) in enumerate(zip(problem.trials, recorded, strict=True)):
         # Against what the plates say, whatever gain they were given.
         said = replace(data, gain=1.0)
-        distances, residual = problem.predict(tree, places, said, problem.rates(data, at.motions[index]))
+        distances, residual = problem.predict(
+            tree, places, said, problem.rates(data, at.motions[index])
+        )
         seen = np.isfinite(data.observed).all(axis=2)
         used = residual[data.use]
         yield RefinedTrial(
-            data.name,
-            motion_of(problem, at, index),
-            errors_on(model, replace(trial, within=np.ones(len(trial.usable.use), bool))),
-            Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
-            int(data.use.sum()),
-            len(data.time),
+            name=data.name,
+            motion=motion_of(problem, at, index),
+            before=errors_on(model, replace(trial, within=np.ones(len(trial.usable.use), bool))),
+            after=Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
+            used=int(data.use.sum()),
+            frames=len(data.time),
         )
 
 
-def _notes(problem: Problem, solution: Solution, choice: _Choice, recorded: Sequence[Opened]) -> Iterator[str]:
+def _notes(
+    problem: Problem, solution: Solution, choice: _Choice, recorded: Sequence[Opened]
+) -> Iterator[str]:
     yield from kept_note(choice.tried, choice.options)
     if not choice.tried or choice.predictions is not choice.tried[-1][1]:
         yield from worse_note(choice.predictions)

@@ -1,4 +1,6 @@
-"""Markers and the root's residual of each frame, and how they change with the coordinates and their rates."""
+"""Markers and the root's residual of each frame, and how they change with the coordinates and their
+rates.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +17,37 @@ STEP = 1e-6  # Step of the differences in coordinates and their rates [rad, m an
 
 @kernel
 def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, residual):
-    """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin and force.
-    `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates) and `seen`, those that markers show;
-    dependent ones are set; `measured` (frames, 6) moment about the ground's origin [N m] and force [N] of the external
-    wrenches.
+    """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin
+    and force. `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates) and
+    `seen`, those that markers show; dependent ones are set; `measured` (frames, 6) moment about the
+    ground's origin [N m] and force [N] of the external wrenches.
     """
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    n = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    R = np.empty((n, 3, 3))
+    p = np.empty((n, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
     rates = np.empty((6, n, 3))
     for frame in range(c.shape[0]):
         soft = differ(c[frame], seen[frame])
         couple(T, c[frame])
         couple_rates(T, c[frame], cdot[frame], cddot[frame])
         body_poses(T, c[frame], R, p, w, o, dphi)
-        root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, residual[frame])
+        root_residual(
+            T,
+            c[frame],
+            cdot[frame],
+            cddot[frame],
+            R,
+            p,
+            w,
+            o,
+            measured[frame],
+            rates,
+            residual[frame],
+        )
         couple(T, seen[frame])
         if soft:
             body_poses(T, seen[frame], R, p, w, o, dphi)
@@ -38,19 +56,40 @@ def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, re
 
 @kernel
 def difference_frames(
-    T, body, location, free, c, cdot, cddot, seen, measured, by_value, by_rate, by_acceleration, moved
+    T,
+    body,
+    location,
+    free,
+    c,
+    cdot,
+    cddot,
+    seen,
+    measured,
+    by_value,
+    by_rate,
+    by_acceleration,
+    moved,
 ):
-    """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers (frames, free, 3 m).
-    `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`: filled, of the markers in `seen`,
-    their coordinates.
+    """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers
+    (frames, free, 3 m). `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`:
+    filled, of the markers in `seen`, their coordinates.
     """
-    n, axes, m = T.parent.shape[0], T.axis_kind.shape[0], body.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    n = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    m = body.shape[0]
+    R = np.empty((n, 3, 3))
+    p = np.empty((n, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
     rates = np.empty((6, n, 3))
-    at, r = np.empty((m, 3)), np.empty(6)
-    base, base_at = np.empty(6), np.empty((m, 3))
-    x, v, a = np.empty(c.shape[1]), np.empty(c.shape[1]), np.empty(c.shape[1])
+    at = np.empty((m, 3))
+    r = np.empty(6)
+    base = np.empty(6)
+    base_at = np.empty((m, 3))
+    x = np.empty(c.shape[1])
+    v = np.empty(c.shape[1])
+    a = np.empty(c.shape[1])
     for frame in range(c.shape[0]):
         # Rates and accelerations first: they share the poses of the frame.
         soft = differ(c[frame], seen[frame])
@@ -58,7 +97,9 @@ def difference_frames(
         put_places(body, location, R, p, base_at)
         if soft:
             body_poses(T, c[frame], R, p, w, o, dphi)
-        root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base)
+        root_residual(
+            T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base
+        )
         for change in range(2 * free.shape[0]):
             i = change % free.shape[0]
             restore(c[frame], cdot[frame], cddot[frame], x, v, a)
@@ -123,12 +164,19 @@ def put_places(body, location, R, p, places):
 @bare
 def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
     """What the motion needs less what was measured: moment about the base's origin and force."""
-    omega, v, alpha, a, f, m = rates[0], rates[1], rates[2], rates[3], rates[4], rates[5]
+    omega = rates[0]
+    v = rates[1]
+    alpha = rates[2]
+    a = rates[3]
+    f = rates[4]
+    m = rates[5]
     body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a)
     body_wrenches(T, R, p, omega, alpha, a, f, m)
-    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    force = (0.0, 0.0, 0.0)
+    moment = (0.0, 0.0, 0.0)
     for b in range(1, T.parent.shape[0]):
-        force, moment = plus(force, vector(f, b)), plus(moment, vector(m, b))
+        force = plus(force, vector(f, b))
+        moment = plus(moment, vector(m, b))
     force = minus(force, (measured[3], measured[4], measured[5]))
     moment = minus(moment, (measured[0], measured[1], measured[2]))
     moment = minus(moment, cross(vector(p, 1), force))

@@ -1,4 +1,6 @@
-"""Recordings predicted by what was refined from others, and whether that is worse than the model as given."""
+"""Recordings predicted by what was refined from others, and whether that is worse than the model as
+given.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ class Solution:
     converged: bool
 
 
-def settle(problem: Problem, progress: Callable[[], None] = lambda: None, first: Unknowns | None = None) -> Solution:
+def settle(
+    problem: Problem, progress: Callable[[], None] = lambda: None, first: Unknowns | None = None
+) -> Solution:
     """The optimum, from that of the motions alone, which shows the frames that nothing explains.
     `first`: of the motions alone, see `motions_alone`; found here by default.
     """
@@ -51,9 +55,12 @@ def motions_alone(problem: Problem, progress: Callable[[], None] = lambda: None)
     return solve(still, still.begin(), progress).at
 
 
-def solve(problem: Problem, start: Unknowns, progress: Callable[[], None] = lambda: None) -> Solution:
+def solve(
+    problem: Problem, start: Unknowns, progress: Callable[[], None] = lambda: None
+) -> Solution:
     """Levenberg-Marquardt from a start."""
-    at, damping = start, 1e-6
+    at = start
+    damping = 1e-6
     costs = [cost(problem, at)]
     converged = False
     for _ in range(problem.options.iterations):
@@ -62,7 +69,9 @@ def solve(problem: Problem, start: Unknowns, progress: Callable[[], None] = lamb
         while not accepted and damping < 1e4:
             motions, shared = step(problem, equations, damping)
             trial = moved(problem, at, motions, shared)
-            accepted = bool(trial.factors.min(initial=1.0) > 0.3) and cost(problem, trial) <= costs[-1]
+            accepted = (
+                bool(trial.factors.min(initial=1.0) > 0.3) and cost(problem, trial) <= costs[-1]
+            )
             damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
         progress()
         if not accepted:
@@ -73,28 +82,37 @@ def solve(problem: Problem, start: Unknowns, progress: Callable[[], None] = lamb
         if costs[-2] - costs[-1] < LEAST_GAIN * costs[-2]:
             converged = True
             break
-    return Solution(problem, at, tuple(costs), converged)
+    return Solution(problem=problem, at=at, costs=tuple(costs), converged=converged)
 
 
 def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[Array, ...], Array]:
     """Changes of each trial's coefficients, and of the shared unknowns."""
     reduced, right, solved = _reduce(equations, damping)
-    shared = -scipy.linalg.cho_solve(scipy.linalg.cho_factor(reduced), right) if len(right) else np.zeros(0)
+    shared = (
+        -scipy.linalg.cho_solve(scipy.linalg.cho_factor(reduced), right)
+        if len(right)
+        else np.zeros(0)
+    )
     n = len(problem.pose.free)
     motions = tuple((-block[:, 0] - block[:, 1:] @ shared).reshape(-1, n) for block in solved)
     return motions, shared
 
 
 def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Array]]:
-    """Normal equations of the shared unknowns with all motions eliminated, and what eliminates them."""
-    H, g = equations.H.copy(), equations.g.copy()
+    """Normal equations of the shared unknowns with all motions eliminated, and what eliminates
+    them.
+    """
+    H = equations.H.copy()
+    g = equations.g.copy()
     H[np.diag_indices_from(H)] *= 1.0 + damping
     solved = []
     for trial in equations.trials:
         band = trial.band.copy()
         band[0] = band[0] * (1.0 + damping) + 1e-12 * band[0].max()
         factor = scipy.linalg.cholesky_banded(band, lower=True, overwrite_ab=True)
-        reduced = scipy.linalg.cho_solve_banded((factor, True), np.column_stack([trial.right, trial.cross]))
+        reduced = scipy.linalg.cho_solve_banded(
+            (factor, True), np.column_stack([trial.right, trial.cross])
+        )
         H -= trial.cross.T @ reduced[:, 1:]
         g -= trial.cross.T @ reduced[:, 0]
         solved.append(reduced)
@@ -103,8 +121,8 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
 
 def covariance(problem: Problem, at: Unknowns) -> Array:
     """(shared, shared) of the shared unknowns, all motions unknown too.
-    Masses that are identified first come from the same recordings, so that they are no prior knowledge: links are
-    taken to differ from the given model by `LINK_SD`, as in `identify`.
+    Masses that are identified first come from the same recordings, so that they are no prior
+    knowledge: links are taken to differ from the given model by `LINK_SD`, as in `identify`.
     """
     if not problem.count:
         return np.zeros((0, 0))
@@ -126,25 +144,36 @@ def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
 
 WORSE = 1.02  # Ratio to the given model above which a prediction is worse
 LEAVES_MARKERS = 1.1
-"""Ratio of the marker errors of predictions to those of a body that only markers made, above which a refined body is
-not taken, whatever its forces."""
+"""Ratio of the marker errors of predictions to those of a body that only markers made, above which
+a refined body is not taken, whatever its forces.
+"""
 
 
-def errors_on(model: Model, opened: Opened, use: np.ndarray | None = None, tissue: SoftTissue | None = None) -> Errors:
-    """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry all.
-    `use` (frames,) in which the plates carry all; by default as the model itself says; `tissue`: by which markers move
-    more than the mass.
+def errors_on(
+    model: Model, opened: Opened, use: np.ndarray | None = None, tissue: SoftTissue | None = None
+) -> Errors:
+    """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry
+    all. `use` (frames,) in which the plates carry all; by default as the model itself says;
+    `tissue`: by which markers move more than the mass.
     """
     within = opened.within
-    recording = opened.usable.recording if tissue is None else opened.usable.recording.moved(tissue.of)
+    recording = (
+        opened.usable.recording if tissue is None else opened.usable.recording.moved(tissue.of)
+    )
     counts = opened.usable.use if use is None else use
-    residual = needed_wrench(model, recording.motion) - base_wrench(model, recording.motion, recording.wrenches)
+    residual = needed_wrench(model, recording.motion) - base_wrench(
+        model, recording.motion, recording.wrenches
+    )
     residual = residual[counts if within is None else counts & within]
     distances = opened.distances
     if within is not None:
         time = recording.motion.time[within]
-        distances = distances[(opened.motion.time >= time[0] - 1e-9) & (opened.motion.time <= time[-1] + 1e-9)]
-    return Errors(float(np.sqrt(np.nanmean(distances**2))), rms(residual[:, 3:]), rms(residual[:, :3]))
+        distances = distances[
+            (opened.motion.time >= time[0] - 1e-9) & (opened.motion.time <= time[-1] + 1e-9)
+        ]
+    return Errors(
+        float(np.sqrt(np.nanmean(distances**2))), rms(residual[:, 3:]), rms(residual[:, :3])
+    )
 
 
 def rms(vectors: Array) -> float:
@@ -157,13 +186,20 @@ def predictions_of(
 ) -> tuple[Prediction, ...]:
     """Every trial by the others, or the halves of a single one by each other."""
     if len(recorded) > 1:
-        held_out = [(on.trial.name, [other for other in recorded if other is not on], on) for on in recorded]
+        held_out = [
+            (on.trial.name, [other for other in recorded if other is not on], on) for on in recorded
+        ]
     else:
         (on,) = recorded
-        name, use = on.trial.name, on.usable.use
+        name = on.trial.name
+        use = on.usable.use
         middle = np.cumsum(use) * 2 >= use.sum()
-        first, second = replace(on, within=~middle), replace(on, within=middle)
-        held_out = [(f"{name}, second half", [first], second), (f"{name}, first half", [second], first)]
+        first = replace(on, within=~middle)
+        second = replace(on, within=middle)
+        held_out = [
+            (f"{name}, second half", [first], second),
+            (f"{name}, first half", [second], first),
+        ]
     return tuple(
         _prediction(name, model, problem_of(model, rest, options), left_out, progress)
         for name, rest, left_out in held_out
@@ -174,22 +210,29 @@ def _prediction(
     name: str, model: Model, problem: Problem, held_out: Opened, progress: Callable[[], None]
 ) -> Prediction:
     """What is left out of a problem, predicted. `held_out`: a trial on the given model."""
-    # All models are judged on the same frames: which ones the plates carry alone is not for a new body to say.
+    # All models are judged on the same frames: which ones the plates carry alone is not for a new
+    # body to say.
     use = held_out.usable.use
 
     def errors(made: Model) -> Errors:
         on_made = replace(opened(made, held_out.trial, problem.options), within=held_out.within)
         return errors_on(made, on_made, use, problem.tissue)
 
-    before, few = errors_on(model, held_out, use), thinned(problem)
+    before = errors_on(model, held_out, use)
+    few = thinned(problem)
     first = motions_alone(few, progress)
     refined = errors(model_of(model, problem, settle(few, progress, first).at))
     alone = before.markers
     if problem.body:
-        # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
-        blind = replace(few, masses=False, trials=tuple(replace(trial, use=trial.use & False) for trial in few.trials))
+        # The given model may have been calibrated from all markers, these included: as fair a body
+        # has seen the same.
+        blind = replace(
+            few,
+            masses=False,
+            trials=tuple(replace(trial, use=trial.use & False) for trial in few.trials),
+        )
         alone = errors(model_of(model, problem, solve(blind, first, progress).at)).markers
-    return Prediction(name, before, refined, alone)
+    return Prediction(name=name, given=before, refined=refined, markers_alone=alone)
 
 
 def worse(predictions: Sequence[Prediction]) -> bool:
@@ -202,10 +245,20 @@ def worse(predictions: Sequence[Prediction]) -> bool:
 
 
 def model_of(
-    model: Model, problem: Problem, at: Unknowns, path_lengths: Callable[[Model], Array] | None = None
+    model: Model,
+    problem: Problem,
+    at: Unknowns,
+    path_lengths: Callable[[Model], Array] | None = None,
 ) -> Model:
     """The given model with the lengths, marker positions and masses of a point."""
-    made = scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths) if problem.body else model
+    made = (
+        scale(model, factors_of(problem.lengths, at.factors), path_lengths=path_lengths)
+        if problem.body
+        else model
+    )
     places = dict(zip(problem.names, problem.placed(at.factors, at.shifts), strict=True))
-    placed = tuple(replace(marker, location=places.get(marker.name, marker.location)) for marker in made.markers)
+    placed = tuple(
+        replace(marker, location=places.get(marker.name, marker.location))
+        for marker in made.markers
+    )
     return with_inertial_parameters(made.with_markers(placed), at.parameters)

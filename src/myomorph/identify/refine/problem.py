@@ -1,7 +1,7 @@
 """The one problem of motion, body and masses: its data, its unknowns and what is known before.
 
-Coordinates over time are quintic splines: few unknowns, and derivatives that belong to them. Masses of links always
-are a body's: small changes of a pseudo-inertia and their prior.
+Coordinates over time are quintic splines: few unknowns, and derivatives that belong to them. Masses
+of links always are a body's: small changes of a pseudo-inertia and their prior.
 """
 
 from __future__ import annotations
@@ -15,7 +15,12 @@ from myomorph.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference,
 from myomorph.identify.refine.frame_kernels import predict_frames
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.inertia import inertia_matrices, inertial_parameters, parameters_of, pseudo_inertias
+from myomorph.model.inertia import (
+    inertia_matrices,
+    inertial_parameters,
+    parameters_of,
+    pseudo_inertias,
+)
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
@@ -30,7 +35,9 @@ DEGREE = 5  # Accelerations are cubic splines then, smooth as those of a filtere
 WIDTH = DEGREE + 1  # Knots that a frame depends on
 
 Rates = tuple[Array, Array, Array, Array]
-"""(frames, coordinates) values, rates and accelerations of the mass, and the values that markers show."""
+"""(frames, coordinates) values, rates and accelerations of the mass, and the values that markers
+show.
+"""
 
 
 @read_only
@@ -38,22 +45,28 @@ class Basis:
     """Values and derivatives at frames of splines with even knots."""
 
     first: Ints  # (frames,) number of the first coefficient that a frame depends on
-    weights: Array  # (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
+    # (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
+    weights: Array
     count: int  # coefficients of each coordinate
 
     @classmethod
     def of(cls, time: Array, spacing: float, span: tuple[float, float] | None = None) -> Basis:
-        """Basis for frames at `time` (frames,) with knots about `spacing` apart over a span, by default theirs [s]."""
+        """Basis for frames at `time` (frames,) with knots about `spacing` apart over a span, by
+        default theirs [s].
+        """
         start, end = (float(time[0]), float(time[-1])) if span is None else span
         pieces = max(1, round((end - start) / spacing))
         step = (end - start) / pieces
         knots = start + step * np.arange(-DEGREE, pieces + DEGREE + 1)
         first = np.clip(((time - start) / step).astype(np.int64), 0, pieces - 1)
         weights = np.empty((3, len(time), WIDTH))
-        # All pieces are the same function: the piece of each coefficient, shifted into the first interval.
+        # All pieces are the same function: the piece of each coefficient, shifted into the first
+        # interval.
         local = (time - start - first * step)[:, None] + start
         for index in range(WIDTH):
-            bspline = scipy.interpolate.BSpline(knots[: 2 * WIDTH], np.eye(WIDTH)[index], DEGREE, extrapolate=True)
+            bspline = scipy.interpolate.BSpline(
+                knots[: 2 * WIDTH], np.eye(WIDTH)[index], DEGREE, extrapolate=True
+            )
             for nu in range(3):
                 weights[nu, :, index] = bspline(local, nu)[:, 0]
         return cls(first, weights, pieces + DEGREE)
@@ -64,24 +77,32 @@ class Basis:
         return np.einsum("fk,fkn->fn", self.weights[derivative], window)
 
     def fitted(self, values: Array) -> Array:
-        """(count, columns) whose splines are nearest to values (frames, columns), NaN left out; little bent in gaps."""
+        """(count, columns) whose splines are nearest to values (frames, columns), NaN left out;
+        little bent in gaps.
+        """
         known: np.ndarray = np.asarray(np.isfinite(values).all(axis=1))
-        band, right = np.zeros((WIDTH, self.count)), np.zeros((self.count, values.shape[1]))
+        band = np.zeros((WIDTH, self.count))
+        right = np.zeros((self.count, values.shape[1]))
         bent = self.weights[2] / np.abs(self.weights[2]).max()
         for f in range(len(values)):
-            w, at = self.weights[0, f], self.first[f]
+            w = self.weights[0, f]
+            at = self.first[f]
             for i in range(WIDTH):
                 for j in range(i + 1):
                     band[i - j, at + j] += known[f] * w[i] * w[j] + 1e-6 * bent[f, i] * bent[f, j]
                 if known[f]:
                     right[at + i] += w[i] * values[f]
         band[0] += 1e-12
-        return scipy.linalg.cho_solve_banded((scipy.linalg.cholesky_banded(band, lower=True), True), right)
+        return scipy.linalg.cho_solve_banded(
+            (scipy.linalg.cholesky_banded(band, lower=True), True), right
+        )
 
 
 @read_only
 class MassPrior:
-    """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`."""
+    """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the
+    norm `sd`.
+    """
 
     reference: Array  # (links, 10) parameters
     moved: Ints  # numbers of the links that have a mass worth changing
@@ -101,7 +122,9 @@ class MassPrior:
 
 
 def changed(parameters: Array, entries: Array) -> Array:
-    """Parameters (links, 10) after changes (links, 10) of E: L (I + E / 2)^2 L^T, which is some body's whatever E."""
+    """Parameters (links, 10) after changes (links, 10) of E: L (I + E / 2)^2 L^T, which is some
+    body's whatever E.
+    """
     L = np.linalg.cholesky(pseudo_inertias(parameters))
     half = L @ (np.eye(4) + 0.5 * symmetric(entries))
     return parameters_of(half @ np.swapaxes(half, 1, 2))
@@ -114,8 +137,10 @@ class TrialData:
     name: str
     time: Array  # (frames,)
     observed: Array  # (frames, markers, 3), NaN where unseen [m]
-    measured: Array  # (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
-    use: np.ndarray  # (frames,) whether the plates carry all that touches the ground, so that the residual counts
+    # (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
+    measured: Array
+    # (frames,) whether the plates carry all that touches the ground, so that the residual counts
+    use: np.ndarray
     trust: Array  # (frames,) weight of the residual, 1 unless nothing explains it
     start: Array  # (frames, coordinates) by inverse kinematics
     basis: Basis  # splines of its coordinates
@@ -154,7 +179,8 @@ class Problem:
     # body, masses: whether lengths and marker positions, and masses are unknown
     body: bool = True
     masses: bool = True
-    tissue: SoftTissue | None = None  # by which markers move more than the mass; None where they do not
+    # by which markers move more than the mass; None where they do not
+    tissue: SoftTissue | None = None
 
     @property
     def alphas(self) -> Array:
@@ -197,7 +223,12 @@ class Problem:
         free = self.pose.free
         motions = tuple(trial.basis.fitted(trial.start[:, free]) for trial in self.trials)
         shifts = np.zeros_like(self.locations)
-        return Unknowns(motions, np.ones(len(self.lengths)), shifts, self.prior.reference)
+        return Unknowns(
+            motions=motions,
+            factors=np.ones(len(self.lengths)),
+            shifts=shifts,
+            parameters=self.prior.reference,
+        )
 
     def stretched(self, factors: Array) -> Model:
         """The skeleton with its lengths; masses as before."""
@@ -220,24 +251,35 @@ class Problem:
     def rates(self, trial: TrialData, coefficients: Array) -> Rates:
         """Of a trial's splines."""
         c = trial.start.copy()
-        cdot, cddot = np.zeros_like(c), np.zeros_like(c)
+        cdot = np.zeros_like(c)
+        cddot = np.zeros_like(c)
         for nu, values in enumerate((c, cdot, cddot)):
             values[:, self.pose.free] = trial.basis.at(coefficients, nu)
-        seen, free = c.copy(), self.pose.free
+        seen = c.copy()
+        free = self.pose.free
         seen[:, free] -= self.alphas * cddot[:, free]
         return c, cdot, cddot, seen
 
-    def predict(self, tree: TreeArrays, locations: Array, trial: TrialData, rates: Rates) -> tuple[Array, Array]:
-        """Markers less observed (frames, markers, 3), 0 where unseen, and residuals (frames, 6), 0 where not used.
-        Dependent coordinates of `rates` are set.
+    def predict(
+        self, tree: TreeArrays, locations: Array, trial: TrialData, rates: Rates
+    ) -> tuple[Array, Array]:
+        """Markers less observed (frames, markers, 3), 0 where unseen, and residuals (frames, 6), 0
+        where not used. Dependent coordinates of `rates` are set.
         """
-        places, residual = np.empty(trial.observed.shape), np.empty((len(trial.time), 6))
+        places = np.empty(trial.observed.shape)
+        residual = np.empty((len(trial.time), 6))
         wrench = trial.wrench
 
         def part(start: int, stop: int) -> None:
             s = slice(start, stop)
             predict_frames(
-                tree, self.pose.markers.body, locations, *(rate[s] for rate in rates), wrench[s], places[s], residual[s]
+                tree,
+                self.pose.markers.body,
+                locations,
+                *(rate[s] for rate in rates),
+                wrench[s],
+                places[s],
+                residual[s],
             )
 
         over_frames(part, len(trial.time))
@@ -248,8 +290,12 @@ class Problem:
 def with_masses(tree: TreeArrays, parameters: Array) -> TreeArrays:
     """The tree with inertial parameters (bodies, 10) of its own."""
     mass = parameters[:, 0]
-    center = np.divide(parameters[:, 1:4], mass[:, None], out=np.zeros((len(mass), 3)), where=mass[:, None] > 0.0)
-    square = np.einsum("bi,bi->b", center, center)[:, None, None] * np.eye(3) - np.einsum("bi,bj->bij", center, center)
+    center = np.divide(
+        parameters[:, 1:4], mass[:, None], out=np.zeros((len(mass), 3)), where=mass[:, None] > 0.0
+    )
+    square = np.einsum("bi,bi->b", center, center)[:, None, None] * np.eye(3) - np.einsum(
+        "bi,bj->bij", center, center
+    )
     inertia = inertia_matrices(parameters) - mass[:, None, None] * square
     return tree._replace(
         mass=np.concatenate([[0.0], mass]),
@@ -264,14 +310,20 @@ def moved(problem: Problem, at: Unknowns, motions: tuple[Array, ...], shared: Ar
     at = replace(at, motions=tuple(a + b for a, b in zip(at.motions, motions, strict=True)))
     if problem.body:
         at = replace(
-            at, factors=at.factors + shared[lengths], shifts=at.shifts + shared[places].reshape(at.shifts.shape)
+            at,
+            factors=at.factors + shared[lengths],
+            shifts=at.shifts + shared[places].reshape(at.shifts.shape),
         )
     if problem.masses:
         parameters = at.parameters.copy()
         links = problem.prior.moved
         parameters[links] = changed(parameters[links], shared[masses].reshape(-1, 10))
-        # A step keeps the whole mass to first order only; what is left would outweigh all that it gains.
-        at = replace(at, parameters=parameters * (problem.prior.reference[:, 0].sum() / parameters[:, 0].sum()))
+        # A step keeps the whole mass to first order only; what is left would outweigh all that it
+        # gains.
+        at = replace(
+            at,
+            parameters=parameters * (problem.prior.reference[:, 0].sum() / parameters[:, 0].sum()),
+        )
     return at
 
 

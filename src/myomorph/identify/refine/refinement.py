@@ -1,4 +1,6 @@
-"""What refining takes of a recording, and what it gives: body, motion and masses, held against the model before."""
+"""What refining takes of a recording, and what it gives: body, motion and masses, held against the
+model before.
+"""
 
 from __future__ import annotations
 
@@ -73,13 +75,15 @@ class RefinedTrial:
 
 @dataclass(frozen=True)
 class Prediction:
-    """A recording, or a part of one, predicted by the body and masses refined on the others: plain inverse kinematics.
+    """A recording, or a part of one, predicted by the body and masses refined on the others: plain
+    inverse kinematics.
 
     Attributes
     ----------
     name : of the recording or part
     given, refined : errors of the model as given, and of the refined one
-    markers_alone : marker error of a body that was refined from the same recordings' markers without their forces [m]
+    markers_alone : marker error of a body that was refined from the same recordings' markers
+        without their forces [m]
     """
 
     name: str
@@ -99,7 +103,9 @@ class Prediction:
 
     @property
     def markers_ratio(self) -> float:
-        """Marker error of the refined body to that of a body that the same markers made without forces."""
+        """Marker error of the refined body to that of a body that the same markers made without
+        forces.
+        """
         return self.refined.markers / self.markers_alone
 
 
@@ -144,12 +150,20 @@ class Refinement:
     @property
     def before(self) -> Errors:
         """Of all trials together."""
-        return _together([trial.before for trial in self.trials], [trial.used for trial in self.trials], self._frames)
+        return _together(
+            [trial.before for trial in self.trials],
+            [trial.used for trial in self.trials],
+            self._frames,
+        )
 
     @property
     def after(self) -> Errors:
         """Of all trials together."""
-        return _together([trial.after for trial in self.trials], [trial.used for trial in self.trials], self._frames)
+        return _together(
+            [trial.after for trial in self.trials],
+            [trial.used for trial in self.trials],
+            self._frames,
+        )
 
     @property
     def _frames(self) -> list[int]:

@@ -1,4 +1,6 @@
-"""Recordings of a subject as the data of the one problem: through inverse kinematics, on one clock, thinned."""
+"""Recordings of a subject as the data of the one problem: through inverse kinematics, on one clock,
+thinned.
+"""
 
 from __future__ import annotations
 
@@ -47,17 +49,23 @@ class Opened:
         """The recording, of which no more frames are used than count."""
         if self.within is None:
             return self.usable
-        return replace(self.usable, recording=replace(self.usable.recording, use=self.usable.use & self.within))
+        return replace(
+            self.usable, recording=replace(self.usable.recording, use=self.usable.use & self.within)
+        )
 
 
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
     """A trial on a model."""
     fit = inverse_kinematics(model, trial.markers, trial.tracking)
     used = usable(
-        model, fit.motion, trial.wrenches, time=trial.time, name=trial.name,
+        model,
+        fit.motion,
+        trial.wrenches,
+        time=trial.time,
+        name=trial.name,
         options=RecordingOptions(cutoff=options.cutoff),
-    )  # fmt: skip
-    return Opened(trial, fit.motion, used, fit.errors)
+    )
+    return Opened(trial=trial, motion=fit.motion, usable=used, distances=fit.errors)
 
 
 def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:
@@ -70,31 +78,35 @@ def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions)
         names = tuple(name for name in model.marker_names if name in weights)
     bare = skeleton(model)
     tree = compile_tree(bare)
-    masses, tissue = inertial_parameters(model), None
+    masses = inertial_parameters(model)
+    tissue = None
     if options.masses or options.soft_tissue != "never":
         parts = [_weighed(taken.counted, model.mass) for taken in recorded]
         masses, tissue = identified_masses(model, parts, options)
-    pose = pose_problem(tree, names, np.array([weights[name] for name in names]), recorded[0].trial.tracking)
+    pose = pose_problem(
+        tree, names, np.array([weights[name] for name in names]), recorded[0].trial.tracking
+    )
     return Problem(
-        bare,
-        lengths_of(model),
-        names,
-        pose,
-        pose.markers.location.copy(),
-        tuple(_trial_data(model, names, taken, options, tissue) for taken in recorded),
-        MassPrior.of(masses, options.mass_sd),
-        model.mass * float(np.linalg.norm(model.gravity)),
-        length_unit(tree),
-        options,
-        options.body,
-        options.masses,
-        tissue,
+        model=bare,
+        lengths=lengths_of(model),
+        names=names,
+        pose=pose,
+        locations=pose.markers.location.copy(),
+        trials=tuple(_trial_data(model, names, taken, options, tissue) for taken in recorded),
+        prior=MassPrior.of(masses, options.mass_sd),
+        weight=model.mass * float(np.linalg.norm(model.gravity)),
+        unit=length_unit(tree),
+        options=options,
+        body=options.body,
+        masses=options.masses,
+        tissue=tissue,
     )
 
 
 def gain_of(usable: Usable, mass: float) -> float:
-    """By which forces are multiplied where plates weigh the body otherwise than stated by more than `MASS_TOLERANCE`.
-    A motion that had to explain what is missing would fall or rise all the time, far from the markers.
+    """By which forces are multiplied where plates weigh the body otherwise than stated by more than
+    `MASS_TOLERANCE`. A motion that had to explain what is missing would fall or rise all the time,
+    far from the markers.
     """
     off = np.isfinite(usable.weighs) and abs(usable.weighs / mass - 1.0) > MASS_TOLERANCE
     return mass / usable.weighs if off else 1.0
@@ -102,7 +114,8 @@ def gain_of(usable: Usable, mass: float) -> float:
 
 def _weighed(usable: Usable, mass: float) -> Usable:
     """A recording whose plates weigh the body, see `gain_of`."""
-    gain, recording = gain_of(usable, mass), usable.recording
+    gain = gain_of(usable, mass)
+    recording = usable.recording
     if gain == 1.0:
         return usable
 
@@ -111,30 +124,47 @@ def _weighed(usable: Usable, mass: float) -> Usable:
 
     finer = recording.finer
     finer = None if finer is None else replace(finer, wrenches=weighed(finer.wrenches))
-    return replace(usable, recording=replace(recording, wrenches=weighed(recording.wrenches), finer=finer))
+    return replace(
+        usable, recording=replace(recording, wrenches=weighed(recording.wrenches), finer=finer)
+    )
 
 
 def thinned(problem: Problem) -> Problem:
-    """The problem with as many frames as its knots need: skin stays alike for longer, and forces are filtered."""
+    """The problem with as many frames as its knots need: skin stays alike for longer, and forces
+    are filtered.
+    """
     rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
     trials = []
     for trial in problem.trials:
         step = max(1, int(1.0 / (rate * float(np.median(np.diff(trial.time)))) + 1e-6))
-        every, span = slice(None, None, step), (float(trial.time[0]), float(trial.time[-1]))
+        every = slice(None, None, step)
+        span = (float(trial.time[0]), float(trial.time[-1]))
         basis = Basis.of(trial.time[every], 1.0 / (KNOTS * problem.options.cutoff), span)
         trials.append(
             replace(
-                trial, time=trial.time[every], observed=trial.observed[every], measured=trial.measured[every],
-                use=trial.use[every], trust=trial.trust[every], start=trial.start[every], basis=basis,
+                trial,
+                time=trial.time[every],
+                observed=trial.observed[every],
+                measured=trial.measured[every],
+                use=trial.use[every],
+                trust=trial.trust[every],
+                start=trial.start[every],
+                basis=basis,
             )
-        )  # fmt: skip
+        )
     return replace(problem, trials=tuple(trials))
 
 
 def _trial_data(
-    model: Model, names: Sequence[str], recorded: Opened, options: RefineOptions, tissue: SoftTissue | None
+    model: Model,
+    names: Sequence[str],
+    recorded: Opened,
+    options: RefineOptions,
+    tissue: SoftTissue | None,
 ) -> TrialData:
-    trial, recording, use = recorded.trial, recorded.usable.recording, recorded.counted.use
+    trial = recorded.trial
+    recording = recorded.usable.recording
+    use = recorded.counted.use
     wrench = base_wrench(model, recording.motion, recording.wrenches, np.zeros(3))
     time = recorded.motion.time
     frames = (time >= recording.motion.time[0] - 1e-9) & (time <= recording.motion.time[-1] + 1e-9)
@@ -152,9 +182,16 @@ def _trial_data(
     motion = recorded.motion if tissue is None else tissue.of(differentiate(recorded.motion))
     start = _without_gaps(compile_tree(model).coordinates_of(motion)[frames])
     return TrialData(
-        trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], np.ones(len(start)), start,
-        Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)), gain_of(recorded.usable, model.mass),
-    )  # fmt: skip
+        name=trial.name,
+        time=time[frames],
+        observed=observed,
+        measured=np.nan_to_num(wrench[chosen]),
+        use=use[chosen],
+        trust=np.ones(len(start)),
+        start=start,
+        basis=Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)),
+        gain=gain_of(recorded.usable, model.mass),
+    )
 
 
 def _without_gaps(values: Array) -> Array:
@@ -167,8 +204,9 @@ def _without_gaps(values: Array) -> Array:
 def identified_masses(
     model: Model, recorded: Sequence[Usable], options: RefineOptions
 ) -> tuple[Array, SoftTissue | None]:
-    """(bodies, 10) of `identify`, for the motion of the problem, and the soft tissue between it and the markers. The
-    model's, and soft tissue as before anything is measured, where it keeps these, or the recordings are too short.
+    """(bodies, 10) of `identify`, for the motion of the problem, and the soft tissue between it and
+    the markers. The model's, and soft tissue as before anything is measured, where it keeps these,
+    or the recordings are too short.
     """
     same = IdentificationOptions(compare=False, soft_tissue=options.soft_tissue)
     usual = usual_tissue(model) if options.soft_tissue == "always" else None
@@ -178,5 +216,9 @@ def identified_masses(
         identification = identify(model, recorded, points, options=same, recording=limits)
     except BadData:
         return inertial_parameters(model), usual
-    masses = identification.parameters[identification.chosen] if options.masses else inertial_parameters(model)
+    masses = (
+        identification.parameters[identification.chosen]
+        if options.masses
+        else inertial_parameters(model)
+    )
     return masses, identification.soft_tissue or usual

@@ -1,7 +1,9 @@
-"""Signals over time as BIDS has those of motion: a table without a heading, and what it holds in files beside it.
+"""Signals over time as BIDS has those of motion: a table without a heading, and what it holds in
+files beside it.
 
-Of `A_tracksys-B_motion.tsv` the channels stand in `A_tracksys-B_channels.tsv`, all else in `A_tracksys-B_motion.json`,
-or in files higher up whose names have some of its parts (BIDS specification 1.11, motion; inheritance principle).
+Of `A_tracksys-B_motion.tsv` the channels stand in `A_tracksys-B_channels.tsv`, all else in
+`A_tracksys-B_motion.json`, or in files higher up whose names have some of its parts (BIDS
+specification 1.11, motion; inheritance principle).
 """
 
 from __future__ import annotations
@@ -23,12 +25,15 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Series
 
-MOTION, CHANNELS, UNKNOWN = "_motion.tsv", "_channels.tsv", "n/a"
+MOTION = "_motion.tsv"
+CHANNELS = "_channels.tsv"
+UNKNOWN = "n/a"
 DATASET = "dataset_description.json"  # File that the top folder of a dataset has.
 MAX_DEPTH = 4  # Folders from a file to the top: of its kind, session and subject.
 HINT = "expected a motion file of BIDS, whose columns stand in the _channels.tsv beside it"
 LATENCY = "LATENCY"
-START = "StartTime"  # Key of the time of the first row on the clock of the recording [s]; without it rows begin at 0.
+# Key of the time of the first row on the clock of the recording [s]; without it rows begin at 0.
+START = "StartTime"
 RATE = "SamplingFrequency"
 COLUMNS = ("name", "component", "type", "tracked_point", "units", "placement", "reference_frame")
 COUNTED = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", LATENCY, "MAGN", "ORNT", "POS", "VEL")
@@ -61,7 +66,9 @@ class Channel:
 
 @read_only
 class Signals(Series):
-    """Columns of a motion file, values (frames, channels) in the channels' units, NaN where unknown."""
+    """Columns of a motion file, values (frames, channels) in the channels' units, NaN where
+    unknown.
+    """
 
     channels: tuple[Channel, ...] = ()  # what each column is
     # what is known beside them, as JSON holds it
@@ -73,33 +80,51 @@ class Signals(Series):
         groups: dict[str, dict[tuple[str, str], int]] = {}
         for column, channel in enumerate(self.channels):
             if channel.component in AXES:
-                groups.setdefault(channel.point, {}).setdefault((channel.unit, channel.component), column)
+                groups.setdefault(channel.point, {}).setdefault(
+                    (channel.unit, channel.component), column
+                )
         return groups
 
 
-def signals_of(series: Series, channels: Sequence[Channel], facts: Mapping[str, Any] | None = None) -> Signals:
+def signals_of(
+    series: Series, channels: Sequence[Channel], facts: Mapping[str, Any] | None = None
+) -> Signals:
     """A series (frames, channels) with what each column is."""
     values = series.values.reshape(len(series), -1)
     return Signals(
-        series.time, tuple(each.name for each in channels), values, channels=tuple(channels), facts=facts or {}
+        series.time,
+        tuple(each.name for each in channels),
+        values,
+        channels=tuple(channels),
+        facts=facts or {},
     )
 
 
 def write_signals(stem: Path, signals: Signals, frame: str = "") -> None:
-    """Write STEM_motion.tsv, its channels and its facts; `frame`: the axes of what has components. Numbers are written
-    so that they are read back as they are.
+    """Write STEM_motion.tsv, its channels and its facts; `frame`: the axes of what has components.
+    Numbers are written so that they are read back as they are.
     """
     start = float(signals.time[0]) if len(signals) else 0.0
     channels = (Channel("latency", LATENCY, "s"), *signals.channels)
     where = {True: "ground" if frame else UNKNOWN, False: UNKNOWN}
     rows = (
-        (each.name, each.component, each.kind, each.point, each.unit, each.placement, where[each.component in AXES])
+        (
+            each.name,
+            each.component,
+            each.kind,
+            each.point,
+            each.unit,
+            each.placement,
+            where[each.component in AXES],
+        )
         for each in channels
     )
     write_tsv(stem.with_name(stem.name + CHANNELS), COLUMNS, rows)
     about = {name: text for name, text in signals.facts.items() if name == "Description"}
     if frame:
-        about["reference_frame"] = {"Levels": {"ground": {"Description": frame, "RotationRule": "right-hand"}}}
+        about["reference_frame"] = {
+            "Levels": {"ground": {"Description": frame, "RotationRule": "right-hand"}}
+        }
     if about:
         write_json(stem.with_name(f"{stem.name}_channels.json"), about)
     counts = Counter(each.kind for each in channels)
@@ -124,8 +149,10 @@ def read_signals(path: Path) -> Signals:
     """What a motion file holds, in m, rad, N and V; raises `BadFile`."""
     if not path.name.endswith(MOTION):
         raise BadFile(path, "is no motion file of BIDS", f"its name would end in {MOTION}")
-    channels, facts = channels_of_file(path, COLUMNS[:5]), facts_of_file(path)
-    text, notes = file_text(path, HINT), list[str]()
+    channels = channels_of_file(path, COLUMNS[:5])
+    facts = facts_of_file(path)
+    text = file_text(path, HINT)
+    notes = list[str]()
     width = len(text.split("\n", 1)[0].split("\t"))
     if width != len(channels):
         raise BadFile(path, f"has {width} columns, but its channels are {len(channels)}", HINT)
@@ -134,18 +161,25 @@ def read_signals(path: Path) -> Signals:
     clock = next((column for column, each in enumerate(channels) if each.kind == LATENCY), None)
     rate = number_of(facts, RATE)
     if clock is None and not rate > 0.0:
-        raise BadFile(path, f"has neither latencies nor a {RATE}", "state it in the _motion.json beside it")
-    time = (np.arange(len(values)) / rate if clock is None else values[:, clock]) + number_of(facts, START)
+        raise BadFile(
+            path, f"has neither latencies nor a {RATE}", "state it in the _motion.json beside it"
+        )
+    time = (np.arange(len(values)) / rate if clock is None else values[:, clock]) + number_of(
+        facts, START
+    )
     if not rising(time).all():
         raise BadFile(path, "its latencies do not rise from row to row")
     kept = [column for column in range(width) if channels[column].kind != LATENCY]
     factors = [SI.get(channels[column].unit, ("", 1.0))[1] for column in kept]
     plain = tuple(
-        replace(channels[column], unit=SI.get(channels[column].unit, (channels[column].unit,))[0]) for column in kept
+        replace(channels[column], unit=SI.get(channels[column].unit, (channels[column].unit,))[0])
+        for column in kept
     )
     names = tuple(each.name for each in plain)
     try:
-        return Signals(time, names, values[:, kept] * factors, channels=plain, facts=FrozenMap(facts))
+        return Signals(
+            time, names, values[:, kept] * factors, channels=plain, facts=FrozenMap(facts)
+        )
     except BadData as error:
         raise BadFile(path, str(error)) from None
 
@@ -154,7 +188,9 @@ def channels_of_file(path: Path, needed: Sequence[str]) -> tuple[Channel, ...]:
     """The channels of a file of signals, as `needed` columns of its _channels.tsv have them."""
     files = beside(path, CHANNELS)
     if not files:
-        raise BadFile(path, "has no _channels.tsv beside it", "a dataset of BIDS has one, by the same name")
+        raise BadFile(
+            path, "has no _channels.tsv beside it", "a dataset of BIDS has one, by the same name"
+        )
     rows = read_tsv(files[-1])
     missing = [name for name in needed if rows and name not in rows[0]]
     if missing:
@@ -182,18 +218,28 @@ def number_of(facts: Mapping[str, Any], name: str) -> float:
 
 
 def beside(path: Path, ending: str) -> list[Path]:
-    """Files that belong to a file of a dataset by their ending and parts of its name, from the top downwards."""
+    """Files that belong to a file of a dataset by their ending and parts of its name, from the top
+    downwards.
+    """
     parts = set(path.stem.split("_")[:-1])
     homes = [path.parent, *path.parent.parents][:MAX_DEPTH]
     top = next((depth for depth, home in enumerate(homes) if (home / DATASET).is_file()), 0)
-    files = (file for home in reversed(homes[: top + 1]) for file in sorted(home.glob(f"*{ending}")))
-    return [file for file in files if set(file.name.removesuffix(ending).split("_")) <= parts | {""}]
+    files = (
+        file for home in reversed(homes[: top + 1]) for file in sorted(home.glob(f"*{ending}"))
+    )
+    return [
+        file for file in files if set(file.name.removesuffix(ending).split("_")) <= parts | {""}
+    ]
 
 
 def read_tsv(path: Path) -> list[dict[str, str]]:
     """Rows of a table with a heading."""
     try:
-        return list(csv.DictReader(file_text(path, HINT).splitlines(), delimiter="\t", quoting=csv.QUOTE_NONE))
+        return list(
+            csv.DictReader(
+                file_text(path, HINT).splitlines(), delimiter="\t", quoting=csv.QUOTE_NONE
+            )
+        )
     except csv.Error as error:
         raise BadFile(path, f"is no table: {error}", HINT) from None
 

@@ -1,9 +1,9 @@
 """Parameters and samples of C3D files with NumPy alone: three byte orders, integers and reals.
 
-Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of linked
-records, and frames of points and analog samples. It believes the header where header and parameters
-differ, stops at the first broken parameter record and keeps the ones before it, and never reads
-more than the file holds.
+Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of
+linked records, and frames of points and analog samples. It believes the header where header and
+parameters differ, stops at the first broken parameter record and keeps the ones before it, and
+never reads more than the file holds.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from myomorph.model.errors import BadFile
 
 Value = tuple[str, ...] | Array
 
-BLOCK, KEY = 512, 0x50  # Bytes of a block; the second byte of every C3D file.
-PC, DEC, SGI = 84, 85, 86
+BLOCK = 512
+KEY = 0x50  # Bytes of a block; the second byte of every C3D file.
+PC = 84
+DEC = 85
+SGI = 86
 EVENT_KEY = 12345
 MAX_DIMENSIONS = 7
 
@@ -51,9 +54,13 @@ class RawC3d:
         return tuple(text.partition("\0")[0].strip() for text in texts)
 
     def numbers(self, group: str, name: str) -> Array:
-        """Numbers of a parameter, flat in the file's order, and of its continuations; empty if absent."""
+        """Numbers of a parameter, flat in the file's order, and of its continuations; empty if
+        absent.
+        """
         values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
-        return np.concatenate([np.zeros(0), *(np.asarray(part, dtype=np.float64).ravel(order="F") for part in values)])
+        return np.concatenate(
+            [np.zeros(0), *(np.asarray(part, dtype=np.float64).ravel(order="F") for part in values)]
+        )
 
     def _continued(self, group: str, name: str) -> Iterator[Value]:
         """Values of a parameter and of its continuations, up to the first that is absent."""
@@ -76,7 +83,9 @@ def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
         data = path.read_bytes()
     if len(data) < BLOCK:
         what = "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)"
-        raise BadFile(path, what, "give the recording again, as the program of the laboratory exports it")
+        raise BadFile(
+            path, what, "give the recording again, as the program of the laboratory exports it"
+        )
     if data[1] != KEY:
         raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
     remarks: list[str] = []
@@ -89,13 +98,23 @@ def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
 
 
 def claimed_frames(head: bytes) -> tuple[int, float]:
-    """Frames and their rate [Hz] as the first bytes of a C3D file claim them, header and parameters; 0 for unknown."""
+    """Frames and their rate [Hz] as the first bytes of a C3D file claim them, header and
+    parameters; 0 for unknown.
+    """
     with np.errstate(all="ignore"):
         section, order = _section(head, [])
         header = _header(head, order)
         groups = _parameters(head, section, order, [])
         nothing = np.zeros((0, 0, 3))
-        raw = RawC3d(groups, header.first, header.rate, 0.0, nothing, nothing[..., 0], np.zeros((0, 0)))
+        raw = RawC3d(
+            groups=groups,
+            first_frame=header.first,
+            point_rate=header.rate,
+            analog_rate=0.0,
+            points=nothing,
+            residuals=nothing[..., 0],
+            analog=np.zeros((0, 0)),
+        )
         return _frames(raw, header, 0), _first(raw, "POINT", "RATE", header.rate)
 
 
@@ -139,7 +158,10 @@ def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
     for guess in (start, BLOCK):
         if 0 < guess <= len(data) - 4 and data[guess + 3] in (PC, DEC, SGI):
             if guess != start:
-                remarks.append("the parameter section was looked for at its usual place: the header points elsewhere")
+                remarks.append(
+                    "the parameter section was looked for at its usual place: the header points"
+                    " elsewhere"
+                )
             return guess, _Order(data[guess + 3])
     remarks.append("the parameter section names no processor: taken as PC")
     return start, _Order(PC)
@@ -167,19 +189,24 @@ def _header(data: bytes, order: _Order) -> _Header:
     )
 
 
-def _parameters(data: bytes, section: int, order: _Order, remarks: list[str]) -> dict[str, dict[str, Value]]:
+def _parameters(
+    data: bytes, section: int, order: _Order, remarks: list[str]
+) -> dict[str, dict[str, Value]]:
     """Groups of parameters; records after a broken one are lost, which is told in `remarks`."""
     names: dict[int, str] = {}
     records: list[tuple[int, str, Value]] = []
     at = section + 4
     while 0 <= at < len(data) - 4:
-        length, group = abs(_signed(data[at])), _signed(data[at + 1])
+        length = abs(_signed(data[at]))
+        group = _signed(data[at + 1])
         if length == 0:
             break
         field = at + 2 + length
         name = data[at + 2 : field].decode("latin-1").strip(" \0").upper()
         if group == 0 or field + 2 > len(data) or not name.isprintable():
-            remarks.append("the parameter section is broken: what follows the first broken record was left out")
+            remarks.append(
+                "the parameter section is broken: what follows the first broken record was left out"
+            )
             break
         step = int(order.ints(data[field : field + 2])[0])
         if group < 0:
@@ -187,7 +214,10 @@ def _parameters(data: bytes, section: int, order: _Order, remarks: list[str]) ->
         else:
             value = _value(data, field + 2, order)
             if value is None:
-                remarks.append(f"parameter '{name}' is broken or reaches past the end of the file: it was left out")
+                remarks.append(
+                    f"parameter '{name}' is broken or reaches past the end of the file: it was"
+                    " left out"
+                )
             else:
                 records.append((group, name, value))
         if step <= 0:
@@ -207,7 +237,8 @@ def _value(data: bytes, at: int, order: _Order) -> Value | None:
     """Value of a parameter that begins at its type byte, or None if the file ends before it does."""
     if at + 2 > len(data) or data[at + 1] > MAX_DIMENSIONS:
         return None
-    kind, rank = _signed(data[at]), data[at + 1]
+    kind = _signed(data[at])
+    rank = data[at + 1]
     shape = tuple(data[at + 2 : at + 2 + rank])
     start = at + 2 + rank
     count = int(np.prod(shape, dtype=np.int64)) if rank else 1
@@ -219,7 +250,13 @@ def _value(data: bytes, at: int, order: _Order) -> Value | None:
         width = shape[0] if rank else 1
         rows = count // width if width else 0
         return tuple(raw[row * width : (row + 1) * width].decode("latin-1") for row in range(rows))
-    values = order.floats(raw) if kind == 4 else order.ints(raw) if kind == 2 else np.frombuffer(raw, dtype=np.int8)
+    values = (
+        order.floats(raw)
+        if kind == 4
+        else order.ints(raw)
+        if kind == 2
+        else np.frombuffer(raw, dtype=np.int8)
+    )
     values = values.astype(np.float64)
     return values.reshape(shape or (1,), order="F")
 
@@ -233,8 +270,17 @@ def _samples(
     path: Path,
 ) -> RawC3d:
     """Points and analog samples of every frame the file holds."""
-    about = RawC3d(groups, header.first, 0.0, 0.0, np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0)))
-    points, per_frame = header.points, header.samples_per_frame
+    about = RawC3d(
+        groups=groups,
+        first_frame=header.first,
+        point_rate=0.0,
+        analog_rate=0.0,
+        points=np.zeros((0, 0, 3)),
+        residuals=np.zeros((0, 0)),
+        analog=np.zeros((0, 0)),
+    )
+    points = header.points
+    per_frame = header.samples_per_frame
     channels = header.analog_per_frame // per_frame if per_frame else 0
     scale = header.scale
     if not np.isfinite(scale) or scale == 0.0:
@@ -246,14 +292,17 @@ def _samples(
     block = header.data_block or int(_first(about, "POINT", "DATA_START", 0))
     start = (block - 1) * BLOCK
     if size == 0 or start <= 0 or start >= len(data):
-        raise BadFile(path, "holds neither points nor analog samples", "the recording may have been cut off")
+        raise BadFile(
+            path, "holds neither points nor analog samples", "the recording may have been cut off"
+        )
     held = (len(data) - start) // size
     used = int(_first(about, "ANALOG", "USED", 0.0))
     if used == header.analog_per_frame > channels:
         # Some programs write the number of channels where that of samples in a frame belongs.
         larger = (4 * points + used * per_frame) * width
         if (len(data) - start) // larger >= _frames(about, header, held):
-            channels, size = used, larger
+            channels = used
+            size = larger
             held = (len(data) - start) // size
     claimed = _frames(about, header, held)
     frames = min(claimed, held)
@@ -264,12 +313,15 @@ def _samples(
     raw = data[start : start + frames * size]
     unsigned = any(text.upper().startswith("UNSIGNED") for text in about.texts("ANALOG", "FORMAT"))
     table = (order.floats(raw) if real else order.ints(raw).astype(np.float64)).reshape(frames, -1)
-    coordinates, analog = table[:, : 4 * points], table[:, 4 * points :]
+    coordinates = table[:, : 4 * points]
+    analog = table[:, 4 * points :]
     if unsigned and not real:
         analog = np.where(analog < 0.0, analog + 65536.0, analog)
     places = coordinates.reshape(frames, points, 4)
     residuals = _residuals(places[:, :, 3], abs(scale))
-    positions = np.where((residuals < 0)[:, :, None], np.nan, places[:, :, :3] * (1.0 if real else scale))
+    positions = np.where(
+        (residuals < 0)[:, :, None], np.nan, places[:, :, :3] * (1.0 if real else scale)
+    )
     rate = header.rate if 0 < header.rate < 1e6 else _first(about, "POINT", "RATE", 0.0)
     return RawC3d(
         groups=groups,
@@ -291,7 +343,8 @@ def _first(raw: RawC3d, group: str, name: str, default: float) -> float:
 
 def _frames(raw: RawC3d, header: _Header, held: int) -> int:
     """Number of frames the file claims: 16 bits in the header, more in parameters of long files."""
-    begin, end = raw.numbers("TRIAL", "ACTUAL_START_FIELD"), raw.numbers("TRIAL", "ACTUAL_END_FIELD")
+    begin = raw.numbers("TRIAL", "ACTUAL_START_FIELD")
+    end = raw.numbers("TRIAL", "ACTUAL_END_FIELD")
     if len(begin) == 2 and len(end) == 2:
         long = (end[0] % 65536 + 65536 * end[1]) - (begin[0] % 65536 + 65536 * begin[1]) + 1
         if 0 < long < 2**31 and (header.last == 65535 or long == header.last - header.first + 1):
@@ -302,7 +355,9 @@ def _frames(raw: RawC3d, header: _Header, held: int) -> int:
 
 
 def _residuals(words: Array, scale: float) -> Array:
-    """Residual of each point [file's unit], -1 where invalid: the low byte of the fourth word, scaled."""
+    """Residual of each point [file's unit], -1 where invalid: the low byte of the fourth word,
+    scaled.
+    """
     whole = np.where(np.isfinite(words), words, -1.0)
     whole = np.clip(np.rint(whole), -1.0, 32767.0).astype(np.int64)
     return np.where(whole < 0, -1.0, (whole & 0xFF) * scale)
@@ -311,7 +366,8 @@ def _residuals(words: Array, scale: float) -> Array:
 def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
     """Analog samples with offset and scale applied: (raw - offset) * scale * general scale."""
     channels = analog.shape[1]
-    scale, offset = np.ones(channels), np.zeros(channels)
+    scale = np.ones(channels)
+    offset = np.zeros(channels)
     stated = raw.numbers("ANALOG", "SCALE")[:channels]
     scale[: len(stated)] = stated
     stated = raw.numbers("ANALOG", "OFFSET")

@@ -28,15 +28,16 @@ EMG_NAME = re.compile(
     re.IGNORECASE,
 )
 NOT_EMG = re.compile(
-    r"switch|sync|trig|speed|\b(force|moment)\b|handle|accel|acc\b|gyro|\bpin\b|goni|digital|foot", re.IGNORECASE
+    r"switch|sync|trig|speed|\b(force|moment)\b|handle|accel|acc\b|gyro|\bpin\b|goni|digital|foot",
+    re.IGNORECASE,
 )
 
 
 def read_c3d(path: str | os.PathLike[str]) -> Trial:
-    """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1. Points that a program computed
-    (angles, moments, powers, forces) are in `other_points`; computed positions stay among the markers, as OpenSim has
-    it. Force plates are `plate_recordings`: `contact.plates` makes forces of them. EMG stays in `analog`; see
-    `emg_channels`.
+    """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1. Points that a
+    program computed (angles, moments, powers, forces) are in `other_points`; computed positions
+    stay among the markers, as OpenSim has it. Force plates are `plate_recordings`: `contact.plates`
+    makes forces of them. EMG stays in `analog`; see `emg_channels`.
     """
     path = Path(path)
     raw = read_raw_c3d(path)
@@ -86,14 +87,26 @@ def _points(
     labels = _filled(raw.texts("POINT", "LABELS"), count)
     labels = _full_labels(labels, raw.texts("POINT", "DESCRIPTIONS"), notes)
     # What holds no position, by the lists that the file keeps.
-    kinds = [kind for kind in raw.texts("POINT", "TYPE_GROUPS")[::2] if kind and "MARKER" not in kind.upper()]
-    computed = {label for kind in (*QUANTITIES, *kinds, "USERMOS") for label in raw.texts("POINT", kind) if label}
+    kinds = [
+        kind
+        for kind in raw.texts("POINT", "TYPE_GROUPS")[::2]
+        if kind and "MARKER" not in kind.upper()
+    ]
+    computed = {
+        label
+        for kind in (*QUANTITIES, *kinds, "USERMOS")
+        for label in raw.texts("POINT", kind)
+        if label
+    }
     qualisys = any("qualisys" in text.lower() for text in raw.texts("MANUFACTURER", "COMPANY"))
-    plain = [UNLABELLED.match(label) or (qualisys and re.match(r"U\d+$", label)) for label in labels]
+    plain = [
+        UNLABELLED.match(label) or (qualisys and re.match(r"U\d+$", label)) for label in labels
+    ]
     quantity = [label in computed or bool(QUANTITY_NAME.search(label)) for label in labels]
     if all(plain):
         notes.append(f"no point has a label: the {count} points were named unnamed_1, ...")
-        labels, plain = [f"unnamed_{index + 1}" for index in range(count)], [None] * count
+        labels = [f"unnamed_{index + 1}" for index in range(count)]
+        plain = [None] * count
     # The name of the subject before a colon is left out where that keeps labels apart.
     short = [label.rpartition(":")[2].strip() or label for label in labels]
     prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
@@ -110,10 +123,18 @@ def _points(
     # Programs differ in how they mark a hidden point; an exact zero in all three is never a place.
     values = np.where(np.all(values == 0.0, axis=2, keepdims=True), np.nan, values)
     values = without_far_away(values, notes)
-    markers = Markers(time, unique_names([names[index] for index in real], "marker", notes), values) if real else None
+    markers = (
+        Markers(time, unique_names([names[index] for index in real], "marker", notes), values)
+        if real
+        else None
+    )
     others = None
     if other:
-        others = Series(time, unique_names([names[index] for index in other], "quantity", []), raw.points[:, other])
+        others = Series(
+            time,
+            unique_names([names[index] for index in other], "quantity", []),
+            raw.points[:, other],
+        )
     return markers, others
 
 
@@ -123,13 +144,21 @@ def _filled(texts: Sequence[str], count: int) -> list[str]:
 
 
 def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str]) -> list[str]:
-    """The descriptions in place of labels that old programs cut to four letters, so that they repeat."""
-    if len(set(labels)) == len(labels) or max(map(len, labels)) > 4 or len(descriptions) < len(labels):
+    """The descriptions in place of labels that old programs cut to four letters, so that they
+    repeat.
+    """
+    if (
+        len(set(labels)) == len(labels)
+        or max(map(len, labels)) > 4
+        or len(descriptions) < len(labels)
+    ):
         return labels
     full = list(descriptions[: len(labels)])
     if not all(full) or len(set(full)) < len(full):
         return labels
-    notes.append("the labels are cut to four letters and repeat: markers were named by their descriptions")
+    notes.append(
+        "the labels are cut to four letters and repeat: markers were named by their descriptions"
+    )
     return full
 
 
@@ -138,18 +167,31 @@ def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:
     samples, channels = raw.analog.shape
     if not samples or not channels:
         return None
-    rate = raw.analog_rate if raw.analog_rate > 0 else raw.point_rate * samples / max(len(raw.points), 1)
-    labels, units = (_filled(raw.texts("ANALOG", name), channels) for name in ("LABELS", "UNITS"))
+    rate = (
+        raw.analog_rate
+        if raw.analog_rate > 0
+        else raw.point_rate * samples / max(len(raw.points), 1)
+    )
+    labels = _filled(raw.texts("ANALOG", "LABELS"), channels)
+    units = _filled(raw.texts("ANALOG", "UNITS"), channels)
     names = [label or f"channel_{index + 1}" for index, label in enumerate(labels)]
     values = np.where(np.isfinite(raw.analog), raw.analog, np.nan)
     if np.isnan(values).any():
-        notes.append(f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN")
-    return Analog(start + np.arange(samples) / rate, unique_names(names, "channel", notes), values, units=tuple(units))
+        notes.append(
+            f"{np.count_nonzero(np.isnan(values))} analog samples are not finite and were made NaN"
+        )
+    return Analog(
+        start + np.arange(samples) / rate,
+        unique_names(names, "channel", notes),
+        values,
+        units=tuple(units),
+    )
 
 
 def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
     """Events with their side, in order of time."""
-    labels, sides = raw.texts("EVENT", "LABELS"), raw.texts("EVENT", "CONTEXTS")
+    labels = raw.texts("EVENT", "LABELS")
+    sides = raw.texts("EVENT", "CONTEXTS")
     times = raw.numbers("EVENT", "TIMES")
     used = raw.numbers("EVENT", "USED")
     count = min(len(labels), len(times) // 2, int(used[0]) if len(used) else len(labels))
@@ -160,10 +202,14 @@ def _events(raw: RawC3d, notes: list[str]) -> tuple[Event, ...]:
         if not labels[index].isprintable() or not np.isfinite(moment) or abs(moment) > 1e6:
             notes.append(f"event {index + 1} is broken and was left out")
             continue
-        events.append(Event(float(moment), labels[index], side if side in ("Left", "Right") else ""))
+        events.append(
+            Event(float(moment), labels[index], side if side in ("Left", "Right") else "")
+        )
     if not events:
         events = [
-            Event(time, label) for label, time in raw.events if label.strip() and np.isfinite(time) and abs(time) < 1e6
+            Event(time, label)
+            for label, time in raw.events
+            if label.strip() and np.isfinite(time) and abs(time) < 1e6
         ]
     return tuple(sorted(events, key=lambda event: event.time))
 
@@ -173,9 +219,9 @@ def _facts(raw: RawC3d) -> dict[str, str]:
     facts = {"point rate": f"{raw.point_rate:g} Hz", "first frame": str(raw.first_frame)}
     if raw.analog.size:
         facts["analog rate"] = f"{raw.analog_rate:g} Hz"
-    company, software, version = (
-        (raw.texts("MANUFACTURER", name) or ("",))[0] for name in ("COMPANY", "SOFTWARE", "VERSION_LABEL")
-    )
+    company = (raw.texts("MANUFACTURER", "COMPANY") or ("",))[0]
+    software = (raw.texts("MANUFACTURER", "SOFTWARE") or ("",))[0]
+    version = (raw.texts("MANUFACTURER", "VERSION_LABEL") or ("",))[0]
     maker = [software if software.startswith(company) else f"{company} {software}".strip(), version]
     if any(maker):
         facts["maker"] = " ".join(text for text in maker if text)
@@ -208,14 +254,15 @@ def _measure(raw: RawC3d, names: Sequence[str]) -> float:
 
 
 def emg_channels(trial: Trial) -> tuple[str, ...]:
-    """Analog channels that are probably muscle signals: a guess from labels and units, not a claim. Channels that a
-    force plate uses are left out. Those whose label says EMG or a muscle are taken; without any, all that are in volts
-    and do not look like a switch, a trigger or an accelerometer.
+    """Analog channels that are probably muscle signals: a guess from labels and units, not a claim.
+    Channels that a force plate uses are left out. Those whose label says EMG or a muscle are taken;
+    without any, all that are in volts and do not look like a switch, a trigger or an accelerometer.
     """
     if trial.analog is None:
         return ()
     plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
-    volts, named = [], []
+    volts = []
+    named = []
     units = trial.analog.units or ("",) * len(trial.analog.names)
     for name, unit in zip(trial.analog.names, units, strict=True):
         electric = unit.lower().replace("µ", "u") in ("v", "mv", "uv", "volts", "")
@@ -228,7 +275,15 @@ def emg_channels(trial: Trial) -> tuple[str, ...]:
 
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8, 6: 12, 7: 8, 11: 8, 12: 8, 21: 6}
-FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1000.0, "lb": 4.4482216, "lbf": 4.4482216}
+FORCE_UNITS = {
+    "n": 1.0,
+    "nt": 1.0,
+    "newton": 1.0,
+    "newtons": 1.0,
+    "kn": 1000.0,
+    "lb": 4.4482216,
+    "lbf": 4.4482216,
+}
 LOADED = 50.0  # A plate that carries more is loaded [N]
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 
@@ -236,7 +291,8 @@ LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[PlateRecording, ...]:
     """Force plates of the file; one that is described in part only is left out with a warning."""
     group = "FORCE_PLATFORM" if "FORCE_PLATFORM" in raw.groups else "FORCE_PLATEFORM"
-    used, kinds = raw.numbers(group, "USED"), raw.numbers(group, "TYPE")
+    used = raw.numbers(group, "USED")
+    kinds = raw.numbers(group, "TYPE")
     count = min(int(used[0]) if len(used) and np.isfinite(used[0]) else len(kinds), len(kinds))
     if count <= 0:
         return ()
@@ -251,16 +307,22 @@ def plate_recordings(raw: RawC3d, meters: float, notes: list[str]) -> tuple[Plat
     return tuple(plates)
 
 
-def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes: list[str]) -> PlateRecording | None:
+def _plate(
+    raw: RawC3d, group: str, index: int, kind: int, meters: float, notes: list[str]
+) -> PlateRecording | None:
     name = f"plate_{index + 1}"
     corners = raw.numbers(group, "CORNERS")[12 * index : 12 * index + 12]
     origin = raw.numbers(group, "ORIGIN")[3 * index : 3 * index + 3]
     columns = _columns(raw, group, index, kind)
     if len(corners) < 12 or len(origin) < 3:
-        notes.append(f"force plate {index + 1} was left out: the file holds no corners or no origin for it")
+        notes.append(
+            f"force plate {index + 1} was left out: the file holds no corners or no origin for it"
+        )
         return None
     if columns is None:
-        notes.append(f"force plate {index + 1} was left out: its channels are not among the analog channels")
+        notes.append(
+            f"force plate {index + 1} was left out: its channels are not among the analog channels"
+        )
         return None
     corners = corners.reshape(4, 3) * meters
     if (
@@ -269,17 +331,24 @@ def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes:
     ):
         notes.append(f"force plate {index + 1} was left out: its corners span no surface")
         return None
-    labels, units = raw.texts("ANALOG", "LABELS"), raw.texts("ANALOG", "UNITS")
+    labels = raw.texts("ANALOG", "LABELS")
+    units = raw.texts("ANALOG", "UNITS")
     samples = np.where(np.isfinite(raw.analog[:, columns]), raw.analog[:, columns], np.nan)
     calibration = _calibration(raw, group, index, meters) if kind == 4 else None
     if kind == 4 and calibration is None:
-        notes.append(f"force plate {index + 1} is of type 4 without a calibration matrix: taken as calibrated")
+        notes.append(
+            f"force plate {index + 1} is of type 4 without a calibration matrix: taken as"
+            " calibrated"
+        )
         kind = 2
     if kind in (1, 2, 3):
         texts = [units[column] if column < len(units) else "" for column in columns]
         samples = samples * _factors(kind, texts, meters, name, notes)
         if kind == 2 and _in_millimeters(samples, corners):
-            notes.append(f"moments of {name}, in '{texts[3]}' by the file, put forces far off the plate: taken as N mm")
+            notes.append(
+                f"moments of {name}, in '{texts[3]}' by the file, put forces far off the plate:"
+                " taken as N mm"
+            )
             samples[:, 3:] *= 1e-3
     polynomial = raw.numbers(group, "FPCOPPOLY")[12 * index : 12 * index + 12]
     return PlateRecording(
@@ -296,7 +365,8 @@ def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes:
 
 def _columns(raw: RawC3d, group: str, index: int, kind: int) -> list[int] | None:
     """Columns of the analog samples that belong to the plate, or None."""
-    shape, channels = raw.shape(group, "CHANNEL"), raw.numbers(group, "CHANNEL")
+    shape = raw.shape(group, "CHANNEL")
+    channels = raw.numbers(group, "CHANNEL")
     size = int(shape[0]) if len(shape) == 2 else len(channels)
     wanted = CHANNELS.get(kind, size)
     mine = channels[size * index : size * index + size][:wanted].astype(int) - 1
@@ -331,18 +401,24 @@ def _factors(kind: int, units: list[str], meters: float, name: str, notes: list[
         elif kind == 1 and column < 5:
             factors[column] = LENGTH_UNITS.get(letters, meters)
         else:
-            length = next((LENGTH_UNITS[letters[cut:]] for cut in (1, 6, 7) if letters[cut:] in LENGTH_UNITS), meters)
+            length = next(
+                (LENGTH_UNITS[letters[cut:]] for cut in (1, 6, 7) if letters[cut:] in LENGTH_UNITS),
+                meters,
+            )
             factors[column] = length
     if unknown:
-        notes.append(f"the channels of {name} are in '{', '.join(sorted(unknown))}': taken as newtons")
+        notes.append(
+            f"the channels of {name} are in '{', '.join(sorted(unknown))}': taken as newtons"
+        )
     return factors
 
 
 def _in_millimeters(samples: Array, corners: Array) -> bool:
-    """Whether moments (samples, 6) are N mm though the file says N m: the force's distance from the middle of a loaded
-    plate, mostly many plates away, is within it then.
+    """Whether moments (samples, 6) are N mm though the file says N m: the force's distance from the
+    middle of a loaded plate, mostly many plates away, is within it then.
     """
-    pressing, moments = np.abs(samples[:, 2]), np.linalg.norm(samples[:, 3:5], axis=1)
+    pressing = np.abs(samples[:, 2])
+    moments = np.linalg.norm(samples[:, 3:5], axis=1)
     loaded = pressing > max(LOADED, 0.5 * np.nanmax(pressing, initial=0.0))
     away = np.median(moments[loaded] / pressing[loaded]) if loaded.any() else 0.0
     reach = np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()

@@ -1,7 +1,9 @@
-"""C3D files written with NumPy alone: points, analog channels, force plates and events, as little-endian reals.
+"""C3D files written with NumPy alone: points, analog channels, force plates and events, as
+little-endian reals.
 
-Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of linked records, frames of
-points and analog samples. Lengths are written in mm and moments in N mm, which every program takes.
+Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of
+linked records, frames of points and analog samples. Lengths are written in mm and moments in N mm,
+which every program takes.
 """
 
 from __future__ import annotations
@@ -17,8 +19,12 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers, PlateRecording, Trial
 
-BLOCK, KEY, PC = 512, 0x50, 84
-MAX_COUNT, LAST = 255, 65535  # Entries of a parameter along one dimension, and the largest frame number of the header.
+BLOCK = 512
+KEY = 0x50
+PC = 84
+MAX_COUNT = 255
+# Entries of a parameter along one dimension, and the largest frame number of the header.
+LAST = 65535
 MILLI = 1000.0
 KINDS: dict[int, tuple[Sequence[str], Sequence[str]]] = {
     1: (("Fx", "Fy", "Fz", "Px", "Py", "Mz"), ("N", "N", "N", "mm", "mm", "Nmm")),
@@ -37,7 +43,9 @@ class Channel:
     values: Array
 
 
-def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecording | None = None) -> None:
+def write_c3d(
+    path: str | os.PathLike[str], markers: Markers, plate: PlateRecording | None = None
+) -> None:
     """Write markers, and a force plate with a whole number of samples a frame; see `write_trial`."""
     if plate is None:
         write_trial(path, Trial(markers=markers))
@@ -45,8 +53,8 @@ def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecord
     every = len(plate.channels) // len(markers)
     if every < 1:
         raise BadData(
-            f"plate '{plate.name}' has {len(plate.channels)} samples for {len(markers)} frames: a sample a frame or "
-            "more can be written"
+            f"plate '{plate.name}' has {len(plate.channels)} samples for {len(markers)} frames: a"
+            " sample a frame or more can be written"
         )
     step = 1.0 / (markers.rate * every)
     time = markers.time[0] + step * np.arange(len(plate.channels))
@@ -54,10 +62,10 @@ def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecord
 
 
 def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
-    """Write the markers, analog channels, force plates and events of a recording as a C3D file, whole or not at all. A
-    plate of type 4 is written as type 2, its calibration applied. Analog channels of plates are written once, as the
-    plates have them, a whole number of samples a frame. Positions, forces and moments keep the seven digits of a 32-bit
-    real.
+    """Write the markers, analog channels, force plates and events of a recording as a C3D file,
+    whole or not at all. A plate of type 4 is written as type 2, its calibration applied. Analog
+    channels of plates are written once, as the plates have them, a whole number of samples a frame.
+    Positions, forces and moments keep the seven digits of a 32-bit real.
     """
     markers = trial.markers
     if markers is None or not len(markers) or not markers.names:
@@ -75,22 +83,41 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
     section = _section(groups)
     section = section[:2] + bytes([blocks]) + section[3:]
     frames = min(first, LAST), min(first + len(markers) - 1, LAST)
-    head = (2, KEY, len(markers.names), len(channels) * every, *frames, 0, -1.0, 2 + blocks, every, rate)
+    head = (
+        2,
+        KEY,
+        len(markers.names),
+        len(channels) * every,
+        *frames,
+        0,
+        -1.0,
+        2 + blocks,
+        every,
+        rate,
+    )
     header = struct.pack("<BBHHHHHfHHf", *head).ljust(BLOCK, b"\0")
     with written(path) as stream:
-        stream.buffer.write(header + section.ljust(blocks * BLOCK, b"\0") + _frames(markers, channels, every))
+        stream.buffer.write(
+            header + section.ljust(blocks * BLOCK, b"\0") + _frames(markers, channels, every)
+        )
 
 
-def _plate_channels(trial: Trial) -> tuple[list[Channel], list[tuple[PlateRecording, int, list[int]]]]:
+def _plate_channels(
+    trial: Trial,
+) -> tuple[list[Channel], list[tuple[PlateRecording, int, list[int]]]]:
     """Channels of the plates, and of each plate its type and the numbers of its channels, from 1."""
     channels: list[Channel] = []
     plates = []
     for number, plate in enumerate(trial.plate_recordings, start=1):
-        kind, values = plate.kind, np.asarray(plate.channels)
+        kind = plate.kind
+        values = np.asarray(plate.channels)
         if kind == 4 and plate.calibration is not None:
-            kind, values = 2, values @ plate.calibration.T
+            kind = 2
+            values = values @ plate.calibration.T
         if kind not in KINDS:
-            raise BadData(f"plate '{plate.name}' is of C3D type {plate.kind}: types 1 to 4 can be written")
+            raise BadData(
+                f"plate '{plate.name}' is of C3D type {plate.kind}: types 1 to 4 can be written"
+            )
         names, units = KINDS[kind]
         start = len(channels)
         for column, (name, unit) in enumerate(zip(names, units, strict=True)):
@@ -121,8 +148,8 @@ def _samples_a_frame(frames: int, lengths: Sequence[int]) -> int:
     every = min(lengths) // frames
     if every < 1 or max(lengths) >= frames * (every + 1):
         raise BadData(
-            f"analog channels have {min(lengths)} to {max(lengths)} samples for {frames} frames: a C3D file holds a "
-            "whole number of samples a frame, equal for all"
+            f"analog channels have {min(lengths)} to {max(lengths)} samples for {frames} frames: a"
+            " C3D file holds a whole number of samples a frame, equal for all"
         )
     return every
 
@@ -169,7 +196,11 @@ def _groups(
             "ZERO": np.array([1, 0], np.int16),
             "CORNERS": MILLI * np.stack([plate.corners.T for plate, _, _ in plates], axis=2),
             "ORIGIN": MILLI * np.stack([plate.origin for plate, _, _ in plates], axis=1),
-            "CHANNEL": np.array([numbers + [0] * (wide - len(numbers)) for _, _, numbers in plates], np.int16).T,
+            "CHANNEL": (
+                np.array(
+                    [numbers + [0] * (wide - len(numbers)) for _, _, numbers in plates], np.int16
+                ).T
+            ),
         }
     if trial.events:
         times = np.array([[event.time // 60.0, event.time % 60.0] for event in trial.events]).T
@@ -197,7 +228,11 @@ def _section(groups: dict[str, dict[str, object]]) -> bytes:
             for label_part, part in _continued(label, value):
                 body = _body(part)
                 title = label_part.encode("latin-1")
-                parts.append(struct.pack("<bb", len(title), number) + title + struct.pack("<h", len(body) + 3))
+                parts.append(
+                    struct.pack("<bb", len(title), number)
+                    + title
+                    + struct.pack("<h", len(body) + 3)
+                )
                 parts.append(body + b"\0")
     return b"".join(parts) + b"\0\0"
 
@@ -205,11 +240,17 @@ def _section(groups: dict[str, dict[str, object]]) -> bytes:
 def _continued(label: str, value: object) -> list[tuple[str, object]]:
     """A parameter in parts of no more entries than one can hold: LABELS, LABELS2, ..."""
     if isinstance(value, tuple):
-        parts: list[object] = [value[index : index + MAX_COUNT] for index in range(0, len(value), MAX_COUNT)] or [()]
+        parts: list[object] = [
+            value[index : index + MAX_COUNT] for index in range(0, len(value), MAX_COUNT)
+        ] or [()]
     else:
         assert isinstance(value, np.ndarray)
-        parts = [value[..., index : index + MAX_COUNT] for index in range(0, value.shape[-1], MAX_COUNT)] or [value]
-    return [(label if index == 0 else f"{label}{index + 1}", part) for index, part in enumerate(parts)]
+        parts = [
+            value[..., index : index + MAX_COUNT] for index in range(0, value.shape[-1], MAX_COUNT)
+        ] or [value]
+    return [
+        (label if index == 0 else f"{label}{index + 1}", part) for index, part in enumerate(parts)
+    ]
 
 
 def _body(value: object) -> bytes:
@@ -234,5 +275,7 @@ def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:
     points[:, :, 3] = np.where(seen, 0.0, -1.0)
     if not channels:
         return points.tobytes()
-    samples = np.stack([channel.values[: frames * every] for channel in channels], axis=1).reshape(frames, -1)
+    samples = np.stack([channel.values[: frames * every] for channel in channels], axis=1).reshape(
+        frames, -1
+    )
     return np.hstack([points.reshape(frames, -1), samples.astype("<f4")]).tobytes()

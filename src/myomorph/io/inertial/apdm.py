@@ -1,4 +1,6 @@
-"""APDM's HDF5 files: orientations and raw signals of Opal sensors, of the older layout and the newer one."""
+"""APDM's HDF5 files: orientations and raw signals of Opal sensors, of the older layout and the
+newer one.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +15,26 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.inertial_sensors import InertialSensors, beside
 
-HINT = "expected an HDF5 file of APDM's Motion Studio or Mobility Lab: groups Sensors and Processed, or one per monitor"
+HINT = (
+    "expected an HDF5 file of APDM's Motion Studio or Mobility Lab: groups Sensors and Processed,"
+    " or one per monitor"
+)
 SIGNALS = {
     "accelerations": ("Accelerometer", "Accelerometers"),
     "angular_velocities": ("Gyroscope", "Gyroscopes"),
     "magnetic_fields": ("Magnetometer", "Magnetometers"),
     "orientations": ("Orientation",),
 }
-"""Data sets by the names of either layout; in m/s^2, rad/s, microtesla, and quaternions w, x, y, z."""
+"""Data sets by the names of either layout; in m/s^2, rad/s, microtesla, and quaternions w, x, y, z.
+"""
 MAX_BYTES = 1 << 31
 MEMORY = 4.0
 
 
 def read_apdm(path: Path) -> InertialSensors:
-    """Sensors of an APDM file, named by their labels. Source: APDM, Opal how-to: HDF5 file structure."""
+    """Sensors of an APDM file, named by their labels. Source: APDM, Opal how-to: HDF5 file
+    structure.
+    """
     if not path.is_file():
         raise BadFile(path, "no such file")
     # Crafted files can make the library hang or crash: a child goes first.
@@ -56,24 +64,31 @@ def _sensors(path: Path) -> list[InertialSensors]:
 
 
 def _new(file: Any, path: Path) -> list[InertialSensors]:
-    sensors, start = [], _start(file["Sensors"])
+    sensors = []
+    start = _start(file["Sensors"])
     for key, group in file["Sensors"].items():
         settings = group["Configuration"].attrs if "Configuration" in group else group.attrs
         name = _text(settings.get("Label 0", key)) or key
         processed = file.get(f"Processed/{key}", {})
-        sensors.append(_sensor(name, {**dict(group.items()), **dict(processed.items())}, start, 0.0, path))
+        sensors.append(
+            _sensor(name, {**dict(group.items()), **dict(processed.items())}, start, 0.0, path)
+        )
     return sensors
 
 
 def _old(file: Any, path: Path) -> list[InertialSensors]:
     lists = (file.attrs.get(name, ()) for name in ("CaseIdList", "MonitorLabelList"))
     labels = dict(zip(*(map(_text, texts) for texts in lists), strict=False))
-    sensors, start = [], _start(file)
+    sensors = []
+    start = _start(file)
     for key, group in file.items():
         if "Calibrated" in group:
             rate = float(np.ravel(group.attrs.get("SampleRate", np.nan))[0])
             name = labels.get(key, "") or key
-            parts = {**dict(group["Calibrated"].items()), **({"Time": group["Time"]} if "Time" in group else {})}
+            parts = {
+                **dict(group["Calibrated"].items()),
+                **({"Time": group["Time"]} if "Time" in group else {}),
+            }
             sensors.append(_sensor(name, parts, start, rate, path))
     return sensors
 
@@ -83,7 +98,9 @@ def _start(groups: Any) -> int:
     return min((int(group["Time"][0]) for group in groups.values() if "Time" in group), default=0)
 
 
-def _sensor(name: str, parts: dict[str, Any], start: int, rate: float, path: Path) -> InertialSensors:
+def _sensor(
+    name: str, parts: dict[str, Any], start: int, rate: float, path: Path
+) -> InertialSensors:
     signals: dict[str, Array] = {}
     for kind, titles in SIGNALS.items():
         dataset = next((parts[title] for title in titles if title in parts), None)
@@ -91,7 +108,10 @@ def _sensor(name: str, parts: dict[str, Any], start: int, rate: float, path: Pat
         if dataset is None:
             continue
         if dataset.ndim != 2 or width not in dataset.shape or 8 * dataset.size > MAX_BYTES:
-            text = f"{dataset.name} has the shape {dataset.shape}, where (samples, {width}) is expected"
+            text = (
+                f"{dataset.name} has the shape {dataset.shape}, where (samples, {width}) is"
+                " expected"
+            )
             raise BadFile(path, text, HINT)
         values = np.asarray(dataset, dtype=np.float64)
         signals[kind] = (values if values.shape[1] == width else values.T)[:, None]
@@ -100,7 +120,9 @@ def _sensor(name: str, parts: dict[str, Any], start: int, rate: float, path: Pat
     frames = min(len(values) for values in signals.values())
     if "Time" in parts and len(parts["Time"]) >= frames:
         # Microseconds since 1970: told from the first of all sensors, for a float's sake.
-        time = np.asarray(1e-6 * (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start), dtype=np.float64)
+        time = np.asarray(
+            1e-6 * (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start), dtype=np.float64
+        )
     elif rate > 0.0:
         time = np.arange(frames) / rate
     else:
@@ -110,4 +132,6 @@ def _sensor(name: str, parts: dict[str, Any], start: int, rate: float, path: Pat
 
 
 def _text(value: Any) -> str:
-    return (value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)).strip(" \0")
+    return (
+        value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+    ).strip(" \0")

@@ -25,7 +25,9 @@ SENSORS: tuple[Format, ...] = (
 )
 """Each reader gives `InertialSensors`."""
 SETS = (".txt", ".csv")
-"""Endings of files of one sensor each; those of one recording share their names up to the last underscore."""
+"""Endings of files of one sensor each; those of one recording share their names up to the last
+underscore.
+"""
 HEAD = 4096  # Bytes in which a table states that it holds orientations.
 
 
@@ -54,11 +56,13 @@ def _holds_sensors(path: Path) -> bool:
         return False
 
 
-def read_inertial(paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str]) -> InertialSensors:
+def read_inertial(
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
+) -> InertialSensors:
     """Inertial sensors of a recording, of one file or of one file for each sensor.
 
-    Knows OpenSim's tables of orientations (.sto), Xsens (.mvnx, .txt), Movella DOT and Delsys (.csv), APDM (.h5) and
-    C3D files with channels of accelerometers and gyroscopes (.c3d).
+    Knows OpenSim's tables of orientations (.sto), Xsens (.mvnx, .txt), Movella DOT and Delsys
+    (.csv), APDM (.h5) and C3D files with channels of accelerometers and gyroscopes (.c3d).
 
     Source: see docs/inertial-sensors.md for what each format means.
 
@@ -68,8 +72,8 @@ def read_inertial(paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[st
 
     Returns
     -------
-    orientations (frames, sensors, 4) to an earth whose z points up, or angular velocities [rad/s], accelerations
-    [m/s^2] and magnetic fields
+    orientations (frames, sensors, 4) to an earth whose z points up, or angular velocities [rad/s],
+    accelerations [m/s^2] and magnetic fields
 
     Raises
     ------
@@ -97,7 +101,11 @@ def _read(path: Path) -> InertialSensors:
     kind = next((kind for kind in SENSORS if path.suffix.lower() in kind.endings), None)
     if kind is None:
         expected = ", ".join(ending for kind in SENSORS for ending in kind.endings)
-        raise BadFile(path, f"holds no inertial sensors: its name ends in '{path.suffix}'", f"expected {expected}")
+        raise BadFile(
+            path,
+            f"holds no inertial sensors: its name ends in '{path.suffix}'",
+            f"expected {expected}",
+        )
     sensors: InertialSensors = kind.read(path)
     if not len(sensors) or not sensors.names:
         raise BadFile(path, "holds no frame of any inertial sensor")
@@ -119,5 +127,9 @@ def read_c3d_sensors(path: Path) -> InertialSensors:
 def sensors_of_trial(trial: Trial) -> InertialSensors | None:
     """The inertial sensors among the analog channels of a recording, None where there are none."""
     analog = trial.analog
-    sensors = None if analog is None else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
+    sensors = (
+        None
+        if analog is None
+        else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
+    )
     return None if sensors is None else replace(sensors, source=trial.source)

@@ -16,15 +16,18 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.inertial_sensors import InertialSensors
 
-HINT = "expected a CSV export of Movella DOT, or of Delsys with a column of times before the channels"
+HINT = (
+    "expected a CSV export of Movella DOT, or of Delsys with a column of times before the channels"
+)
 TIME = re.compile(r"^(x\s*\[s\]|x\s*\(s\)|time.*)$", re.IGNORECASE)
 UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
-SENSOR_LIKE = re.compile(r"(acc|gyr|mag|quat|orientation)", re.IGNORECASE)  # In the name of a channel.
+# In the name of a channel.
+SENSOR_LIKE = re.compile(r"(acc|gyr|mag|quat|orientation)", re.IGNORECASE)
 
 
 def read_orientations(path: Path) -> InertialSensors:
-    """Orientations as OpenSim writes them: a column of quaternions w, x, y, z for each sensor. Source: OpenSim,
-    OpenSense: kinematics with IMU data.
+    """Orientations as OpenSim writes them: a column of quaternions w, x, y, z for each sensor.
+    Source: OpenSim, OpenSense: kinematics with IMU data.
     """
     table = read_sto(path)
     if table.facts.get("DataType", "").lower() != "quaternion" or len(table.names) % 4:
@@ -44,7 +47,9 @@ def read_orientations(path: Path) -> InertialSensors:
 
 
 def read_sensor_csv(path: Path) -> InertialSensors:
-    """A CSV file of Movella DOT (one sensor) or of Delsys (several, each channel with its own clock)."""
+    """A CSV file of Movella DOT (one sensor) or of Delsys (several, each channel with its own
+    clock).
+    """
     lines = file_text(path, HINT).splitlines()
     if any(COLUMNS.match(line) for line in lines[:HEAD_LINES]):
         return read_dot(path)
@@ -69,7 +74,10 @@ def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> Inerti
             except ValueError:
                 text = f"row {index + 1} holds '{cell.strip()}' in column '{cells[column]}'"
                 raise BadFile(path, text, HINT) from None
-    clock, names, units, parts = -1, list[str](), list[str](), list[tuple[Array, Array]]()
+    clock = -1
+    names = list[str]()
+    units = list[str]()
+    parts = list[tuple[Array, Array]]()
     for column, cell in enumerate(cells):
         if TIME.match(cell):
             clock = column
@@ -80,15 +88,21 @@ def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> Inerti
             names.append(title)
             units.append(unit.group(1) if unit else "")
             parts.append((values[known, clock], values[known, column]))
-    inertial = [i for i, name in enumerate(names) if SENSOR_LIKE.search(name) and len(parts[i][0]) > 1]
+    inertial = [
+        i for i, name in enumerate(names) if SENSOR_LIKE.search(name) and len(parts[i][0]) > 1
+    ]
     if not inertial:
         raise BadFile(path, "has no channels of accelerometers and gyroscopes", HINT)
     time = max((parts[i][0] for i in inertial), key=len)
     table = np.column_stack([np.interp(time, *parts[i], np.nan, np.nan) for i in inertial])
-    sensors = sensors_of_channels(time, [names[i] for i in inertial], table, [units[i] for i in inertial])
+    sensors = sensors_of_channels(
+        time, [names[i] for i in inertial], table, [units[i] for i in inertial]
+    )
     if sensors is None:
         raise BadFile(path, "has no sensor with all axes of an accelerometer and a gyroscope", HINT)
-    return InertialSensors(sensors.time, sensors.names, **sensors.signals, warnings=sensors.warnings, source=str(path))
+    return InertialSensors(
+        sensors.time, sensors.names, **sensors.signals, warnings=sensors.warnings, source=str(path)
+    )
 
 
 CHANNEL = re.compile(
@@ -97,17 +111,27 @@ CHANNEL = re.compile(
     re.IGNORECASE,
 )
 """Name of a channel: sensor, what it measures, axis, and a number."""
-KINDS = {"a": "accelerations", "g": "angular_velocities", "m": "magnetic_fields"} | dict.fromkeys("qo", "orientations")
+KINDS = {"a": "accelerations", "g": "angular_velocities", "m": "magnetic_fields"} | dict.fromkeys(
+    "qo", "orientations"
+)
 """What is measured, by the first letter of its word."""
 JOINTS = " ._:-"  # What stands between the words of a name.
-ENOUGH = ({"accelerations", "angular_velocities"}, {"orientations"})  # What a sensor must have, one or the other.
+# What a sensor must have, one or the other.
+ENOUGH = ({"accelerations", "angular_velocities"}, {"orientations"})
 GRAVITY = 9.80665
 ACCELERATION_UNITS = {"g": GRAVITY, "gs": GRAVITY, "mg": 1e-3 * GRAVITY}
-ACCELERATION_UNITS |= dict.fromkeys(("m/s^2", "m/s2", "m/s²"), 1.0) | dict.fromkeys(("mm/s^2", "mm/s2", "mm/s²"), 1e-3)
+ACCELERATION_UNITS |= dict.fromkeys(("m/s^2", "m/s2", "m/s²"), 1.0) | dict.fromkeys(
+    ("mm/s^2", "mm/s2", "mm/s²"), 1e-3
+)
 RATE_UNITS = {"rad/s": 1.0} | dict.fromkeys(("deg/s", "°/s", "dps", "deg/sec"), np.pi / 180.0)
-MIN_RATIO, MAX_RATIO = 0.3, 3.0  # Median of accelerations, in units of gravity, between which their unit is believed.
-MAX_RADIANS, MIN_DEGREES = 20.0, 40.0
-"""Largest speed of rotation up to which numbers without a unit are rad/s, and from which on they are deg/s."""
+MIN_RATIO = 0.3
+# Median of accelerations, in units of gravity, between which their unit is believed.
+MAX_RATIO = 3.0
+MAX_RADIANS = 20.0
+MIN_DEGREES = 40.0
+"""Largest speed of rotation up to which numbers without a unit are rad/s, and from which on they
+are deg/s.
+"""
 
 
 def sensors_of_channels(
@@ -124,7 +148,9 @@ def sensors_of_channels(
         kind = KINDS[match["kind"][0].lower()]
         columns.setdefault(sensor or "imu", {})[kind, match["axis"].lower()] = index
     if "imu" in columns and any(name.isdigit() for name in columns):
-        columns = {f"imu_{name}" if name.isdigit() else name: axes for name, axes in columns.items()}
+        columns = {
+            f"imu_{name}" if name.isdigit() else name: axes for name, axes in columns.items()
+        }
     whole = {
         sensor: {kind for kind, _ in axes if all((kind, axis) in axes for axis in _axes(kind))}
         for sensor, axes in columns.items()
@@ -132,12 +158,18 @@ def sensors_of_channels(
     found = [name for name, kinds in whole.items() if any(needed <= kinds for needed in ENOUGH)]
     if not found:
         return None
-    signals, notes = dict[str, Any](), list[str]()
+    signals = dict[str, Any]()
+    notes = list[str]()
     for kind in dict.fromkeys(KINDS.values()):
         if not all(kind in whole[name] for name in found):
             continue
         picked = [[columns[name][kind, axis] for axis in _axes(kind)] for name in found]
-        scale = _scale(kind, [units[index] for row in picked for index in row], values[:, np.ravel(picked)], notes)
+        scale = _scale(
+            kind,
+            [units[index] for row in picked for index in row],
+            values[:, np.ravel(picked)],
+            notes,
+        )
         signals[kind] = scale * values[:, picked]
     return InertialSensors(time, tuple(found), warnings=tuple(notes), **signals)
 
@@ -153,14 +185,26 @@ def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> 
     known = ACCELERATION_UNITS if kind == "accelerations" else RATE_UNITS
     unit = units[0].strip().lower() if len(set(units)) == 1 else ""
     sizes = np.linalg.norm(np.nan_to_num(values.reshape(len(values), -1, 3)), axis=2)
-    usual, largest = float(np.median(sizes)), float(sizes.max(initial=0.0))
-    if unit in known and (kind != "accelerations" or MIN_RATIO < known[unit] * usual / GRAVITY < MAX_RATIO):
+    usual = float(np.median(sizes))
+    largest = float(sizes.max(initial=0.0))
+    if unit in known and (
+        kind != "accelerations" or MIN_RATIO < known[unit] * usual / GRAVITY < MAX_RATIO
+    ):
         return known[unit]
     if kind == "accelerations":
-        name = min(("m/s^2", "mm/s^2", "g"), key=lambda name: abs(np.log(max(usual * known[name], 1e-9) / GRAVITY)))
+        name = min(
+            ("m/s^2", "mm/s^2", "g"),
+            key=lambda name: abs(np.log(max(usual * known[name], 1e-9) / GRAVITY)),
+        )
     else:
         name = "rad/s" if largest < MAX_RADIANS else "deg/s"
         if MAX_RADIANS <= largest < MIN_DEGREES:
-            notes.append(f"speeds of rotation reach {largest:.0f}: it is unsure whether they are rad/s or deg/s")
-    notes.append(f"unit of {kind.replace('_', ' ')} is '{units[0]}' in the file: taken as {name} by their size")
+            notes.append(
+                f"speeds of rotation reach {largest:.0f}: it is unsure whether they are rad/s or"
+                " deg/s"
+            )
+    notes.append(
+        f"unit of {kind.replace('_', ' ')} is '{units[0]}' in the file: taken as {name} by their"
+        " size"
+    )
     return known[name]

@@ -1,4 +1,6 @@
-"""What is checked before MuJoCo reads a file, the process of its own in which it does, MuJoCo kept from printing."""
+"""What is checked before MuJoCo reads a file, the process of its own in which it does, MuJoCo kept
+from printing.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ class _Survey:
 
 @contextmanager
 def silent_mujoco() -> Iterator[None]:
-    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the user's folder."""
+    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the
+    user's folder.
+    """
     mujoco.set_mju_user_warning(lambda text: None)
     level = logging.root.manager.disable
     logging.disable(logging.WARNING)
@@ -57,13 +61,17 @@ def silent_mujoco() -> Iterator[None]:
 
 
 def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[Any, list[Kept]]:
-    """Compiled `mujoco.MjModel` of a file that was checked first, and the missing files that it does without; raises
-    `BadFile`, see `read_mjcf`.
+    """Compiled `mujoco.MjModel` of a file that was checked first, and the missing files that it
+    does without; raises `BadFile`, see `read_mjcf`.
     """
     missing = check_files(path, root)
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
-        job, binary, answer = (Path(folder) / name for name in ("job.json", "model.mjb", "answer.json"))
-        job.write_text(json.dumps({"path": str(path.resolve()), "missing": missing}), encoding="utf-8")
+        job = Path(folder) / "job.json"
+        binary = Path(folder) / "model.mjb"
+        answer = Path(folder) / "answer.json"
+        job.write_text(
+            json.dumps({"path": str(path.resolve()), "missing": missing}), encoding="utf-8"
+        )
         outcome = run_guarded(f"{__name__}:_compile", [job, binary, answer], time_limit, MAX_MEMORY)
         if outcome.status == "hung":
             hint = "is a mesh very large, or a length range not given for its muscles?"
@@ -75,25 +83,47 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
             reason = " ".join(result["error"].split())
             hint = "does it open in MuJoCo's own viewer?"
             if missing and "mass" in result["error"]:
-                hint = f"bodies have no mass without the missing meshes ({quoted(missing, 3)}): get these files"
+                hint = (
+                    f"bodies have no mass without the missing meshes ({quoted(missing, 3)}): get"
+                    " these files"
+                )
             raise BadFile(path, f"MuJoCo cannot compile it: {reason}", hint)
         compiled = mujoco.MjModel.from_binary_path(str(binary))
-    kept = [Kept("missing file", name, "no such file: its geoms are left out", "", "asset") for name in missing]
+    kept = [
+        Kept(
+            kind="missing file",
+            name=name,
+            effect="no such file: its geoms are left out",
+            text="",
+            room="asset",
+        )
+        for name in missing
+    ]
     if result["weightless"]:
         effect = "the mass of the missing meshes of these bodies is left out"
-        kept.append(Kept("missing inertia", ", ".join(result["weightless"]), effect, "", "asset"))
+        kept.append(
+            Kept(
+                kind="missing inertia",
+                name=", ".join(result["weightless"]),
+                effect=effect,
+                text="",
+                room="asset",
+            )
+        )
     return compiled, kept
 
 
 def check_files(path: Path, root: Path | None = None) -> list[str]:
-    """Mesh and height-field files that a model names and that do not exist, as the text writes them. Raises `BadFile`
-    where the text, or one that it includes, is not safe XML, is not MJCF, or names a file outside of the model's folder
-    tree (the rule: `read_mjcf`).
+    """Mesh and height-field files that a model names and that do not exist, as the text writes
+    them. Raises `BadFile` where the text, or one that it includes, is not safe XML, is not MJCF, or
+    names a file outside of the model's folder tree (the rule: `read_mjcf`).
     """
     survey = _Survey(path, (root or tree_of(path)).resolve())
     document = read_xml(path)
     if str(document.root.tag).lower() != "mujoco":
-        problem = f"is XML of another kind: its outermost element is <{document.root.tag}>, not <mujoco>"
+        problem = (
+            f"is XML of another kind: its outermost element is <{document.root.tag}>, not <mujoco>"
+        )
         raise BadFile(path, problem, "give an MJCF file")
     survey.seen.add(path.resolve())
     _walk(document.root, path.parent, survey)
@@ -104,12 +134,16 @@ def check_files(path: Path, root: Path | None = None) -> list[str]:
             if kind in ("mesh", "hfield"):
                 missing.append(name)
         elif file.stat().st_size > LARGEST_ASSET:
-            raise BadFile(path, f"{kind} file '{name}' is larger than {LARGEST_ASSET / 2**20:.0f} MiB")
+            raise BadFile(
+                path, f"{kind} file '{name}' is larger than {LARGEST_ASSET / 2**20:.0f} MiB"
+            )
     return missing
 
 
 def tree_of(path: Path) -> Path:
-    """Top folder of the tree that a model belongs to: package, checkout, folder with a license, or its own."""
+    """Top folder of the tree that a model belongs to: package, checkout, folder with a license, or
+    its own.
+    """
     home = path.resolve().parent
     for folder in (home, *home.parents):
         if (folder / "__init__.py").exists():
@@ -131,7 +165,9 @@ def _walk(element: Any, folder: Path, survey: _Survey) -> None:
     elif tag in ("include", "model") and "file" in element.attrib:
         _include(element.get("file"), folder, survey, tag)
     elif tag == "texture":
-        survey.assets += [("texture", element.get(key), folder) for key in TEXTURE_FILES if key in element.attrib]
+        survey.assets += [
+            ("texture", element.get(key), folder) for key in TEXTURE_FILES if key in element.attrib
+        ]
     elif tag in ("mesh", "hfield", "skin", "flexcomp") and "file" in element.attrib:
         survey.assets.append((tag, element.get("file"), folder))
     for child in element:
@@ -145,7 +181,11 @@ def _include(name: str, folder: Path, survey: _Survey, tag: str) -> None:
         if file is not None and file.exists():
             break
     else:
-        raise BadFile(survey.main, f"its <{tag}> file '{name}' does not exist", "is the model's folder complete?")
+        raise BadFile(
+            survey.main,
+            f"its <{tag}> file '{name}' does not exist",
+            "is the model's folder complete?",
+        )
     if file in survey.seen:
         return
     survey.seen.add(file)
@@ -165,19 +205,24 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
         return None
     if look:
         if survey.folders.get("strippath", "").lower() == "true":
-            plain, absolute = plain.rsplit("/", 1)[-1], False
+            plain = plain.rsplit("/", 1)[-1]
+            absolute = False
         key = "texturedir" if kind == "texture" else "meshdir"
         below = survey.folders.get(key, survey.folders.get("assetdir", "")).replace("\\", "/")
         folder = survey.main.parent / below
     file = Path(name if absolute else os.path.normpath(folder / plain)).resolve()
     if not file.is_relative_to(survey.tree):
         problem = f"its {kind} file '{name}' lies outside of the model's folder '{survey.tree}'"
-        raise BadFile(survey.main, problem, "put the file inside, or name the model's top folder (root=...)")
+        raise BadFile(
+            survey.main, problem, "put the file inside, or name the model's top folder (root=...)"
+        )
     return file
 
 
 def _compile(job: str, binary: str, answer: str) -> None:
-    """The child's side: compile what `job` names into `binary`, and write errors and weightless bodies to `answer`."""
+    """The child's side: compile what `job` names into `binary`, and write errors and weightless
+    bodies to `answer`.
+    """
     # MuJoCo writes a log into the current folder: let that be the one that goes away.
     os.chdir(Path(job).parent)
     task = json.loads(Path(job).read_text(encoding="utf-8"))
@@ -199,7 +244,9 @@ def _compile(job: str, binary: str, answer: str) -> None:
         mujoco.mj_saveModel(spec.compile(), binary, None)
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as problem:
         error = str(problem) or type(problem).__name__
-    Path(answer).write_text(json.dumps({"error": error, "weightless": weightless}), encoding="utf-8")
+    Path(answer).write_text(
+        json.dumps({"error": error, "weightless": weightless}), encoding="utf-8"
+    )
 
 
 def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
@@ -210,7 +257,9 @@ def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
     weightless = []
     for body in spec.bodies:
         for geom in list(body.geoms):
-            if (geom.meshname and geom.meshname in gone) or (geom.hfieldname and geom.hfieldname in fields):
+            if (geom.meshname and geom.meshname in gone) or (
+                geom.hfieldname and geom.hfieldname in fields
+            ):
                 if not body.explicitinertial and body.name not in weightless:
                     weightless.append(body.name)
                 spec.delete(geom)

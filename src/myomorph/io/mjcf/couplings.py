@@ -24,7 +24,8 @@ class Branch:
     """A distance between two sites in a cam."""
 
     weight: float  # of the distance in the sum
-    body_1: str  # body_1, body_2: that the sites are on, at place_1, place_2: (3,) in those bodies [m]
+    # body_1, body_2: that the sites are on, at place_1, place_2: (3,) in those bodies [m]
+    body_1: str
     place_1: Array
     body_2: str
     place_2: Array
@@ -32,7 +33,9 @@ class Branch:
 
 @read_only
 class Cam:
-    """A sum of weighted distances that stays what it is; positive ones are one tendon, negative ones another."""
+    """A sum of weighted distances that stays what it is; positive ones are one tendon, negative
+    ones another.
+    """
 
     follower: str  # coordinate that the cam holds
     offset: float  # of the sum, over its value in the default pose [m]
@@ -40,7 +43,8 @@ class Cam:
 
 
 def curve_text(follower: str, model: Model, joints: set[str]) -> str:
-    """The curve that a cam holds its follower to, in MuJoCo's custom text; "" where it has no name for its leader.
+    """The curve that a cam holds its follower to, in MuJoCo's custom text; "" where it has no name
+    for its leader.
 
     Leader, breaks and coefficients of each piece, with semicolons between.
     """
@@ -54,7 +58,10 @@ def curve_text(follower: str, model: Model, joints: set[str]) -> str:
     function = coupler.function
     if not isinstance(function, PiecewisePolynomial):
         return ""
-    rows = [" ".join(map(repr, row)) for row in (function.breaks.tolist(), *function.coefficients.tolist())]
+    rows = [
+        " ".join(map(repr, row))
+        for row in (function.breaks.tolist(), *function.coefficients.tolist())
+    ]
     return ";".join([leader, *rows])
 
 
@@ -65,8 +72,10 @@ def coupler_of_text(name: str, follower: str, text: str) -> Coupler:
     """The coupler that `curve_text` wrote; raises `ValueError` where it wrote no such text."""
     leader, breaks, *rows = text.split(";")
     coefficients = np.array([[float(number) for number in row.split()] for row in rows])
-    function = PiecewisePolynomial(np.array([float(number) for number in breaks.split()]), coefficients)
-    return Coupler(name, follower, function, (leader,))
+    function = PiecewisePolynomial(
+        np.array([float(number) for number in breaks.split()]), coefficients
+    )
+    return Coupler(name=name, dependent=follower, function=function, independents=(leader,))
 
 
 def write_dampers(
@@ -76,9 +85,9 @@ def write_dampers(
     muscles: Mapping[str, float] = FrozenMap({}),
     springs: Mapping[str, tuple[float, float]] = FrozenMap({}),
 ) -> None:
-    """Write the MJCF of `path` with damping of its joints [N m s/rad] and of its muscles' tendons [N s/m], and springs
-    of joints, stiffness and rest [N m/rad], [rad]. Raises `BadFile` where MuJoCo cannot read the file, or a part is not
-    in it.
+    """Write the MJCF of `path` with damping of its joints [N m s/rad] and of its muscles' tendons
+    [N s/m], and springs of joints, stiffness and rest [N m/rad], [rad]. Raises `BadFile` where
+    MuJoCo cannot read the file, or a part is not in it.
     """
     with silent_mujoco():
         try:
@@ -91,11 +100,17 @@ def write_dampers(
             for name, value in muscles.items():
                 _resist(spec.tendon(spec.actuator(name).target), "damping", value)
             spec.compile()
-            spec.meshdir = os.path.relpath(path.resolve().parent / spec.meshdir, out.resolve().parent)
-            spec.texturedir = os.path.relpath(path.resolve().parent / spec.texturedir, out.resolve().parent)
+            spec.meshdir = os.path.relpath(
+                path.resolve().parent / spec.meshdir, out.resolve().parent
+            )
+            spec.texturedir = os.path.relpath(
+                path.resolve().parent / spec.texturedir, out.resolve().parent
+            )
             text = spec.to_xml()
         except (ValueError, AttributeError, KeyError) as error:
-            raise BadFile(path, f"takes no dampers ({error})", "a joint or muscle needs the model's name") from None
+            raise BadFile(
+                path, f"takes no dampers ({error})", "a joint or muscle needs the model's name"
+            ) from None
     with written(out) as stream:
         stream.write(text)
 

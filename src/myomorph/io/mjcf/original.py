@@ -1,4 +1,6 @@
-"""The model that an MJCF file was written from, carried in the file and read back while the rest is as written."""
+"""The model that an MJCF file was written from, carried in the file and read back while the rest is
+as written.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ LARGEST = 64 * 1024 * 1024
 
 
 def put_original(root: etree._Element, model: Model) -> tuple[str, ...]:
-    """Add the model, as OpenSim's file has it, to an MJCF document; what OpenSim's file cannot hold of it."""
+    """Add the model, as OpenSim's file has it, to an MJCF document; what OpenSim's file cannot hold
+    of it.
+    """
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
         path = Path(folder) / "model.osim"
         lost = write_osim(model, path)
@@ -35,8 +39,8 @@ def put_original(root: etree._Element, model: Model) -> tuple[str, ...]:
 
 
 def original_of(path: Path) -> Model | None:
-    """The model that a file carries, None where it carries none or was edited since it was written. Raises `BadFile`
-    where the file is no XML, or what it carries is damaged.
+    """The model that a file carries, None where it carries none or was edited since it was written.
+    Raises `BadFile` where the file is no XML, or what it carries is damaged.
     """
     root = read_xml(path).root
     held = next((text for text in root.iterfind("custom/text") if text.get("name") == NAME), None)
@@ -55,7 +59,9 @@ def original_of(path: Path) -> Model | None:
         if packed.unconsumed_tail:
             raise BadFile(path, f"carries a model larger than {LARGEST / 2**20:.0f} MiB")
     except (binascii.Error, zlib.error):
-        raise BadFile(path, "carries a model that is damaged", f"remove its <text name='{NAME}'>") from None
+        raise BadFile(
+            path, "carries a model that is damaged", f"remove its <text name='{NAME}'>"
+        ) from None
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
         written = Path(folder) / "model.osim"
         written.write_bytes(document)

@@ -17,7 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.io.formats import COMPOSED
-from myomorph.io.mjcf.bodies import MjcfNames, bodies_and_joints, couplers_and_loops, left_out, meshes_of, pose_of
+from myomorph.io.mjcf.bodies import (
+    MjcfNames,
+    bodies_and_joints,
+    couplers_and_loops,
+    left_out,
+    meshes_of,
+    pose_of,
+)
 from myomorph.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded, silent_mujoco
 from myomorph.io.mjcf.muscles import actuators_of, muscles_of
 from myomorph.io.mjcf.original import original_of
@@ -40,18 +47,19 @@ def read_mjcf(
 ) -> Model:
     """Model of an MJCF file.
 
-    The text is checked before MuJoCo sees it, in a process of its own that is stopped after `time_limit` [s]. Files
-    that the model names (includes, meshes, height fields, textures, skins, attached models) must lie inside the model's
-    folder tree: `root`, or the folder of the file or, where that belongs to a Python package, a git checkout or a
-    folder with a LICENSE file, the top folder of that. A relative path that leaves the tree is refused by name, and so
-    is an absolute path to an existing file outside. A mesh that is missing is left out with its geoms and listed in
-    `Model.kept`.
+    The text is checked before MuJoCo sees it, in a process of its own that is stopped after
+    `time_limit` [s]. Files that the model names (includes, meshes, height fields, textures, skins,
+    attached models) must lie inside the model's folder tree: `root`, or the folder of the file or,
+    where that belongs to a Python package, a git checkout or a folder with a LICENSE file, the top
+    folder of that. A relative path that leaves the tree is refused by name, and so is an absolute
+    path to an existing file outside. A mesh that is missing is left out with its geoms and listed
+    in `Model.kept`.
 
-    A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited since or
-    `marker_sites` is given: then it is read as MuJoCo has it. `marker_sites`: regular expression; sites whose whole
-    name matches become markers too, instead of those of a tuple named "markers". Raises `BadFile` where the file cannot
-    be read, is not MJCF, is unsafe, or MuJoCo refuses it, `BadModel` where what it describes cannot be a tree of
-    joints.
+    A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited
+    since or `marker_sites` is given: then it is read as MuJoCo has it. `marker_sites`: regular
+    expression; sites whose whole name matches become markers too, instead of those of a tuple named
+    "markers". Raises `BadFile` where the file cannot be read, is not MJCF, is unsafe, or MuJoCo
+    refuses it, `BadModel` where what it describes cannot be a tree of joints.
     """
     path = Path(path)
     original = original_of(path) if marker_sites is None else None
@@ -62,25 +70,35 @@ def read_mjcf(
 
 
 def model_from_mujoco(
-    compiled: Any, *, name: str = "", source: str = "", marker_sites: str | None = None, kept: Sequence[Kept] = ()
+    compiled: Any,
+    *,
+    name: str = "",
+    source: str = "",
+    marker_sites: str | None = None,
+    kept: Sequence[Kept] = (),
 ) -> Model:
     """Model of a compiled `mujoco.MjModel`.
 
-    Every body becomes a body with one joint; several MuJoCo joints of a body are the axes of that joint, in order.
-    Hinge and slide joints are one coordinate each, named as they are, whose value is MuJoCo's `qpos` (the axis moves by
-    `qpos - qpos0`). A ball joint has three coordinates, `<joint>_rx`, `_ry`, `_rz`: body-fixed X, Y, Z angles from its
-    default orientation. A free joint has `<joint>_tx`, `_ty`, `_tz` (position of the body's origin in ground) and
-    `_rx`, `_ry`, `_rz`: rotation = R_x R_y R_z R_0 with R_0 the body's orientation in the file, so that the default
-    pose has zero angles; `coordinates_from_qpos` converts.
+    Every body becomes a body with one joint; several MuJoCo joints of a body are the axes of that
+    joint, in order. Hinge and slide joints are one coordinate each, named as they are, whose value
+    is MuJoCo's `qpos` (the axis moves by `qpos - qpos0`). A ball joint has three coordinates,
+    `<joint>_rx`, `_ry`, `_rz`: body-fixed X, Y, Z angles from its default orientation. A free joint
+    has `<joint>_tx`, `_ty`, `_tz` (position of the body's origin in ground) and `_rx`, `_ry`,
+    `_rz`: rotation = R_x R_y R_z R_0 with R_0 the body's orientation in the file, so that the
+    default pose has zero angles; `coordinates_from_qpos` converts.
 
-    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes. `name`: of the model, its own by
-    default; `source`: path of its file, for messages and for the place of meshes; `marker_sites`: as of `read_mjcf`;
-    `kept`: what was left out before. Raises `BadModel` where there is no body, or a number that is not finite.
+    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes. `name`: of
+    the model, its own by default; `source`: path of its file, for messages and for the place of
+    meshes; `marker_sites`: as of `read_mjcf`; `kept`: what was left out before. Raises `BadModel`
+    where there is no body, or a number that is not finite.
     """
     _check(compiled, source)
-    names, meshes = MjcfNames(compiled), meshes_of(compiled, source)
+    names = MjcfNames(compiled)
+    meshes = meshes_of(compiled, source)
     bodies, joints, free_coordinates = bodies_and_joints(compiled, names, meshes)
-    coordinates, couplers, loops, lost_equalities = couplers_and_loops(compiled, names, free_coordinates)
+    coordinates, couplers, loops, lost_equalities = couplers_and_loops(
+        compiled, names, free_coordinates
+    )
     muscles, wraps, lost_tendons = muscles_of(compiled, names)
     actuators, lost_actuators = actuators_of(compiled, names)
     gravity_is_off = bool(compiled.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
@@ -97,7 +115,11 @@ def model_from_mujoco(
         couplers=couplers,
         loops=loops,
         frames=tuple(
-            Frame(names.sites[i], names.bodies[body], pose_of(compiled.site_pos[i], compiled.site_quat[i]))
+            Frame(
+                names.sites[i],
+                names.bodies[body],
+                pose_of(compiled.site_pos[i], compiled.site_quat[i]),
+            )
             for i, body in enumerate(compiled.site_bodyid)
         ),
         ground_meshes=meshes[0],
@@ -111,8 +133,25 @@ def _check(m: Any, source: str) -> None:
     where = source or "the MuJoCo model"
     if m.nbody < 2:
         raise BadModel(f"{where}: has no body besides the world")
-    fields = ("body_pos", "body_quat", "body_mass", "body_ipos", "body_inertia", "jnt_pos", "jnt_axis", "qpos0")
-    for name in (*fields, "jnt_range", "site_pos", "geom_pos", "geom_size", "eq_data", "actuator_lengthrange"):
+    fields = (
+        "body_pos",
+        "body_quat",
+        "body_mass",
+        "body_ipos",
+        "body_inertia",
+        "jnt_pos",
+        "jnt_axis",
+        "qpos0",
+    )
+    for name in (
+        *fields,
+        "jnt_range",
+        "site_pos",
+        "geom_pos",
+        "geom_size",
+        "eq_data",
+        "actuator_lengthrange",
+    ):
         if not np.all(np.isfinite(getattr(m, name))):
             raise BadModel(f"{where}: a value of '{name}' is not finite")
 
@@ -125,8 +164,14 @@ def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...
         number = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TUPLE, MARKERS)
         first = int(m.tuple_adr[number]) if number >= 0 else 0
         members = range(first, first + int(m.tuple_size[number])) if number >= 0 else ()
-        sites = [int(m.tuple_objid[i]) for i in members if m.tuple_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE)]
-    return tuple(Marker(names.sites[i], names.bodies[m.site_bodyid[i]], m.site_pos[i]) for i in sites)
+        sites = [
+            int(m.tuple_objid[i])
+            for i in members
+            if m.tuple_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE)
+        ]
+    return tuple(
+        Marker(names.sites[i], names.bodies[m.site_bodyid[i]], m.site_pos[i]) for i in sites
+    )
 
 
 def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:
@@ -158,23 +203,29 @@ def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
     for joint in model.joints:
         for kind in joint.kind.split("+"):
             if kind not in WIDTHS:
-                raise BadData(f"joint '{joint.name}' is a {joint.kind}: only models read from MJCF have a qpos")
+                raise BadData(
+                    f"joint '{joint.name}' is a {joint.kind}: only models read from MJCF have a"
+                    " qpos"
+                )
             start = joint.child_frame.rotation.T if kind == "free" else np.eye(3)
             yield kind, at_q, at_c, start
-            at_q, at_c = at_q + WIDTHS[kind][0], at_c + WIDTHS[kind][1]
+            at_q = at_q + WIDTHS[kind][0]
+            at_c = at_c + WIDTHS[kind][1]
 
 
 def composed_model(name: str | os.PathLike[str]) -> Model:
-    """A model of the package `myo-sim` (Caggiano et al. 2022), with its bones; `name` as the package has it ("myoarm",
-    "myolegs", ...), with `myo-sim:` before it or without. Raises `BadData` where the package is not installed,
-    `BadFile` where it has no such model.
+    """A model of the package `myo-sim` (Caggiano et al. 2022), with its bones; `name` as the
+    package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without. Raises
+    `BadData` where the package is not installed, `BadFile` where it has no such model.
     """
     name = os.fspath(name).removeprefix(COMPOSED)
     try:
         # Loaded only where one of its models is asked for.
         import myo_sim
     except ImportError:
-        raise BadData(f"the model '{name}' comes with the package 'myo-sim': pip install myo-sim") from None
+        raise BadData(
+            f"the model '{name}' comes with the package 'myo-sim': pip install myo-sim"
+        ) from None
     with silent_mujoco():
         try:
             spec = myo_sim.load_spec(name)

@@ -23,7 +23,8 @@ from myomorph.model.surface import Surface
 
 MASSLESS = 1e-9  # Mass of a body that moves and has none: MuJoCo wants some [kg].
 SMALLEST_INERTIA = 1e-12  # [kg m^2]
-ARMATURE = 0.01  # Of the slides of points that move: what lets their constraints carry a muscle's force [kg].
+# Of the slides of points that move: what lets their constraints carry a muscle's force [kg].
+ARMATURE = 0.01
 TIMESTEP = 0.001  # [s]
 
 STIFFEST = {"solref": f"{2.0 * TIMESTEP:g} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
@@ -47,29 +48,41 @@ class MjcfDocument:
 
 
 def mjcf_document(
-    model: Model, path: str | os.PathLike[str], cams: Sequence[Cam] = (), surfaces: dict[str, Surface] | None = None
+    model: Model,
+    path: str | os.PathLike[str],
+    cams: Sequence[Cam] = (),
+    surfaces: dict[str, Surface] | None = None,
 ) -> MjcfDocument:
-    """A model as MJCF, to be written to `path`; its meshes are written into a folder beside that. `model`: each axis
-    moves by its coordinate less the default, muscles are MuJoCo's (`mujoco_tools`); `cams`: of the coordinates that
-    follow others by what is no polynomial of degree four; `surfaces`: meshes by `Mesh.file`; those without one are left
-    out. Raises `BadFile` where a mesh cannot be written, `BadModel` where a muscle is not MuJoCo's.
+    """A model as MJCF, to be written to `path`; its meshes are written into a folder beside that.
+    `model`: each axis moves by its coordinate less the default, muscles are MuJoCo's
+    (`mujoco_tools`); `cams`: of the coordinates that follow others by what is no polynomial of
+    degree four; `surfaces`: meshes by `Mesh.file`; those without one are left out. Raises `BadFile`
+    where a mesh cannot be written, `BadModel` where a muscle is not MuJoCo's.
     """
     writer = _Writer(model, Path(path), surfaces or {})
     root = writer.document(cams)
-    return MjcfDocument(root, writer.files, writer.folder, tuple(writer.warnings))
+    return MjcfDocument(
+        root=root, meshes=writer.files, folder=writer.folder, warnings=tuple(writer.warnings)
+    )
 
 
 def text(values: ArrayLike) -> str:
     """Numbers as MJCF has them, with all their digits."""
-    return " ".join(repr(float(value)) for value in np.atleast_1d(np.asarray(values, dtype=np.float64)))
+    return " ".join(
+        repr(float(value)) for value in np.atleast_1d(np.asarray(values, dtype=np.float64))
+    )
 
 
 class _Writer:
     def __init__(self, model: Model, path: Path, surfaces: dict[str, Surface]):
-        self.model, self.path, self.surfaces = model, path, surfaces
+        self.model = model
+        self.path = path
+        self.surfaces = surfaces
         self.warnings: list[str] = []
         self.elements: dict[str, etree._Element] = {}
-        self.sites, self.geoms, self.meshes, self.tendons, self.actuators = (set[str]() for _ in range(5))
+        self.sites, self.geoms, self.meshes, self.tendons, self.actuators = (
+            set[str]() for _ in range(5)
+        )
         self.placed: dict[tuple[str, tuple[float, ...]], str] = {}
         self.files: dict[str, str] = {}
         self.folder = f"{path.stem}_meshes"
@@ -78,8 +91,21 @@ class _Writer:
 
     def document(self, cams: Sequence[Cam]) -> etree._Element:
         root = etree.Element("mujoco", model=self.model.name)
-        put(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="false", meshdir=self.folder)
-        put(root, "option", gravity=text(self.model.gravity), timestep=f"{TIMESTEP:g}", integrator="implicitfast")
+        put(
+            root,
+            "compiler",
+            angle="radian",
+            inertiafromgeom="false",
+            autolimits="false",
+            meshdir=self.folder,
+        )
+        put(
+            root,
+            "option",
+            gravity=text(self.model.gravity),
+            timestep=f"{TIMESTEP:g}",
+            integrator="implicitfast",
+        )
         defaults = put(root, "default")
         put(defaults, "geom", contype="0", conaffinity="0", group="1", rgba="0.85 0.82 0.75 1")
         put(defaults, "site", size="0.003", group="4")
@@ -93,7 +119,9 @@ class _Writer:
         for body in self.model.bodies:
             self._body(body, joints[body.name])
         self._surfaces_and_sites()
-        self.tendon, self.equality, self.actuator = (put(root, tag) for tag in ("tendon", "equality", "actuator"))
+        self.tendon = put(root, "tendon")
+        self.equality = put(root, "equality")
+        self.actuator = put(root, "actuator")
         for muscle in self.model.muscles:
             self._muscle(muscle)
         self._couplings(cams)
@@ -118,14 +146,18 @@ class _Writer:
         self.elements[body.name] = element
         moves = bool(joint.axes)
         if body.mass > 0.0 or moves:
-            inertia = proper_inertia(body.inertia) + (SMALLEST_INERTIA * np.eye(3) if not body.inertia.any() else 0.0)
+            inertia = proper_inertia(body.inertia) + (
+                SMALLEST_INERTIA * np.eye(3) if not body.inertia.any() else 0.0
+            )
             full = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-            mass, center = body.mass or MASSLESS, body.mass_center
+            mass = body.mass or MASSLESS
+            center = body.mass_center
             put(element, "inertial", pos=text(center), mass=text(mass), fullinertia=text(full))
             if np.abs(inertia - body.inertia).max() > 2.0 * SMALLEST_INERTIA:
                 self.warnings.append(
-                    f"inertia of '{body.name}' is written with principal moments {moments(inertia)} kg m^2 instead of "
-                    f"{moments(body.inertia)}: no rigid body has these, and MuJoCo refuses them"
+                    f"inertia of '{body.name}' is written with principal moments {moments(inertia)}"
+                    f" kg m^2 instead of {moments(body.inertia)}: no rigid body has these, and"
+                    " MuJoCo refuses them"
                 )
         if joint.kind == "free":
             put(element, "freejoint", name=joint.name)
@@ -166,7 +198,13 @@ class _Writer:
 
     def _mesh(self, body: str, mesh: Mesh) -> None:
         if mesh.shape != "mesh":
-            put(self.elements[body], "geom", type=mesh.shape, size=text(mesh.scale), **pose(mesh.pose))
+            put(
+                self.elements[body],
+                "geom",
+                type=mesh.shape,
+                size=text(mesh.scale),
+                **pose(mesh.pose),
+            )
             return
         surface = self.surfaces.get(mesh.file)
         if surface is None or len(surface.vertices) < 4:
@@ -188,7 +226,11 @@ class _Writer:
         for item in self.model.wrap_objects:
             if item.name in used:
                 self.wraps[item.name] = new_name(item.name, self.geoms)
-                size = item.size[:1] if item.kind == "sphere" else (item.size[0], min(0.5 * item.size[1], 0.05))
+                size = (
+                    item.size[:1]
+                    if item.kind == "sphere"
+                    else (item.size[0], min(0.5 * item.size[1], 0.05))
+                )
                 put(
                     self.elements[item.body],
                     "geom",
@@ -203,7 +245,13 @@ class _Writer:
         for marker in self.model.markers:
             name = new_name(marker.name, self.sites)
             self.marker_sites.append(name)
-            put(self.elements[marker.body], "site", name=name, pos=text(marker.location), rgba="0.9 0.3 0.6 1")
+            put(
+                self.elements[marker.body],
+                "site",
+                name=name,
+                pos=text(marker.location),
+                rgba="0.9 0.3 0.6 1",
+            )
         for frame in self.model.frames:
             put(
                 self.elements[frame.body],
@@ -226,23 +274,32 @@ class _Writer:
             raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}, and no muscle of MuJoCo")
         tendon = new_name(f"{muscle.name}_tendon", self.tendons)
         spatial = put(self.tendon, "spatial", name=tendon)
-        path, divisors = muscle.path, muscle.path.divisors or (1.0,) * (len(muscle.path.points) - 1)
+        path = muscle.path
+        divisors = muscle.path.divisors or (1.0,) * (len(muscle.path.points) - 1)
         now = 1.0
         for i, point in enumerate(path.points):
             following = next((divisor for divisor in divisors[i:] if divisor), now)
             if (i == 0 and following != 1.0) or (i and divisors[i - 1] == 0.0):
                 put(spatial, "pulley", divisor=text(following))
             elif i < len(divisors) and divisors[i] and divisors[i] != now and i:
-                self.warnings.append(f"muscle '{muscle.name}': a pulley in the middle of its path is left out")
+                self.warnings.append(
+                    f"muscle '{muscle.name}': a pulley in the middle of its path is left out"
+                )
             now = following
             assert isinstance(point, PathPoint)
-            name = point.name if point.name.startswith(muscle.name) else f"{muscle.name}-{point.name}"
+            name = (
+                point.name if point.name.startswith(muscle.name) else f"{muscle.name}-{point.name}"
+            )
             put(spatial, "site", site=self._site(name, point.body, point.location))
             for wrap in path.wraps:
                 if isinstance(wrap, TendonWrap) and wrap.after == i:
                     side = {}
                     if wrap.side is not None:
-                        side = {"sidesite": self._site(f"{wrap.wrap_object}_side", wrap.side_body, wrap.side)}
+                        side = {
+                            "sidesite": self._site(
+                                f"{wrap.wrap_object}_side", wrap.side_body, wrap.side
+                            )
+                        }
                     put(spatial, "geom", geom=self.wraps[wrap.wrap_object], **side)
         values = muscle.parameters
         put(
@@ -277,12 +334,21 @@ class _Writer:
             tendons = []
             for sign, word in ((1.0, "out"), (-1.0, "back")):
                 tendons.append(new_name(f"{cam.follower}_{word}", self.tendons))
-                spatial = put(self.tendon, "spatial", name=tendons[-1], group=HIDDEN, rgba="0 0 0 0")
+                spatial = put(
+                    self.tendon, "spatial", name=tendons[-1], group=HIDDEN, rgba="0 0 0 0"
+                )
                 for branch in cam.branches:
                     if branch.weight * sign > 0.0:
                         put(spatial, "pulley", divisor=text(1.0 / abs(branch.weight)))
-                        for body, place in ((branch.body_1, branch.place_1), (branch.body_2, branch.place_2)):
-                            put(spatial, "site", site=self._site(f"{cam.follower}_cam", body, place, HIDDEN))
+                        for body, place in (
+                            (branch.body_1, branch.place_1),
+                            (branch.body_2, branch.place_2),
+                        ):
+                            put(
+                                spatial,
+                                "site",
+                                site=self._site(f"{cam.follower}_cam", body, place, HIDDEN),
+                            )
             put(
                 self.equality,
                 "tendon",
@@ -301,10 +367,13 @@ class _Writer:
                 put(custom, "text", name=f"{cam.follower}_follows", data=f"{cam.follower};{curve}")
 
     def _polynomial(self, coupler: Coupler) -> None:
-        leader, dependent = (self.coordinates[name] for name in (coupler.independents[0], coupler.dependent))
+        leader = self.coordinates[coupler.independents[0]]
+        dependent = self.coordinates[coupler.dependent]
         function = coupler.function
         assert isinstance(function, PiecewisePolynomial)
-        x0, factorial, coefficients = leader.default, 1.0, []
+        x0 = leader.default
+        factorial = 1.0
+        coefficients = []
         for order in range(DEGREE + 1):
             factorial *= max(order, 1)
             coefficients.append(float(function(x0, order=order)) / factorial)
@@ -344,7 +413,9 @@ class _Writer:
                 ctrlrange=text(bounds if limited else (0.0, 0.0)),
             )
         if others:
-            self.warnings.append(f"actuators that act on no coordinate are left out: {quoted(others, 3)}")
+            self.warnings.append(
+                f"actuators that act on no coordinate are left out: {quoted(others, 3)}"
+            )
 
     def _left_out(self) -> None:
         model = self.model
@@ -352,8 +423,14 @@ class _Writer:
             ("passive torques", [part.name for part in model.passive_torques]),
             ("bushings", [part.name for part in model.bushings]),
             ("ligaments", [part.name for part in model.ligaments]),
-            ("viscosities of muscles", [muscle.name for muscle in model.muscles if muscle.viscosity]),
-            ("motions that the file prescribes", [c.name for c in model.coordinates if c.prescribed is not None]),
+            (
+                "viscosities of muscles",
+                [muscle.name for muscle in model.muscles if muscle.viscosity],
+            ),
+            (
+                "motions that the file prescribes",
+                [c.name for c in model.coordinates if c.prescribed is not None],
+            ),
         ):
             if names:
                 self.warnings.append(f"{what} are left out: {quoted(names, 3)}")
@@ -364,7 +441,9 @@ class _Writer:
             if mesh.shape == "mesh" and mesh.file and mesh.file not in self.files
         }
         if missing:
-            self.warnings.append(f"{len(missing)} meshes are left out: {quoted(sorted(missing), 3)}")
+            self.warnings.append(
+                f"{len(missing)} meshes are left out: {quoted(sorted(missing), 3)}"
+            )
 
 
 def put(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
@@ -390,4 +469,6 @@ def proper_inertia(inertia: ArrayLike) -> np.ndarray:
 
 def moments(inertia: ArrayLike) -> str:
     """Principal moments in words [kg m^2]."""
-    return ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64)))
+    return ", ".join(
+        f"{value:.3g}" for value in np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))
+    )

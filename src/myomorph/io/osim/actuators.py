@@ -1,4 +1,6 @@
-"""OpenSim's ideal actuators (coordinate, torque, point, point to point), their files, and files of controls."""
+"""OpenSim's ideal actuators (coordinate, torque, point, point to point), their files, and files of
+controls.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,13 @@ KINDS = ("CoordinateActuator", "TorqueActuator", "PointActuator", "PointToPointA
 OLD = 10905
 
 BEFORE = (
-    "<is_model_control>true</is_model_control>", "<extrapolate>true</extrapolate>", "<default_min>0.02</default_min>",
-    "<default_max>1</default_max>", "<filter_on>false</filter_on>", "<use_steps>false</use_steps>",
-)  # fmt: skip
+    "<is_model_control>true</is_model_control>",
+    "<extrapolate>true</extrapolate>",
+    "<default_min>0.02</default_min>",
+    "<default_max>1</default_max>",
+    "<filter_on>false</filter_on>",
+    "<use_steps>false</use_steps>",
+)
 AFTER = ("<min_nodes />", "<max_nodes />", "<kp>100</kp>", "<kv>20</kv>")
 """What OpenSim writes of every control, whatever its bounds."""
 
@@ -40,9 +46,13 @@ def read_actuator(node: Node) -> Actuator:
         "enabled": node.is_applied,
     }
     if node.kind == "CoordinateActuator":
-        return Actuator(node.name, "coordinate", coordinate=plain_name(node.text("", "coordinate")), **common)
+        return Actuator(
+            node.name, "coordinate", coordinate=plain_name(node.text("", "coordinate")), **common
+        )
     if node.kind == "TorqueActuator":
-        axis = node.vector("direction_A" if old else "axis", (0.0, 0.0, 1.0)) * (-1.0 if old else 1.0)
+        axis = node.vector("direction_A" if old else "axis", (0.0, 0.0, 1.0)) * (
+            -1.0 if old else 1.0
+        )
         return Actuator(
             node.name,
             "torque",
@@ -53,7 +63,9 @@ def read_actuator(node: Node) -> Actuator:
             **common,
         )
     if node.kind == "PointActuator":
-        direction = node.vector("direction_A" if old else "direction", (1.0, 0.0, 0.0)) * (-1.0 if old else 1.0)
+        direction = node.vector("direction_A" if old else "direction", (1.0, 0.0, 0.0)) * (
+            -1.0 if old else 1.0
+        )
         return Actuator(
             node.name,
             "point",
@@ -82,10 +94,13 @@ def _body(node: Node, tag: str) -> str:
 
 
 def placed_actuator(
-    actuator: Actuator, coordinates: tuple[str, ...], pose_of: Callable[[str], tuple[str, Transform]], where: str
+    actuator: Actuator,
+    coordinates: tuple[str, ...],
+    pose_of: Callable[[str], tuple[str, Transform]],
+    where: str,
 ) -> Actuator:
-    """The actuator with its names looked up, its points and directions in bodies. `pose_of`: body and pose of the frame
-    of a name; `where`: begins the message about an unknown name.
+    """The actuator with its names looked up, its points and directions in bodies. `pose_of`: body
+    and pose of the frame of a name; `where`: begins the message about an unknown name.
     """
     if actuator.kind == "coordinate":
         check_name("coordinate", actuator.coordinate, coordinates, where)
@@ -94,7 +109,11 @@ def placed_actuator(
     other, other_pose = pose_of(actuator.other_body) if actuator.other_body else ("", pose)
     placed = replace(actuator, body=body, other_body=other)
     if not actuator.point_is_global:
-        placed = replace(placed, point=pose.apply(actuator.point), other_point=other_pose.apply(actuator.other_point))
+        placed = replace(
+            placed,
+            point=pose.apply(actuator.point),
+            other_point=other_pose.apply(actuator.other_point),
+        )
     if not actuator.direction_is_global:
         placed = replace(placed, direction=pose.rotation @ actuator.direction)
     return placed
@@ -104,9 +123,15 @@ def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
     """An ideal actuator."""
     kinds = dict(zip(("coordinate", "torque", "point", "point_to_point"), KINDS, strict=True))
     element = child(parent, kinds[actuator.kind], name=actuator.name)
-    put(element, appliesForce=actuator.enabled, min_control=actuator.min_control, max_control=actuator.max_control)
+    put(
+        element,
+        appliesForce=actuator.enabled,
+        min_control=actuator.min_control,
+        max_control=actuator.max_control,
+    )
     put(element, optimal_force=actuator.optimal_force)
-    points, turned = actuator.point_is_global, actuator.direction_is_global
+    points = actuator.point_is_global
+    turned = actuator.direction_is_global
     if actuator.kind == "coordinate":
         put(element, coordinate=legal(actuator.coordinate))
     elif actuator.kind == "point":
@@ -119,12 +144,19 @@ def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
         if actuator.kind == "torque":
             put(element, torque_is_global=turned, axis=actuator.direction)
         else:
-            put(element, points_are_global=points, pointA=actuator.point, pointB=actuator.other_point)
+            put(
+                element,
+                points_are_global=points,
+                pointA=actuator.point,
+                pointB=actuator.other_point,
+            )
 
 
-def read_actuators(path: str | os.PathLike[str], model: Model | None = None) -> tuple[Actuator, ...]:
-    """The actuators of a ForceSet file, those it switches off left out. `model`: where given, names are looked up in
-    it, and points on its offset frames placed in bodies.
+def read_actuators(
+    path: str | os.PathLike[str], model: Model | None = None
+) -> tuple[Actuator, ...]:
+    """The actuators of a ForceSet file, those it switches off left out. `model`: where given, names
+    are looked up in it, and points on its offset frames placed in bodies.
     """
     node = read_document(path, ("ForceSet", "ActuatorSet"), "a set of actuators (ForceSet)")
     actuators = []
@@ -141,7 +173,9 @@ def read_actuators(path: str | os.PathLike[str], model: Model | None = None) -> 
 
 def _looked_up(actuator: Actuator, model: Model) -> Actuator:
     where = f"the model (for actuator '{actuator.name}')"
-    return placed_actuator(actuator, model.coordinate_names, lambda name: _place(name, model, where), where)
+    return placed_actuator(
+        actuator, model.coordinate_names, lambda name: _place(name, model, where), where
+    )
 
 
 def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
@@ -150,7 +184,12 @@ def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
         return name, Transform.identity()
     frame = next((candidate for candidate in model.frames if candidate.name == name), None)
     if frame is None:
-        raise UnknownName("body", name, (GROUND, *model.body_names, *(frame.name for frame in model.frames)), where)
+        raise UnknownName(
+            "body",
+            name,
+            (GROUND, *model.body_names, *(frame.name for frame in model.frames)),
+            where,
+        )
     return frame.body, frame.pose
 
 

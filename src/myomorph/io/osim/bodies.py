@@ -9,7 +9,14 @@ import numpy as np
 from lxml import etree
 
 from myomorph.io.osim.document import Node, child, put
-from myomorph.io.osim.frames import OFFSET_KINDS, Frames, body_path, euler, is_still, write_offset_frame
+from myomorph.io.osim.frames import (
+    OFFSET_KINDS,
+    Frames,
+    body_path,
+    euler,
+    is_still,
+    write_offset_frame,
+)
 from myomorph.io.osim.kept import put_back
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
@@ -37,8 +44,17 @@ def read_body(node: Node) -> Body:
     if mass != mass:
         raise node.bad("has no mass", "expected <mass> in kg, 0 for none")
     if mass < 0:
-        raise BadModel(f"{node.document.path}: body '{node.name}' has mass {mass:g} kg: a mass cannot be negative")
-    return Body(node.name, mass, node.vector("mass_center"), _inertia(node), read_meshes(node))
+        raise BadModel(
+            f"{node.document.path}: body '{node.name}' has mass {mass:g} kg: a mass cannot be"
+            " negative"
+        )
+    return Body(
+        name=node.name,
+        mass=mass,
+        mass_center=node.vector("mass_center"),
+        inertia=_inertia(node),
+        meshes=read_meshes(node),
+    )
 
 
 def _inertia(node: Node) -> Array:
@@ -64,7 +80,10 @@ def read_meshes(node: Node) -> tuple[Mesh, ...]:
 def _old_meshes(visible: Node) -> tuple[Mesh, ...]:
     outer_scale = visible.vector("scale_factors", ONES)
     if visible.document.version < 20101:
-        return tuple(Mesh(file, Transform.identity(), outer_scale) for file in visible.words("geometry_files"))
+        return tuple(
+            Mesh(file, Transform.identity(), outer_scale)
+            for file in visible.words("geometry_files")
+        )
     outer = _placed(visible)
     meshes = []
     geometry = visible.child("GeometrySet")
@@ -88,7 +107,14 @@ def _geometry(node: Node, pose: Transform) -> list[Mesh]:
             if file:
                 meshes.append(Mesh(file, pose, item.vector("scale_factors", ONES)))
         elif item.kind in PRIMITIVES:
-            meshes.append(Mesh("", pose, _half_sizes(item) * item.vector("scale_factors", ONES), PRIMITIVES[item.kind]))
+            meshes.append(
+                Mesh(
+                    file="",
+                    pose=pose,
+                    scale=_half_sizes(item) * item.vector("scale_factors", ONES),
+                    shape=PRIMITIVES[item.kind],
+                )
+            )
     for inner in node.items("components"):
         offset = inner.kind in OFFSET_KINDS and inner.kind != "StationDefinedFrame"
         if offset and inner.socket("parent") in ("..", node.path, ""):
@@ -107,7 +133,8 @@ def _half_sizes(node: Node) -> Array:
 
 def read_wrap_objects(node: Node, frames: Frames) -> list[WrapObject]:
     """The surfaces of a body, of the ground or of an offset frame, in its body's frame."""
-    body, pose = (node.name or GROUND, Transform.identity())
+    body = node.name or GROUND
+    pose = Transform.identity()
     if node.kind in OFFSET_KINDS:
         body, pose = frames.place(node.path, node)
     elif node.kind == "Ground":
@@ -121,19 +148,31 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
         raise node.bad(f"its quadrant is '{quadrant}'", "expected all, x, -x, y, -y, z or -z")
     pose = frame @ node.pose("xyz_body_rotation", "translation")
     if node.kind not in WRAPS:
-        raise BadModel(f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not built")
+        raise BadModel(
+            f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not built"
+        )
     kind, tags = WRAPS[node.kind]
     if kind == "ellipsoid":
         size = tuple(float(radius) for radius in node.vector("dimensions", (0.05, 0.05, 0.05)))
     else:
-        size = tuple(node.number(tag, default, infinite=tag == "length") for tag, default in tags.items())
+        size = tuple(
+            node.number(tag, default, infinite=tag == "length") for tag, default in tags.items()
+        )
     if min(size) < 0:
         raise node.bad(f"has size {size}", "expected positive numbers")
     active = node.flag("active", True)
     if active and min(size) == 0:
         node.document.warn(f"wrap object '{node.name}' has no size: nothing wraps around it")
         active = False
-    return WrapObject(node.name, body, kind, pose, size, QUADRANTS[quadrant], active)  # type: ignore[arg-type]
+    return WrapObject(
+        name=node.name,
+        body=body,
+        kind=kind,
+        pose=pose,
+        size=size,
+        quadrant=QUADRANTS[quadrant],
+        active=active,
+    )  # type: ignore[arg-type]
 
 
 def write_body(parent: etree._Element, body: Body, model: Model, kept: list[Kept]) -> None:
@@ -153,7 +192,9 @@ def write_body_parts(
     frames = [frame for frame in model.frames if frame.body == name]
     holders = {}
     for frame in frames:
-        holders[frame.name] = write_offset_frame(components, frame.name, body_path(name), frame.pose)
+        holders[frame.name] = write_offset_frame(
+            components, frame.name, body_path(name), frame.pose
+        )
     still = []
     for mesh in meshes:
         if is_still(mesh.pose):
@@ -187,7 +228,11 @@ def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> Non
     if holder is None:
         holder = child(element, "attached_geometry")
     for mesh in meshes:
-        kind = "Mesh" if mesh.file else next((name for name, shape in PRIMITIVES.items() if shape == mesh.shape), None)
+        kind = (
+            "Mesh"
+            if mesh.file
+            else next((name for name, shape in PRIMITIVES.items() if shape == mesh.shape), None)
+        )
         if kind is None:
             continue
         geometry = child(holder, kind, name=f"{name}_geom_{len(holder) + 1}")
@@ -205,7 +250,17 @@ def _write_meshes(element: etree._Element, meshes: list[Mesh], name: str) -> Non
 def _write_wrap(parent: etree._Element, wrap: WrapObject) -> None:
     kind, tags = next((kind, tags) for kind, (shape, tags) in WRAPS.items() if shape == wrap.kind)
     element = child(parent, kind, name=wrap.name)
-    put(element, active=wrap.active, xyz_body_rotation=euler(wrap.pose.rotation), translation=wrap.pose.translation)
+    put(
+        element,
+        active=wrap.active,
+        xyz_body_rotation=euler(wrap.pose.rotation),
+        translation=wrap.pose.translation,
+    )
     put(element, quadrant=wrap.quadrant or "all")
     size = [length if np.isfinite(length) else 100.0 for length in wrap.size]
-    put(element, **({"dimensions": size} if wrap.kind == "ellipsoid" else dict(zip(tags, size, strict=True))))
+    put(
+        element,
+        **(
+            {"dimensions": size} if wrap.kind == "ellipsoid" else dict(zip(tags, size, strict=True))
+        ),
+    )

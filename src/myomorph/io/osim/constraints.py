@@ -20,7 +20,12 @@ from myomorph.model.paths import Bushing, PassiveTorque
 from myomorph.model.spatial import Transform
 
 BUSHING = "BushingForce"
-BUSHING_PARTS = ("rotational_stiffness", "rotational_damping", "translational_stiffness", "translational_damping")
+BUSHING_PARTS = (
+    "rotational_stiffness",
+    "rotational_damping",
+    "translational_stiffness",
+    "translational_damping",
+)
 KINDS = ("CoordinateLimitForce", "SpringGeneralizedForce")
 
 
@@ -28,7 +33,9 @@ def read_constraints(
     model: Node, frames: Frames, coordinates: tuple[str, ...]
 ) -> tuple[tuple[Coupler, ...], tuple[Loop, ...], tuple[Kept, ...]]:
     """Couplers, loops and the rest; a constraint that is not enforced is only kept."""
-    couplers, loops, kept = [], [], []
+    couplers = []
+    loops = []
+    kept = []
     for node in model.items("ConstraintSet"):
         if not node.flag("isEnforced", not node.flag("isDisabled", False)):
             kept.append(keep(node, "ConstraintSet", "switched off in the file"))
@@ -50,10 +57,18 @@ def _coupler(node: Node, coordinates: tuple[str, ...]) -> Coupler:
     for name in (*names, dependent):
         if name not in coordinates:
             raise UnknownName(
-                "coordinate", name, coordinates, f"{node.document.path}: coupler '{node.name}': the model"
+                "coordinate",
+                name,
+                coordinates,
+                f"{node.document.path}: coupler '{node.name}': the model",
             )
     factor = node.number("scale_factor", 1.0)
-    return Coupler(node.name, dependent, read_function(function, node).scaled(factor), tuple(names))
+    return Coupler(
+        name=node.name,
+        dependent=dependent,
+        function=read_function(function, node).scaled(factor),
+        independents=tuple(names),
+    )
 
 
 def _loop(node: Node, frames: Frames) -> Loop:
@@ -65,17 +80,23 @@ def _loop(node: Node, frames: Frames) -> Loop:
     else:
         ends = [tied_frame(node, frames, i) for i in "12"]
     (body_1, pose_1), (body_2, pose_2) = ends
-    return Loop(node.name, node.kind, body_1, body_2, pose_1, pose_2)
+    return Loop(
+        name=node.name, kind=node.kind, body_1=body_1, body_2=body_2, pose_1=pose_1, pose_2=pose_2
+    )
 
 
 def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
-    """Body and pose of the first ("1") or second ("2") frame of what links two, in any version's layout."""
+    """Body and pose of the first ("1") or second ("2") frame of what links two, in any version's
+    layout.
+    """
     text = node.socket(f"frame{i}", f"body_{i}")
     body, pose = frames.place(text, node)
     return body, pose @ node.pose(f"orientation_body_{i}", f"location_body_{i}")
 
 
-def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tuple[PassiveTorque, ...]:
+def read_passive_torques(
+    model: Node, coordinates: Sequence[Coordinate]
+) -> tuple[PassiveTorque, ...]:
     """The passive torques of a model's forces, those switched off left out."""
     by_name = {coordinate.name: coordinate for coordinate in coordinates}
     passive_torques: list[PassiveTorque] = []
@@ -85,9 +106,17 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
         name = plain_name(node.text("", "coordinate"))
         check_name("coordinate", name, by_name, f"{node.document.path}: {node.kind} '{node.name}'")
         if node.kind == "SpringGeneralizedForce":
-            stiffness, rest = node.number("stiffness", 0.0), node.number("rest_length", 0.0)
+            stiffness = node.number("stiffness", 0.0)
+            rest = node.number("rest_length", 0.0)
             spring = linear(-stiffness, stiffness * rest)
-            passive_torques.append(PassiveTorque(node.name, name, spring, constant(node.number("viscosity", 0.0))))
+            passive_torques.append(
+                PassiveTorque(
+                    name=node.name,
+                    coordinate=name,
+                    torque=spring,
+                    damping=constant(node.number("viscosity", 0.0)),
+                )
+            )
         else:
             passive_torques += _limits(node, by_name[name])
     return tuple(passive_torques)
@@ -101,13 +130,17 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
             continue
         (body_1, pose_1), (body_2, pose_2) = (tied_frame(node, frames, i) for i in "12")
         parts = {part: node.vector(part) for part in BUSHING_PARTS}
-        bushings.append(Bushing(node.name, body_1, body_2, pose_1, pose_2, **parts))
+        bushings.append(
+            Bushing(
+                name=node.name, body_1=body_1, body_2=body_2, pose_1=pose_1, pose_2=pose_2, **parts
+            )
+        )
     return tuple(bushings)
 
 
 def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
-    """The torques of both limits: nothing inside, then a stiffness that rises over the transition. Rotational limits
-    are in degrees, their stiffness and damping per degree.
+    """The torques of both limits: nothing inside, then a stiffness that rises over the transition.
+    Rotational limits are in degrees, their stiffness and damping per degree.
     """
     unit = np.pi / 180.0 if coordinate.motion == "rotational" else 1.0
     width = node.number("transition", 0.1) * unit
@@ -122,12 +155,22 @@ def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
         torque = _pieces(limit, width, resisting, [-stiffness * width, -stiffness])
         damped = _pieces(limit, width, damping * step, [damping])
         if sign < 0.0:
-            torque, damped = _mirrored(torque).scaled(-1.0), _mirrored(damped)
-        result.append(PassiveTorque(f"{node.name}_{side}", coordinate.name, torque, damped))
+            torque = _mirrored(torque).scaled(-1.0)
+            damped = _mirrored(damped)
+        result.append(
+            PassiveTorque(
+                name=f"{node.name}_{side}",
+                coordinate=coordinate.name,
+                torque=torque,
+                damping=damped,
+            )
+        )
     return result
 
 
-def _pieces(limit: float, width: float, within: np.ndarray, beyond: list[float]) -> PiecewisePolynomial:
+def _pieces(
+    limit: float, width: float, within: np.ndarray, beyond: list[float]
+) -> PiecewisePolynomial:
     """0 up to the limit, `within` over the transition, `beyond` after it."""
     rows = np.zeros((3, 7))
     rows[1, : len(within)] = within
@@ -143,17 +186,33 @@ def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
     signs = (-1.0) ** np.arange(len(left))
     # On a piece of f, f(-x) with x = -high + k reads f at low + (width - k).
     turned = substituted(middle, width, -1.0)
-    return PiecewisePolynomial(np.array([-high, -high, -low]), np.stack([right * signs, turned, left * signs]))
+    return PiecewisePolynomial(
+        np.array([-high, -high, -low]), np.stack([right * signs, turned, left * signs])
+    )
 
 
 def write_passive(parent: etree._Element, passive: PassiveTorque, warnings: list[str]) -> None:
-    """A spring of a coordinate, where the torque is a line and the damping constant; else a warning."""
-    torque, damping = passive.torque, passive.damping
-    straight = isinstance(torque, PiecewisePolynomial) and torque.coefficients.shape in ((1, 1), (1, 2))
-    if not straight or not isinstance(damping, PiecewisePolynomial) or damping.coefficients.shape != (1, 1):
-        warnings.append(f"passive torque '{passive.name}' is left out: it is not a linear spring with constant damping")
+    """A spring of a coordinate, where the torque is a line and the damping constant; else a
+    warning.
+    """
+    torque = passive.torque
+    damping = passive.damping
+    straight = isinstance(torque, PiecewisePolynomial) and torque.coefficients.shape in (
+        (1, 1),
+        (1, 2),
+    )
+    if (
+        not straight
+        or not isinstance(damping, PiecewisePolynomial)
+        or damping.coefficients.shape != (1, 1)
+    ):
+        warnings.append(
+            f"passive torque '{passive.name}' is left out: it is not a linear spring with constant"
+            " damping"
+        )
         return
-    at_zero, slope = float(torque(0.0)), float(torque(0.0, order=1))  # type: ignore[call-arg]
+    at_zero = float(torque(0.0))
+    slope = float(torque(0.0, order=1))  # type: ignore[call-arg]
     if slope == 0.0 and at_zero != 0.0:
         warnings.append(f"passive torque '{passive.name}' is left out: it is constant")
         return
@@ -177,7 +236,9 @@ def write_coupler(parent: etree._Element, coupler: Coupler, warnings: list[str])
     names = coupler.independents
     write_function(holder, coupler.function, f"coupler '{coupler.name}'", warnings)
     if not names:
-        warnings.append(f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it is")
+        warnings.append(
+            f"coupler '{coupler.name}' holds '{coupler.dependent}' at a constant: written as it is"
+        )
     put(element, independent_coordinate_names=" ".join(legal(name) for name in names))
     put(element, dependent_coordinate_name=legal(coupler.dependent), scale_factor="1")
 

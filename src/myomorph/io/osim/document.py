@@ -1,4 +1,6 @@
-"""An OpenSim document as typed properties: versions, defaults sections and component paths; and elements to write."""
+"""An OpenSim document as typed properties: versions, defaults sections and component paths; and
+elements to write.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.spatial import Transform
 
-OLDEST, NEWEST = 10901, 40600
+OLDEST = 10901
+NEWEST = 40600
 RENAMED = {
     "NaturalCubicSpline": "SimmSpline",
     "natCubicSpline": "SimmSpline",
@@ -32,7 +35,13 @@ RENAMED = {
     "Delp1990Muscle": "Delp1990Muscle_Deprecated",
 }
 NUMBER = re.compile(r"[\s,()\[\]~]+")
-INFINITE = {"inf": np.inf, "+inf": np.inf, "-inf": -np.inf, "infinity": np.inf, "-infinity": -np.inf}
+INFINITE = {
+    "inf": np.inf,
+    "+inf": np.inf,
+    "-inf": -np.inf,
+    "infinity": np.inf,
+    "-infinity": -np.inf,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +63,9 @@ class Document:
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One object of the file: its properties, those of the defaults section where it has none itself."""
+    """One object of the file: its properties, those of the defaults section where it has none
+    itself.
+    """
 
     element: etree._Element
     document: Document
@@ -93,7 +104,9 @@ class Node:
         holder = self.find(*tags)
         if holder is None:
             return None
-        return next((self.node(element) for element in holder if isinstance(element.tag, str)), None)
+        return next(
+            (self.node(element) for element in holder if isinstance(element.tag, str)), None
+        )
 
     def node(self, element: etree._Element) -> Node:
         """A child element as a node, with its component path."""
@@ -107,7 +120,11 @@ class Node:
             return []
         inside = owner_element.find("objects")
         holder = owner_element if inside is None else inside
-        path = self.path if inside is None else f"{self.path}/{(owner_element.get('name') or tag).lower()}"
+        path = (
+            self.path
+            if inside is None
+            else f"{self.path}/{(owner_element.get('name') or tag).lower()}"
+        )
         owner = Node(self.element, self.document, path)
         return [owner.node(element) for element in holder if isinstance(element.tag, str)]
 
@@ -143,7 +160,9 @@ class Node:
             raise self.bad(f"'{tag}' has {len(values)} numbers", "expected one")
         return float(values[0])
 
-    def vector(self, tag: str, default: tuple[float, ...] = (0.0, 0.0, 0.0), infinite: bool = False) -> Array:
+    def vector(
+        self, tag: str, default: tuple[float, ...] = (0.0, 0.0, 0.0), infinite: bool = False
+    ) -> Array:
         """A property of as many numbers as its default."""
         values = self.numbers(tag, None, infinite)
         if values is None or not len(values):
@@ -153,10 +172,14 @@ class Node:
         return values
 
     def pose(self, turn: str, place: str) -> Transform:
-        """A pose by two properties: body-fixed X, Y, Z angles [rad] and a position [m], zero where they are absent."""
+        """A pose by two properties: body-fixed X, Y, Z angles [rad] and a position [m], zero where
+        they are absent.
+        """
         return Transform.from_euler_xyz(self.vector(turn), self.vector(place))
 
-    def numbers(self, tag: str, default: Array | None = None, infinite: bool = False) -> Array | None:
+    def numbers(
+        self, tag: str, default: Array | None = None, infinite: bool = False
+    ) -> Array | None:
         """A property that is a list of numbers."""
         element = self.find(tag)
         if element is None:
@@ -165,14 +188,26 @@ class Node:
         try:
             values = np.array([INFINITE.get(part.lower()) or float(part) for part in parts])
         except ValueError:
-            raise self.bad(f"'{tag}' is '{(element.text or '').strip()[:60]}'", "expected numbers", element) from None
+            raise self.bad(
+                f"'{tag}' is '{(element.text or '').strip()[:60]}'", "expected numbers", element
+            ) from None
         if np.isnan(values).any() or not (infinite or np.isfinite(values).all()):
-            raise self.bad(f"'{tag}' is '{(element.text or '').strip()[:60]}'", "expected finite numbers", element)
+            raise self.bad(
+                f"'{tag}' is '{(element.text or '').strip()[:60]}'",
+                "expected finite numbers",
+                element,
+            )
         return values
 
     def socket(self, name: str, *old: str) -> str:
         """What a socket is connected to, in any version's spelling; "" if to nothing."""
-        tags = [f"socket_{name}", f"socket_{name}_connectee_name", f"connector_{name}_connectee_name", name, *old]
+        tags = [
+            f"socket_{name}",
+            f"socket_{name}_connectee_name",
+            f"connector_{name}_connectee_name",
+            name,
+            *old,
+        ]
         text = self.text("", *tags)
         if text:
             return text
@@ -181,7 +216,9 @@ class Node:
                 return (connector.findtext("connectee_name") or "").strip()
         return ""
 
-    def bad(self, problem: str, expected: str = "", element: etree._Element | None = None) -> BadFile:
+    def bad(
+        self, problem: str, expected: str = "", element: etree._Element | None = None
+    ) -> BadFile:
         """The error that says where in the file this object stands."""
         line = (self.element if element is None else element).sourceline
         where = f"{self.kind} '{self.name}'" if self.name else self.kind
@@ -193,7 +230,9 @@ class Node:
 
 
 def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: str) -> Node:
-    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file holds."""
+    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file
+    holds.
+    """
     file = read_xml(path)
     root = file.root
     data = root
@@ -201,7 +240,9 @@ def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: s
     if root.tag == "OpenSimDocument":
         text = root.get("Version", "")
         if not text.isdigit():
-            raise BadFile(path, f"OpenSimDocument Version is '{text}'", "expected a number such as 40000")
+            raise BadFile(
+                path, f"OpenSimDocument Version is '{text}'", "expected a number such as 40000"
+            )
         version = int(text)
         data = next((element for element in root if isinstance(element.tag, str)), root)
     if wanted and data.tag not in wanted:
@@ -210,7 +251,9 @@ def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: s
     for section in (*data.findall("defaults"), *root.findall("defaults")):
         for element in section:
             defaults.setdefault(RENAMED.get(str(element.tag), str(element.tag)), element)
-    document = Document(file.path, version, data, defaults, list(file.warnings))
+    document = Document(
+        path=file.path, version=version, root=data, defaults=defaults, warnings=list(file.warnings)
+    )
     return Node(data, document, "")
 
 

@@ -37,7 +37,9 @@ class Frames:
             if not isinstance(element.tag, str):
                 continue
             listed = (
-                node.items(element.tag) if element.get("name") is None or element.find("objects") is not None else []
+                node.items(element.tag)
+                if element.get("name") is None or element.find("objects") is not None
+                else []
             )
             for item in listed or [node.node(element)]:
                 if item.kind in OFFSET_KINDS:
@@ -71,7 +73,11 @@ class Frames:
             name = "".join(name.split())
         named = [path for path in where if path.rsplit("/", 1)[-1] == name]
         near = [path for path in named if path.startswith(f"{user.path}/")]
-        for choice in (near, [path for path in named if path.startswith(("/ground", "/bodyset/"))], named):
+        for choice in (
+            near,
+            [path for path in named if path.startswith(("/ground", "/bodyset/"))],
+            named,
+        ):
             if choice:
                 return choice[0]
         names = [path.rsplit("/", 1)[-1] for path in where]
@@ -85,7 +91,9 @@ class Frames:
         if path in self._asked:
             raise node.bad("is its own parent frame")
         self._asked.append(path)
-        self._placed[path] = self._from_stations(node) if node.kind == "StationDefinedFrame" else self._offset(node)
+        self._placed[path] = (
+            self._from_stations(node) if node.kind == "StationDefinedFrame" else self._offset(node)
+        )
         self._asked.remove(path)
         return self._placed[path]
 
@@ -96,7 +104,10 @@ class Frames:
     def _from_stations(self, node: Node) -> tuple[str, Transform]:
         """Axes along b - a, along (b - a) x (c - a), and across both."""
         bodies, points = zip(
-            *(self.station(node.socket(name), node) for name in ("point_a", "point_b", "point_c", "origin_point")),
+            *(
+                self.station(node.socket(name), node)
+                for name in ("point_a", "point_b", "point_c", "origin_point")
+            ),
             strict=True,
         )
         if len(set(bodies)) > 1:
@@ -105,12 +116,15 @@ class Frames:
         normal = np.cross(b - a, c - a)
         if not normal.any():
             raise node.bad("its stations are in one line")
-        first, second = (b - a) / np.linalg.norm(b - a), normal / np.linalg.norm(normal)
-        along, across = (
-            self._signed_axis(node, tag, default) for tag, default in (("ab_axis", "+x"), ("ab_x_ac_axis", "+y"))
-        )
+        first = (b - a) / np.linalg.norm(b - a)
+        second = normal / np.linalg.norm(normal)
+        along = self._signed_axis(node, "ab_axis", "+x")
+        across = self._signed_axis(node, "ab_x_ac_axis", "+y")
         if along[0] == across[0]:
-            node.document.warn(f"frame '{node.name}': its two axes are the same: the second is taken for the next one")
+            node.document.warn(
+                f"frame '{node.name}': its two axes are the same: the second is taken for the"
+                " next one"
+            )
             across = (along[0] + 1) % 3, 1.0
         rotation = np.zeros((3, 3))
         rotation[:, along[0]] = along[1] * first
@@ -146,7 +160,9 @@ def is_still(pose: Transform) -> bool:
     return bool(np.array_equal(pose.rotation, np.eye(3)) and not pose.translation.any())
 
 
-def write_offset_frame(parent: etree._Element, name: str, base: str, pose: Transform) -> etree._Element:
+def write_offset_frame(
+    parent: etree._Element, name: str, base: str, pose: Transform
+) -> etree._Element:
     """A PhysicalOffsetFrame on the frame at component path `base`."""
     frame = child(parent, "PhysicalOffsetFrame", name=name)
     put(frame, socket_parent=base, translation=pose.translation, orientation=euler(pose.rotation))

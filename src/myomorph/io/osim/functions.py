@@ -22,9 +22,16 @@ from myomorph.model.functions import (
 )
 
 KNOWN = (
-    "Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "PiecewiseLinearFunction", "MultiplierFunction",
-    "Sine", "GCVSpline", "StepFunction",
-)  # fmt: skip
+    "Constant",
+    "LinearFunction",
+    "PolynomialFunction",
+    "SimmSpline",
+    "PiecewiseLinearFunction",
+    "MultiplierFunction",
+    "Sine",
+    "GCVSpline",
+    "StepFunction",
+)
 
 SAMPLES = 401
 
@@ -39,36 +46,56 @@ def read_function(node: Node, user: Node) -> Function:
         return linear(slope, intercept)
     if kind == "PolynomialFunction":
         coefficients = node.numbers("coefficients", np.ones(1))
-        return polynomial([1.0] if coefficients is None or not len(coefficients) else coefficients[::-1])
+        return polynomial(
+            [1.0] if coefficients is None or not len(coefficients) else coefficients[::-1]
+        )
     if kind == "MultiplierFunction":
         inner = node.inner("function")
         if inner is None:
             raise node.bad("has no function inside")
         return read_function(inner, user).scaled(node.number("scale", 1.0))
     if kind == "Sine":
-        omega, phase = (np.array([node.number(*pair)]) for pair in (("omega", 1.0), ("phase", 0.0)))
-        return SineProduct(node.number("amplitude", 1.0), omega, phase, node.number("offset", 0.0))
+        omega = np.array([node.number(*("omega", 1.0))])
+        phase = np.array([node.number(*("phase", 0.0))])
+        return SineProduct(
+            factor=node.number("amplitude", 1.0),
+            frequencies=omega,
+            phases=phase,
+            offset=node.number("offset", 0.0),
+        )
     if kind == "StepFunction":
-        start, end = node.number("transition_start_time", 0.99), node.number("transition_end_time", 1.01)
+        start = node.number("transition_start_time", 0.99)
+        end = node.number("transition_end_time", 1.01)
         if end <= start:
-            raise node.bad(f"transition_end_time {end:g} is not after transition_start_time {start:g}")
-        return smooth_step(start, end, node.number("start_value", 0.0), node.number("end_value", 1.0))
+            raise node.bad(
+                f"transition_end_time {end:g} is not after transition_start_time {start:g}"
+            )
+        return smooth_step(
+            start, end, node.number("start_value", 0.0), node.number("end_value", 1.0)
+        )
     if kind in ("SimmSpline", "PiecewiseLinearFunction", "GCVSpline"):
         x, y = _points(node)
         if len(x) == 1:
             return constant(float(y[0]))
         if kind == "SimmSpline":
             return simm_spline(x, y)
-        return piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _gcv_spline(node, x, y)
+        return (
+            piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _gcv_spline(node, x, y)
+        )
     owner = f"{user.kind} '{user.name}'" if user.name else user.kind
-    raise BadModel(f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are")
+    raise BadModel(
+        f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are"
+    )
 
 
 def _points(node: Node) -> tuple[Array, Array]:
-    x, y = node.numbers("x"), node.numbers("y")
+    x = node.numbers("x")
+    y = node.numbers("y")
     if x is None or y is None or not len(x) or len(x) != len(y):
         counts = [0 if values is None else len(values) for values in (x, y)]
-        raise node.bad(f"has {counts[0]} x and {counts[1]} y values", "expected as many of each, at least one")
+        raise node.bad(
+            f"has {counts[0]} x and {counts[1]} y values", "expected as many of each, at least one"
+        )
     if np.any(np.diff(x) <= 0):
         raise node.bad("its x values do not increase")
     return x, y
@@ -86,19 +113,26 @@ def smooth_step(start: float, end: float, low: float, high: float) -> PiecewiseP
 def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
     half = int(node.number("half_order", 3.0))
     if node.number("error_variance", 0.0) != 0.0:
-        raise node.bad("smooths with an error variance", "only interpolating splines (error_variance 0) are built")
+        raise node.bad(
+            "smooths with an error variance",
+            "only interpolating splines (error_variance 0) are built",
+        )
     if half < 1 or len(x) < 2 * half:
-        raise node.bad(f"has {len(x)} points", f"a spline of degree {2 * half - 1} needs {2 * half}")
+        raise node.bad(
+            f"has {len(x)} points", f"a spline of degree {2 * half - 1} needs {2 * half}"
+        )
     return natural_spline(x, y, half)
 
 
 def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
-    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance is zero. Beyond its
-    ends it goes on as a polynomial of degree half - 1.
+    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance
+    is zero. Beyond its ends it goes on as a polynomial of degree half - 1.
     """
     # SciPy takes a while to import, and hardly any model has such a spline.
     zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
-    spline = scipy.interpolate.make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None)
+    spline = scipy.interpolate.make_interp_spline(
+        x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None
+    )
     faculties = np.cumprod([1.0, *range(1, 2 * half)])
     pieces = np.column_stack([spline(x, nu=order) / faculties[order] for order in range(2 * half)])
     before = pieces[0].copy()
@@ -106,17 +140,23 @@ def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
     return PiecewisePolynomial(np.concatenate([x[:1], x]), np.vstack([before, pieces]))
 
 
-def write_function(parent: etree._Element, function: Function, user: str, warnings: list[str]) -> None:
-    """Put the OpenSim object that equals `function` into `parent`; say in `warnings` where none does. `user`: what has
-    the function, for the warning.
+def write_function(
+    parent: etree._Element, function: Function, user: str, warnings: list[str]
+) -> None:
+    """Put the OpenSim object that equals `function` into `parent`; say in `warnings` where none
+    does. `user`: what has the function, for the warning.
     """
     if isinstance(function, SineProduct):
         if function.arity != 1:
-            warnings.append(f"{user}: a product of sines of two coordinates cannot be written: its offset is")
+            warnings.append(
+                f"{user}: a product of sines of two coordinates cannot be written: its offset is"
+            )
             _polynomial(parent, np.array([function.offset]))
             return
         sine = child(parent, "Sine")
-        put(sine, amplitude=function.factor, omega=function.frequencies[0], phase=function.phases[0])
+        put(
+            sine, amplitude=function.factor, omega=function.frequencies[0], phase=function.phases[0]
+        )
         put(sine, offset=function.offset)
     elif len(function.breaks) == 1:
         _polynomial(parent, substituted(function.coefficients[0], -float(function.breaks[0])))
@@ -132,14 +172,22 @@ def _polynomial(parent: etree._Element, coefficients: Array) -> None:
         put(child(parent, kind), coefficients=coefficients[::-1])
 
 
-def _pieces(parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]) -> None:
+def _pieces(
+    parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]
+) -> None:
     x = np.unique(function.breaks)
     y = function(x)
     degree = function.coefficients.shape[1] - 1
     half = (degree + 1) // 2
     if degree == 5 and len(x) == 2 and same(function, smooth_step(x[0], x[1], y[0], y[1])):
         step = child(parent, "StepFunction")
-        put(step, transition_start_time=x[0], transition_end_time=x[1], start_value=y[0], end_value=y[1])
+        put(
+            step,
+            transition_start_time=x[0],
+            transition_end_time=x[1],
+            start_value=y[0],
+            end_value=y[1],
+        )
     elif degree == 3 and same(function, simm_spline(x, y)):
         _sampled_points(parent, "SimmSpline", x, y)
     elif degree == 1 and same(function, piecewise_linear(*_with_end(function, x, y))):
@@ -150,9 +198,12 @@ def _pieces(parent: etree._Element, function: PiecewisePolynomial, user: str, wa
     else:
         # No class of OpenSim's has these pieces: a spline through many points comes close.
         x = np.linspace(function.breaks[0], function.breaks[-1], SAMPLES)
-        y, between = function(x), 0.5 * (x[1:] + x[:-1])
+        y = function(x)
+        between = 0.5 * (x[1:] + x[:-1])
         error = float(np.max(np.abs(simm_spline(x, y)(between) - function(between))))
-        warnings.append(f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off")
+        warnings.append(
+            f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off"
+        )
         _sampled_points(parent, "SimmSpline", x, y)
 
 
@@ -164,10 +215,12 @@ def _with_end(function: PiecewisePolynomial, x: Array, y: Array) -> tuple[Array,
 
 def same(first: PiecewisePolynomial, second: PiecewisePolynomial) -> bool:
     """Whether two functions agree to rounding, beyond their ends too."""
-    low, high = float(first.breaks[0]), float(first.breaks[-1])
+    low = float(first.breaks[0])
+    high = float(first.breaks[-1])
     beyond = 0.1 * (high - low)
     x = np.linspace(low - beyond, high + beyond, 1001)
-    a, b = first(x), second(x)
+    a = first(x)
+    b = second(x)
     return bool(np.max(np.abs(a - b)) <= 1e-10 * max(1e-3, float(np.max(np.abs(a)))))
 
 

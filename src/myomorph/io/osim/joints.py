@@ -54,10 +54,15 @@ class ReadJoint:
 
 
 def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
-    """A joint with its axes and coordinates. `old_child`: before 4.0, the body that the joint stands in."""
+    """A joint with its axes and coordinates. `old_child`: before 4.0, the body that the joint
+    stands in.
+    """
     kind = node.kind
     if kind not in KINDS:
-        raise BadModel(f"{node.document.path}: joint '{node.name}' is a {kind}: expected one of {', '.join(KINDS)}")
+        raise BadModel(
+            f"{node.document.path}: joint '{node.name}' is a {kind}: expected one of"
+            f" {', '.join(KINDS)}"
+        )
     items = node.items("coordinates") or node.items("CoordinateSet")
     coordinates = tuple(_coordinate(item) for item in items if item.kind == "Coordinate")
     if kind == "CustomJoint":
@@ -67,12 +72,27 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
         axes = _simple(kind, names) if kind in SIMPLE else _curved(node, names)
         coordinates = coordinates or tuple(Coordinate(name, range=(-10.0, 10.0)) for name in names)
         renamed = zip(coordinates, names, strict=True)
-        coordinates = tuple(replace(coordinate, name=name, motion=_motion(axes, name)) for coordinate, name in renamed)
-    (parent, parent_frame, parent_name), (child, child_frame, child_name) = _ends(node, frames, old_child)
-    name, coordinate_names = node.name or kind.lower(), tuple(coordinate.name for coordinate in coordinates)
+        coordinates = tuple(
+            replace(coordinate, name=name, motion=_motion(axes, name))
+            for coordinate, name in renamed
+        )
+    (parent, parent_frame, parent_name), (child, child_frame, child_name) = _ends(
+        node, frames, old_child
+    )
+    name = node.name or kind.lower()
+    coordinate_names = tuple(coordinate.name for coordinate in coordinates)
     joint = Joint(
-        name, kind, parent, child, parent_frame, child_frame, axes, coordinate_names, parent_name, child_name
-    )  # fmt: skip
+        name=name,
+        kind=kind,
+        parent=parent,
+        child=child,
+        parent_frame=parent_frame,
+        child_frame=child_frame,
+        axes=axes,
+        coordinates=coordinate_names,
+        parent_frame_name=parent_name,
+        child_frame_name=child_name,
+    )
     return ReadJoint(joint, coordinates)
 
 
@@ -83,7 +103,10 @@ def _motion(axes: tuple[Axis, ...], coordinate: str) -> Motion:
 
 def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
     ends = []
-    old = {"parent": ("orientation_in_parent", "location_in_parent"), "child": ("orientation", "location")}
+    old = {
+        "parent": ("orientation_in_parent", "location_in_parent"),
+        "child": ("orientation", "location"),
+    }
     for end in ("parent", "child"):
         text = node.socket(f"{end}_frame", f"{end}_body")
         if not text and end == "child":
@@ -111,20 +134,26 @@ def _coordinate(node: Node) -> Coordinate:
     if function is not None and node.flag("prescribed", False):
         prescribed = read_function(function, node)
     if prescribed is not None and node.flag("is_free_to_satisfy_constraints", False):
-        node.document.warn(f"coordinate '{node.name}' is prescribed but free to meet constraints: read as prescribed")
-    default, clamped = node.number("default_value", 0.0), node.flag("clamped", False)
+        node.document.warn(
+            f"coordinate '{node.name}' is prescribed but free to meet constraints: read as"
+            " prescribed"
+        )
+    default = node.number("default_value", 0.0)
+    clamped = node.flag("clamped", False)
     if clamped and not low - 1e-8 < default < high + 1e-8:
         limits = f"{low:g} .. {high:g}"
-        node.document.warn(f"coordinate '{node.name}' is clamped to {limits}, but its default is {default:g}")
+        node.document.warn(
+            f"coordinate '{node.name}' is clamped to {limits}, but its default is {default:g}"
+        )
     return Coordinate(
-        node.name,
-        "rotational",
-        default,
-        (float(low), float(high)),
-        clamped,
-        node.flag("locked", False),
-        prescribed,
-        node.number("default_speed_value", 0.0),
+        name=node.name,
+        motion="rotational",
+        default=default,
+        range=(float(low), float(high)),
+        clamped=clamped,
+        locked=node.flag("locked", False),
+        prescribed=prescribed,
+        default_speed=node.number("default_speed_value", 0.0),
     )
 
 
@@ -134,8 +163,19 @@ def free_joint(child: str) -> ReadJoint:
     names = [f"{name}_coord_{i}" for i in range(6)]
     axes = _simple("FreeJoint", names)
     still = Transform.identity()
-    joint = Joint(name, "FreeJoint", GROUND, child, still, still, axes, tuple(names))
-    return ReadJoint(joint, tuple(Coordinate(name, _motion(axes, name), range=(-10.0, 10.0)) for name in names))
+    joint = Joint(
+        name=name,
+        kind="FreeJoint",
+        parent=GROUND,
+        child=child,
+        parent_frame=still,
+        child_frame=still,
+        axes=axes,
+        coordinates=tuple(names),
+    )
+    return ReadJoint(
+        joint, tuple(Coordinate(name, _motion(axes, name), range=(-10.0, 10.0)) for name in names)
+    )
 
 
 def _named(node: Node, coordinates: tuple[Coordinate, ...], needed: int) -> list[str]:
@@ -147,18 +187,26 @@ def _named(node: Node, coordinates: tuple[Coordinate, ...], needed: int) -> list
 
 def _simple(kind: str, names: list[str]) -> tuple[Axis, ...]:
     return tuple(
-        Axis("rotation" if what == "rotation" else "translation", vector, linear(1.0), (names[i],))
+        Axis(
+            kind="rotation" if what == "rotation" else "translation",
+            vector=vector,
+            function=linear(1.0),
+            coordinates=(names[i],),
+        )
         for what, vector, i in SIMPLE[kind]
     )
 
 
-def _custom(node: Node, coordinates: tuple[Coordinate, ...]) -> tuple[tuple[Axis, ...], tuple[Coordinate, ...]]:
+def _custom(
+    node: Node, coordinates: tuple[Coordinate, ...]
+) -> tuple[tuple[Axis, ...], tuple[Coordinate, ...]]:
     """Axes of a custom joint, and its coordinates in the order in which the axes name them."""
     spatial = node.child("SpatialTransform")
     if spatial is None:
         raise node.bad("has no SpatialTransform")
     transforms = {
-        element.get("name", ""): spatial.node(element) for element in spatial.element.findall("TransformAxis")
+        element.get("name", ""): spatial.node(element)
+        for element in spatial.element.findall("TransformAxis")
     }
     usual = dict(zip(SPATIAL, (X, Y, Z, X, Y, Z), strict=True))
     axes: list[Axis] = []
@@ -186,7 +234,8 @@ def _custom(node: Node, coordinates: tuple[Coordinate, ...]) -> tuple[tuple[Axis
     if unused:
         raise node.bad(f"no axis uses its coordinates {', '.join(unused)}")
     ordered = tuple(
-        replace(coordinates[known.index(coordinate)], motion=motion) for coordinate, motion in motions.items()
+        replace(coordinates[known.index(coordinate)], motion=motion)
+        for coordinate, motion in motions.items()
     )
     return (*axes[3:], *axes[:3]), ordered
 
@@ -195,7 +244,9 @@ def _kind(name: str) -> Literal["rotation", "translation"]:
     return "rotation" if name.startswith("rotation") else "translation"
 
 
-def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: list[str]) -> tuple[Axis, bool]:
+def _transform_axis(
+    joint: Node, axis: Node, name: str, usual: Array, names: list[str]
+) -> tuple[Axis, bool]:
     """One axis, and whether a coordinate is its very amount (slope 1 or -1), as OpenSim sees it."""
     vector = axis.vector("axis", tuple(usual))
     length = float(np.linalg.norm(vector))
@@ -214,20 +265,36 @@ def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: lis
     else:
         function = constant(0.0)
         if names:
-            joint.document.warn(f"joint '{joint.name}': axis {name} has a coordinate but no function: it does not move")
+            joint.document.warn(
+                f"joint '{joint.name}': axis {name} has a coordinate but no function: it does not"
+                " move"
+            )
     if function.arity > len(names):
-        raise joint.bad(f"its axis {name} has a {inner.kind if inner else 'function'} but no coordinate")
+        raise joint.bad(
+            f"its axis {name} has a {inner.kind if inner else 'function'} but no coordinate"
+        )
     pure = inner is not None and inner.kind == "LinearFunction" and is_unit_line(function)
-    return Axis(_kind(name), vector / length, function, tuple(names[: function.arity])), pure
+    return (
+        Axis(
+            kind=_kind(name),
+            vector=vector / length,
+            function=function,
+            coordinates=tuple(names[: function.arity]),
+        ),
+        pure,
+    )
 
 
 def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
-    """Ellipsoid mobilizer: body-fixed X, Y, Z turns; the origin rides where the z axis is the normal. A scapulothoracic
-    joint turns that ellipsoid by 90 degrees about z and adds winging about an axis in the plane that touches it.
+    """Ellipsoid mobilizer: body-fixed X, Y, Z turns; the origin rides where the z axis is the
+    normal. A scapulothoracic joint turns that ellipsoid by 90 degrees about z and adds winging
+    about an axis in the plane that touches it.
     """
     winged = node.kind == "ScapulothoracicJoint"
     quarter = QUARTER_TURN if winged else np.eye(3)
-    radii = node.vector("thoracic_ellipsoid_radii_x_y_z" if winged else "radii_x_y_z", (np.nan,) * 3)
+    radii = node.vector(
+        "thoracic_ellipsoid_radii_x_y_z" if winged else "radii_x_y_z", (np.nan,) * 3
+    )
     radii = radii[[1, 0, 2]] if winged else radii
     if not np.all(radii > 0):
         raise node.bad(f"has ellipsoid radii {radii}", "expected three positive numbers")
@@ -238,13 +305,27 @@ def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
         (SineProduct(-radii[1], np.ones(2), np.array([0.0, half])), (a, b)),
         (SineProduct(radii[2], np.ones(2), np.array([half, half])), (a, b)),
     )
-    axes = [Axis("translation", quarter[:, i], function, over) for i, (function, over) in enumerate(slides)]
-    axes += [Axis("rotation", quarter[:, i], linear(1.0), (name,)) for i, name in enumerate((a, b, c))]
+    axes = [
+        Axis(kind="translation", vector=quarter[:, i], function=function, coordinates=over)
+        for i, (function, over) in enumerate(slides)
+    ]
+    axes += [
+        Axis(kind="rotation", vector=quarter[:, i], function=linear(1.0), coordinates=(name,))
+        for i, name in enumerate((a, b, c))
+    ]
     if winged:
         angle = node.number("scapula_winging_axis_direction", 0.0)
         origin = np.array([*node.vector("scapula_winging_axis_origin", (0.0, 0.0)), 0.0])
         winging = np.array([-np.sin(angle), np.cos(angle), 0.0])
-        axes.append(Axis("rotation", winging, linear(1.0), (names[3],), origin))
+        axes.append(
+            Axis(
+                kind="rotation",
+                vector=winging,
+                function=linear(1.0),
+                coordinates=(names[3],),
+                origin=origin,
+            )
+        )
     return tuple(axes)
 
 
@@ -257,7 +338,9 @@ def is_unit_line(function: Function) -> bool:
 
 def reversed_joint(joint: Joint) -> Joint:
     """The same joint seen from its child: the axes undone in the opposite order."""
-    axes = tuple(replace(axis, function=axis.function.scaled(-1.0)) for axis in reversed(joint.axes))
+    axes = tuple(
+        replace(axis, function=axis.function.scaled(-1.0)) for axis in reversed(joint.axes)
+    )
     return replace(
         joint,
         parent=joint.child,

@@ -43,12 +43,21 @@ ROOMS = {
     "components": "the component has no effect",
 }
 
-SAME_SINCE_2 = frozenset({"CoordinateLimitForce", "SpringGeneralizedForce", "ExpressionBasedCoordinateForce"})
+SAME_SINCE_2 = frozenset(
+    {"CoordinateLimitForce", "SpringGeneralizedForce", "ExpressionBasedCoordinateForce"}
+)
 
 
 def keep(node: Node, room: str, effect: str) -> Kept:
     """A part as the file has it."""
-    return Kept(node.kind, node.name, effect, node.source(), room, node.document.version)
+    return Kept(
+        kind=node.kind,
+        name=node.name,
+        effect=effect,
+        text=node.source(),
+        room=room,
+        version=node.document.version,
+    )
 
 
 def kept_force(node: Node) -> Kept:
@@ -59,7 +68,9 @@ def kept_force(node: Node) -> Kept:
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
     """Controllers, probes, contact geometry and further components, of the model and of its bodies."""
-    result = [keep(child, "Model", HARMLESS) for tag in WORDS if (child := model.child(tag)) is not None]
+    result = [
+        keep(child, "Model", HARMLESS) for tag in WORDS if (child := model.child(tag)) is not None
+    ]
     for room, effect in ROOMS.items():
         for child in model.items(room):
             if child.kind in OFFSET_KINDS or child.kind.endswith("Joint"):
@@ -74,9 +85,16 @@ def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
 
 def warnings_of(kept: Iterable[Kept]) -> list[str]:
     """One line for each class that is kept and matters."""
-    acting = [part for part in kept if part.effect != HARMLESS and not part.effect.startswith("switched off")]
+    acting = [
+        part
+        for part in kept
+        if part.effect != HARMLESS and not part.effect.startswith("switched off")
+    ]
     names = grouped(((part.kind, part.effect), part.name) for part in acting)
-    lines = [f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}" for (kind, effect), some in names.items()]
+    lines = [
+        f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}"
+        for (kind, effect), some in names.items()
+    ]
     return lines
 
 
@@ -90,14 +108,19 @@ def usable_parts(kept: Iterable[Kept], warnings: list[str]) -> list[Kept]:
         if new or part.room == "Model" or part.kind in SAME_SINCE_2:
             usable.append(part)
         elif part.version:
-            warnings.append(f"{part.kind} '{part.name}' is left out: its layout is of document version {part.version}")
+            warnings.append(
+                f"{part.kind} '{part.name}' is left out: its layout is of document version"
+                f" {part.version}"
+            )
         else:
             warnings.append(f"{part.kind} '{part.name}' is left out: it is not OpenSim's")
     return usable
 
 
 def is_kept(passive: str, kept: list[Kept]) -> bool:
-    """Whether a passive torque comes from a part that is put back; a limit has one for each of its sides."""
+    """Whether a passive torque comes from a part that is put back; a limit has one for each of its
+    sides.
+    """
     names = {passive, passive.removesuffix("_upper"), passive.removesuffix("_lower")}
     return any(part.room == "ForceSet" and part.name in names for part in kept)
 

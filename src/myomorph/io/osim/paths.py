@@ -19,7 +19,11 @@ from myomorph.model.paths import Ligament, MovingPathPoint, Path, PathPoint, Pat
 from myomorph.model.spatial import Transform
 
 SLACK: Mapping[str, str] = FrozenMap(
-    {"Ligament": "resting_length", "Blankevoort1991Ligament": "slack_length", "PathSpring": "resting_length"}
+    {
+        "Ligament": "resting_length",
+        "Blankevoort1991Ligament": "slack_length",
+        "PathSpring": "resting_length",
+    }
 )
 """The length at which each class begins to pull, by the file's name."""
 
@@ -36,14 +40,25 @@ class PathReader:
         """The path of a muscle, of a path actuator or of another object that has one."""
         path = node.child("GeometryPath")
         if path is None:
-            other = next((str(element.tag) for element in node.element if str(element.tag).endswith("Path")), "")
+            other = next(
+                (str(element.tag) for element in node.element if str(element.tag).endswith("Path")),
+                "",
+            )
             if other:
-                raise BadModel(f"{node.document.path}: {node.kind} '{node.name}' has a {other}, which is not built")
+                raise BadModel(
+                    f"{node.document.path}: {node.kind} '{node.name}' has a {other}, which is not"
+                    " built"
+                )
             path = node
-        points = [self._point(item) for item in path.items("PathPointSet") or path.items("MusclePointSet")]
+        points = [
+            self._point(item) for item in path.items("PathPointSet") or path.items("MusclePointSet")
+        ]
         if len(points) < 2:
             raise node.bad(f"its path has {len(points)} points", "expected two or more")
-        wraps = [self._wrap(item, len(points)) for item in path.items("PathWrapSet") or path.items("MuscleWrapSet")]
+        wraps = [
+            self._wrap(item, len(points))
+            for item in path.items("PathWrapSet") or path.items("MuscleWrapSet")
+        ]
         return Path(tuple(points), tuple(wraps))
 
     def _point(self, node: Node) -> PathPoint | MovingPathPoint:
@@ -54,14 +69,26 @@ class PathReader:
         if node.kind == "PathPoint":
             return PathPoint(node.name, body, place)
         if node.kind != "ConditionalPathPoint":
-            raise BadModel(f"{node.document.path}: path point '{node.name}' is a {node.kind}, which is not built")
+            raise BadModel(
+                f"{node.document.path}: path point '{node.name}' is a {node.kind}, which is not"
+                " built"
+            )
         low, high = node.vector("range", (0.0, 0.0), infinite=True)
         coordinate = self._coordinate(node.socket("coordinate", "coordinate", "coordinates"), node)
-        return PathPoint(node.name, body, place, coordinate, (float(low), float(high)))
+        return PathPoint(
+            name=node.name,
+            body=body,
+            location=place,
+            coordinate=coordinate,
+            range=(float(low), float(high)),
+        )
 
     def _moving(self, node: Node, body: str, pose: Transform) -> MovingPathPoint:
         if not np.array_equal(pose.rotation, np.eye(3)):
-            raise BadModel(f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not built")
+            raise BadModel(
+                f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not"
+                " built"
+            )
         functions: list[Function] = []
         coordinates: list[str] = []
         for axis, offset in zip("xyz", pose.translation, strict=True):
@@ -72,12 +99,19 @@ class PathReader:
                 raise node.bad(f"its {axis}_location depends on a coordinate, but names none")
             functions.append(function.raised(float(offset)))
             coordinates.append(self._coordinate(name, node) if function.arity else "")
-        return MovingPathPoint(node.name, body, tuple(functions), tuple(coordinates))  # type: ignore[arg-type]
+        return MovingPathPoint(
+            name=node.name, body=body, functions=tuple(functions), coordinates=tuple(coordinates)
+        )  # type: ignore[arg-type]
 
     def _coordinate(self, text: str, node: Node) -> str:
         name = plain_name(text)
         if name not in self._coordinates:
-            raise UnknownName("coordinate", name, self._coordinates, f"{node.document.path}: '{node.name}': the model")
+            raise UnknownName(
+                "coordinate",
+                name,
+                self._coordinates,
+                f"{node.document.path}: '{node.name}': the model",
+            )
         return name
 
     def _wrap(self, node: Node, points: int) -> PathWrap:
@@ -87,7 +121,12 @@ class PathReader:
         method = node.text("hybrid", "method").lower()
         if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
             raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")
-        return PathWrap(self._wraps[name], "hybrid" if method in ("unassigned", "") else method, first, last)
+        return PathWrap(
+            wrap_object=self._wraps[name],
+            method="hybrid" if method in ("unassigned", "") else method,
+            first=first,
+            last=last,
+        )
 
 
 def write_path(
@@ -100,31 +139,54 @@ def write_path(
         _write_point(points, point, point.name or f"{owner}-P{i + 1}", joints, warnings)
     wraps = child(child(path, "PathWrapSet"), "objects")
     if any(not isinstance(wrap, PathWrap) for wrap in way.wraps):
-        warnings.append("wraps of MuJoCo tendons cannot be written: their muscles run straight between points")
+        warnings.append(
+            "wraps of MuJoCo tendons cannot be written: their muscles run straight between points"
+        )
     if any(divisor != 1.0 for divisor in way.divisors):
-        warnings.append("pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ")
+        warnings.append(
+            "pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ"
+        )
     names: set[str] = set()
     for wrap in way.wraps:
         if isinstance(wrap, PathWrap):
             written = child(wraps, "PathWrap", name=f"{legal(wrap.wrap_object)}_{len(names)}")
             names.add(wrap.wrap_object + str(len(names)))
-            put(written, wrap_object=legal(wrap.wrap_object), method=wrap.method, range=f"{wrap.first} {wrap.last}")
+            put(
+                written,
+                wrap_object=legal(wrap.wrap_object),
+                method=wrap.method,
+                range=f"{wrap.first} {wrap.last}",
+            )
     return path
 
 
 def _write_point(
-    parent: etree._Element, point: PathPoint | MovingPathPoint, name: str, joints: dict[str, str], warnings: list[str]
+    parent: etree._Element,
+    point: PathPoint | MovingPathPoint,
+    name: str,
+    joints: dict[str, str],
+    warnings: list[str],
 ) -> None:
     if isinstance(point, MovingPathPoint):
         element = child(parent, "MovingPathPoint", name=name)
         put(element, socket_parent_frame=body_path(point.body))
         # OpenSim wants a coordinate for a constant function too.
         some = next((coordinate for coordinate in point.coordinates if coordinate), "")
-        for axis, function, coordinate in zip("xyz", point.functions, point.coordinates, strict=True):
+        for axis, function, coordinate in zip(
+            "xyz", point.functions, point.coordinates, strict=True
+        ):
             chosen = coordinate or some
             if chosen:
-                put(element, **{f"socket_{axis}_coordinate": f"/jointset/{joints[chosen]}/{legal(chosen)}"})
-            write_function(child(element, f"{axis}_location"), function, f"path point '{name}' {axis}", warnings)
+                put(
+                    element,
+                    **{f"socket_{axis}_coordinate": f"/jointset/{joints[chosen]}/{legal(chosen)}"},
+                )
+            write_function(
+                child(element, f"{axis}_location"),
+                function,
+                f"path point '{name}' {axis}",
+                warnings,
+            )
         return
     element = child(parent, "ConditionalPathPoint" if point.coordinate else "PathPoint", name=name)
     put(element, socket_parent_frame=body_path(point.body), location=point.location)
@@ -135,16 +197,29 @@ def _write_point(
 
 def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament, ...]:
     """The ligaments among forces that are kept as the file has them."""
-    ligaments = [force for force in forces if force.kind in SLACK and force.child("GeometryPath") is not None]
+    ligaments = [
+        force for force in forces if force.kind in SLACK and force.child("GeometryPath") is not None
+    ]
     return tuple(
-        Ligament(force.name, force.kind, paths.read(force), force.number(SLACK[force.kind], float("nan")))
+        Ligament(
+            name=force.name,
+            kind=force.kind,
+            path=paths.read(force),
+            slack_length=force.number(SLACK[force.kind], float("nan")),
+        )
         for force in ligaments
     )
 
 
-def put_ligament(part: Kept, element: etree._Element, ligaments: Iterable[Ligament], joints: dict[str, str]) -> None:
-    """Give a kept part, about to be written, the path and slack length of the model's ligament of that name."""
-    ligament = next((other for other in ligaments if (other.kind, other.name) == (part.kind, part.name)), None)
+def put_ligament(
+    part: Kept, element: etree._Element, ligaments: Iterable[Ligament], joints: dict[str, str]
+) -> None:
+    """Give a kept part, about to be written, the path and slack length of the model's ligament of
+    that name.
+    """
+    ligament = next(
+        (other for other in ligaments if (other.kind, other.name) == (part.kind, part.name)), None
+    )
     if ligament is None:
         return
     before = element.find("GeometryPath")

@@ -22,7 +22,17 @@ from myomorph.io.osim.paths import PathReader, read_ligaments
 from myomorph.io.osim.setup_parts import read_markers
 from myomorph.model.errors import BadFile, BadModel
 from myomorph.model.inertia import made_up_inertias
-from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Model
+from myomorph.model.model import (
+    GROUND,
+    Actuator,
+    Body,
+    Coordinate,
+    Joint,
+    Kept,
+    Loop,
+    Marker,
+    Model,
+)
 from myomorph.model.paths import Ligament, Muscle, WrapObject
 from myomorph.model.spatial import Transform
 
@@ -39,11 +49,15 @@ class Forces:
     ligaments: tuple[Ligament, ...]
 
 
-def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]) -> Forces:
+def read_forces(
+    model: Node, frames: Frames, coordinates: tuple[str, ...], wraps: dict[str, str]
+) -> Forces:
     """Muscles, actuators and the rest of a model's forces."""
     paths = PathReader(frames, coordinates, wraps)
     groups = _groups(model)
-    muscles, actuators, others = [], [], []
+    muscles = []
+    actuators = []
+    others = []
     for item in (*model.items("ForceSet"), *model.items("ActuatorSet")):
         if is_muscle(item):
             muscles.append(read_muscle(item, paths, groups.get(item.name, ())))
@@ -51,19 +65,28 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
             actuators.append(_actuator(item, frames, coordinates))
         else:
             others.append(item)
-    muscles, others = with_dampers(_with_unique_names(muscles, "muscle", model.document), others, paths)
+    muscles, others = with_dampers(
+        _with_unique_names(muscles, "muscle", model.document), others, paths
+    )
     actuators = _with_unique_names(actuators, "actuator", model.document)
     kept = tuple(kept_force(other) for other in others)
-    return Forces(tuple(muscles), tuple(actuators), kept, read_ligaments(others, paths))
+    return Forces(
+        muscles=tuple(muscles),
+        actuators=tuple(actuators),
+        kept=kept,
+        ligaments=read_ligaments(others, paths),
+    )
 
 
 def _with_unique_names(items: Sequence[Named], kind: str, document: Document) -> list[Named]:
     """The items, their names numbered where one comes twice or is empty, as OpenSim does."""
     result: dict[str, Named] = {}
     for item in items:
-        name, number = item.name or kind, 0
+        name = item.name or kind
+        number = 0
         while name in result:
-            name, number = f"{item.name or kind}_{number}", number + 1
+            name = f"{item.name or kind}_{number}"
+            number = number + 1
         if item.name and name != item.name:
             document.warn(f"two {kind}s are named '{item.name}': the later one is called '{name}'")
         result[name] = replace(item, name=name)
@@ -73,7 +96,9 @@ def _with_unique_names(items: Sequence[Named], kind: str, document: Document) ->
 def _actuator(node: Node, frames: Frames, coordinates: tuple[str, ...]) -> Actuator:
     actuator = read_actuator(node)
     where = f"{node.document.path}: actuator '{actuator.name}': the model"
-    return placed_actuator(actuator, coordinates, lambda name: frames.place(name or GROUND, node), where)
+    return placed_actuator(
+        actuator, coordinates, lambda name: frames.place(name or GROUND, node), where
+    )
 
 
 def _groups(model: Node) -> dict[str, tuple[str, ...]]:
@@ -94,10 +119,15 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     node = read_document(path, ("Model",), "an OpenSim model")
     document = node.document
     if document.version < OLDEST:
-        problem = f"is an OpenSim document of version {document.version}, which OpenSim 4 refuses too"
+        problem = (
+            f"is an OpenSim document of version {document.version}, which OpenSim 4 refuses too"
+        )
         raise BadFile(path, problem, "open and save it in OpenSim 3.3")
     if document.version > NEWEST:
-        document.warn(f"document version {document.version} is newer than OpenSim 4.6 ({NEWEST}): read as if of 4.6")
+        document.warn(
+            f"document version {document.version} is newer than OpenSim 4.6 ({NEWEST}): read as if"
+            " of 4.6"
+        )
     for tag, usual in (
         ("length_units", ("meters", "metres", "meter", "m")),
         ("force_units", ("N", "newtons", "Newtons")),
@@ -125,25 +155,25 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     for line in (*made_up_inertias(tree.bodies), *warnings_of(kept)):
         document.warn(line)
     return Model(
-        node.name or Path(path).stem,
-        tuple(tree.bodies),
-        tuple(tree.joints),
-        tuple(tree.coordinates),
-        node.vector("gravity", (0.0, -9.80665, 0.0)),
-        tuple(_with_unique_names(read_markers(node, frames), "marker", document)),
-        forces.muscles,
-        wraps,
-        forces.actuators,
-        couplers,
-        (*tree.loops, *loops),
-        frames.all(),
-        () if ground is None else read_meshes(ground),
-        kept,
-        str(path),
-        tuple(document.warnings),
-        read_passive_torques(node, tree.coordinates),
-        read_bushings(node, frames),
-        forces.ligaments,
+        name=node.name or Path(path).stem,
+        bodies=tuple(tree.bodies),
+        joints=tuple(tree.joints),
+        coordinates=tuple(tree.coordinates),
+        gravity=node.vector("gravity", (0.0, -9.80665, 0.0)),
+        markers=tuple(_with_unique_names(read_markers(node, frames), "marker", document)),
+        muscles=forces.muscles,
+        wrap_objects=wraps,
+        actuators=forces.actuators,
+        couplers=couplers,
+        loops=(*tree.loops, *loops),
+        frames=frames.all(),
+        ground_meshes=() if ground is None else read_meshes(ground),
+        kept=kept,
+        source=str(path),
+        warnings=tuple(document.warnings),
+        passive_torques=read_passive_torques(node, tree.coordinates),
+        bushings=read_bushings(node, frames),
+        ligaments=forces.ligaments,
     )
 
 
@@ -157,7 +187,11 @@ def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
             inner = body.inner("Joint")
             if inner is not None:
                 joints.append(
-                    read_joint(Node(inner.element, node.document, f"/jointset/{inner.name}"), frames, body.name)
+                    read_joint(
+                        Node(inner.element, node.document, f"/jointset/{inner.name}"),
+                        frames,
+                        body.name,
+                    )
                 )
     renamed = _with_unique_names([read.joint for read in joints], "joint", node.document)
     return [replace(read, joint=joint) for read, joint in zip(joints, renamed, strict=True)]
@@ -165,7 +199,9 @@ def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
 
 @dataclass
 class Tree:
-    """Bodies in tree order, a joint for each, the coordinates in the file's order, and the cut loops."""
+    """Bodies in tree order, a joint for each, the coordinates in the file's order, and the cut
+    loops.
+    """
 
     bodies: list[Body]
     joints: list[Joint]
@@ -181,11 +217,21 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
         twice = next(name for name in names if names.count(name) > 1)
         raise BadModel(f"{node.document.path}: two bodies are named '{twice}'")
     placed = {GROUND}
-    tree = Tree([], [], [coordinate for joint in joints for coordinate in joint.coordinates], [])
+    tree = Tree(
+        bodies=[],
+        joints=[],
+        coordinates=[coordinate for joint in joints for coordinate in joint.coordinates],
+        loops=[],
+    )
     waiting = list(joints)
     while len(placed) <= len(bodies):
         step = next(
-            (joint for joint in waiting if (joint.joint.parent in placed) != (joint.joint.child in placed)), None
+            (
+                joint
+                for joint in waiting
+                if (joint.joint.parent in placed) != (joint.joint.child in placed)
+            ),
+            None,
         )
         if step is None:
             children = {joint.joint.child for joint in waiting}
@@ -208,13 +254,24 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
 def _cut(node: Node, joint: Joint, tree: Tree) -> None:
     """A joint that closes a loop leads to a massless copy of its child, welded to it."""
     if joint.parent == joint.child or joint.child == GROUND:
-        raise BadModel(f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'")
+        raise BadModel(
+            f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'"
+        )
     name = f"{joint.child}_slave_{sum(body.name.startswith(f'{joint.child}_slave_') for body in tree.bodies)}"
     node.document.warn(f"joint '{joint.name}' closes a loop: it was cut at body '{joint.child}'")
     still = Transform.identity()
-    tree.bodies.append(Body(name, 0.0, np.zeros(3), np.zeros((3, 3))))
+    tree.bodies.append(Body(name=name, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3))))
     tree.joints.append(replace(joint, child=name))
-    tree.loops.append(Loop(f"{name}_weld", "WeldConstraint", joint.child, name, still, still))
+    tree.loops.append(
+        Loop(
+            name=f"{name}_weld",
+            kind="WeldConstraint",
+            body_1=joint.child,
+            body_2=name,
+            pose_1=still,
+            pose_2=still,
+        )
+    )
 
 
 def _wraps(
@@ -223,8 +280,17 @@ def _wraps(
     """All wrap objects in tree order, and the one that each name in a path means: the file's first."""
     holders = [] if ground is None else [ground]
     for body in bodies:
-        holders += [body, *(component for component in body.items("components") if component.kind in OFFSET_KINDS)]
-    holders += [component for component in node.items("components") if component.kind in OFFSET_KINDS]
+        holders += [
+            body,
+            *(
+                component
+                for component in body.items("components")
+                if component.kind in OFFSET_KINDS
+            ),
+        ]
+    holders += [
+        component for component in node.items("components") if component.kind in OFFSET_KINDS
+    ]
     wrap_objects = [wrap for holder in holders for wrap in read_wrap_objects(holder, frames)]
     names = [wrap.name for wrap in wrap_objects]
     wraps: list[WrapObject] = []

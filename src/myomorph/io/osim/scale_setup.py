@@ -16,15 +16,39 @@ from myomorph.model.landmarks import Measurement
 
 SCALE_TOOL = "ScaleTool"
 ORDERS = ("measurements", "manualScale")
-TOOL = ("mass", "height", "age", "notes", "GenericModelMaker", "ModelScaler", "MarkerPlacer", "defaults")
+TOOL = (
+    "mass",
+    "height",
+    "age",
+    "notes",
+    "GenericModelMaker",
+    "ModelScaler",
+    "MarkerPlacer",
+    "defaults",
+)
 SCALER = (
-    "apply", "scaling_order", "MeasurementSet", "ScaleSet", "marker_file", "time_range",
-    "preserve_mass_distribution", "output_model_file", "output_scale_file",
-)  # fmt: skip
+    "apply",
+    "scaling_order",
+    "MeasurementSet",
+    "ScaleSet",
+    "marker_file",
+    "time_range",
+    "preserve_mass_distribution",
+    "output_model_file",
+    "output_scale_file",
+)
 PLACER = (
-    "apply", "IKTaskSet", "marker_file", "coordinate_file", "time_range", "output_motion_file", "output_model_file",
-    "output_marker_file", "max_marker_movement", "optimizer_algorithm",
-)  # fmt: skip
+    "apply",
+    "IKTaskSet",
+    "marker_file",
+    "coordinate_file",
+    "time_range",
+    "output_motion_file",
+    "output_model_file",
+    "output_marker_file",
+    "max_marker_movement",
+    "optimizer_algorithm",
+)
 
 
 @read_only
@@ -73,20 +97,24 @@ class ScaleSetup:
 
 def scale_setup(node: Node) -> ScaleSetup:
     """The settings of a ScaleTool."""
-    maker, scaler, placer = (node.child(tag) for tag in ("GenericModelMaker", "ModelScaler", "MarkerPlacer"))
+    maker = node.child("GenericModelMaker")
+    scaler = node.child("ModelScaler")
+    placer = node.child("MarkerPlacer")
     warnings = list(unknown_parts(node, TOOL))
     for part, read in ((scaler, SCALER), (placer, PLACER)):
         warnings += unknown_parts(part, read) if part is not None else ()
     mass = node.number("mass", -1.0)
     return ScaleSetup(
-        node.name,
-        None if maker is None else path_of(maker, "model_file"),
-        None if maker is None else path_of(maker, "marker_set_file"),
-        mass if mass > 0.0 else None,
-        None if scaler is None or not scaler.flag("apply", True) else _scaler(scaler),
-        None if placer is None or not placer.flag("apply", True) else _placer(placer),
-        FrozenMap({tag: text for tag in ("height", "age", "notes") if (text := node.text("", tag))}),
-        tuple(warnings),
+        name=node.name,
+        model=None if maker is None else path_of(maker, "model_file"),
+        marker_set=None if maker is None else path_of(maker, "marker_set_file"),
+        mass=mass if mass > 0.0 else None,
+        scaler=None if scaler is None or not scaler.flag("apply", True) else _scaler(scaler),
+        placer=None if placer is None or not placer.flag("apply", True) else _placer(placer),
+        facts=FrozenMap(
+            {tag: text for tag in ("height", "age", "notes") if (text := node.text("", tag))}
+        ),
+        warnings=tuple(warnings),
     )
 
 
@@ -95,17 +123,19 @@ def _scaler(node: Node) -> ScalerSetup:
     for word in order:
         if word not in ORDERS:
             raise node.bad(f"'scaling_order' names '{word}'", f"expected {' or '.join(ORDERS)}")
-    measurements = [_measurement(item) for item in node.items("MeasurementSet") if item.flag("apply", True)]
+    measurements = [
+        _measurement(item) for item in node.items("MeasurementSet") if item.flag("apply", True)
+    ]
     factors = dict(_factors(item) for item in node.items("ScaleSet") if item.flag("apply", True))
     return ScalerSetup(
-        order,
-        tuple(measurements),
-        FrozenMap(factors),
-        path_of(node, "marker_file"),
-        _range(node),
-        node.flag("preserve_mass_distribution", False),
-        output_of(node, "output_model_file"),
-        output_of(node, "output_scale_file"),
+        order=order,
+        measurements=tuple(measurements),
+        factors=FrozenMap(factors),
+        markers=path_of(node, "marker_file"),
+        time_range=_range(node),
+        preserve_mass_distribution=node.flag("preserve_mass_distribution", False),
+        output_model=output_of(node, "output_model_file"),
+        output_factors=output_of(node, "output_scale_file"),
     )
 
 
@@ -114,7 +144,10 @@ def _measurement(node: Node) -> Measurement:
     for pair in node.items("MarkerPairSet"):
         names = pair.words("markers")
         if len(names) != 2:
-            raise pair.bad(f"'markers' names {len(names)}", f"expected two markers for measurement '{node.name}'")
+            raise pair.bad(
+                f"'markers' names {len(names)}",
+                f"expected two markers for measurement '{node.name}'",
+            )
         pairs.append((names[0], names[1]))
     bodies = {}
     for body in node.items("BodyScaleSet"):
@@ -129,7 +162,9 @@ def _measurement(node: Node) -> Measurement:
 def _factors(node: Node) -> tuple[str, Array]:
     factors = node.vector("scales", (1.0, 1.0, 1.0))
     if (factors <= 0.0).any():
-        raise node.bad(f"'scales' is '{node.text('', 'scales')}'", "expected three positive numbers")
+        raise node.bad(
+            f"'scales' is '{node.text('', 'scales')}'", "expected three positive numbers"
+        )
     return node.text("", "segment"), factors
 
 
@@ -137,14 +172,14 @@ def _placer(node: Node) -> PlacerSetup:
     # In the unit of the marker file, which is the millimetre wherever a static trial is a TRC file.
     most = node.number("max_marker_movement", -1.0)
     return PlacerSetup(
-        tasks_of(node),
-        path_of(node, "marker_file"),
-        path_of(node, "coordinate_file"),
-        _range(node),
-        output_of(node, "output_model_file"),
-        output_of(node, "output_motion_file"),
-        output_of(node, "output_marker_file"),
-        most / 1000.0 if most > 0.0 else np.inf,
+        tasks=tasks_of(node),
+        markers=path_of(node, "marker_file"),
+        coordinates=path_of(node, "coordinate_file"),
+        time_range=_range(node),
+        output_model=output_of(node, "output_model_file"),
+        output_motion=output_of(node, "output_motion_file"),
+        output_markers=output_of(node, "output_marker_file"),
+        most_movement=most / 1000.0 if most > 0.0 else np.inf,
     )
 
 

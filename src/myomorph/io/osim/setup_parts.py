@@ -1,4 +1,6 @@
-"""What OpenSim's setups share: tasks of inverse kinematics, files that they name, parts that stand in other files."""
+"""What OpenSim's setups share: tasks of inverse kinematics, files that they name, parts that stand
+in other files.
+"""
 
 from __future__ import annotations
 
@@ -60,15 +62,21 @@ class IkTasks:
 
 
 def read_ik_tasks(path: str | os.PathLike[str]) -> IkTasks:
-    """The inverse kinematics tasks of an IKTaskSet file, or of the setup file of a tool that has one."""
-    node = with_included(read_document(path, (), "inverse kinematics tasks (IKTaskSet) or a tool's setup"))
+    """The inverse kinematics tasks of an IKTaskSet file, or of the setup file of a tool that has
+    one.
+    """
+    node = with_included(
+        read_document(path, (), "inverse kinematics tasks (IKTaskSet) or a tool's setup")
+    )
     if _task_set(node) is None:
         raise node.bad("has no IKTaskSet inside")
     return tasks_of(node)
 
 
 def tasks_of(node: Node) -> IkTasks:
-    """The tasks of an IKTaskSet, or of the first one inside a node; none where there is no such set."""
+    """The tasks of an IKTaskSet, or of the first one inside a node; none where there is no such
+    set.
+    """
     task_set = _task_set(node)
     if task_set is None:
         return IkTasks(FrozenMap({}))
@@ -97,7 +105,9 @@ def _task_set(node: Node) -> etree._Element | None:
 def _aim(task: Node, weight: float) -> CoordinateAim:
     kind = task.text("default_value", "value_type").lower()
     if kind == "manual_value":
-        return CoordinateAim(task.name, weight, "value", task.number("value", 0.0))
+        return CoordinateAim(
+            coordinate=task.name, weight=weight, source="value", value=task.number("value", 0.0)
+        )
     return CoordinateAim(task.name, weight, "table" if kind == "from_file" else "default")
 
 
@@ -108,7 +118,9 @@ def path_of(node: Node, tag: str) -> Path | None:
 
 
 def resolved(node: Node, name: str) -> Path:
-    """A path beside the setup file; of a path on somebody's Windows drive, only the name counts elsewhere."""
+    """A path beside the setup file; of a path on somebody's Windows drive, only the name counts
+    elsewhere.
+    """
     if "\0" in name:
         raise BadFile(node.document.path, f"names the path {name!r}")
     windows = PureWindowsPath(name)
@@ -118,10 +130,16 @@ def resolved(node: Node, name: str) -> Path:
 
 
 def output_of(node: Node, tag: str) -> Path | None:
-    """The file that a property wants written, None for none; its ending is checked, as it may come from anybody."""
+    """The file that a property wants written, None for none; its ending is checked, as it may come
+    from anybody.
+    """
     path = path_of(node, tag)
     if path is not None and path.suffix.lower() not in OUTPUTS:
-        raise node.bad(f"'{tag}' is '{path.name}'", f"expected a name ending in {', '.join(OUTPUTS)}", node.find(tag))
+        raise node.bad(
+            f"'{tag}' is '{path.name}'",
+            f"expected a name ending in {', '.join(OUTPUTS)}",
+            node.find(tag),
+        )
     return path
 
 
@@ -169,9 +187,14 @@ def _marker(node: Node, model: Model) -> Marker:
     places = {frame.name: (frame.body, frame.pose) for frame in model.frames}
     places |= {body: (body, Transform.identity()) for body in (GROUND, *model.body_names)}
     if name not in places:
-        raise BadData(f"{node.document.path}: marker '{node.name}': {UnknownName('body', name, model.body_names)}")
+        raise BadData(
+            f"{node.document.path}: marker '{node.name}':"
+            f" {UnknownName('body', name, model.body_names)}"
+        )
     body, pose = places[name]
-    return Marker(node.name, body, pose.apply(location), node.flag("fixed", False))
+    return Marker(
+        name=node.name, body=body, location=pose.apply(location), fixed=node.flag("fixed", False)
+    )
 
 
 def write_marker_set(model: Model, path: str | os.PathLike[str]) -> None:
@@ -186,7 +209,12 @@ def write_marker_set(model: Model, path: str | os.PathLike[str]) -> None:
 def put_marker(parent: etree._Element, marker: Marker) -> None:
     """A marker as OpenSim 4 writes it."""
     element = child(parent, "Marker", name=marker.name)
-    put(element, socket_parent_frame=body_path(marker.body), location=marker.location, fixed=marker.fixed)
+    put(
+        element,
+        socket_parent_frame=body_path(marker.body),
+        location=marker.location,
+        fixed=marker.fixed,
+    )
 
 
 def write_scale_set(factors: Mapping[str, Array], path: str | os.PathLike[str]) -> None:
@@ -205,5 +233,12 @@ def read_markers(node: Node, frames: Frames) -> list[Marker]:
         if item.kind != "Marker":
             continue
         body, pose = frames.place(item.socket("parent_frame", "body"), item)
-        markers.append(Marker(item.name, body, pose.apply(item.vector("location")), item.flag("fixed", False)))
+        markers.append(
+            Marker(
+                name=item.name,
+                body=body,
+                location=pose.apply(item.vector("location")),
+                fixed=item.flag("fixed", False),
+            )
+        )
     return markers

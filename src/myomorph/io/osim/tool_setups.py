@@ -1,4 +1,6 @@
-"""The setup files of OpenSim's tools: inverse kinematics, inverse dynamics and analyses; scaling has its own file."""
+"""The setup files of OpenSim's tools: inverse kinematics, inverse dynamics and analyses; scaling
+has its own file.
+"""
 
 from __future__ import annotations
 
@@ -17,38 +19,77 @@ from myomorph.model.frozen_map import FrozenMap
 
 IK_TOOLS = ("InverseKinematicsTool", "IKTool")
 MISSPELT = {"InverseKinemtaticsTool": "InverseKinematicsTool"}
-"""Names that setups in the world have, OpenSim's own examples among them, which it reads all the same."""
+"""Names that setups in the world have, OpenSim's own examples among them, which it reads all the
+same.
+"""
 
 OTHER_TOOLS = (
-    "ForwardTool", "CMCTool", "RRATool", "IMUInverseKinematicsTool", "COMAKTool", "COMAKInverseKinematicsTool",
-)  # fmt: skip
+    "ForwardTool",
+    "CMCTool",
+    "RRATool",
+    "IMUInverseKinematicsTool",
+    "COMAKTool",
+    "COMAKInverseKinematicsTool",
+)
 TOOLS = (SCALE_TOOL, *IK_TOOLS, "InverseDynamicsTool", "AnalyzeTool")
 EVERY_TOOL = (
-    "model_file", "results_directory", "input_directory", "output_precision", "time_range", "output_motion_file",
-    "notes", "defaults",
-)  # fmt: skip
+    "model_file",
+    "results_directory",
+    "input_directory",
+    "output_precision",
+    "time_range",
+    "output_motion_file",
+    "notes",
+    "defaults",
+)
 READ = {
     "InverseKinematicsTool": (
-        "IKTaskSet", "marker_file", "coordinate_file", "accuracy", "constraint_weight", "report_errors",
-        "report_marker_locations", "IKTrialSet", "optimizer_algorithm",
+        "IKTaskSet",
+        "marker_file",
+        "coordinate_file",
+        "accuracy",
+        "constraint_weight",
+        "report_errors",
+        "report_marker_locations",
+        "IKTrialSet",
+        "optimizer_algorithm",
     ),
     "InverseDynamicsTool": (
-        "coordinates_file", "coordinates_in_degrees", "external_loads_file", "forces_to_exclude",
-        "lowpass_cutoff_frequency_for_coordinates", "output_gen_force_file", "output_body_forces_file",
+        "coordinates_file",
+        "coordinates_in_degrees",
+        "external_loads_file",
+        "forces_to_exclude",
+        "lowpass_cutoff_frequency_for_coordinates",
+        "output_gen_force_file",
+        "output_body_forces_file",
     ),
     "AnalyzeTool": (
-        "force_set_files", "actuator_set_files", "replace_force_set", "replace_actuator_set", "initial_time",
-        "final_time", "AnalysisSet", "Analyses", "external_loads_file", "coordinates_file", "states_file",
-        "lowpass_cutoff_frequency_for_coordinates", "solve_for_equilibrium_for_auxiliary_states",
-        "maximum_number_of_integrator_steps", "maximum_integrator_step_size", "minimum_integrator_step_size",
+        "force_set_files",
+        "actuator_set_files",
+        "replace_force_set",
+        "replace_actuator_set",
+        "initial_time",
+        "final_time",
+        "AnalysisSet",
+        "Analyses",
+        "external_loads_file",
+        "coordinates_file",
+        "states_file",
+        "lowpass_cutoff_frequency_for_coordinates",
+        "solve_for_equilibrium_for_auxiliary_states",
+        "maximum_number_of_integrator_steps",
+        "maximum_integrator_step_size",
+        "minimum_integrator_step_size",
         "integrator_error_tolerance",
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
 class InverseKinematicsSetup:
-    """Settings of an InverseKinematicsTool; paths are absolute or relative to the setup file's folder."""
+    """Settings of an InverseKinematicsTool; paths are absolute or relative to the setup file's
+    folder.
+    """
 
     name: str
     model: Path | None
@@ -77,7 +118,8 @@ class InverseDynamicsSetup:
     cutoff: float | None  # low-pass of the coordinates [Hz], None for no filter
     output: str  # name of the table of generalized forces in the folder `results`
     results: Path
-    excluded: tuple[str, ...] = ()  # forces left out, as the file names them ("Muscles", "ALL", ...)
+    # forces left out, as the file names them ("Muscles", "ALL", ...)
+    excluded: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
 
@@ -98,7 +140,8 @@ class Analysis:
     name: str
     step: int  # every so many frames
     static_optimization: StaticOptimizationSettings | None = None
-    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))  # its other properties as texts
+    # its other properties as texts
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     forces: Path | None = None  # the file of forces that a JointReaction takes, None for none
 
     def flag(self, option: str, default: bool) -> bool:
@@ -129,7 +172,9 @@ Setup = ScaleSetup | InverseKinematicsSetup | InverseDynamicsSetup | AnalyzeSetu
 
 
 def read_setup(path: str | os.PathLike[str]) -> Setup:
-    """The settings in an OpenSim setup file: scaling, inverse kinematics, inverse dynamics or analyses."""
+    """The settings in an OpenSim setup file: scaling, inverse kinematics, inverse dynamics or
+    analyses.
+    """
     node = read_document(path, (), "")
     kind = MISSPELT.get(node.kind, node.kind)
     if kind not in TOOLS:
@@ -155,57 +200,73 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
     warnings = setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
     if np.isfinite(weight):
         # OpenSim 4.6 reads the weight, but its solver replaces it by infinity.
-        warnings += (f"constraint_weight is {weight:g}: constraints hold strictly all the same, as in OpenSim 4.6",)
+        warnings += (
+            (
+                f"constraint_weight is {weight:g}: constraints hold strictly all the same, as in"
+                " OpenSim 4.6"
+            ),
+        )
     return InverseKinematicsSetup(
-        node.name,
-        setup_parts.path_of(node, "model_file"),
-        setup_parts.path_of(settings, "marker_file"),
-        setup_parts.path_of(settings, "coordinate_file"),
-        setup_parts.tasks_of(node),
-        _range(settings),
-        setup_parts.output_of(settings, "output_motion_file"),
-        _results(node),
-        node.number("accuracy", 1e-5),
-        weight,
-        node.flag("report_errors", True),
-        node.flag("report_marker_locations", False),
-        warnings,
+        name=node.name,
+        model=setup_parts.path_of(node, "model_file"),
+        markers=setup_parts.path_of(settings, "marker_file"),
+        coordinates=setup_parts.path_of(settings, "coordinate_file"),
+        tasks=setup_parts.tasks_of(node),
+        time_range=_range(settings),
+        output=setup_parts.output_of(settings, "output_motion_file"),
+        results=_results(node),
+        accuracy=node.number("accuracy", 1e-5),
+        constraint_weight=weight,
+        report_errors=node.flag("report_errors", True),
+        report_locations=node.flag("report_marker_locations", False),
+        warnings=warnings,
     )
 
 
 def _inverse_dynamics(node: Node) -> InverseDynamicsSetup:
     return InverseDynamicsSetup(
-        node.name,
-        setup_parts.path_of(node, "model_file"),
-        setup_parts.path_of(node, "coordinates_file"),
-        setup_parts.path_of(node, "external_loads_file"),
-        _range(node),
-        _cutoff(node),
-        node.text("inverse_dynamics.sto", "output_gen_force_file"),
-        _results(node),
-        tuple(node.words("forces_to_exclude")),
-        setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["InverseDynamicsTool"])),
+        name=node.name,
+        model=setup_parts.path_of(node, "model_file"),
+        coordinates=setup_parts.path_of(node, "coordinates_file"),
+        loads=setup_parts.path_of(node, "external_loads_file"),
+        time_range=_range(node),
+        cutoff=_cutoff(node),
+        output=node.text("inverse_dynamics.sto", "output_gen_force_file"),
+        results=_results(node),
+        excluded=tuple(node.words("forces_to_exclude")),
+        warnings=setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["InverseDynamicsTool"])),
     )
 
 
 def _analyze(node: Node) -> AnalyzeSetup:
     analysis_set = node.find("AnalysisSet", "Analyses")
-    analyses = [] if analysis_set is None else [node.node(element) for element in analysis_set.findall("objects/*")]
-    files = [name for name in node.words("force_set_files", "actuator_set_files") if name not in setup_parts.UNASSIGNED]
+    analyses = (
+        []
+        if analysis_set is None
+        else [node.node(element) for element in analysis_set.findall("objects/*")]
+    )
+    files = [
+        name
+        for name in node.words("force_set_files", "actuator_set_files")
+        if name not in setup_parts.UNASSIGNED
+    ]
     return AnalyzeSetup(
-        node.name,
-        setup_parts.path_of(node, "model_file"),
-        setup_parts.path_of(node, "coordinates_file"),
-        setup_parts.path_of(node, "states_file"),
-        setup_parts.path_of(node, "external_loads_file"),
-        tuple(setup_parts.resolved(node, name) for name in files),
-        node.flag("replace_force_set", node.flag("replace_actuator_set", False)),
-        (node.number("initial_time", 0.0, infinite=True), node.number("final_time", 1.0, infinite=True)),
-        _cutoff(node),
-        _results(node),
-        node.flag("solve_for_equilibrium_for_auxiliary_states", False),
-        tuple(_analysis(analysis) for analysis in analyses if analysis.flag("on", True)),
-        setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
+        name=node.name,
+        model=setup_parts.path_of(node, "model_file"),
+        coordinates=setup_parts.path_of(node, "coordinates_file"),
+        states=setup_parts.path_of(node, "states_file"),
+        loads=setup_parts.path_of(node, "external_loads_file"),
+        actuators=tuple(setup_parts.resolved(node, name) for name in files),
+        replace_forces=node.flag("replace_force_set", node.flag("replace_actuator_set", False)),
+        time_range=(
+            node.number("initial_time", 0.0, infinite=True),
+            node.number("final_time", 1.0, infinite=True),
+        ),
+        cutoff=_cutoff(node),
+        results=_results(node),
+        equilibrium=node.flag("solve_for_equilibrium_for_auxiliary_states", False),
+        analyses=tuple(_analysis(analysis) for analysis in analyses if analysis.flag("on", True)),
+        warnings=setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
     )
 
 
@@ -220,9 +281,20 @@ def _analysis(node: Node) -> Analysis:
             node.flag("use_muscle_physiology", True),
             node.flag("use_model_force_set", True),
         )
-    options = {str(element.tag): (element.text or "").strip() for element in node.element if not len(element)}
+    options = {
+        str(element.tag): (element.text or "").strip()
+        for element in node.element
+        if not len(element)
+    }
     forces = setup_parts.path_of(node, "forces_file")
-    return Analysis(node.kind, node.name or node.kind, int(step), static, FrozenMap(options), forces)
+    return Analysis(
+        kind=node.kind,
+        name=node.name or node.kind,
+        step=int(step),
+        static_optimization=static,
+        options=FrozenMap(options),
+        forces=forces,
+    )
 
 
 def _range(node: Node) -> tuple[float, float]:

@@ -18,7 +18,14 @@ from myomorph.model.errors import BadModel, quoted
 from myomorph.model.frozen_map import grouped
 from myomorph.model.model import GROUND, Model
 
-SETS = ("ConstraintSet", "ForceSet", "ControllerSet", "ContactGeometrySet", "ProbeSet", "ComponentSet")
+SETS = (
+    "ConstraintSet",
+    "ForceSet",
+    "ControllerSet",
+    "ContactGeometrySet",
+    "ProbeSet",
+    "ComponentSet",
+)
 
 
 def write_osim(model: Model, path: str | os.PathLike[str]) -> tuple[str, ...]:
@@ -72,11 +79,16 @@ def _renamed(model: Model) -> list[str]:
         meant: dict[str, str] = {}
         for name in names:
             if meant.setdefault(legal(name), name) != name:
-                raise BadModel(f"{what} '{meant[legal(name)]}' and '{name}' would have one name in OpenSim")
+                raise BadModel(
+                    f"{what} '{meant[legal(name)]}' and '{name}' would have one name in OpenSim"
+                )
         changed += [name for name in names if legal(name) != name]
     if not changed:
         return []
-    return [f"blanks and signs in {len(changed)} names ({quoted(changed, 3)}) are written as '_', as OpenSim wants"]
+    return [
+        f"blanks and signs in {len(changed)} names ({quoted(changed, 3)}) are written as '_', as"
+        " OpenSim wants"
+    ]
 
 
 def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
@@ -86,7 +98,9 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
     kept = usable_parts(model.kept, warnings)
     put_back(element, kept, "Model")
     child(element, "gravity", numbers(model.gravity))
-    write_body_parts(child(element, "Ground", name=GROUND), GROUND, model.ground_meshes, model, kept)
+    write_body_parts(
+        child(element, "Ground", name=GROUND), GROUND, model.ground_meshes, model, kept
+    )
     bodies = child(child(element, "BodySet", name="bodyset"), "objects")
     for body in (*model.bodies, *plan.bodies):
         write_body(bodies, body, model, kept)

@@ -10,7 +10,14 @@ from lxml import etree
 from myomorph.io.osim.document import child, legal, number, numbers, put
 from myomorph.io.osim.frames import body_path, is_still, write_offset_frame
 from myomorph.io.osim.functions import write_function
-from myomorph.io.osim.joints import CURVED, QUARTER_TURN, SIMPLE, SPATIAL, is_unit_line, reversed_joint
+from myomorph.io.osim.joints import (
+    CURVED,
+    QUARTER_TURN,
+    SIMPLE,
+    SPATIAL,
+    is_unit_line,
+    reversed_joint,
+)
 from myomorph.model.functions import PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.model.spatial import Transform
@@ -25,8 +32,8 @@ class Plan:
 
 
 def plan_joints(model: Model, warnings: list[str]) -> Plan:
-    """The model's joints as joints of OpenSim's classes. A joint of another kind (MuJoCo's, with anchors and several
-    axes) becomes a chain of custom joints.
+    """The model's joints as joints of OpenSim's classes. A joint of another kind (MuJoCo's, with
+    anchors and several axes) becomes a chain of custom joints.
     """
     plan = Plan()
     for joint in model.joints:
@@ -78,14 +85,18 @@ def is_identity(axis: Axis) -> bool:
 
 
 def _custom_axes(axes: tuple[Axis, ...]) -> list[Axis] | None:
-    """Three rotations then three translations of a custom joint, filled up, or None where they do not fit."""
+    """Three rotations then three translations of a custom joint, filled up, or None where they do
+    not fit.
+    """
     kinds = [axis.kind for axis in axes]
-    slides, turns = axes[: kinds.count("translation")], axes[kinds.count("translation") :]
+    slides = axes[: kinds.count("translation")]
+    turns = axes[kinds.count("translation") :]
     if any(axis.kind != "translation" for axis in slides) or len(slides) > 3 or len(turns) > 3:
         return None
     if any(axis.origin.any() for axis in turns) or any(axis.function.arity > 1 for axis in axes):
         return None
-    rotations, translations = _filled(list(turns), "rotation"), _filled(list(slides), "translation")
+    rotations = _filled(list(turns), "rotation")
+    translations = _filled(list(slides), "translation")
     return None if rotations is None or translations is None else rotations + translations
 
 
@@ -109,23 +120,48 @@ def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
     """Custom joints one after another, through massless bodies, each about one anchor."""
     groups = _groups(joint.axes)
     if any(axis.function.arity > 1 for axis in joint.axes):
-        warnings.append(f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands still")
-    parent, frame = joint.parent, joint.parent_frame
+        warnings.append(
+            f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands still"
+        )
+    parent = joint.parent
+    frame = joint.parent_frame
     for i, axes in enumerate(groups):
         last = i == len(groups) - 1
         body = joint.child if last else f"{joint.child}_link_{i}"
         if not last:
-            plan.bodies.append(Body(body, 0.0, np.zeros(3), np.zeros((3, 3))))
-        anchor = Transform(np.eye(3), next((axis.origin for axis in axes if axis.kind == "rotation"), np.zeros(3)))
+            plan.bodies.append(
+                Body(name=body, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+            )
+        anchor = Transform(
+            np.eye(3), next((axis.origin for axis in axes if axis.kind == "rotation"), np.zeros(3))
+        )
         end = joint.child_frame if last else Transform.identity()
-        names = tuple(dict.fromkeys(name for axis in axes for name in axis.coordinates if name in joint.coordinates))
+        names = tuple(
+            dict.fromkeys(
+                name for axis in axes for name in axis.coordinates if name in joint.coordinates
+            )
+        )
         moved = tuple(replace(axis, origin=np.zeros(3)) for axis in axes)
         name = joint.name if last else f"{joint.name}_{i}"
         kind = "CustomJoint" if names else "WeldJoint"
-        plan.joints.append(Joint(name, kind, parent, body, frame @ anchor, end @ anchor, moved, names))
-        parent, frame = body, Transform.identity()
+        plan.joints.append(
+            Joint(
+                name=name,
+                kind=kind,
+                parent=parent,
+                child=body,
+                parent_frame=frame @ anchor,
+                child_frame=end @ anchor,
+                axes=moved,
+                coordinates=names,
+            )
+        )
+        parent = body
+        frame = Transform.identity()
     if len(groups) > 1:
-        warnings.append(f"joint '{joint.name}': written as {len(groups)} joints with massless bodies between")
+        warnings.append(
+            f"joint '{joint.name}': written as {len(groups)} joints with massless bodies between"
+        )
 
 
 def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
@@ -145,9 +181,14 @@ def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
 
 
 def curved_settings(joint: Joint) -> dict[str, str] | None:
-    """Radii (and winging axis) of a joint that rides on an ellipsoid, or None where its axes are others."""
+    """Radii (and winging axis) of a joint that rides on an ellipsoid, or None where its axes are
+    others.
+    """
     axes = joint.axes
-    if len(axes) != 6 + (joint.kind == "ScapulothoracicJoint") or len(joint.coordinates) != CURVED[joint.kind]:
+    if (
+        len(axes) != 6 + (joint.kind == "ScapulothoracicJoint")
+        or len(joint.coordinates) != CURVED[joint.kind]
+    ):
         return None
     frame = QUARTER_TURN if joint.kind == "ScapulothoracicJoint" else np.eye(3)
     if not all(np.array_equal(axis.vector, frame[:, i % 3]) for i, axis in enumerate(axes[:6])):
@@ -167,7 +208,9 @@ def curved_settings(joint: Joint) -> dict[str, str] | None:
     }
 
 
-def write_joint(parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]) -> None:
+def write_joint(
+    parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
+) -> None:
     """A joint object with its frames, coordinates and axes."""
     element = child(parent, joint.kind, name=joint.name)
     frames = etree.Element("frames")
@@ -202,7 +245,10 @@ def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: 
     low, high = coordinate.range
     outside = coordinate.clamped and not low - 1e-8 < coordinate.default < high + 1e-8
     if outside:
-        warnings.append(f"coordinate '{coordinate.name}' is written without its clamp: its default is not in its range")
+        warnings.append(
+            f"coordinate '{coordinate.name}' is written without its clamp: its default is not in"
+            " its range"
+        )
     put(element, clamped=coordinate.clamped and not outside, locked=coordinate.locked)
     if coordinate.prescribed is not None:
         holder = child(element, "prescribed_function")
@@ -221,10 +267,15 @@ def _write_spatial(
         if not names and idle:
             names = (idle.pop(0),)
         element = child(spatial, "TransformAxis", name=name)
-        put(element, coordinates=" ".join(legal(coordinate) for coordinate in names), axis=axis.vector)
+        put(
+            element,
+            coordinates=" ".join(legal(coordinate) for coordinate in names),
+            axis=axis.vector,
+        )
         holder = child(element, "function")
         if is_unit_line(axis.function) and coordinates[names[0]].motion == "coupled":
-            # OpenSim takes a bare line of slope 1 for a pure rotation or translation, and this one is not.
+            # OpenSim takes a bare line of slope 1 for a pure rotation or translation, and this one
+            # is not.
             multiplier = child(holder, "MultiplierFunction")
             holder = child(multiplier, "function")
             child(multiplier, "scale", "1")

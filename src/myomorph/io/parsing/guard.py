@@ -1,4 +1,5 @@
-"""Read in a process of its own what may hang, crash or eat memory: C3D, MJCF and HDF5 by libraries of others.
+"""Read in a process of its own what may hang, crash or eat memory: C3D, MJCF and HDF5 by libraries
+of others.
 
 `python -m myomorph.io.parsing.guard MODULE FUNCTION GIGABYTES TEXT...` is the child's side.
 """
@@ -23,7 +24,9 @@ LONGEST = 300  # Characters of a message.
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a guarded run ended: `message` is the last line that it wrote, or the error that stopped it."""
+    """How a guarded run ended: `message` is the last line that it wrote, or the error that stopped
+    it.
+    """
 
     status: Literal["done", "failed", "hung"]
     message: str = ""
@@ -35,16 +38,24 @@ def seconds_for(path: Path) -> float:
 
 
 def run_guarded(
-    function: str, arguments: Sequence[str | os.PathLike[str]], seconds: float, gigabytes: float = 16.0
+    function: str,
+    arguments: Sequence[str | os.PathLike[str]],
+    seconds: float,
+    gigabytes: float = 16.0,
 ) -> Outcome:
-    """Call a function ("module:name") with texts in a child process, which is stopped when its time [s] is over; its
-    result is dropped, an error is the message of a failure. The child starts in the folder that holds the package, so
-    paths among `arguments` must be absolute. `gigabytes`: limit of its address space, where the system has such limits
-    [GiB].
+    """Call a function ("module:name") with texts in a child process, which is stopped when its time
+    [s] is over; its result is dropped, an error is the message of a failure. The child starts in
+    the folder that holds the package, so paths among `arguments` must be absolute. `gigabytes`:
+    limit of its address space, where the system has such limits [GiB].
     """
     home = Path(myomorph.__file__).resolve().parents[1]
     # The child does no linear algebra: one thread makes its start shorter.
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
+    environment = {
+        **os.environ,
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+        "PYTHONIOENCODING": "utf-8",
+    }
     try:
         child = subprocess.run(
             [
@@ -70,7 +81,11 @@ def run_guarded(
         return Outcome("failed", f"could not be started ({error})")
     if child.returncode == 0:
         return Outcome("done")
-    lines = [line.strip() for line in child.stderr.decode("utf-8", errors="replace").splitlines() if line.strip()]
+    lines = [
+        line.strip()
+        for line in child.stderr.decode("utf-8", errors="replace").splitlines()
+        if line.strip()
+    ]
     return Outcome("failed", lines[-1] if lines else f"ended with status {child.returncode}")
 
 

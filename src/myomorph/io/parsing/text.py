@@ -1,4 +1,6 @@
-"""What the readers of text tables share: bytes to text, cells to numbers, times that rise, whole files."""
+"""What the readers of text tables share: bytes to text, cells to numbers, times that rise, whole
+files.
+"""
 
 from __future__ import annotations
 
@@ -31,17 +33,27 @@ def readable(path: Path) -> Iterator[None]:
 
 
 def check_size(path: Path, largest: int, what: str) -> None:
-    """Raise `BadFile` where a file is absent, or larger than what is allowed [bytes] for a kind of content."""
+    """Raise `BadFile` where a file is absent, or larger than what is allowed [bytes] for a kind of
+    content.
+    """
     with readable(path):
         size = path.stat().st_size
     if size > largest:
-        raise BadFile(path, f"is {size / 2**20:.0f} MiB, more than the {largest / 2**20:.0f} MiB allowed for {what}")
+        raise BadFile(
+            path,
+            f"is {size / 2**20:.0f} MiB, more than the {largest / 2**20:.0f} MiB allowed for"
+            f" {what}",
+        )
 
 
 def mapped_bytes(path: Path) -> np.ndarray:
     """The bytes of a file, mapped into memory; raises `BadFile` where it cannot be read."""
     with readable(path):
-        return np.memmap(path, dtype=np.uint8, mode="r") if path.stat().st_size else np.zeros(0, np.uint8)
+        return (
+            np.memmap(path, dtype=np.uint8, mode="r")
+            if path.stat().st_size
+            else np.zeros(0, np.uint8)
+        )
 
 
 def file_text(path: Path, hint: str) -> str:
@@ -54,7 +66,10 @@ def file_text(path: Path, hint: str) -> str:
         text = raw.decode("utf-16", errors="replace")
     else:
         head = raw[:65536]
-        odd = sum(head.count(bytes((code,))) for code in (0, 1, 2, 3, 4, 5, 6, 7, 8, 14, 15, 16, 17, 18, 19, 20))
+        odd = sum(
+            head.count(bytes((code,)))
+            for code in (0, 1, 2, 3, 4, 5, 6, 7, 8, 14, 15, 16, 17, 18, 19, 20)
+        )
         if b"\0" in head or odd > BINARY_SHARE * len(head):
             raise BadFile(path, "is a binary file, not text", hint)
         try:
@@ -65,7 +80,9 @@ def file_text(path: Path, hint: str) -> str:
 
 
 def line_from(text: str, start: int) -> tuple[str, int]:
-    """First line at or after `start` that holds more than white space and commas, and where the next begins."""
+    """First line at or after `start` that holds more than white space and commas, and where the
+    next begins.
+    """
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
@@ -96,15 +113,24 @@ def number(cell: str) -> float:
         return float(cell)
     except ValueError:
         low = cell.lower()
-        if not cell or "nan" in low or "#ind" in low or low in ("na", "n/a", "-", "--", "none", "null", "missing", "."):
+        if (
+            not cell
+            or "nan" in low
+            or "#ind" in low
+            or low in ("na", "n/a", "-", "--", "none", "null", "missing", ".")
+        ):
             return float("nan")
         if "#inf" in low:
             return float("-inf") if low.startswith("-") else float("inf")
         return float(low.replace("d", "e") if "d" in low else low.replace(",", "."))
 
 
-def parse_cells(body: str, columns: int, delimiter: str | None, notes: list[str], path: Path, hint: str) -> Array:
-    """Values (rows, columns) read cell by cell: blanks are NaN, rows that are too short are left out."""
+def parse_cells(
+    body: str, columns: int, delimiter: str | None, notes: list[str], path: Path, hint: str
+) -> Array:
+    """Values (rows, columns) read cell by cell: blanks are NaN, rows that are too short are left
+    out.
+    """
     rows: list[list[float]] = []
     short = odd = 0
     for line in body.splitlines():
@@ -157,10 +183,15 @@ def rising(time: Array) -> np.ndarray:
 
 
 def without_far_away(positions: Array, notes: list[str]) -> Array:
-    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `notes` lists."""
+    """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `notes`
+    lists.
+    """
     far = np.abs(positions).max(axis=-1) > FARTHEST
     if far.any():
-        notes.append(f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km: taken as hidden")
+        notes.append(
+            f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km: taken as"
+            " hidden"
+        )
         positions = np.where(far[..., None], np.nan, positions)
     return positions
 
@@ -182,22 +213,31 @@ def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str
         seen.add(name)
         unique.append(name)
     if len(renamed) == 1:
-        notes.append(f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'")
+        notes.append(
+            f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'"
+        )
     elif renamed:
         twice = ", ".join(dict.fromkeys(f"'{name}'" for name, _ in renamed))
         example = renamed[0][1]
-        notes.append(f"{len(renamed)} names of a {kind} occur again ({twice}): later ones are named like '{example}'")
+        notes.append(
+            f"{len(renamed)} names of a {kind} occur again ({twice}): later ones are named like"
+            f" '{example}'"
+        )
     return tuple(unique)
 
 
 @contextmanager
 def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
-    """A text file that appears under its name only when it is whole; `BadFile` where it cannot be made."""
+    """A text file that appears under its name only when it is whole; `BadFile` where it cannot be
+    made.
+    """
     target = Path(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     except OSError as error:
-        raise BadFile(target, f"cannot be written ({error.strerror or error})", "does its folder exist?") from None
+        raise BadFile(
+            target, f"cannot be written ({error.strerror or error})", "does its folder exist?"
+        ) from None
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
             yield stream
@@ -213,12 +253,17 @@ def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: i
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)
-    table.writerows([f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+    table.writerows(
+        [f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row] for row in rows
+    )
     return text.getvalue()
 
 
 def write_csv(
-    path: str | os.PathLike[str], head: Iterable[object], rows: Iterable[Iterable[object]], digits: int = 6
+    path: str | os.PathLike[str],
+    head: Iterable[object],
+    rows: Iterable[Iterable[object]],
+    digits: int = 6,
 ) -> None:
     """The same as a file that is whole or not there."""
     with written(path) as stream:

@@ -32,7 +32,11 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
     path = Path(path)
     content = _content(path)
     if ENTITIES.search(content.replace(b"\0", b"")):
-        raise BadFile(path, "declares XML entities, which could expand without end", "remove its <!DOCTYPE ...> part")
+        raise BadFile(
+            path,
+            "declares XML entities, which could expand without end",
+            "remove its <!DOCTYPE ...> part",
+        )
     try:
         return XmlFile(_parse(content), path)
     except etree.XMLSyntaxError as error:
@@ -45,7 +49,9 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
 
 
 def _tidied(content: bytes) -> bytes:
-    """The same document with what careless editors leave in it taken out: odd bytes, a stray last tag."""
+    """The same document with what careless editors leave in it taken out: odd bytes, a stray last
+    tag.
+    """
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -61,7 +67,11 @@ def _content(path: Path) -> bytes:
     try:
         size = path.stat().st_size
         if size > LARGEST:
-            raise BadFile(path, f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed for XML")
+            raise BadFile(
+                path,
+                f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed"
+                " for XML",
+            )
         content = path.read_bytes()
     except FileNotFoundError:
         raise BadFile(path, "no such file", _beside(path)) from None
@@ -76,7 +86,9 @@ def _beside(path: Path) -> str:
     folder = path.parent
     if not folder.is_dir():
         return f"the folder '{folder}' does not exist"
-    names = sorted(file.name for file in folder.iterdir() if file.suffix.lower() == path.suffix.lower())
+    names = sorted(
+        file.name for file in folder.iterdir() if file.suffix.lower() == path.suffix.lower()
+    )
     return f"its folder has {quoted(names)}" if names else f"its folder has no '{path.suffix}' file"
 
 

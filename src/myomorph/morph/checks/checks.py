@@ -1,7 +1,8 @@
-"""What to look at before trusting a morphed model: paths through bones, moment arms, folds, surfaces, fibers, joints.
+"""What to look at before trusting a morphed model: paths through bones, moment arms, folds,
+surfaces, fibers, joints.
 
-Nothing is judged by itself: a source model has faults of its own, so every check compares the target with the source,
-grown to the target's size.
+Nothing is judged by itself: a source model has faults of its own, so every check compares the
+target with the source, grown to the target's size.
 """
 
 from __future__ import annotations
@@ -52,8 +53,8 @@ def check_morph(
     ----------
     morph : of `morph_model`
     options : limits of the checks; see `CheckOptions`
-    coordinates : by coordinate of the source the target's, factor and offset, as of `graft_muscles`; None for those of
-        the same name
+    coordinates : by coordinate of the source the target's, factor and offset, as of
+        `graft_muscles`; None for those of the same name
     progress : called with 1 after each of `PARTS` parts
 
     Returns
@@ -89,38 +90,67 @@ def check_morph(
     order = {arm.pair.source: _rank_correlation(arm) for arm in arms}
     sizes = muscle_sizes(morph.source, morph.bones)
     longest = max((solid.length for solid in theirs.values()), default=np.inf)
-    sliding = {coordinate.name for coordinate in morph.model.coordinates if coordinate.motion == "translational"}
+    sliding = {
+        coordinate.name
+        for coordinate in morph.model.coordinates
+        if coordinate.motion == "translational"
+    }
     warnings = [
         *bone_warnings(deep, longest, options, sliding),
         *arm_warnings(morph.source, arms, sizes, options),
         *order_warnings(arms, order, options),
-        *(Finding("fold", m, f"{m}: the map of {body} turns space inside out at {p}") for m, p, body in folded),
+        *(
+            Finding("fold", m, f"{m}: the map of {body} turns space inside out at {p}")
+            for m, p, body in folded
+        ),
         *surface_warnings(morph, longest, options),
         *fiber_warnings(morph, options),
         *joint_warnings(morph, longest, options),
     ]
     advance(1.0)
     deep.sort(key=lambda penetration: -penetration.increase)
-    warnings.sort(key=lambda warning: (list(KINDS).index(warning.kind), -warning.size, warning.place))
-    return MorphChecks(tuple(deep), arms, FrozenMap(order), folded, tuple(warnings), options, tuple(notes))
+    warnings.sort(
+        key=lambda warning: (list(KINDS).index(warning.kind), -warning.size, warning.place)
+    )
+    return MorphChecks(
+        penetrations=tuple(deep),
+        arms=arms,
+        order=FrozenMap(order),
+        folded=folded,
+        warnings=tuple(warnings),
+        options=options,
+        notes=tuple(notes),
+    )
 
 
 def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:
-    """The bones, but of bodies that share one surface, as where bones are fused in the target, the first alone."""
+    """The bones, but of bodies that share one surface, as where bones are fused in the target, the
+    first alone.
+    """
     bone_maps: list[BoneMap] = []
     for bone in morph.bones.values():
         ours = bone.source
-        known = [map_.source for map_ in bone_maps if map_.target_body == bone.target_body and map_.source is not None]
+        known = [
+            map_.source
+            for map_ in bone_maps
+            if map_.target_body == bone.target_body and map_.source is not None
+        ]
         if ours is None or not any(np.array_equal(ours.faces, surface.faces) for surface in known):
             bone_maps.append(bone)
     return tuple(bone_maps)
 
 
 def target_surface(bone: BoneMap) -> Surface | None:
-    """The target's bone, or the source's as its map transfers it where the target has none; None without both."""
+    """The target's bone, or the source's as its map transfers it where the target has none; None
+    without both.
+    """
     if bone.target is not None:
         return bone.target
-    return None if bone.source is None else Surface(bone.map.apply(bone.source.vertices), bone.source.faces)
+    return (
+        None
+        if bone.source is None
+        else Surface(bone.map.apply(bone.source.vertices), bone.source.faces)
+    )
 
 
 def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str, Solid]]:
@@ -136,16 +166,31 @@ def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str,
             continue
         # Bones that became one in the target are looked at as one there.
         ours[bone.body], theirs[bone.body] = Solid(bone.source), Solid(target)
-        for solid, whose, name in ((ours, "source", bone.body), (theirs, "target", bone.target_body)):
+        for solid, whose, name in (
+            (ours, "source", bone.body),
+            (theirs, "target", bone.target_body),
+        ):
             turned = solid[bone.body].turned
             if solid[bone.body].open:
-                notes.append(f"{name}: the {whose}'s bone is open, what is inside of it is told by winding numbers")
+                notes.append(
+                    f"{name}: the {whose}'s bone is open, what is inside of it is told by winding"
+                    " numbers"
+                )
             if turned > 0.5:
-                notes.append(f"{name}: the {whose}'s bone looks inward; its faces were turned to tell what is inside")
+                notes.append(
+                    f"{name}: the {whose}'s bone looks inward; its faces were turned to tell what"
+                    " is inside"
+                )
             elif turned > 0.05:
-                notes.append(f"{name}: {100 * turned:.0f} % of the faces of the {whose}'s bone looked inward: turned")
+                notes.append(
+                    f"{name}: {100 * turned:.0f} % of the faces of the {whose}'s bone looked"
+                    " inward: turned"
+                )
     if lacking:
-        notes.append(f"paths are not held against {', '.join(lacking)}: no bones of both source and target are known")
+        notes.append(
+            f"paths are not held against {', '.join(lacking)}: no bones of both source and target"
+            " are known"
+        )
     return ours, theirs
 
 
@@ -159,7 +204,9 @@ def _penetrations(
     if not ours or not morph.source.muscles:
         return []
     values, target_values = paired_values(morph.source, morph.model, pairs, options.poses)
-    before = path_depths(morph.source, ours, range_poses(morph.source, [pair.source for pair in pairs], values))
+    before = path_depths(
+        morph.source, ours, range_poses(morph.source, [pair.source for pair in pairs], values)
+    )
     poses = range_poses(morph.model, [pair.target for pair in pairs], target_values)
     bodies = {bone.body: bone.target_body for bone in morph.bones.values()}
     merged: dict[str, Solid] = {bodies[body]: solid for body, solid in theirs.items()}
@@ -171,9 +218,25 @@ def _penetrations(
         was = {our: before.get((muscle, our), NOWHERE).depth for our in ours if bodies[our] == body}
         grown = max(morph.bones[our].whole.scale * deep for our, deep in was.items())
         name = poses.moved[depth.pose]
-        value = float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(name)]) if name else 0.0
-        increase, length = depth.depth - grown, merged[body].length
-        result.append(Penetration(muscle, body, max(was.values()), depth.depth, increase, name, value, length))
+        value = (
+            float(poses.coordinates[depth.pose, morph.model.coordinate_names.index(name)])
+            if name
+            else 0.0
+        )
+        increase = depth.depth - grown
+        length = merged[body].length
+        result.append(
+            Penetration(
+                muscle=muscle,
+                body=body,
+                source=max(was.values()),
+                target=depth.depth,
+                increase=increase,
+                coordinate=name,
+                value=value,
+                length=length,
+            )
+        )
     return result
 
 
@@ -181,7 +244,11 @@ def _rank_correlation(moment_arms: MomentArms) -> float:
     """Spearman's, of the muscles' mean moment arms; NaN of fewer than four muscles."""
     if len(moment_arms.muscles) < 4:
         return float("nan")
-    return float(scipy.stats.spearmanr(moment_arms.source.mean(axis=0), moment_arms.target.mean(axis=0)).statistic)
+    return float(
+        scipy.stats.spearmanr(
+            moment_arms.source.mean(axis=0), moment_arms.target.mean(axis=0)
+        ).statistic
+    )
 
 
 def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:
@@ -191,5 +258,9 @@ def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:
         points = [point for point in morph.points if point.body == body]
         if points:
             turned = inverted(bone.map, np.array([point.source for point in points]))
-            folded += [(point.owner, point.name, body) for point, bad in zip(points, turned, strict=True) if bad]
+            folded += [
+                (point.owner, point.name, body)
+                for point, bad in zip(points, turned, strict=True)
+                if bad
+            ]
     return tuple(folded)

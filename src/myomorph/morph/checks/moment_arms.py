@@ -1,4 +1,6 @@
-"""Moment arms over the ranges of coordinates, of two models side by side, and postures that both go through alike."""
+"""Moment arms over the ranges of coordinates, of two models side by side, and postures that both go
+through alike.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ LEVELS = 5  # Values of each coordinate, evenly from one end of its range to the
 MAX_TURN = 2.1  # A turn is taken up to so far from the default where its range goes on [rad].
 MAX_SLIDE = 0.05  # And a slide [m].
 CoordinateTable = Mapping[str, tuple[str, float, float]]
-"""By coordinate of the source: the target's coordinate, factor and offset, target = factor source + offset."""
+"""By coordinate of the source: the target's coordinate, factor and offset, target = factor source +
+offset.
+"""
 
 
 @read_only
@@ -35,15 +39,18 @@ def paired_postures(
     pairs: CoordinateTable | None = None,
     defaults: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
 ) -> Postures:
-    """Postures that go through the ranges of both models alike. Every coordinate that both have takes one of `LEVELS`
-    values spread over its range, drawn independently of the others, so any few of them meet in nearly all combinations;
-    one evaluation then serves every muscle. The target's coordinate stands at the same share of its own range, from the
-    other end where the pair's factor is negative. What only one of them has, and what is locked, stays.
+    """Postures that go through the ranges of both models alike. Every coordinate that both have
+    takes one of `LEVELS` values spread over its range, drawn independently of the others, so any
+    few of them meet in nearly all combinations; one evaluation then serves every muscle. The
+    target's coordinate stands at the same share of its own range, from the other end where the
+    pair's factor is negative. What only one of them has, and what is locked, stays.
     """
     if pairs is None:
         pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
     rng = np.random.default_rng(0)
-    standing = [_standing(model, values) for model, values in zip((source, target), defaults, strict=True)]
+    standing = [
+        _standing(model, values) for model, values in zip((source, target), defaults, strict=True)
+    ]
     for name, (theirs, factor, _) in pairs.items():
         ours = source.coordinate(name)
         shares = rng.integers(0, LEVELS, COUNT) / (LEVELS - 1.0)
@@ -54,7 +61,9 @@ def paired_postures(
         taken = low + shares * (high - low)
         standing[0][1:, source.coordinate_names.index(name)] = taken
         other = target.coordinate(theirs)
-        standing[1][1:, target.coordinate_names.index(theirs)] = _alike(taken, ours, other, factor > 0.0)
+        standing[1][1:, target.coordinate_names.index(theirs)] = _alike(
+            taken, ours, other, factor > 0.0
+        )
     return Postures(*standing)
 
 
@@ -67,7 +76,8 @@ def _standing(model: Model, values: Mapping[str, float]) -> Array:
 
 def _alike(values: Array, ours: Coordinate, theirs: Coordinate, along: bool) -> Array:
     """Values at the same share of another range; where one has no end, as far from its default."""
-    (low, high), (start, end) = ours.range, theirs.range
+    low, high = ours.range
+    start, end = theirs.range
     if not along:
         start, end = end, start
     if np.isfinite([low, high, start, end]).all() and high > low:
@@ -79,9 +89,13 @@ SAMPLES = 31  # Poses along a coordinate's range.
 WIDEST = 2.0 * np.pi  # Rotations whose range is wider are no joint's: they are left out [rad].
 SHARED = 0.25
 HALVINGS = 10
-ODD = 0.01  # A step that differs from its neighbors by this share of the largest moment arm is looked at more closely.
+# A step that differs from its neighbors by this share of the largest moment arm is looked at more
+# closely.
+ODD = 0.01
 STAYS = 0.25
-"""Share of a step that is left after `HALVINGS` of its interval where it is a jump; a bend leaves a thousandth."""
+"""Share of a step that is left after `HALVINGS` of its interval where it is a jump; a bend leaves a
+thousandth.
+"""
 
 
 @dataclass(frozen=True)
@@ -100,13 +114,15 @@ class CoordinatePair:
         return -1.0 if self.factor < 0.0 else 1.0
 
     def values(self, source: Model, target: Model, count: int) -> tuple[Array, Array]:
-        """Values (count,) of the source's coordinate and of the target's, over the range that both have. Where the
-        ranges share less than a quarter, both run through their own, at equal shares of it.
+        """Values (count,) of the source's coordinate and of the target's, over the range that both
+        have. Where the ranges share less than a quarter, both run through their own, at equal
+        shares of it.
         """
         low, high = sorted(source.coordinate(self.source).range)
         theirs = sorted(target.coordinate(self.target).range)
         ends = sorted((end - self.offset) / self.factor for end in theirs)
-        first, last = max(low, ends[0]), min(high, ends[1])
+        first = max(low, ends[0])
+        last = min(high, ends[1])
         if last - first >= SHARED * min(high - low, ends[1] - ends[0]):
             values = np.linspace(first, last, count)
             return values, self.factor * values + self.offset
@@ -117,7 +133,9 @@ class CoordinatePair:
 def paired_values(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], count: int
 ) -> tuple[list[Array], list[Array]]:
-    """`CoordinatePair.values` (count,) of each pair: those of the source's coordinates and of the target's."""
+    """`CoordinatePair.values` (count,) of each pair: those of the source's coordinates and of the
+    target's.
+    """
     both = [pair.values(source, target, count) for pair in pairs]
     return [ours for ours, _ in both], [theirs for _, theirs in both]
 
@@ -135,8 +153,9 @@ class MomentArms:
     source, target : (samples, muscles) [m/rad or m/m], the target's turned to the source's sign
     source_jumps, target_jumps : (muscles,) largest discontinuity [m/rad or m/m]
     target_jump_at : (muscles,) value of the coordinate there in the target, NaN where there is none
-    within : (samples, muscles) distance from `target` within which the moment arm lies with 90 %, as far as that
-        follows from the points' intervals [m/rad or m/m]; NaN where these are not known, None before it is asked
+    within : (samples, muscles) distance from `target` within which the moment arm lies with 90 %,
+        as far as that follows from the points' intervals [m/rad or m/m]; NaN where these are not
+        known, None before it is asked
     """
 
     pair: CoordinatePair
@@ -159,10 +178,17 @@ def swept(model: Model) -> tuple[Coordinate, ...]:
     moving = set(compile_paths(model).arm_coordinate.tolist())
     coordinates = []
     for i, coordinate in enumerate(model.coordinates):
-        bounded = np.isfinite(coordinate.range).all() and coordinate.range[1] - coordinate.range[0] > 0.0
+        bounded = (
+            np.isfinite(coordinate.range).all() and coordinate.range[1] - coordinate.range[0] > 0.0
+        )
         if coordinate.motion == "rotational":
             bounded = bounded and coordinate.range[1] - coordinate.range[0] <= WIDEST
-        if i in moving and bounded and not coordinate.locked and coordinate.name not in model.dependent_coordinates:
+        if (
+            i in moving
+            and bounded
+            and not coordinate.locked
+            and coordinate.name not in model.dependent_coordinates
+        ):
             coordinates.append(coordinate)
     return tuple(coordinates)
 
@@ -181,38 +207,63 @@ def compared_coordinates(
     for pair in pairs:
         for model, name in ((source, pair.source), (target, pair.target)):
             index_of("coordinate", name, model.coordinate_names, f"model '{model.name}'")
-    ours, theirs = ({coordinate.name for coordinate in swept(model)} for model in (source, target))
-    return tuple(pair for pair in pairs if pair.source in ours and pair.target in theirs and pair.factor != 0.0)
+    ours = {coordinate.name for coordinate in swept(source)}
+    theirs = {coordinate.name for coordinate in swept(target)}
+    return tuple(
+        pair
+        for pair in pairs
+        if pair.source in ours and pair.target in theirs and pair.factor != 0.0
+    )
 
 
 def compare_moment_arms(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], samples: int = SAMPLES
 ) -> tuple[MomentArms, ...]:
-    """Moment arms r = -dl/dq of muscles that both models have, at `samples` poses over the range of each coordinate."""
+    """Moment arms r = -dl/dq of muscles that both models have, at `samples` poses over the range of
+    each coordinate.
+    """
     arms = []
     for pair in pairs:
         moved = _moved(source, pair.source) | _moved(target, pair.target)
-        muscles = tuple(name for name in source.muscle_names if name in moved and name in set(target.muscle_names))
+        muscles = tuple(
+            name
+            for name in source.muscle_names
+            if name in moved and name in set(target.muscle_names)
+        )
         if muscles:
             arms.append(_compared(source, target, pair, muscles, samples))
     return tuple(arms)
 
 
-def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple[str, ...], samples: int) -> MomentArms:
+def _compared(
+    source: Model, target: Model, pair: CoordinatePair, muscles: tuple[str, ...], samples: int
+) -> MomentArms:
     values, target_values = pair.values(source, target, samples)
     arms = _arms_of(source, pair.source, muscles)
     target_arms = _arms_of(target, pair.target, muscles)
-    r, t = arms(values), target_arms(target_values)
+    r = arms(values)
+    t = target_arms(target_values)
     jumps, _ = _jumps(arms, values, r)
     target_jumps, target_at = _jumps(target_arms, target_values, t)
     kind = source.coordinate(pair.source).motion
     return MomentArms(
-        pair, kind, values, target_values, muscles, r, pair.sign * t, jumps, target_jumps, target_at
-    )  # fmt: skip
+        pair=pair,
+        kind=kind,
+        source_values=values,
+        target_values=target_values,
+        muscles=muscles,
+        source=r,
+        target=pair.sign * t,
+        source_jumps=jumps,
+        target_jumps=target_jumps,
+        target_jump_at=target_at,
+    )
 
 
 def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
-    """Moment arms (samples, muscles) of each table's `target` in another model of the same coordinates and muscles."""
+    """Moment arms (samples, muscles) of each table's `target` in another model of the same
+    coordinates and muscles.
+    """
     paths = compile_paths(model)
     counts = [len(moment_arms.target_values) for moment_arms in arms]
     coordinates = np.repeat(paths.tree.defaults[None], sum(counts), axis=0)
@@ -223,7 +274,9 @@ def target_arms(model: Model, arms: Sequence[MomentArms]) -> list[Array]:
     evaluated = paths.evaluate(coordinates)[2]
     result = []
     for here, j, arm in zip(rows, columns, arms, strict=True):
-        number = {model.muscle_names.index(muscle): column for column, muscle in enumerate(arm.muscles)}
+        number = {
+            model.muscle_names.index(muscle): column for column, muscle in enumerate(arm.muscles)
+        }
         table = np.zeros((len(here), len(arm.muscles)))
         for entry in np.flatnonzero(paths.arm_coordinate == j):
             muscle = int(paths.arm_muscle[entry])
@@ -241,14 +294,15 @@ def _moved(model: Model, coordinate: str) -> set[str]:
 
 
 def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[[Array], Array]:
-    """Function from values of a coordinate (n,) to moment arms (n, muscles), the rest in its default pose. Coordinates
-    that follow this one do; loops that it would open are not closed.
+    """Function from values of a coordinate (n,) to moment arms (n, muscles), the rest in its
+    default pose. Coordinates that follow this one do; loops that it would open are not closed.
     """
     few = replace(model, muscles=tuple(model.muscle(name) for name in muscles))
     paths = compile_paths(few)
     j = model.coordinate_names.index(coordinate)
     entries = np.flatnonzero(paths.arm_coordinate == j)
-    column, default = paths.arm_muscle[entries], paths.tree.defaults
+    column = paths.arm_muscle[entries]
+    default = paths.tree.defaults
 
     def arms(values: Array) -> Array:
         coordinates = np.repeat(default[None], len(values), axis=0)
@@ -261,8 +315,11 @@ def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[
 
 
 def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tuple[Array, Array]:
-    """Largest discontinuity of each column (muscles,), and where it is, found by halving the oddest interval."""
-    jumps, at = np.zeros(sampled.shape[1]), np.full(sampled.shape[1], np.nan)
+    """Largest discontinuity of each column (muscles,), and where it is, found by halving the oddest
+    interval.
+    """
+    jumps = np.zeros(sampled.shape[1])
+    at = np.full(sampled.shape[1], np.nan)
     if len(values) < 4:
         return jumps, at
     steps = np.diff(sampled, axis=0)
@@ -270,15 +327,20 @@ def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tup
     odd = np.abs(steps - 0.5 * (padded[:-2] + padded[2:]))
     column = np.flatnonzero(odd.max(axis=0) > ODD * np.abs(sampled).max(axis=0))
     worst = odd.argmax(axis=0)[column]
-    low, high = values[worst], values[worst + 1]
-    below, above = sampled[worst, column], sampled[worst + 1, column]
-    step, row = np.abs(above - below), np.arange(len(column))
+    low = values[worst]
+    high = values[worst + 1]
+    below = sampled[worst, column]
+    above = sampled[worst + 1, column]
+    step = np.abs(above - below)
+    row = np.arange(len(column))
     for _ in range(HALVINGS if len(column) else 0):
         middle = 0.5 * (low + high)
         r = arms(middle)[row, column]
         first = np.abs(r - below) > np.abs(above - r)
-        high, above = np.where(first, middle, high), np.where(first, r, above)
-        low, below = np.where(first, low, middle), np.where(first, below, r)
+        high = np.where(first, middle, high)
+        above = np.where(first, r, above)
+        low = np.where(first, low, middle)
+        below = np.where(first, below, r)
     left = np.abs(above - below)
     stays = left > STAYS * step
     jumps[column[stays]], at[column[stays]] = left[stays], 0.5 * (low + high)[stays]

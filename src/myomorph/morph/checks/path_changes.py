@@ -1,4 +1,6 @@
-"""Moves of via points and wrap objects that bring paths out of bones and change lengths and moment arms the least."""
+"""Moves of via points and wrap objects that bring paths out of bones and change lengths and moment
+arms the least.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ STEP = 1e-3  # Of a difference, as a share of the muscle's path in the first pos
 
 @read_only
 class PathChange:
-    """How far a muscle's path is from that of another model, each the root mean square over the poses."""
+    """How far a muscle's path is from that of another model, each the root mean square over the
+    poses.
+    """
 
     length: float  # its length [m]
     arm: float  # all its moment arms about turning coordinates together [m/rad]
@@ -38,24 +42,28 @@ def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
 
 
 def path_changes(before: Model, after: Model, poses: Poses) -> dict[str, PathChange]:
-    """Of each muscle whose path, or wrap object, differs between two models that are alike but for these."""
-    odd = {new.name for old, new in zip(before.wrap_objects, after.wrap_objects, strict=True) if old is not new}
+    """Of each muscle whose path, or wrap object, differs between two models that are alike but for
+    these.
+    """
+    odd = {
+        new.name
+        for old, new in zip(before.wrap_objects, after.wrap_objects, strict=True)
+        if old is not new
+    }
     result = {}
     for old, new in zip(before.muscles, after.muscles, strict=True):
         if old.path is not new.path or wraps_of(old) & odd:
             where = moved_poses(before, old, poses)
-            (l0, a0), (l1, a1) = (
-                _lengths_and_arms(replace(model, muscles=(muscle,)), where)
-                for model, muscle in ((before, old), (after, new))
-            )
+            (l0, a0) = _lengths_and_arms(replace(before, muscles=(old,)), where)
+            (l1, a1) = _lengths_and_arms(replace(after, muscles=(new,)), where)
             arms = np.sqrt(np.mean(np.sum((a1 - a0)[0] ** 2, axis=1)))
             result[old.name] = PathChange(float(np.sqrt(np.mean((l1 - l0) ** 2))), float(arms))
     return result
 
 
 def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Array:
-    """(n, 3) changes of lengths and moment arms with the place of a via point, so weighted that their sum of squares
-    is the mean over the poses that move the muscle [m/m, and m/rad/m].
+    """(n, 3) changes of lengths and moment arms with the place of a via point, so weighted that
+    their sum of squares is the mean over the poses that move the muscle [m/m, and m/rad/m].
     """
     where = moved_poses(model, muscle, poses)
     points = muscle.path.points
@@ -69,7 +77,11 @@ def point_effect(model: Model, muscle: Muscle, number: int, poses: Poses) -> Arr
             place = point.location + sign * step * np.eye(3)[axis]
             changed = (*points[:number], replace(point, location=place), *points[number + 1 :])
             shifted.append(
-                replace(muscle, name=f"{muscle.name} {len(shifted)}", path=replace(muscle.path, points=changed))
+                replace(
+                    muscle,
+                    name=f"{muscle.name} {len(shifted)}",
+                    path=replace(muscle.path, points=changed),
+                )
             )
     rows = _rows(*_lengths_and_arms(replace(model, muscles=tuple(shifted)), where))
     return np.asarray((rows[0::2] - rows[1::2]).T / (2.0 * step))
@@ -86,9 +98,14 @@ def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
             grown = replace(
                 model,
                 muscles=(muscle,),
-                wrap_objects=tuple(larger if item.name == wrap.name else item for item in model.wrap_objects),
+                wrap_objects=tuple(
+                    larger if item.name == wrap.name else item for item in model.wrap_objects
+                ),
             )
-            both = [_rows(*_lengths_and_arms(each, where))[0] for each in (replace(model, muscles=(muscle,)), grown)]
+            both = [
+                _rows(*_lengths_and_arms(each, where))[0]
+                for each in (replace(model, muscles=(muscle,)), grown)
+            ]
             effects.append((both[1] - both[0]) / step)
     return np.concatenate(effects)
 
@@ -105,7 +122,9 @@ def _step(model: Model, muscle: Muscle, where: Array) -> float:
 
 
 def _lengths_and_arms(model: Model, where: Array) -> tuple[Array, Array]:
-    """Lengths (muscles, poses), and moment arms (muscles, poses, arms) about turning coordinates of their own."""
+    """Lengths (muscles, poses), and moment arms (muscles, poses, arms) about turning coordinates of
+    their own.
+    """
     paths = compile_paths(model)
     lengths, _, arms = paths.evaluate(where)
     turning = np.array(
@@ -115,7 +134,9 @@ def _lengths_and_arms(model: Model, where: Array) -> tuple[Array, Array]:
         ]
     )
     chosen = turning[paths.arm_coordinate]
-    of_muscles = [arms[:, (paths.arm_muscle == index) & chosen] for index in range(len(model.muscles))]
+    of_muscles = [
+        arms[:, (paths.arm_muscle == index) & chosen] for index in range(len(model.muscles))
+    ]
     return lengths.T, np.array(of_muscles)
 
 
@@ -135,7 +156,8 @@ class PathEnd:
     lever: float  # share of its motion with which the place looked at moves
     point: int = -1  # number of the via point, -1 for none
     wrap: str = ""  # name of the wrap object, "" for none
-    rotation: Array = field(default_factory=lambda: np.eye(3))  # (3, 3) of the via point's body in ground
+    # (3, 3) of the via point's body in ground
+    rotation: Array = field(default_factory=lambda: np.eye(3))
 
     @property
     def movable(self) -> bool:
@@ -143,29 +165,51 @@ class PathEnd:
         return bool(self.wrap) or self.point >= 0
 
 
-def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, place: Array) -> list[PathEnd]:
-    """Both ends of the straight part, or of the arc around a wrap object, that a place in ground (3,) is on."""
+def part_at(
+    paths: Paths, model: Model, muscle: Muscle, coordinates: Array, place: Array
+) -> list[PathEnd]:
+    """Both ends of the straight part, or of the arc around a wrap object, that a place in ground
+    (3,) is on.
+    """
     where = forward_kinematics(paths.tree, coordinates[None]).transforms()
     nodes = paths.nodes(coordinates[None])[0, model.muscle_names.index(muscle.name)]
     nodes = nodes[np.isfinite(nodes[:, 0])]
-    starts, along = nodes[:-1, :3], np.diff(nodes[:, :3], axis=0)
-    share = np.einsum("ij,ij->i", place - starts, along) / np.maximum(np.einsum("ij,ij->i", along, along), SAME**2)
+    starts = nodes[:-1, :3]
+    along = np.diff(nodes[:, :3], axis=0)
+    share = np.einsum("ij,ij->i", place - starts, along) / np.maximum(
+        np.einsum("ij,ij->i", along, along), SAME**2
+    )
     share = np.clip(share, 0.0, 1.0)
     index = int(np.argmin(np.linalg.norm(starts + share[:, None] * along - place, axis=1)))
     arc = bool(nodes[index + 1, 3] > 0.0)
     levers = (1.0, 1.0) if arc else (1.0 - float(share[index]), float(share[index]))
-    return [_end(model, muscle, where, nodes[i, :3], arm) for i, arm in zip((index, index + 1), levers, strict=True)]
+    return [
+        _end(model, muscle, where, nodes[i, :3], arm)
+        for i, arm in zip((index, index + 1), levers, strict=True)
+    ]
 
 
-def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Array, lever: float) -> PathEnd:
+def _end(
+    model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Array, lever: float
+) -> PathEnd:
     points = muscle.path.points
     for number, point in enumerate(points):
-        if isinstance(point, PathPoint) and np.linalg.norm(where[point.body].apply(point.location) - node) < SAME:
+        if (
+            isinstance(point, PathPoint)
+            and np.linalg.norm(where[point.body].apply(point.location) - node) < SAME
+        ):
             inner = 0 < number < len(points) - 1
             return PathEnd(lever, number if inner else -1, rotation=where[point.body].rotation)
-    around = [item for item in model.wrap_objects if item.name in wraps_of(muscle) and item.kind != "torus"]
+    around = [
+        item
+        for item in model.wrap_objects
+        if item.name in wraps_of(muscle) and item.kind != "torus"
+    ]
     local = [(where[item.body] @ item.pose).inverse().apply(node[None]) for item in around]
-    touched = [(abs(surface_level(item, at)[0] - 1.0), item.name) for item, at in zip(around, local, strict=True)]
+    touched = [
+        (abs(surface_level(item, at)[0] - 1.0), item.name)
+        for item, at in zip(around, local, strict=True)
+    ]
     return PathEnd(lever, wrap=min(touched)[1]) if touched else PathEnd(lever)
 
 
@@ -174,8 +218,10 @@ def wraps_of(*muscles: Muscle) -> set[str]:
     return {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
 
 
-OVER = 1.2  # A path is moved by so many times what it is too deep: the deepest place changes as it moves.
-LEVER = 0.25  # What moves the deepest place by less than this share of its own motion is not moved for it.
+# A path is moved by so many times what it is too deep: the deepest place changes as it moves.
+OVER = 1.2
+# What moves the deepest place by less than this share of its own motion is not moved for it.
+LEVER = 0.25
 FURTHEST = 0.04  # A via point is moved by no more than this share of the bone's length.
 LARGEST = 1.5  # A wrap object grows to no more than so many times its size.
 SMALLEST = 0.1  # Share of a step below which it is not tried any more.
@@ -191,11 +237,18 @@ class Move:
 
 
 def least_move(
-    model: Model, muscle: Muscle, ends: Sequence[PathEnd], outward: Array, over: float, poses: Poses, weight: float
+    model: Model,
+    muscle: Muscle,
+    ends: Sequence[PathEnd],
+    outward: Array,
+    over: float,
+    poses: Poses,
+    weight: float,
 ) -> Move:
-    """Of all moves of one end that bring the place out by `over` [m], the one of least cost. With E the changes of
-    lengths and moment arms by the move d of a via point, and n the way out, the least of |d|^2 + weight |E d|^2 with n
-    d = over / lever is d = over / lever M^-1 n / (n M^-1 n), M = 1 + weight E^T E.
+    """Of all moves of one end that bring the place out by `over` [m], the one of least cost. With E
+    the changes of lengths and moment arms by the move d of a via point, and n the way out, the
+    least of |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1 n),
+    M = 1 + weight E^T E.
     """
     moves = []
     for end in ends:
@@ -203,7 +256,9 @@ def least_move(
         if end.wrap:
             wrap = next(item for item in model.wrap_objects if item.name == end.wrap)
             effect = wrap_effect(model, wrap, poses) if weight else np.zeros(1)
-            moves.append(Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect))))
+            moves.append(
+                Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect)))
+            )
             continue
         normal = outward @ end.rotation
         effect = point_effect(model, muscle, end.point, poses) if weight else np.zeros((0, 3))
@@ -215,10 +270,18 @@ def least_move(
 
 
 def moved_once(
-    model: Model, start: Model, ground: Ground, steps: Mapping[str, float], muscles: Sequence[str], weight: float
+    model: Model,
+    start: Model,
+    ground: Ground,
+    steps: Mapping[str, float],
+    muscles: Sequence[str],
+    weight: float,
 ) -> Model | None:
-    """The model with every path that is too deep moved once, by its share of the way; None where nothing can be."""
-    poses, paths = ground.poses, compile_paths(model)
+    """The model with every path that is too deep moved once, by its share of the way; None where
+    nothing can be.
+    """
+    poses = ground.poses
+    paths = compile_paths(model)
     pushes: dict[tuple[str, int], Array] = {}
     swollen: dict[str, float] = {}
     for name, place, over in ground.too_deep(model, muscles):
@@ -227,13 +290,18 @@ def moved_once(
         muscle = model.muscle(name)
         ends = [
             path_end
-            for path_end in part_at(paths, model, muscle, poses.coordinates[place.pose], place.place)
-            if path_end.movable and path_end.lever >= LEVER and steps.get(path_end.wrap, 1.0) >= SMALLEST
+            for path_end in part_at(
+                paths, model, muscle, poses.coordinates[place.pose], place.place
+            )
+            if path_end.movable
+            and path_end.lever >= LEVER
+            and steps.get(path_end.wrap, 1.0) >= SMALLEST
         ]
         if not ends:
             continue
         move = least_move(model, muscle, ends, place.outward, over, poses, weight)
-        end, by = move.end, OVER * steps.get(move.end.wrap or name, 1.0) * move.by
+        end = move.end
+        by = OVER * steps.get(move.end.wrap or name, 1.0) * move.by
         if end.wrap:
             swollen[end.wrap] = max(swollen.get(end.wrap, 0.0), float(by[0]))
         else:
@@ -245,7 +313,9 @@ def moved_once(
     reach = {body: FURTHEST * solid.length for body, solid in ground.target.items()}
     return replace(
         model,
-        muscles=tuple(_pushed(item, start.muscle(item.name), pushes, reach) for item in model.muscles),
+        muscles=tuple(
+            _pushed(item, start.muscle(item.name), pushes, reach) for item in model.muscles
+        ),
         wrap_objects=tuple(
             _swollen(item, first, swollen.get(item.name, 0.0))
             for item, first in zip(model.wrap_objects, start.wrap_objects, strict=True)
@@ -254,7 +324,10 @@ def moved_once(
 
 
 def _pushed(
-    muscle: Muscle, start: Muscle, pushes: Mapping[tuple[str, int], Array], reach: Mapping[str, float]
+    muscle: Muscle,
+    start: Muscle,
+    pushes: Mapping[tuple[str, int], Array],
+    reach: Mapping[str, float],
 ) -> Muscle:
     points = list(muscle.path.points)
     for number, (point, first) in enumerate(zip(points, start.path.points, strict=True)):
@@ -262,7 +335,8 @@ def _pushed(
         if push is None or not isinstance(point, PathPoint) or not isinstance(first, PathPoint):
             continue
         away = point.location + push - first.location
-        size, most = float(np.linalg.norm(away)), reach.get(point.body, np.inf)
+        size = float(np.linalg.norm(away))
+        most = reach.get(point.body, np.inf)
         points[number] = replace(point, location=first.location + away * min(1.0, most / size))
     return replace(muscle, path=replace(muscle.path, points=tuple(points)))
 
@@ -270,7 +344,10 @@ def _pushed(
 def _swollen(wrap: WrapObject, start: WrapObject, by: float) -> WrapObject:
     if by <= 0.0:
         return wrap
-    sizes = [min(size, LARGEST * most) for size, most in zip(grown_sizes(wrap, by), start.size, strict=True)]
+    sizes = [
+        min(size, LARGEST * most)
+        for size, most in zip(grown_sizes(wrap, by), start.size, strict=True)
+    ]
     return replace(wrap, size=tuple(sizes))
 
 
@@ -280,17 +357,25 @@ class Ground:
 
     target: Mapping[str, Solid]  # bones, by body
     poses: Poses  # in which paths are looked at
-    # how much deeper than the source's, in the target's size, a path may run, as a share of the bone's length
+    # how much deeper than the source's, in the target's size, a path may run, as a share of the
+    # bone's length
     deeper: float
-    # by muscle and body of the target how deep its path may run [m]; the share for those that are not there
+    # by muscle and body of the target how deep its path may run [m]; the share for those that are
+    # not there
     allowed: Mapping[tuple[str, str], float]
 
     @staticmethod
     def of(
-        source: Model, target: Model, bones: Iterable[BoneMap], pairs: Sequence[CoordinatePair], options: CheckOptions
+        source: Model,
+        target: Model,
+        bones: Iterable[BoneMap],
+        pairs: Sequence[CoordinatePair],
+        options: CheckOptions,
     ) -> Ground | None:
         """The bones of which both surfaces are known; None where there is none."""
-        known = {bone.body: bone for bone in bones if bone.source is not None and bone.target is not None}
+        known = {
+            bone.body: bone for bone in bones if bone.source is not None and bone.target is not None
+        }
         if not known:
             return None
         values, target_values = paired_values(source, target, pairs, options.poses)
@@ -298,19 +383,28 @@ class Ground:
         allowed: dict[tuple[str, str], float] = {}
         poses = range_poses(source, [pair.source for pair in pairs], values)
         for (muscle, body), depth in path_depths(source, ours, poses).items():
-            key, size = (muscle, known[body].target_body), known[body].whole.scale
+            key = (muscle, known[body].target_body)
+            size = known[body].whole.scale
             allowed[key] = max(allowed.get(key, 0.0), size * depth.depth)
         return Ground(
-            {bone.target_body: Solid(bone.target) for bone in known.values() if bone.target is not None},
-            range_poses(target, [pair.target for pair in pairs], target_values),
-            options.deeper,
-            allowed,
+            target={
+                bone.target_body: Solid(bone.target)
+                for bone in known.values()
+                if bone.target is not None
+            },
+            poses=range_poses(target, [pair.target for pair in pairs], target_values),
+            deeper=options.deeper,
+            allowed=allowed,
         )
 
     def too_deep(self, model: Model, muscles: Sequence[str]) -> Iterator[tuple[str, Depth, float]]:
         """Muscles that run deeper through a bone than they may, where, and by how much [m]."""
         for (muscle, body), depth in path_depths(model, self.target, self.poses, muscles).items():
-            over = depth.depth - self.allowed.get((muscle, body), 0.0) - self.deeper * self.target[body].length
+            over = (
+                depth.depth
+                - self.allowed.get((muscle, body), 0.0)
+                - self.deeper * self.target[body].length
+            )
             if over > 0.0:
                 yield muscle, depth, over
 

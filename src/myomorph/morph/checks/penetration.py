@@ -1,4 +1,6 @@
-"""Muscle paths that run through bones: how deep, in the source and in the target, over the joints' ranges."""
+"""Muscle paths that run through bones: how deep, in the source and in the target, over the joints'
+ranges.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +19,18 @@ from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-STEP = 0.01  # Distance between samples of a path, as a share of the smallest bone's length, but no finer than `FINEST`.
+# Distance between samples of a path, as a share of the smallest bone's length, but no finer than
+# `FINEST`.
+STEP = 0.01
 FINEST = 0.005  # And of the largest bone's.
 OPEN_EDGES = 0.01  # Share of a surface's edges without a second face above which it counts as open.
 
 
 class Solid:
-    """A bone that can tell what is inside of it, open, flipped or in many pieces as its surface may be: where the
-    generalized winding number is above one half (Barill et al. 2018). Pieces are turned outward first (`turned`: share
-    of faces); `open`: more than a hundredth of its edges has a face on one side only; `length`: greatest extent along
-    an axis [m].
+    """A bone that can tell what is inside of it, open, flipped or in many pieces as its surface may
+    be: where the generalized winding number is above one half (Barill et al. 2018). Pieces are
+    turned outward first (`turned`: share of faces); `open`: more than a hundredth of its edges has
+    a face on one side only; `length`: greatest extent along an axis [m].
     """
 
     def __init__(self, surface: Surface):
@@ -62,9 +66,14 @@ class Solid:
 
 
 def _merged(surface: Surface, nearness: float) -> tuple[Array, np.ndarray]:
-    """Vertices and faces with vertices that lie on each other made one, faces without area left out."""
+    """Vertices and faces with vertices that lie on each other made one, faces without area left
+    out.
+    """
     _, first, same = np.unique(
-        np.round(surface.vertices / nearness).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        np.round(surface.vertices / nearness).astype(np.int64),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
     )
     faces = same.reshape(-1)[surface.faces]
     distinct = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
@@ -76,16 +85,22 @@ def _outward(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, float]:
     igl = from_extra("morph", "igl", "libigl")
 
     oriented, piece = igl.bfs_orient(faces)
-    oriented, piece = np.array(oriented), np.asarray(piece).reshape(-1)
+    oriented = np.array(oriented)
+    piece = np.asarray(piece).reshape(-1)
     count = int(piece.max()) + 1
     corners = vertices[oriented]
     weights = np.bincount(piece, minlength=count)
-    middle = np.stack([np.bincount(piece, corners[:, :, i].mean(axis=1), count) / weights for i in range(3)], axis=1)
+    middle = np.stack(
+        [np.bincount(piece, corners[:, :, i].mean(axis=1), count) / weights for i in range(3)],
+        axis=1,
+    )
     local = corners - middle[piece][:, None]
     volume = np.einsum("fi,fi->f", local[:, 0], np.cross(local[:, 1], local[:, 2]))
     inward = np.bincount(piece, volume, count)[piece] < 0.0
     oriented[inward] = oriented[inward][:, ::-1]
-    before = np.sign(np.einsum("fi,fi->f", face_crosses(vertices, faces), face_crosses(vertices, oriented)))
+    before = np.sign(
+        np.einsum("fi,fi->f", face_crosses(vertices, faces), face_crosses(vertices, oriented))
+    )
     return np.ascontiguousarray(oriented), float(np.mean(before < 0.0))
 
 
@@ -94,13 +109,15 @@ class Poses:
     """Poses at which paths are looked at."""
 
     coordinates: Array  # (poses, coordinates) in the model's order [rad or m]
-    moved: tuple[str, ...]  # coordinate that each pose moves away from the default, "" for the default pose
+    # coordinate that each pose moves away from the default, "" for the default pose
+    moved: tuple[str, ...]
 
 
 def range_poses(model: Model, names: Sequence[str], values: Sequence[Array]) -> Poses:
     """The default pose, and each coordinate at each of its values."""
     default = compile_tree(model).defaults
-    rows, moved = [default], [""]
+    rows = [default]
+    moved = [""]
     for name, along in zip(names, values, strict=True):
         column = model.coordinate_names.index(name)
         for value in along:
@@ -118,9 +135,11 @@ class Penetration:
     Attributes
     ----------
     muscle, body : names
-    source, target : deepest place under the bone's surface over all poses [m]; 0 where it runs outside
+    source, target : deepest place under the bone's surface over all poses [m]; 0 where it runs
+        outside
     increase : target less source times the bone's size [m]
-    coordinate, value : moved in the pose where it is deepest in the target [rad or m]; "" in the default pose
+    coordinate, value : moved in the pose where it is deepest in the target [rad or m]; "" in the
+        default pose
     length : of the target's bone [m]
     """
 
@@ -140,27 +159,33 @@ class Depth:
 
     depth: float  # at the deepest place over all poses [m]
     pose: int  # number of the pose where that is
-    # place, outward: (3,) that place in ground [m], and the unit vector from it to the nearest point of the surface
+    # place, outward: (3,) that place in ground [m], and the unit vector from it to the nearest
+    # point of the surface
     place: Array
     outward: Array
 
 
-NOWHERE = Depth(0.0, 0, np.zeros(3), np.zeros(3))  # Of a path that runs outside a bone.
+# Of a path that runs outside a bone.
+NOWHERE = Depth(depth=0.0, pose=0, place=np.zeros(3), outward=np.zeros(3))
 
 
 def path_depths(
     model: Model, bones: Mapping[str, Solid], poses: Poses, muscles: Sequence[str] | None = None
 ) -> dict[tuple[str, str], Depth]:
-    """How deep each muscle's path runs under the surface of each bone, by muscle and body, where it does. Paths are
-    drawn around their wrap surfaces and sampled every hundredth of the smallest bone's length. A muscle is looked at in
-    the default pose and in those whose coordinate moves it, and only against `bones_beside` it: two legs that are
-    crossed run through each other in any model.
+    """How deep each muscle's path runs under the surface of each bone, by muscle and body, where it
+    does. Paths are drawn around their wrap surfaces and sampled every hundredth of the smallest
+    bone's length. A muscle is looked at in the default pose and in those whose coordinate moves it,
+    and only against `bones_beside` it: two legs that are crossed run through each other in any
+    model.
     """
-    paths, tree = compile_paths(model), compile_tree(model)
+    paths = compile_paths(model)
+    tree = compile_tree(model)
     wanted = np.isin(model.muscle_names, model.muscle_names if muscles is None else list(muscles))
     moves = np.zeros((len(model.muscles), len(model.coordinates)), dtype=bool)
     moves[paths.arm_muscle, paths.arm_coordinate] = True
-    column = np.array([model.coordinate_names.index(name) if name else -1 for name in poses.moved], dtype=np.int64)
+    column = np.array(
+        [model.coordinate_names.index(name) if name else -1 for name in poses.moved], dtype=np.int64
+    )
     looked = wanted[None] & ((column < 0)[:, None] | moves[:, column].T)
     lengths = [solid.length for solid in bones.values()]
     step = max(STEP * min(lengths), FINEST * max(lengths)) if lengths else np.inf
@@ -180,13 +205,18 @@ def path_depths(
             sample = near[deepest]
             outward = placed.rotations[pose[sample], number] @ solid.way_out(local[deepest])
             result[model.muscle_names[m], body] = Depth(
-                float(depths[deepest]), int(pose[sample]), points[sample], outward
+                depth=float(depths[deepest]),
+                pose=int(pose[sample]),
+                place=points[sample],
+                outward=outward,
             )
     return result
 
 
 def bones_beside(model: Model, muscle: Muscle) -> frozenset[str]:
-    """Bodies that a muscle is fixed to, those between them, and what ends on these, as a patella on a femur."""
+    """Bodies that a muscle is fixed to, those between them, and what ends on these, as a patella on
+    a femur.
+    """
     parents = {joint.child: joint.parent for joint in model.joints}
     chains = []
     for body in dict.fromkeys(point.body for point in muscle.path.points):
@@ -198,7 +228,10 @@ def bones_beside(model: Model, muscle: Muscle) -> frozenset[str]:
     between = {body for chain in chains for body in chain if body not in common}
     between.add(next((body for body in chains[0] if body in common), chains[0][0]))
     inner = set(parents.values())
-    return frozenset(between | {body for body, parent in parents.items() if parent in between and body not in inner})
+    return frozenset(
+        between
+        | {body for body, parent in parents.items() if parent in between and body not in inner}
+    )
 
 
 def _samples(
@@ -207,11 +240,13 @@ def _samples(
     """Points (n, 3) in ground along the paths, the muscle and the pose of each."""
     drawn = drawn_paths(paths, coordinates)  # type: ignore[arg-type]
     same = drawn.muscle[1:] == drawn.muscle[:-1]
-    starts, ends = drawn.places[:, :-1], drawn.places[:, 1:]
+    starts = drawn.places[:, :-1]
+    ends = drawn.places[:, 1:]
     lengths = np.linalg.norm(ends - starts, axis=2)
     kept = same & np.isfinite(lengths) & (lengths > 0.0) & looked[:, drawn.muscle[:-1]]
     pose, segment = np.nonzero(kept)
-    starts, ends = starts[pose, segment], ends[pose, segment]
+    starts = starts[pose, segment]
+    ends = ends[pose, segment]
     counts = np.maximum(np.ceil(lengths[pose, segment] / step), 1.0).astype(np.int64)
     owner = np.repeat(np.arange(len(counts)), counts)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)

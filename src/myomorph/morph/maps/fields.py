@@ -1,7 +1,8 @@
 """Feature points of two bones, the map that is fitted to them, and the bone with its map.
 
-The kinds of maps are in `linear.py` (rigid, similarity, affine) and `interpolating.py` (radial basis functions,
-skeletal subspace deformation). All have one interface: points in, points and Jacobians out.
+The kinds of maps are in `linear.py` (rigid, similarity, affine) and `interpolating.py` (radial
+basis functions, skeletal subspace deformation). All have one interface: points in, points and
+Jacobians out.
 """
 
 from __future__ import annotations
@@ -20,7 +21,14 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.surface import Surface, connected
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
-from myomorph.morph.maps.linear import AffineMap, Similarity, fit_affine, fit_whole, procrustes, unknown_directions
+from myomorph.morph.maps.linear import (
+    AffineMap,
+    Similarity,
+    fit_affine,
+    fit_whole,
+    procrustes,
+    unknown_directions,
+)
 
 MapKind: TypeAlias = Literal["ssd", "rbf", "affine", "similarity", "rigid"]
 
@@ -67,9 +75,10 @@ class FeaturePoints:
     names : of the points; dense ones are numbered
     source : (n, 3) in the source body's frame [m]
     target : (n, 3) in the target body's frame [m]
-    weights : (n,) how much each counts in fits of the whole bone, 1 by default; maps that go through every point use
-        it only for that fit
-    radii : (n,) within which the target's points belong with 90 % [m]; NaN of landmarks, None where nothing is known
+    weights : (n,) how much each counts in fits of the whole bone, 1 by default; maps that go
+        through every point use it only for that fit
+    radii : (n,) within which the target's points belong with 90 % [m]; NaN of landmarks, None where
+        nothing is known
     """
 
     names: tuple[str, ...]
@@ -83,7 +92,9 @@ class FeaturePoints:
         for side in ("source", "target"):
             array = frozen_array(getattr(self, side), (-1, 3))
             if array.shape != (count, 3):
-                raise BadData(f"{count} feature points are named, but their {side} has shape {array.shape}")
+                raise BadData(
+                    f"{count} feature points are named, but their {side} has shape {array.shape}"
+                )
             if not np.isfinite(array).all():
                 raise BadData(f"a feature point's {side} is not finite: leave it out")
             object.__setattr__(self, side, array)
@@ -94,8 +105,15 @@ class FeaturePoints:
 
     def at(self, kept: np.ndarray) -> FeaturePoints:
         """Some of them, by their numbers."""
-        weights, radii = (None if values is None else values[kept] for values in (self.weights, self.radii))
-        return FeaturePoints(tuple(self.names[i] for i in kept), self.source[kept], self.target[kept], weights, radii)
+        weights = None if self.weights is None else self.weights[kept]
+        radii = None if self.radii is None else self.radii[kept]
+        return FeaturePoints(
+            names=tuple(self.names[i] for i in kept),
+            source=self.source[kept],
+            target=self.target[kept],
+            weights=weights,
+            radii=radii,
+        )
 
 
 @dataclass(frozen=True)
@@ -104,12 +122,12 @@ class MapOptions:
 
     Attributes
     ----------
-    map : "ssd" blends local transforms of the feature points by their distance, "rbf" adds radial functions to an
-        affine map, "affine", "similarity" and "rigid" fit one transform to all
+    map : "ssd" blends local transforms of the feature points by their distance, "rbf" adds radial
+        functions to an affine map, "affine", "similarity" and "rigid" fit one transform to all
     exponent : of the distance, in the weights of "ssd"
     kernel : of "rbf", the distance or its cube
-    smoothing : how far "ssd" and "rbf" pass by the feature points, root mean square, for landmarks picked with errors
-        [m]; 0 goes through them
+    smoothing : how far "ssd" and "rbf" pass by the feature points, root mean square, for landmarks
+        picked with errors [m]; 0 goes through them
     """
 
     map: MapKind = "ssd"
@@ -119,29 +137,41 @@ class MapOptions:
 
     def __post_init__(self) -> None:
         if not 1.0 < self.exponent <= 16.0:
-            raise BadData(f"exponent of the distance weights is {self.exponent:g}: expected more than 1 and at most 16")
+            raise BadData(
+                f"exponent of the distance weights is {self.exponent:g}: expected more than 1 and"
+                " at most 16"
+            )
         if not 0.0 <= self.smoothing < np.inf:
             raise BadData(f"smoothing is {self.smoothing:g}: expected 0 or more meters")
 
 
-SAME_PLACE = 1e-6  # Features of the source nearer to each other than this share of the bone are one.
+# Features of the source nearer to each other than this share of the bone are one.
+SAME_PLACE = 1e-6
 
 
 def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> PointMap:
-    """The map through feature points, or nearest to them. Features at the same place are taken together. What the
-    features do not show (across the plane of flat ones) is that of the similarity nearest to them; `feature_warnings`
-    says when.
+    """The map through feature points, or nearest to them. Features at the same place are taken
+    together. What the features do not show (across the plane of flat ones) is that of the
+    similarity nearest to them; `feature_warnings` says when.
     """
     options = options or MapOptions()
     merged = _merged(features)
-    source, target, weights = merged.source, merged.target, merged.weights
+    source = merged.source
+    target = merged.target
+    weights = merged.weights
     if options.map in ("rigid", "similarity"):
-        return AffineMap.from_similarity(procrustes(source, target, options.map == "similarity", weights))
+        return AffineMap.from_similarity(
+            procrustes(source, target, options.map == "similarity", weights)
+        )
     if options.map == "ssd":
         whole = fit_whole(source, target, weights)
         return fit_subspace(source, target, whole, options.exponent, options.smoothing)
     affine = fit_affine(source, target, weights)
-    return affine if options.map == "affine" else fit_radial(source, target, affine, options.kernel, options.smoothing)
+    return (
+        affine
+        if options.map == "affine"
+        else fit_radial(source, target, affine, options.kernel, options.smoothing)
+    )
 
 
 def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
@@ -149,13 +179,17 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
     warnings = []
     merged = _merged(features)
     if len(merged) < len(features):
-        warnings.append(f"{len(features) - len(merged)} of {len(features)} feature points share a place: joined")
+        warnings.append(
+            f"{len(features) - len(merged)} of {len(features)} feature points share a place: joined"
+        )
     if len(merged) == 4:
-        warnings.append("four feature points do not distinguish scaling from picking errors: pick a fifth")
+        warnings.append(
+            "four feature points do not distinguish scaling from picking errors: pick a fifth"
+        )
     if len(unknown_directions(merged.source)):
         warnings.append(
-            f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as along it; "
-            "pick one beside it"
+            f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as"
+            " along it; pick one beside it"
         )
     return tuple(warnings)
 
@@ -170,7 +204,9 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
     if len(features) < 2:
         return features
     size = float(np.ptp(features.source, axis=0).max())
-    pairs = scipy.spatial.cKDTree(features.source).query_pairs(SAME_PLACE * size, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(features.source).query_pairs(
+        SAME_PLACE * size, output_type="ndarray"
+    )
     if not len(pairs):
         return features
     count = len(features)
@@ -181,11 +217,16 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
     first = np.unique(label, return_index=True)[1]
 
     def mean(points: Array) -> Array:
-        return np.column_stack([np.bincount(label, share * column, groups) / total for column in points.T])
+        return np.column_stack(
+            [np.bincount(label, share * column, groups) / total for column in points.T]
+        )
 
     weights = None if features.weights is None else total
     return FeaturePoints(
-        tuple(features.names[index] for index in first), mean(features.source), mean(features.target), weights
+        names=tuple(features.names[index] for index in first),
+        source=mean(features.source),
+        target=mean(features.target),
+        weights=weights,
     )
 
 
@@ -204,12 +245,15 @@ class BoneMap:
     body : of the source
     target_body : of the target; another name where the species have another skeleton
     map : from the source body's frame to the target body's
-    whole : the similarity that the map comes nearest to: turns joint axes and wrap objects, tells left from right
-    basis : "bone" (surfaces and their features), "landmarks" (points alone), "neighbors" (scaled as the bodies around),
-        "surrounding" (a virtual link, mapped by the features of several bones), "given"
+    whole : the similarity that the map comes nearest to: turns joint axes and wrap objects, tells
+        left from right
+    basis : "bone" (surfaces and their features), "landmarks" (points alone), "neighbors" (scaled as
+        the bodies around), "surrounding" (a virtual link, mapped by the features of several bones),
+        "given"
     source, target : surfaces in their bodies' frames, None where there is none
     features : what the map was made from
-    measures : how good it is, by name with its unit ("residual [m]", "coverage", "inverted"), for tables
+    measures : how good it is, by name with its unit ("residual [m]", "coverage", "inverted"), for
+        tables
     notes : what looks wrong or was assumed, one line each
     """
 
@@ -227,12 +271,14 @@ class BoneMap:
     def shifted(self, by: Array) -> BoneMap:
         """The map to places that lie further on in the target body by a vector (3,) [m]."""
         moved = PlacedMap(STAYS, self.map, AffineMap(np.eye(3), by))
-        return replace(self, map=moved, whole=replace(self.whole, translation=self.whole.translation + by))
+        return replace(
+            self, map=moved, whole=replace(self.whole, translation=self.whole.translation + by)
+        )
 
 
 def radii_around(places: Array, radii: Array | None, asked: Array) -> Array:
-    """Distances (n,) within which points `asked` (n, 3) of a surface belong with 90 % [m], from the radii of the
-    features around them; NaN where nothing is known.
+    """Distances (n,) within which points `asked` (n, 3) of a surface belong with 90 % [m], from the
+    radii of the features around them; NaN where nothing is known.
     """
     known = np.zeros(0, dtype=np.intp) if radii is None else np.flatnonzero(np.isfinite(radii))
     if radii is None or len(known) < AROUND:
@@ -252,10 +298,13 @@ def neighbors_of(model: Model) -> dict[str, list[str]]:
 
 
 def nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
-    """Bones that are reached from a body through the tree without passing another, the nearest first."""
+    """Bones that are reached from a body through the tree without passing another, the nearest
+    first.
+    """
     ties = neighbors_of(model)
     reached: list[str] = []
-    open_, seen = [body], {body, GROUND}
+    open_ = [body]
+    seen = {body, GROUND}
     while open_:
         for name in ties[open_.pop(0)]:
             if name in seen:
@@ -266,7 +315,9 @@ def nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tupl
 
 
 def muscle_sizes(source: Model, bones: Mapping[str, BoneMap]) -> dict[str, float]:
-    """How many times larger the target is around each muscle: mean scale of the maps of its points' bones."""
+    """How many times larger the target is around each muscle: mean scale of the maps of its points'
+    bones.
+    """
     result: dict[str, float] = {}
     for muscle in source.muscles:
         owners = dict.fromkeys(point.body for point in muscle.path.points)

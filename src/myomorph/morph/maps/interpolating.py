@@ -1,8 +1,9 @@
-"""Maps through feature points: radial basis functions, and skeletal subspace deformation ([D] chapter 2).
+"""Maps through feature points: radial basis functions, and skeletal subspace deformation ([D]
+chapter 2).
 
-Radial functions stand on top of an affine map. In three dimensions |x| gives the biharmonic spline and |x|^3 the
-triharmonic one (Duchon 1977): they go through scattered points with the least bending of their kind. Subspace
-deformation blends local transforms of the feature points by their distance.
+Radial functions stand on top of an affine map. In three dimensions |x| gives the biharmonic spline
+and |x|^3 the triharmonic one (Duchon 1977): they go through scattered points with the least bending
+of their kind. Subspace deformation blends local transforms of the feature points by their distance.
 """
 
 from __future__ import annotations
@@ -41,7 +42,10 @@ class RadialMap:
         flat = array.reshape(-1, 3)
         moved = self.whole.apply(flat)
         for part in _chunks(len(flat), len(self.points), RADIAL_PAIRS):
-            moved[part] += _phi(scipy.spatial.distance.cdist(flat[part], self.points), self.kernel) @ self.coefficients
+            moved[part] += (
+                _phi(scipy.spatial.distance.cdist(flat[part], self.points), self.kernel)
+                @ self.coefficients
+            )
         return moved.reshape(array.shape)
 
     def jacobian(self, points: ArrayLike) -> Array:
@@ -59,11 +63,13 @@ class RadialMap:
         return result.reshape(*array.shape[:-1], 3, 3)
 
 
-def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, smoothing: float = 0.0) -> RadialMap:
-    """Functions through feature points (features, 3), or past them by no more than a root mean square distance [m].
-    With [[K + m I, P], [P^T, 0]] [c; a] = [y; 0] the map passes the features by m c. `smoothing` fixes m: the root mean
-    square of these distances, or that of the affine map alone where this is less. What `whole` makes of an unknown
-    direction is kept.
+def fit_radial(
+    source: Array, target: Array, whole: AffineMap, kernel: Kernel, smoothing: float = 0.0
+) -> RadialMap:
+    """Functions through feature points (features, 3), or past them by no more than a root mean
+    square distance [m]. With [[K + m I, P], [P^T, 0]] [c; a] = [y; 0] the map passes the features
+    by m c. `smoothing` fixes m: the root mean square of these distances, or that of the affine map
+    alone where this is less. What `whole` makes of an unknown direction is kept.
     """
     rest = target - whole.apply(source)
     middle = source.mean(axis=0)
@@ -75,11 +81,20 @@ def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, s
     system = _System(values, np.column_stack([np.ones(len(source)), scaled @ known.T]))
     with threadpool_limits(1, "blas"):
         if smoothing > 0.0 and np.sqrt(np.mean(np.sum(rest**2, axis=1))) <= smoothing:
-            return RadialMap(whole, source, np.zeros_like(source), kernel)
-        coefficients, linear = system.solved(rest, 0.0 if smoothing == 0.0 else system.penalty(rest, smoothing, kernel))
+            return RadialMap(
+                whole=whole, points=source, coefficients=np.zeros_like(source), kernel=kernel
+            )
+        coefficients, linear = system.solved(
+            rest, 0.0 if smoothing == 0.0 else system.penalty(rest, smoothing, kernel)
+        )
     turned = linear[1:].T @ known / size
     affine = AffineMap(whole.matrix + turned, whole.offset + linear[0] - turned @ middle)
-    return RadialMap(affine, source, coefficients / size ** (1 if kernel == "r" else 3), kernel)
+    return RadialMap(
+        whole=affine,
+        points=source,
+        coefficients=coefficients / size ** (1 if kernel == "r" else 3),
+        kernel=kernel,
+    )
 
 
 @read_only
@@ -100,7 +115,9 @@ class _System:
         return solution[:count], solution[count:]
 
     def penalty(self, rest: Array, smoothing: float, kernel: Kernel) -> float:
-        """With the sign that keeps the problem definite: r is negative definite on what polynomials leave."""
+        """With the sign that keeps the problem definite: r is negative definite on what polynomials
+        leave.
+        """
         sign = -1.0 if kernel == "r" else 1.0
 
         def passed(logarithm: float) -> float:
@@ -108,7 +125,8 @@ class _System:
             coefficients = self.solved(rest, penalty)[0]
             return float(np.sqrt(np.mean(np.sum((penalty * coefficients) ** 2, axis=1))))
 
-        low, high = np.log(1e-12), np.log(1e6)
+        low = np.log(1e-12)
+        high = np.log(1e6)
         while high - low > 1e-3:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if passed(middle) < smoothing else (low, middle)
@@ -120,21 +138,26 @@ def _phi(distance: Array, kernel: Kernel) -> Array:
 
 
 STIFFNESS = 0.5
-"""How strongly a local transform holds on to that of the whole bone, against what its neighbors say.
+"""How strongly a local transform holds on to that of the whole bone, against what its neighbors
+say.
 
-This, `GRADIENT_EXPONENT` and the default exponent were chosen with the persons of `benchmarks/accuracy/morph/shapes.py`
-in view; errors of transferred points change by less than a tenth between 0.3 and 1."""
+This, `GRADIENT_EXPONENT` and the default exponent were chosen with the persons of
+`benchmarks/accuracy/morph/shapes.py` in view; errors of transferred points change by less than a
+tenth between 0.3 and 1.
+"""
 
-GRADIENT_EXPONENT = 4.0  # Of the distance, in the weights with which neighbors tell of a local transform.
+# Of the distance, in the weights with which neighbors tell of a local transform.
+GRADIENT_EXPONENT = 4.0
 SUBSPACE_PAIRS = 100_000  # Pairs of points and features at a time.
 AT_FEATURE = 1e-12  # A point this near to a feature, as a share of the bone, is at it.
 
 
 @read_only
 class SubspaceMap:
-    """Every feature has a transform; a point goes where they send it, each counting by its distance. Feature i sends x
-    to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x) with w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It
-    goes through every feature, has the Jacobian A_i there, and is an affine map exactly where all A_i are that map's.
+    """Every feature has a transform; a point goes where they send it, each counting by its
+    distance. Feature i sends x to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x)
+    with w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It goes through every feature, has the Jacobian
+    A_i there, and is an affine map exactly where all A_i are that map's.
     """
 
     whole: AffineMap  # of the whole bone, from `fit_whole`
@@ -169,13 +192,17 @@ class SubspaceMap:
         """Derivatives (..., 3, 3): the A_i by their weights, and what the weights' own change adds."""
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
-        result, start, slopes = np.empty((len(flat), 3, 3)), self._start(), self.slopes.reshape(-1, 9)
+        result = np.empty((len(flat), 3, 3))
+        start = self._start()
+        slopes = self.slopes.reshape(-1, 9)
         for part in _chunks(len(flat), len(self.points)):
             squared = self._squared(flat[part])
             weights = self._weights(squared)
             sent = (flat[part] @ self.slopes.reshape(-1, 3).T).reshape(len(squared), -1, 3) + start
             sent -= np.einsum("mn,mnk->mk", weights, sent)[:, None]
-            sent *= np.divide(weights, squared, out=np.zeros_like(weights), where=squared > 0)[:, :, None]
+            sent *= np.divide(weights, squared, out=np.zeros_like(weights), where=squared > 0)[
+                :, :, None
+            ]
             change = np.matmul(sent.transpose(0, 2, 1), flat[part][:, None] - self.points)
             result[part] = (weights @ slopes).reshape(-1, 3, 3) - self.exponent * change
         return (self.whole.matrix + result).reshape(*array.shape[:-1], 3, 3)
@@ -216,19 +243,25 @@ class SubspaceMap:
 def fit_subspace(
     source: Array, target: Array, whole: AffineMap, exponent: float, smoothing: float = 0.0
 ) -> SubspaceMap:
-    """Local transforms of features (features, 3) from their neighbors. A_i minimizes sum_j |x_j - x_i|^-q |y_j - y_i -
-    A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is `STIFFNESS` times the mean over directions of sum_j |x_j - x_i|^(2
-    - q). `smoothing`: root mean square distance by which features are moved towards where the others send them, or all
+    """Local transforms of features (features, 3) from their neighbors. A_i minimizes sum_j |x_j -
+    x_i|^-q |y_j - y_i - A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is `STIFFNESS` times the mean
+    over directions of sum_j |x_j - x_i|^(2
+    - q). `smoothing`: root mean square distance by which features are moved towards where the
+        others send them, or all
     the way where this is less [m].
     """
     shifts: Array = target - whole.apply(source)
-    subspace_map = SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)
+    subspace_map = SubspaceMap(
+        whole=whole, points=source, shifts=shifts, slopes=_slopes(source, shifts), exponent=exponent
+    )
     if smoothing == 0.0:
         return subspace_map
     away = subspace_map.foreseen() - shifts
     far = float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
     shifts = shifts + min(1.0, smoothing / far) * away if far > 0.0 else shifts
-    return SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)
+    return SubspaceMap(
+        whole=whole, points=source, shifts=shifts, slopes=_slopes(source, shifts), exponent=exponent
+    )
 
 
 def _slopes(source: Array, shifts: Array) -> Array:
@@ -238,7 +271,9 @@ def _slopes(source: Array, shifts: Array) -> Array:
         for part in _chunks(len(source), len(source)):
             away = source[None] - source[part][:, None]
             squared = scipy.spatial.distance.cdist(source[part], source, "sqeuclidean")
-            weights = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0) ** (GRADIENT_EXPONENT / 2)
+            weights = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0) ** (
+                GRADIENT_EXPONENT / 2
+            )
             weighted = weights[:, :, None] * away
             spread = np.matmul(weighted.transpose(0, 2, 1), away)
             rise = np.matmul(weighted.transpose(0, 2, 1), shifts[None] - shifts[part][:, None])

@@ -11,9 +11,12 @@ from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform
 
-WRONG = 4.0  # A pick this many times further from where the others put it than they are from each other is named.
+# A pick this many times further from where the others put it than they are from each other is
+# named.
+WRONG = 4.0
 LEAST_WRONG = 0.004  # And at least that far [m].
-MIRRORED = 0.3  # Share of the residual that a mirrored fit leaves where one side was taken for the other.
+# Share of the residual that a mirrored fit leaves where one side was taken for the other.
+MIRRORED = 0.3
 
 
 @read_only
@@ -36,7 +39,9 @@ class Similarity:
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) transferred."""
-        return self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
+        return (
+            self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
+        )
 
     def inverse(self) -> Similarity:
         """The way back."""
@@ -55,7 +60,8 @@ class PointFit:
 
     similarity: Similarity  # from the source's frame to the target's
     residuals: Array  # (points,) distances that remain [m]
-    left_out: Array  # (points,) distances when the pick itself is left out [m]; NaN with three points
+    # (points,) distances when the pick itself is left out [m]; NaN with three points
+    left_out: Array
     notes: tuple[str, ...] = ()  # wrong picks and mirrored sides, one line each
 
     @property
@@ -64,21 +70,32 @@ class PointFit:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
 
-def procrustes(source: Array, target: Array, scale: bool = False, weights: Array | None = None) -> Similarity:
-    """The similarity that brings points (points, 3) onto others with least squares (Kabsch 1976, Umeyama 1991)."""
-    source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+def procrustes(
+    source: Array, target: Array, scale: bool = False, weights: Array | None = None
+) -> Similarity:
+    """The similarity that brings points (points, 3) onto others with least squares (Kabsch 1976,
+    Umeyama 1991).
+    """
+    source = np.asarray(source, dtype=np.float64)
+    target = np.asarray(target, dtype=np.float64)
     if source.shape != target.shape or source.ndim != 2 or len(source) < 3:
-        raise BadData(f"expected at least three pairs of points, but got {source.shape} and {target.shape}")
+        raise BadData(
+            f"expected at least three pairs of points, but got {source.shape} and {target.shape}"
+        )
     if not (np.isfinite(source).all() and np.isfinite(target).all()):
         raise BadData("a point is not finite: leave it out")
     share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
     share = (share / share.sum())[:, None]
-    middle, goal = (share * source).sum(axis=0), (share * target).sum(axis=0)
-    x, y = source - middle, target - goal
+    middle = (share * source).sum(axis=0)
+    goal = (share * target).sum(axis=0)
+    x = source - middle
+    y = target - goal
     for points in (x, y):
         spread = np.linalg.svd(points, compute_uv=False)
         if spread[1] < 0.02 * spread[0] or spread[0] == 0:
-            raise BadData("the points lie on a line, about which nothing is known: pick one beside it")
+            raise BadData(
+                "the points lie on a line, about which nothing is known: pick one beside it"
+            )
     u, d, vt = np.linalg.svd((share * y).T @ x)
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation = (u * signs) @ vt
@@ -87,44 +104,68 @@ def procrustes(source: Array, target: Array, scale: bool = False, weights: Array
 
 
 def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool = False) -> PointFit:
-    """`procrustes` with its residuals, and what looks wrong: a pick that the others contradict, a mirrored side."""
-    source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    """`procrustes` with its residuals, and what looks wrong: a pick that the others contradict, a
+    mirrored side.
+    """
+    source = np.asarray(source, dtype=np.float64)
+    target = np.asarray(target, dtype=np.float64)
     fit = procrustes(source, target, scale)
     residuals = np.linalg.norm(fit.apply(source) - target, axis=1)
-    left_out, of_others = np.full(len(names), np.nan), np.full(len(names), np.nan)
+    left_out = np.full(len(names), np.nan)
+    of_others = np.full(len(names), np.nan)
     notes: list[str] = []
     if len(names) > 3:
         for index in range(len(names)):
             rest = np.delete(np.arange(len(names)), index)
             other = procrustes(source[rest], target[rest], scale and len(names) > 4)
             apart = np.linalg.norm(other.apply(source) - target, axis=1)
-            left_out[index], of_others[index] = apart[index], float(np.sqrt(np.mean(apart[rest] ** 2)))
+            left_out[index], of_others[index] = (
+                apart[index],
+                float(np.sqrt(np.mean(apart[rest] ** 2))),
+            )
         notes = _warnings(names, source, target, scale, residuals, left_out, of_others)
-    return PointFit(fit, frozen_array(residuals), frozen_array(left_out), tuple(notes))
+    return PointFit(
+        similarity=fit,
+        residuals=frozen_array(residuals),
+        left_out=frozen_array(left_out),
+        notes=tuple(notes),
+    )
 
 
 def _warnings(
-    names: Sequence[str], source: Array, target: Array, scale: bool, residuals: Array, left_out: Array, of_others: Array
+    names: Sequence[str],
+    source: Array,
+    target: Array,
+    scale: bool,
+    residuals: Array,
+    left_out: Array,
+    of_others: Array,
 ) -> list[str]:
     rms = float(np.sqrt(np.mean(residuals**2)))
     mirrored = procrustes(source * [-1.0, 1.0, 1.0], target, scale)
     beside = np.linalg.norm(mirrored.apply(source * [-1.0, 1.0, 1.0]) - target, axis=1)
     if rms > LEAST_WRONG and float(np.sqrt(np.mean(beside**2))) < MIRRORED * rms:
         return [
-            f"the picked points fit {rms / np.sqrt(np.mean(beside**2)):.0f} times better mirrored: is it a bone of the "
-            "other side?"
+            f"the picked points fit {rms / np.sqrt(np.mean(beside**2)):.0f} times better mirrored:"
+            " is it a bone of the other side?"
         ]
     worst = int(np.argmin(of_others))
-    if left_out[worst] > max(WRONG * of_others[worst], LEAST_WRONG) and of_others[worst] < 0.5 * rms:
+    if (
+        left_out[worst] > max(WRONG * of_others[worst], LEAST_WRONG)
+        and of_others[worst] < 0.5 * rms
+    ):
         return [
-            f"picked point '{names[worst]}' lies {1e3 * left_out[worst]:.1f} mm from where the others put it (they "
-            f"agree within {1e3 * of_others[worst]:.1f} mm): wrongly picked, or named after another"
+            f"picked point '{names[worst]}' lies {1e3 * left_out[worst]:.1f} mm from where the"
+            f" others put it (they agree within {1e3 * of_others[worst]:.1f} mm): wrongly picked,"
+            " or named after another"
         ]
     return []
 
 
 FLAT = 0.02
-"""Points whose spread along a direction is below this share of their greatest show nothing about that direction."""
+"""Points whose spread along a direction is below this share of their greatest show nothing about
+that direction.
+"""
 
 FOLDS = 24  # Parts in which many features are left out in turn.
 
@@ -164,16 +205,18 @@ class AffineMap:
 
 
 def fit_affine(source: Array, target: Array, weights: Array | None = None) -> AffineMap:
-    """The affine map that brings points (points, 3) nearest to others, a similarity along directions of which they tell
-    nothing. Four points that are not in a plane are reproduced exactly. Points in a plane (three always are) fix the
-    map in that plane alone; across it the map is that of `procrustes` with scale.
+    """The affine map that brings points (points, 3) nearest to others, a similarity along
+    directions of which they tell nothing. Four points that are not in a plane are reproduced
+    exactly. Points in a plane (three always are) fix the map in that plane alone; across it the map
+    is that of `procrustes` with scale.
     """
     start = AffineMap.from_similarity(procrustes(source, target, True, weights))
     share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
     share = share / share.sum()
     known = _spanned(source, share)
     rest = target - start.apply(source)
-    middle, goal = share @ source, share @ rest
+    middle = share @ source
+    goal = share @ rest
     along = (source - middle) @ known.T
     root = np.sqrt(share)[:, None]
     slopes = np.linalg.lstsq(root * along, root * (rest - goal), rcond=None)[0]
@@ -183,12 +226,14 @@ def fit_affine(source: Array, target: Array, weights: Array | None = None) -> Af
 
 
 def fit_whole(source: Array, target: Array, weights: Array | None = None) -> AffineMap:
-    """Between the similarity and the affine map of a bone, by how well each foresees features that it did not see.
+    """Between the similarity and the affine map of a bone, by how well each foresees features that
+    it did not see.
 
-    A few landmarks tell little of how thick a long bone is and of its shear, and an affine map makes the most of their
-    errors, far more so beside the bone. With E the squares of the errors at features left out in turn, the affine map
-    counts 1 - E_affine / E_similarity, the similarity the rest: features that an affine map moves exactly are
-    reproduced exactly, from five on. Four leave nothing to check: they make a similarity.
+    A few landmarks tell little of how thick a long bone is and of its shear, and an affine map
+    makes the most of their errors, far more so beside the bone. With E the squares of the errors at
+    features left out in turn, the affine map counts 1 - E_affine / E_similarity, the similarity the
+    rest: features that an affine map moves exactly are reproduced exactly, from five on. Four leave
+    nothing to check: they make a similarity.
     """
     affine = fit_affine(source, target, weights)
     similarity = AffineMap.from_similarity(procrustes(source, target, True, weights))
@@ -196,7 +241,8 @@ def fit_whole(source: Array, target: Array, weights: Array | None = None) -> Aff
     fold = np.arange(len(source)) % FOLDS
     flat = len(unknown_directions(source))
     for index in range(min(len(source), FOLDS)):
-        rest, out = fold != index, fold == index
+        rest = fold != index
+        out = fold == index
         seen = None if weights is None else weights[rest]
         try:
             if len(unknown_directions(source[rest])) != flat:
@@ -214,7 +260,9 @@ def fit_whole(source: Array, target: Array, weights: Array | None = None) -> Aff
 
 
 def unknown_directions(source: Array) -> Array:
-    """Unit vectors (k, 3) along which points have no extent: none, or the normal of the plane they are in."""
+    """Unit vectors (k, 3) along which points have no extent: none, or the normal of the plane they
+    are in.
+    """
     share = np.full(len(source), 1.0 / len(source))
     known = _spanned(np.asarray(source, dtype=np.float64), share)
     if len(known) == 3:
@@ -224,5 +272,7 @@ def unknown_directions(source: Array) -> Array:
 
 def _spanned(source: Array, share: Array) -> Array:
     """Orthonormal directions (k, 3) in which points spread."""
-    _, spread, rows = np.linalg.svd(np.sqrt(share)[:, None] * (source - share @ source), full_matrices=False)
+    _, spread, rows = np.linalg.svd(
+        np.sqrt(share)[:, None] * (source - share @ source), full_matrices=False
+    )
     return rows[spread > FLAT * spread[0]]

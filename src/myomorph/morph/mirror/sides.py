@@ -1,4 +1,6 @@
-"""Reflections of points, vectors, poses and functions, and the plane of symmetry of a model with its two sides."""
+"""Reflections of points, vectors, poses and functions, and the plane of symmetry of a model with
+its two sides.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from myomorph.model.spatial import Transform
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.rigid.kinematics import standing_poses
 
-SNAP = 1e-6  # A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it.
+# A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it.
+SNAP = 1e-6
 
 
 @read_only
@@ -65,12 +68,16 @@ class Reflection:
         return -self.vectors(turns)
 
     def pose(self, pose: Transform, inner: Reflection) -> Transform:
-        """The pose of a frame on the other side, itself reflected by `inner` so that it is right-handed again."""
+        """The pose of a frame on the other side, itself reflected by `inner` so that it is
+        right-handed again.
+        """
         return Transform(self.matrix @ pose.rotation @ inner.matrix, self.points(pose.translation))
 
     def seen_from(self, pose: Transform) -> Reflection:
         """The same plane in the frame that has this pose."""
-        return Reflection(pose.rotation.T @ self.normal, self.offset - float(self.normal @ pose.translation))
+        return Reflection(
+            pose.rotation.T @ self.normal, self.offset - float(self.normal @ pose.translation)
+        )
 
 
 def flip(axis: int) -> Reflection:
@@ -85,29 +92,38 @@ def backwards(function: Function, signs: tuple[float, ...], factor: float = 1.0)
     if all(sign > 0.0 for sign in signs) or function.arity == 0:
         return function
     if not isinstance(function, PiecewisePolynomial):
-        return replace(function, frequencies=function.frequencies * np.array(signs[: function.arity]))
-    breaks, rows = function.breaks, function.coefficients
+        return replace(
+            function, frequencies=function.frequencies * np.array(signs[: function.arity])
+        )
+    breaks = function.breaks
+    rows = function.coefficients
     starts = np.concatenate([breaks[-1:], breaks[:0:-1]])
     pieces = zip(rows[::-1], breaks[::-1], starts, strict=True)
-    return PiecewisePolynomial(-starts, np.array([substituted(row, at - begin, -1.0) for row, begin, at in pieces]))
+    return PiecewisePolynomial(
+        -starts, np.array([substituted(row, at - begin, -1.0) for row, begin, at in pieces])
+    )
 
 
 AXES = {"x": 0, "y": 1, "z": 2}
-ON_PLANE = 0.005  # A body whose origin lies nearer to the plane than this share of the model's extent is in the middle.
-OFF_PLANE = 0.02  # A marker whose name begins with R or L is a side's from this share of the model's extent on.
+# A body whose origin lies nearer to the plane than this share of the model's extent is in the
+# middle.
+ON_PLANE = 0.005
+# A marker whose name begins with R or L is a side's from this share of the model's extent on.
+OFF_PLANE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class OtherSide:
     """How the names and places of a model become those of the other side."""
 
-    # of every body (and the ground) in its frame: that of symmetry for those in the middle, one across an axis of the
-    # frame for the others
+    # of every body (and the ground) in its frame: that of symmetry for those in the middle, one
+    # across an axis of the frame for the others
     planes: Mapping[str, Reflection]
     middle: frozenset[str]  # bodies that are their own other side
     # of coordinates whose axes in the middle turn round, -1 (pelvis list); all others have 1
     signs: Mapping[str, float]
-    named: Callable[[str, str], str]  # from a kind ("bodies") and a name to the name on the other side
+    # from a kind ("bodies") and a name to the name on the other side
+    named: Callable[[str, str], str]
 
     def of(self, names: Iterable[str]) -> tuple[float, ...]:
         """Signs of coordinates."""
@@ -121,25 +137,35 @@ def other_side_of(
     middle: Collection[str] | None = None,
     suffix: str = "",
 ) -> OtherSide:
-    """Find out what of a model is in the middle and what belongs to a side. `axis`: of ground across the plane of
-    symmetry; `point`: of the plane, with all coordinates at zero [m]; `middle`: by default bodies whose name tells no
-    side, on the plane and on no body of a side (where no name tells a side, their mass center must lie on the plane
-    too).
+    """Find out what of a model is in the middle and what belongs to a side. `axis`: of ground
+    across the plane of symmetry; `point`: of the plane, with all coordinates at zero [m]; `middle`:
+    by default bodies whose name tells no side, on the plane and on no body of a side (where no name
+    tells a side, their mass center must lie on the plane too).
     """
     known = {name: np.eye(3)[index] for name, index in AXES.items()}
-    normal = known.get(axis, np.zeros(3)) if isinstance(axis, str) else np.asarray(axis, dtype=np.float64)
+    normal = (
+        known.get(axis, np.zeros(3))
+        if isinstance(axis, str)
+        else np.asarray(axis, dtype=np.float64)
+    )
     if normal.shape != (3,) or not np.linalg.norm(normal) > 0.0:
-        raise BadModel(f"the axis across the plane of symmetry is {axis!r}: expected 'x', 'y', 'z' or a vector")
+        raise BadModel(
+            f"the axis across the plane of symmetry is {axis!r}: expected 'x', 'y', 'z' or a vector"
+        )
     for name in middle or ():
         check_name("body", name, model.body_names)
     resting = standing_poses(model, dict.fromkeys(model.coordinate_names, 0.0))
-    ground = Reflection(normal, float(Reflection(normal).normal @ np.asarray(point, dtype=np.float64)))
+    ground = Reflection(
+        normal, float(Reflection(normal).normal @ np.asarray(point, dtype=np.float64))
+    )
     origins = np.array([pose.translation for pose in resting.values()])
     extent = float(np.linalg.norm(np.ptp(origins, axis=0)))
     _check_axis(model, resting, ground)
     planes, inside = _planes(model, resting, ground, extent, middle)
     named = _names(model, planes, inside, extent, suffix)
-    return OtherSide(planes, frozenset(inside), _signs(model, planes, inside), named)
+    return OtherSide(
+        planes=planes, middle=frozenset(inside), signs=_signs(model, planes, inside), named=named
+    )
 
 
 def _check_axis(model: Model, resting: Mapping[str, Transform], ground: Reflection) -> None:
@@ -147,37 +173,53 @@ def _check_axis(model: Model, resting: Mapping[str, Transform], ground: Reflecti
     apart = [
         resting[name].translation - resting[other].translation
         for name, other in pairs.items()
-        if name < other and np.linalg.norm(resting[name].translation - resting[other].translation) > 0.0
+        if name < other
+        and np.linalg.norm(resting[name].translation - resting[other].translation) > 0.0
     ]
     if not apart:
         return
-    along = [float(np.median([abs(difference @ n) for difference in apart])) for n in (ground.normal, *np.eye(3))]
+    along = [
+        float(np.median([abs(difference @ n) for difference in apart]))
+        for n in (ground.normal, *np.eye(3))
+    ]
     best = int(np.argmax(along[1:]))
     if along[0] < 0.5 * along[1 + best]:
         raise BadModel(
-            f"model '{model.name}': right and left bodies face each other along {'xyz'[best]}, not along "
-            f"{ground.normal.tolist()}: mirror across axis '{'xyz'[best]}'"
+            f"model '{model.name}': right and left bodies face each other along {'xyz'[best]}, not"
+            f" along {ground.normal.tolist()}: mirror across axis '{'xyz'[best]}'"
         )
 
 
 def _planes(
-    model: Model, resting: Mapping[str, Transform], ground: Reflection, extent: float, stated: Collection[str] | None
+    model: Model,
+    resting: Mapping[str, Transform],
+    ground: Reflection,
+    extent: float,
+    stated: Collection[str] | None,
 ) -> tuple[dict[str, Reflection], set[str]]:
     joints = {joint.child: joint for joint in model.joints}
-    sided = any(other_side(name) for name in (*model.body_names, *model.coordinate_names, *model.muscle_names))
-    planes, inside, inner = {GROUND: ground}, {GROUND}, {GROUND: ground.axis}
+    sided = any(
+        other_side(name)
+        for name in (*model.body_names, *model.coordinate_names, *model.muscle_names)
+    )
+    planes = {GROUND: ground}
+    inside = {GROUND}
+    inner = {GROUND: ground.axis}
     for body in model.bodies:
         parent = joints[body.name].parent
         plane = ground.seen_from(resting[body.name])
         near = extent * ON_PLANE
         if stated is None:
-            lies = abs(plane.offset) <= near and (sided or abs(body.mass_center @ plane.normal - plane.offset) <= near)
+            lies = abs(plane.offset) <= near and (
+                sided or abs(body.mass_center @ plane.normal - plane.offset) <= near
+            )
             is_middle = parent in inside and not other_side(body.name) and lies
         else:
             is_middle = body.name in stated
         if is_middle:
             inside.add(body.name)
-            planes[body.name], inner[body.name] = plane, plane.axis
+            planes[body.name] = plane
+            inner[body.name] = plane.axis
             continue
         across = np.abs(planes[parent].normal).max() == 1.0
         inner[body.name] = inner[parent] if across else plane.axis
@@ -185,7 +227,9 @@ def _planes(
     return planes, inside
 
 
-def _signs(model: Model, planes: Mapping[str, Reflection], middle: Collection[str]) -> Mapping[str, float]:
+def _signs(
+    model: Model, planes: Mapping[str, Reflection], middle: Collection[str]
+) -> Mapping[str, float]:
     """-1 for coordinates of the middle all of whose axes turn round in its plane."""
     votes: dict[str, set[bool]] = {}
     for joint in model.joints:
@@ -196,24 +240,33 @@ def _signs(model: Model, planes: Mapping[str, Reflection], middle: Collection[st
             still = isinstance(axis.function, PiecewisePolynomial) and axis.function.arity == 0
             if still or not axis.coordinates or other_side(axis.coordinates[0]):
                 continue
-            image: Array = plane.turns(axis.vector) if axis.kind == "rotation" else plane.vectors(axis.vector)
+            image: Array = (
+                plane.turns(axis.vector) if axis.kind == "rotation" else plane.vectors(axis.vector)
+            )
             round_ = bool(np.linalg.norm(image + axis.vector) < 1e-6)
             votes.setdefault(axis.coordinates[0], set()).add(round_)
     followers = {coupler.dependent for coupler in model.couplers}
     odd = {name for name, seen in votes.items() if seen == {True} and name not in followers}
     for coupler in model.couplers:
-        if votes.get(coupler.dependent) == {True} and all(name in odd for name in coupler.independents):
+        if votes.get(coupler.dependent) == {True} and all(
+            name in odd for name in coupler.independents
+        ):
             odd.add(coupler.dependent)
     return FrozenMap({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
 
 
 def _names(
-    model: Model, planes: Mapping[str, Reflection], middle: Collection[str], extent: float, suffix: str
+    model: Model,
+    planes: Mapping[str, Reflection],
+    middle: Collection[str],
+    extent: float,
+    suffix: str,
 ) -> Callable[[str, str], str]:
     capitals = {
         marker.name
         for marker in model.markers
-        if abs(planes[marker.body].normal @ marker.location - planes[marker.body].offset) > OFF_PLANE * extent
+        if abs(planes[marker.body].normal @ marker.location - planes[marker.body].offset)
+        > OFF_PLANE * extent
         or marker.body not in middle
     }
     tables = {
@@ -224,10 +277,15 @@ def _names(
         "muscles": model.muscle_names,
         "wraps": tuple(item.name for item in model.wrap_objects),
     }
-    known = {kind: _counterparts(names, capitals if kind == "markers" else ()) for kind, names in tables.items()}
+    known = {
+        kind: _counterparts(names, capitals if kind == "markers" else ())
+        for kind, names in tables.items()
+    }
     stays = {
         "bodies": middle,
-        "coordinates": {name for joint in model.joints if joint.child in middle for name in joint.coordinates},
+        "coordinates": {
+            name for joint in model.joints if joint.child in middle for name in joint.coordinates
+        },
     }
 
     def named(kind: str, name: str) -> str:
@@ -245,9 +303,19 @@ def _counterparts(names: tuple[str, ...], capitals: Collection[str]) -> dict[str
     counterparts = {name: other_side(name, capitals=name in capitals) for name in names}
     for name, other in counterparts.items():
         back = known.get(name, "")
-        if other not in counterparts and back and counterparts[back] in ("", name) and known.get(back) == name:
+        if (
+            other not in counterparts
+            and back
+            and counterparts[back] in ("", name)
+            and known.get(back) == name
+        ):
             counterparts[name] = back
         base = next((name.removesuffix(end) for end in ("_r", "_l") if name.endswith(end)), name)
         if base != name and other not in counterparts and counterparts.get(base) == "":
-            counterparts[name], counterparts[base] = base, name
-    return {name: other for name, other in counterparts.items() if other and counterparts.get(other, name) == name}
+            counterparts[name] = base
+            counterparts[base] = name
+    return {
+        name: other
+        for name, other in counterparts.items()
+        if other and counterparts.get(other, name) == name
+    }

@@ -1,4 +1,6 @@
-"""Clusters of spherical markers: found in the surface of a CT, named, and put on a model's bones ([S] figure 3)."""
+"""Clusters of spherical markers: found in the surface of a CT, named, and put on a model's bones
+([S] figure 3).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,15 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.spatial import spread_directions
-from myomorph.model.surface import Surface, body_meshes, connected, edges_of, face_crosses, joined_surfaces, used_part
+from myomorph.model.surface import (
+    Surface,
+    body_meshes,
+    connected,
+    edges_of,
+    face_crosses,
+    joined_surfaces,
+    used_part,
+)
 from myomorph.morph.maps.linear import fit_points
 from myomorph.morph.registration.rigid import SurfaceFit, SurfaceOptions, register_surface
 
@@ -28,7 +38,9 @@ MIN_COUNT = 12  # Points or votes that make a ball.
 ROUND = 0.08  # Share of the radius that the median distance from a sphere may be.
 COVERED = 0.25  # Share of a ball's surface that must be seen.
 LIKE = 3e-4
-"""A second order of the markers whose misfit is nearer than that to the best one's makes the order doubtful [m]."""
+"""A second order of the markers whose misfit is nearer than that to the best one's makes the order
+doubtful [m].
+"""
 
 OTHER = 2e-3  # Misfit above which the scan's cluster is not the recording's [m].
 
@@ -44,11 +56,16 @@ class Ball:
 
 
 def surface_parts(surface: Surface) -> list[Surface]:
-    """The connected parts of a surface, the largest first; corners that lie on each other count as one."""
+    """The connected parts of a surface, the largest first; corners that lie on each other count as
+    one.
+    """
     _, same = np.unique(np.round(surface.vertices, 7), axis=0, return_inverse=True)
     faces = same.reshape(-1)[surface.faces]
     label = connected(int(same.max()) + 1, edges_of(faces))[faces[:, 0]]
-    return [used_part(surface.vertices, surface.faces[label == part]) for part in np.argsort(-np.bincount(label))]
+    return [
+        used_part(surface.vertices, surface.faces[label == part])
+        for part in np.argsort(-np.bincount(label))
+    ]
 
 
 def fit_ball(points: Array, radius: float | None = None) -> Ball:
@@ -57,10 +74,14 @@ def fit_ball(points: Array, radius: float | None = None) -> Ball:
         raise BadData(f"a sphere needs four points, but got {len(points)}")
     middle = points.mean(axis=0)
     x = points - middle
-    linear = np.linalg.lstsq(np.column_stack((2 * x, np.ones(len(x)))), np.sum(x**2, axis=1), rcond=None)[0]
-    center, size = linear[:3], float(np.sqrt(max(linear[3] + linear[:3] @ linear[:3], 0.0)))
+    linear = np.linalg.lstsq(
+        np.column_stack((2 * x, np.ones(len(x)))), np.sum(x**2, axis=1), rcond=None
+    )[0]
+    center = linear[:3]
+    size = float(np.sqrt(max(linear[3] + linear[:3] @ linear[:3], 0.0)))
     if radius is not None and not 0.3 * radius < size < 3.0 * radius:
-        center, size = np.zeros(3), radius
+        center = np.zeros(3)
+        size = radius
     for _ in range(50):
         away = x - center
         distance = np.linalg.norm(away, axis=1)
@@ -68,13 +89,21 @@ def fit_ball(points: Array, radius: float | None = None) -> Ball:
         scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12
         weights = np.minimum(1.0, ROBUST * scale / np.maximum(np.abs(left), 1e-15))
         slopes = np.column_stack((-away / np.maximum(distance, 1e-12)[:, None], -np.ones(len(x))))
-        step = np.linalg.lstsq(slopes * np.sqrt(weights)[:, None], -left * np.sqrt(weights), rcond=None)[0]
-        center, size = center + step[:3], size + float(step[3])
+        step = np.linalg.lstsq(
+            slopes * np.sqrt(weights)[:, None], -left * np.sqrt(weights), rcond=None
+        )[0]
+        center = center + step[:3]
+        size = size + float(step[3])
         if np.linalg.norm(step) < 1e-9:
             break
     away = x - center
     left = np.abs(np.linalg.norm(away, axis=1) - size)
-    return Ball(frozen_array(center + middle), size, float(np.median(left)), _covered(away, left, size))
+    return Ball(
+        center=frozen_array(center + middle),
+        radius=size,
+        residual=float(np.median(left)),
+        covered=_covered(away, left, size),
+    )
 
 
 def _covered(away: Array, left: Array, radius: float) -> float:
@@ -82,14 +111,17 @@ def _covered(away: Array, left: Array, radius: float) -> float:
     on = away[left < 0.2 * radius]
     if not len(on):
         return 0.0
-    nearest = scipy.spatial.cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(spread_directions(200))[0]
+    nearest = scipy.spatial.cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(
+        spread_directions(200)
+    )[0]
     return float(np.mean(nearest < 0.3))
 
 
 def find_balls(surface: Surface, diameter: float = 0.009) -> tuple[Ball, ...]:
-    """The balls of a diameter [m] in a surface, whether apart or grown together with what holds them, the best seen
-    first. A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to
-    at one radius; where votes meet a ball is fitted to the points around.
+    """The balls of a diameter [m] in a surface, whether apart or grown together with what holds
+    them, the best seen first. A part that is one ball is taken whole. Elsewhere every point votes
+    for the center that its normal leads to at one radius; where votes meet a ball is fitted to the
+    points around.
     """
     radius = 0.5 * diameter
     balls: list[Ball] = []
@@ -123,7 +155,8 @@ def _voted(part: Surface, radius: float) -> list[Ball]:
     places = corners.mean(axis=1)
     every = max(1, len(places) // VOTERS)
     voters = places[::every]
-    # The sum of the area vectors of a patch depends on its rim only, so a scan's noise hardly turns it.
+    # The sum of the area vectors of a patch depends on its rim only, so a scan's noise hardly turns
+    # it.
     patches = scipy.spatial.cKDTree(places).query_ball_point(voters, PATCH * radius)
     normals = np.array([crossed[patch].sum(axis=0) for patch in patches])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -131,7 +164,9 @@ def _voted(part: Surface, radius: float) -> list[Ball]:
     whole = np.array([sizes[patch].sum() for patch in patches])[:, None]
     # Around a thin pin or plate the area vectors cancel: what is left of them points nowhere.
     votes = np.where(
-        lengths > SAME_WAY * whole, voters - radius * normals / np.where(lengths > 0, lengths, 1.0), np.inf
+        lengths > SAME_WAY * whole,
+        voters - radius * normals / np.where(lengths > 0, lengths, 1.0),
+        np.inf,
     )
     voting = np.isfinite(votes[:, 0])
     if np.count_nonzero(voting) < MIN_COUNT:
@@ -168,7 +203,8 @@ class NamedCluster:
     """The balls of a cluster with the names of its markers."""
 
     centers: Mapping[str, Array]  # (3,) by marker [m]
-    # root mean square difference of the distances between markers [m]; NaN without distances to compare with
+    # root mean square difference of the distances between markers [m]; NaN without distances to
+    # compare with
     misfit: float
     notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
@@ -179,13 +215,14 @@ def name_cluster(
     distances: Array | None = None,
     picked: Mapping[str, Array] | None = None,
 ) -> NamedCluster:
-    """Which ball is which marker: by points picked near them, or by the distances (markers, markers) between the
-    recorded markers [m], NaN where unknown.
+    """Which ball is which marker: by points picked near them, or by the distances (markers,
+    markers) between the recorded markers [m], NaN where unknown.
     """
     if len(balls) < len(names):
         raise BadData(
-            f"{len(balls)} markers were found in the cluster's surface, expected {len(names)} ({', '.join(names)}): is "
-            "the diameter right, and are the markers part of the surface?"
+            f"{len(balls)} markers were found in the cluster's surface, expected {len(names)}"
+            f" ({', '.join(names)}): is the diameter right, and are the markers part of the"
+            " surface?"
         )
     centers = np.array([ball.center for ball in balls])
     orders = list(permutations(range(len(balls)), len(names)))
@@ -193,10 +230,18 @@ def name_cluster(
         orders = list(permutations(range(len(names))))
     known = [name for name in names if picked and name in picked]
     if not known and distances is None:
-        raise BadData(f"nothing tells the markers {', '.join(names)} apart: pick points near them, or give a recording")
+        raise BadData(
+            f"nothing tells the markers {', '.join(names)} apart: pick points near them, or give a"
+            " recording"
+        )
     near = {index: (picked or {})[name] for index, name in enumerate(names) if name in known}
     by_pick = np.array(
-        [sum(float(np.sum((centers[order[index]] - place) ** 2)) for index, place in near.items()) for order in orders]
+        [
+            sum(
+                float(np.sum((centers[order[index]] - place) ** 2)) for index, place in near.items()
+            )
+            for order in orders
+        ]
     )
     by_size = np.array([_size_cost(centers[list(order)], distances) for order in orders])
     notes = []
@@ -204,26 +249,34 @@ def name_cluster(
         best = int(np.argmin(by_pick))
         if distances is not None and by_size[best] > by_size.min() + 1e-3:
             other = dict(zip(names, orders[int(np.argmin(by_size))], strict=True))
-            swapped = [name for name, ball in zip(names, orders[best], strict=True) if other[name] != ball]
+            swapped = [
+                name for name, ball in zip(names, orders[best], strict=True) if other[name] != ball
+            ]
             notes.append(
-                f"markers {', '.join(swapped)} look swapped: as picked their distances differ by "
-                f"{1e3 * by_size[best]:.1f} mm from the recording's, in another order by {1e3 * by_size.min():.1f} mm"
+                f"markers {', '.join(swapped)} look swapped: as picked their distances differ by"
+                f" {1e3 * by_size[best]:.1f} mm from the recording's, in another order by"
+                f" {1e3 * by_size.min():.1f} mm"
             )
     else:
         best = int(np.argmin(by_size))
         rest = np.delete(by_size, best)
         if len(rest) and by_size[best] < OTHER and rest.min() - by_size[best] < LIKE:
             raise BadData(
-                f"the markers {', '.join(names)} form a triangle of equal sides within {1e3 * rest.min():.1f} mm: "
-                "their distances do not tell which is which; pick a point near one of them"
+                f"the markers {', '.join(names)} form a triangle of equal sides within"
+                f" {1e3 * rest.min():.1f} mm: their distances do not tell which is which; pick a"
+                " point near one of them"
             )
     if distances is not None and by_size[best] > OTHER:
         notes.append(
-            f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root mean square) "
-            "between CT and recording: another cluster, a bent one, or a wrong unit?"
+            f"the distances between {', '.join(names)} differ by {1e3 * by_size[best]:.1f} mm (root"
+            " mean square) between CT and recording: another cluster, a bent one, or a wrong unit?"
         )
-    chosen = {name: frozen_array(centers[ball]) for name, ball in zip(names, orders[best], strict=True)}
-    return NamedCluster(chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes))
+    chosen = {
+        name: frozen_array(centers[ball]) for name, ball in zip(names, orders[best], strict=True)
+    }
+    return NamedCluster(
+        chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes)
+    )
 
 
 def _size_cost(centers: Array, distances: Array | None) -> float:
@@ -236,8 +289,9 @@ def _size_cost(centers: Array, distances: Array | None) -> float:
 
 
 GOOD = 5e-4
-"""Surfaces that come so near [m] need no other starts beside the picked points: bones turned end over end may differ by
-little more than a millimetre."""
+"""Surfaces that come so near [m] need no other starts beside the picked points: bones turned end
+over end may differ by little more than a millimetre.
+"""
 
 FAR = 0.25  # A marker further from its bone than that is named [m].
 
@@ -272,7 +326,9 @@ def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
     parts = body_meshes(body, surfaces)
     if not parts:
         named = ", ".join(mesh.file for mesh in body.meshes if mesh.file) or "none"
-        raise BadData(f"body '{body.name}' has no bone mesh that can be read (the model names {named})")
+        raise BadData(
+            f"body '{body.name}' has no bone mesh that can be read (the model names {named})"
+        )
     return joined_surfaces(parts)
 
 
@@ -284,50 +340,67 @@ def place_scanned_bone(
     picks: Picks | None = None,
     options: SurfaceOptions | None = None,
 ) -> ScannedBone:
-    """Lay the surface of a bone in a CT, or of a part of it, on the bone of a model (`bone_surface`), picked points
-    first. `markers`: (3,) by name in the CT's frame [m].
+    """Lay the surface of a bone in a CT, or of a part of it, on the bone of a model
+    (`bone_surface`), picked points first. `markers`: (3,) by name in the CT's frame [m].
     """
     options = options or SurfaceOptions()
-    start, notes = None, []
+    start = None
+    notes = []
     if picks is not None:
-        fitted = fit_points(picks.names, picks.scanned, picks.modelled, options.scale and len(picks.names) > 3)
+        fitted = fit_points(
+            picks.names, picks.scanned, picks.modelled, options.scale and len(picks.names) > 3
+        )
         notes = [f"{body}: {line}" for line in fitted.notes]
-        # A wrong pick would only lead the surfaces astray; without picks they find each other from many starts.
+        # A wrong pick would only lead the surfaces astray; without picks they find each other from
+        # many starts.
         start = None if fitted.notes else fitted.similarity
     fit = register_surface(scanned, modelled, start, options)
     if start is not None and fit.rms > GOOD:
         other = register_surface(scanned, modelled, None, options)
         if other.rms < 0.7 * fit.rms:
             notes.append(
-                f"{body}: from the picked points the surfaces come to {1e3 * fit.rms:.1f} mm, from other starts to "
-                f"{1e3 * other.rms:.1f} mm, which was taken: were the points picked on this bone?"
+                f"{body}: from the picked points the surfaces come to {1e3 * fit.rms:.1f} mm, from"
+                f" other starts to {1e3 * other.rms:.1f} mm, which was taken: were the points"
+                " picked on this bone?"
             )
             fit = other
     notes += [f"{body}: {line}" for line in fit.notes]
     notes += _warnings(body, fit, scanned, markers)
     frozen = {name: frozen_array(place, (3,)) for name, place in markers.items()}
-    return ScannedBone(body, fit, frozen, tuple(notes))
+    return ScannedBone(body=body, fit=fit, markers=frozen, notes=tuple(notes))
 
 
-def _warnings(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]) -> list[str]:
+def _warnings(
+    body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]
+) -> list[str]:
     notes = []
     size = fit.similarity.scale
     if not 0.8 < size < 1.25:
-        notes.append(f"{body}: the model's bone is {size:.2f} times the scanned one: another bone, or a wrong unit?")
+        notes.append(
+            f"{body}: the model's bone is {size:.2f} times the scanned one: another bone, or a"
+            " wrong unit?"
+        )
     if fit.rms > 0.005:
-        notes.append(f"{body}: the surfaces differ by {1e3 * fit.rms:.1f} mm (root mean square): is it this bone?")
+        notes.append(
+            f"{body}: the surfaces differ by {1e3 * fit.rms:.1f} mm (root mean square): is it this"
+            " bone?"
+        )
     for name, place in markers.items():
         apart = float(np.min(np.linalg.norm(scanned.vertices - place, axis=1)))
         if apart > FAR:
-            notes.append(f"{body}: marker '{name}' lies {1e3 * apart:.0f} mm from the bone: another scan, or unit?")
+            notes.append(
+                f"{body}: marker '{name}' lies {1e3 * apart:.0f} mm from the bone: another scan, or"
+                " unit?"
+            )
     return notes
 
 
 def place_cluster_markers(
     model: Model, bones: Sequence[ScannedBone], path_lengths: Callable[[Model], Array] | None = None
 ) -> Model:
-    """The model with the markers of CT clusters fixed to its bones. Every body gets the size of its scanned bone (see
-    `scale`), so that the markers keep their place on it exactly; `path_lengths`: see `scale`.
+    """The model with the markers of CT clusters fixed to its bones. Every body gets the size of its
+    scanned bone (see `scale`), so that the markers keep their place on it exactly; `path_lengths`:
+    see `scale`.
     """
     names = [bone.body for bone in bones]
     if len(set(names)) != len(names):
@@ -344,6 +417,8 @@ def place_cluster_markers(
     ]
     new = {marker.name for marker in placed}
     if len(new) != len(placed):
-        raise BadData("two clusters hold a marker of one name: marker names are unique over all bones")
+        raise BadData(
+            "two clusters hold a marker of one name: marker names are unique over all bones"
+        )
     kept = tuple(marker for marker in model.markers if marker.name not in new)
     return replace(model, markers=(*kept, *placed))

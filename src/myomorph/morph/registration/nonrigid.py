@@ -1,8 +1,8 @@
 """Dense correspondence of two bones: which point of the target each point of the source becomes.
 
-An affine map first (by the moments of both hulls, from many starts, of which a deformation chooses), then a smooth
-displacement, then the nearest point of the target's surface that faces the same way.
-All sizes are shares of the bones' lengths, so a mouse and a man are matched alike.
+An affine map first (by the moments of both hulls, from many starts, of which a deformation
+chooses), then a smooth displacement, then the nearest point of the target's surface that faces the
+same way. All sizes are shares of the bones' lengths, so a mouse and a man are matched alike.
 """
 
 from __future__ import annotations
@@ -28,8 +28,13 @@ from myomorph.morph.registration.smooth import (
 )
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-COVERED, AGREES, INVERTED, STRETCHED = 0.95, 0.9, 0.01, 4.0
-"""Below this coverage and agreement, above this share inverted and this ratio of areas, a match is questioned."""
+COVERED = 0.95
+AGREES = 0.9
+INVERTED = 0.01
+STRETCHED = 4.0
+"""Below this coverage and agreement, above this share inverted and this ratio of areas, a match is
+questioned.
+"""
 
 ASKED = 4000  # Points of the target of which it is asked whether they are reached.
 ALIKE = 0.5  # Cosine between normals that agree: 60 degrees.
@@ -43,9 +48,11 @@ class MatchQuality:
     residual95: float  # 95 % of the source's area is nearer than that
     symmetric: float  # root mean square distance from the target's points to the matched source
     coverage: float  # share of the target's area that the matched source comes near
-    agreement: float  # share of the source's area whose normals agree with the target's within 60 degrees
+    # share of the source's area whose normals agree with the target's within 60 degrees
+    agreement: float
     inverted: float  # share of the source's area turned over
-    # shrunk, grown: 1 % of the area changes by less than `shrunk` or more than `grown`, over the change of the whole
+    # shrunk, grown: 1 % of the area changes by less than `shrunk` or more than `grown`, over the
+    # change of the whole
     shrunk: float
     grown: float
 
@@ -67,22 +74,31 @@ class MatchQuality:
         texts = []
         if self.residual95 > tolerance:
             texts.append(
-                f"5 % of the bone stay more than {100 * self.residual95:.1f} % of its length from the other's surface "
-                "where it deforms smoothly: other shapes, or not the same bone?"
+                f"5 % of the bone stay more than {100 * self.residual95:.1f} % of its length from"
+                " the other's surface where it deforms smoothly: other shapes, or not the same"
+                " bone?"
             )
         if self.coverage < COVERED:
             texts.append(
-                f"{100 * (1 - self.coverage):.0f} % of the target's surface have no counterpart: more of the bone, or "
-                "parts grown to it?"
+                f"{100 * (1 - self.coverage):.0f} % of the target's surface have no counterpart:"
+                " more of the bone, or parts grown to it?"
             )
         if self.agreement < AGREES:
-            texts.append(f"the surfaces face different ways on {100 * (1 - self.agreement):.0f} % of the bone")
+            texts.append(
+                f"the surfaces face different ways on {100 * (1 - self.agreement):.0f} % of the"
+                " bone"
+            )
         if self.inverted > INVERTED:
-            texts.append(f"the match inverts {100 * self.inverted:.1f} % of the surface: few features are taken there")
+            texts.append(
+                f"the match inverts {100 * self.inverted:.1f} % of the surface: few features are"
+                " taken there"
+            )
         return tuple(texts)
 
 
-def match_quality(ours: Shape, deformed: Shape, goal: Shape, samples: Samples, tolerance: float) -> MatchQuality:
+def match_quality(
+    ours: Shape, deformed: Shape, goal: Shape, samples: Samples, tolerance: float
+) -> MatchQuality:
     """Judge a match: the source, the same deformed, the target, and where the vertices are on it."""
     # A third of every face for each of its corners.
     corners = sum(np.bincount(corner, ours.areas, len(ours.vertices)) for corner in ours.faces.T)
@@ -128,8 +144,10 @@ class PlacedBone:
     """A bone laid on another before it deforms."""
 
     similarity: Similarity  # from the source's frame to the target's [m]
-    affine: AffineMap | None = None  # the same with its stretches [m]; None where only the similarity is known
-    # share of the distance that the mirrored source leaves; NaN where landmarks said how the bones lie
+    # the same with its stretches [m]; None where only the similarity is known
+    affine: AffineMap | None = None
+    # share of the distance that the mirrored source leaves; NaN where landmarks said how the bones
+    # lie
     mirrored: float = float("nan")
     notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
@@ -139,7 +157,8 @@ class SurfaceMatch:
     """Points of a surface and where they are on another."""
 
     points: Array  # (vertices, 3) on the target, one for every vertex of the source [m]
-    # points spread evenly over the source, and where they are on the target, the matched ones alone [m]
+    # points spread evenly over the source, and where they are on the target, the matched ones alone
+    # [m]
     pairs: FeaturePoints
     placed: PlacedBone  # how the source lay before it was deformed
     length: float  # of the target along its longest axis [m]
@@ -154,10 +173,12 @@ def place_bone(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> PlacedBone:
-    """Lay a whole bone on another, which may be cut off: by three or more landmarks that are not on a line, or as its
-    shape and its mirrored shape fit best. `start`: where the source roughly lies, for want of such landmarks.
+    """Lay a whole bone on another, which may be cut off: by three or more landmarks that are not on
+    a line, or as its shape and its mirrored shape fit best. `start`: where the source roughly lies,
+    for want of such landmarks.
     """
-    ours, goal = _Unit(source), _Unit(target)
+    ours = _Unit(source)
+    goal = _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
     near = None if start is None else _between_units(start, 1.0 / ours.length, 1.0 / goal.length)
     aligned = align_bones(ours.surface, goal.surface, pulls, near, options)
@@ -165,10 +186,10 @@ def place_bone(
     if landmarks is None:
         mirrored = mirrored_share(ours.surface, goal.surface, aligned.left, options)
     return PlacedBone(
-        _between_units(aligned.similarity, ours.length, goal.length),
-        _grown(aligned.affine, 1.0 / ours.length, goal.length),
-        mirrored,
-        aligned.warnings(),
+        similarity=_between_units(aligned.similarity, ours.length, goal.length),
+        affine=_grown(aligned.affine, 1.0 / ours.length, goal.length),
+        mirrored=mirrored,
+        notes=aligned.warnings(),
     )
 
 
@@ -179,12 +200,14 @@ def match_surfaces(
     options: MatchOptions | None = None,
     placed: PlacedBone | None = None,
 ) -> SurfaceMatch:
-    """For every point of a whole bone the same point of another's, which may be cut off. Three landmarks that are not
-    on a line say how the bones lie; fewer only pull. `placed`: what `place_bone` finds, where it is known already.
+    """For every point of a whole bone the same point of another's, which may be cut off. Three
+    landmarks that are not on a line say how the bones lie; fewer only pull. `placed`: what
+    `place_bone` finds, where it is known already.
     """
     options = options or MatchOptions()
     placed = placed or place_bone(source, target, landmarks, None, options)
-    ours, goal = _Unit(source), _Unit(target)
+    ours = _Unit(source)
+    goal = _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
     smooth = fit_smoothly(ours.shape, goal.shape, _begun(placed, ours, goal, pulls), pulls, options)
     deformed = Shape(Surface(smooth.apply(ours.shape.vertices), source.faces))
@@ -212,12 +235,16 @@ class _Unit:
 
 
 def _in_units(landmarks: FeaturePoints, ours: _Unit, goal: _Unit) -> FeaturePoints:
-    return FeaturePoints(landmarks.names, landmarks.source / ours.length, landmarks.target / goal.length)
+    return FeaturePoints(
+        landmarks.names, landmarks.source / ours.length, landmarks.target / goal.length
+    )
 
 
 def _between_units(similarity: Similarity, ours: float, theirs: float) -> Similarity:
     """The same between bones grown by factors."""
-    return Similarity(similarity.rotation, similarity.translation * theirs, similarity.scale * theirs / ours)
+    return Similarity(
+        similarity.rotation, similarity.translation * theirs, similarity.scale * theirs / ours
+    )
 
 
 def _begun(placed: PlacedBone, ours: _Unit, goal: _Unit, pulls: FeaturePoints | None) -> AffineMap:
@@ -234,7 +261,12 @@ def _grown(affine: AffineMap, ours: float, theirs: float) -> AffineMap:
 
 
 def _pairs(
-    ours: _Unit, goal: _Unit, fit: SmoothFit, deformed: Shape, pulls: FeaturePoints | None, options: MatchOptions
+    ours: _Unit,
+    goal: _Unit,
+    fit: SmoothFit,
+    deformed: Shape,
+    pulls: FeaturePoints | None,
+    options: MatchOptions,
 ) -> FeaturePoints:
     """The evenly spread points of the source that have a place on the target, and how surely."""
     samples = spread_points(ours.shape, options.match_points)
@@ -245,4 +277,10 @@ def _pairs(
     kept = near & ~closest.rim & (np.einsum("ij,ij->i", closest.normals, normals) > FACING)
     names = tuple(f"surface {index + 1}" for index in np.flatnonzero(kept))
     radii = goal.length * match_radii(ours.shape, goal.shape, fit, samples[kept], pulls, options)
-    return FeaturePoints(names, samples[kept] * ours.length, closest.points[kept] * goal.length, None, radii)
+    return FeaturePoints(
+        names=names,
+        source=samples[kept] * ours.length,
+        target=closest.points[kept] * goal.length,
+        weights=None,
+        radii=radii,
+    )

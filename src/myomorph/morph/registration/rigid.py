@@ -1,4 +1,5 @@
-"""One bone's surface laid on another's: trimmed iterative closest points, point to plane, with several starts.
+"""One bone's surface laid on another's: trimmed iterative closest points, point to plane, with
+several starts.
 
 Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov et al. 2005 (trimming).
 """
@@ -20,15 +21,20 @@ from myomorph.morph.maps.fields import BoneMap, nearest_bones
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-OTHER_SIDE = 0.9  # Share of the residual that the mirrored source leaves, below which the side is questioned.
-BEYOND = 3.0  # Of a part, the target's points count up to so many times the furthest of the source's that count.
+# Share of the residual that the mirrored source leaves, below which the side is questioned.
+OTHER_SIDE = 0.9
+# Of a part, the target's points count up to so many times the furthest of the source's that count.
+BEYOND = 3.0
 FACING = 0.7
-"""Share of normals that must agree at a good fit for them to be used to tell the two sides of a thin bone apart."""
+"""Share of normals that must agree at a good fit for them to be used to tell the two sides of a
+thin bone apart.
+"""
 
 
 COARSE = 200  # Points with which the many starts are tried.
 FEW = 4  # Different ways to lie that are looked at more closely.
-SETTLED = 1e-5, 1e-2  # A step that moves the surface less, in metres or as a share of the residual, ends the iteration.
+# A step that moves the surface less, in metres or as a share of the residual, ends the iteration.
+SETTLED = 1e-5, 1e-2
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
@@ -37,12 +43,13 @@ class SurfaceOptions:
     """How surfaces are laid on each other."""
 
     scale: bool = True  # find a size too
-    kept: float = 0.9  # share of the points that counts, the nearest; the rest may have no counterpart
+    # share of the points that counts, the nearest; the rest may have no counterpart
+    kept: float = 0.9
     points: int = 2000  # of the source, spread evenly over its surface
     iterations: int = 100  # at most
     starts: int = 12  # turns about each of the long axis's two directions, where no start is given
-    # the source is a part of the bone; None says so where it has open edges. Of a whole bone the target's points count
-    # too, without which a free size shrinks into the target
+    # the source is a part of the bone; None says so where it has open edges. Of a whole bone the
+    # target's points count too, without which a free size shrinks into the target
     partial: bool | None = None
     mirror: bool = True  # try the mirrored source too, to name a bone of the other side
 
@@ -58,7 +65,8 @@ class SurfaceFit:
     """A surface laid on another."""
 
     similarity: Similarity  # from the source's frame to the target's
-    distances: Array  # (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
+    # (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
+    distances: Array
     kept: np.ndarray  # (vertices,) which are among the share that counts
     converged: bool  # whether the last step was small
     notes: tuple[str, ...] = ()  # what looks wrong, one line each
@@ -74,13 +82,17 @@ class SurfaceFit:
 
 
 def register_surface(
-    source: Surface, target: Surface, start: Similarity | None = None, options: SurfaceOptions | None = None
+    source: Surface,
+    target: Surface,
+    start: Similarity | None = None,
+    options: SurfaceOptions | None = None,
 ) -> SurfaceFit:
-    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone). `start`: from
-    picked points; None tries the axes of both shapes in all their turns.
+    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone).
+    `start`: from picked points; None tries the axes of both shapes in all their turns.
     """
     options = options or SurfaceOptions()
-    goal, ours = Shape(target), Shape(source)
+    goal = Shape(target)
+    ours = Shape(source)
 
     def fitted(shape: Shape, begun: Similarity | None = None) -> RoughFit:
         begun = begun or _few_fits(shape, goal, options)[0].similarity
@@ -92,15 +104,19 @@ def register_surface(
         other = fitted(Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1])))
         if other.rms < OTHER_SIDE * fit.rms:
             notes.append(
-                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against {1e3 * fit.rms:.2f} mm): is it "
-                "a bone of the other side?"
+                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against"
+                f" {1e3 * fit.rms:.2f} mm): is it a bone of the other side?"
             )
     if not fit.converged:
         notes.append(f"the fit had not settled after {options.iterations} iterations")
     apart = goal.signed(fit.similarity.apply(source.vertices)) / fit.similarity.scale
     kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)
     return SurfaceFit(
-        similarity=fit.similarity, distances=frozen_array(apart), kept=kept, converged=fit.converged, notes=tuple(notes)
+        similarity=fit.similarity,
+        distances=frozen_array(apart),
+        kept=kept,
+        converged=fit.converged,
+        notes=tuple(notes),
     )
 
 
@@ -114,7 +130,9 @@ class RoughFit:
 
 
 class _Pairs(NamedTuple):
-    """Points (n, 3) of the source, transferred, with normals there and how far they are from the target's points."""
+    """Points (n, 3) of the source, transferred, with normals there and how far they are from the
+    target's points.
+    """
 
     moved: Array
     normals: Array
@@ -129,44 +147,68 @@ class _Pairs(NamedTuple):
 
 
 class _Fitting:
-    """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each step."""
+    """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each
+    step.
+    """
 
-    def __init__(self, shape: Shape, goal: Shape, options: SurfaceOptions, count: int, fine: bool = True):
-        self.given, self.goal, self.options, self.fine = shape, goal, options, fine
+    def __init__(
+        self, shape: Shape, goal: Shape, options: SurfaceOptions, count: int, fine: bool = True
+    ):
+        self.given = shape
+        self.goal = goal
+        self.options = options
+        self.fine = fine
         self.partial = shape.is_open if options.partial is None else options.partial
-        self.ours, self.theirs = shape.samples(count), goal.samples(count)
+        self.ours = shape.samples(count)
+        self.theirs = goal.samples(count)
         self.middle = self.ours.points.mean(axis=0)
         self.radius = float(np.sqrt(np.mean(np.sum((self.ours.points - self.middle) ** 2, axis=1))))
         self.count = 7 if options.scale and fine else 6
 
     def iterated(self, start: Similarity, iterations: int) -> RoughFit:
         """From a start until it settles."""
-        rotation, translation, size = np.array(start.rotation), np.array(start.translation), start.scale
-        converged, rms = False, np.inf
-        units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[: self.count]
+        rotation = np.array(start.rotation)
+        translation = np.array(start.translation)
+        size = start.scale
+        converged = False
+        rms = np.inf
+        units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[
+            : self.count
+        ]
         for _ in range(iterations):
             pairs = self.pairs(rotation, translation, size)
             center = size * rotation @ self.middle + translation
             lever = pairs.moved - center
             along = np.einsum("ij,ij->i", lever, pairs.normals)[:, None]
-            slopes = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])[:, : self.count]
+            slopes = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])[
+                :, : self.count
+            ]
             rms = float(np.sqrt(np.mean(pairs.distance**2))) / size
             scaled = slopes * units
             gram = scaled.T @ scaled + 1e-6 * np.sum(scaled**2) * np.eye(self.count)
-            step = -units * np.linalg.solve(gram, scaled.T @ np.einsum("ij,ij->i", pairs.away, pairs.normals))
+            step = -units * np.linalg.solve(
+                gram, scaled.T @ np.einsum("ij,ij->i", pairs.away, pairs.normals)
+            )
             angle = float(np.linalg.norm(step[:3]))
             turn = axis_rotation(step[:3] / angle, angle) if angle > 0 else np.eye(3)
             growth = float(np.exp(np.clip(step[6], -0.1, 0.1))) if self.count == 7 else 1.0
-            rotation, size = turn @ rotation, size * growth
+            rotation = turn @ rotation
+            size = size * growth
             translation = center + step[3:6] - size * rotation @ self.middle
-            moved = angle * self.radius + float(np.linalg.norm(step[3:6])) + abs(growth - 1.0) * self.radius
+            moved = (
+                angle * self.radius
+                + float(np.linalg.norm(step[3:6]))
+                + abs(growth - 1.0) * self.radius
+            )
             if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
                 converged = True
                 break
         return RoughFit(Similarity(rotation, translation, size), rms, converged)
 
     def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
-        """Pairs that count: from the source's points to the target, and from the target's points to the source."""
+        """Pairs that count: from the source's points to the target, and from the target's points to
+        the source.
+        """
         moved = size * self.ours.points @ rotation.T + translation
         closest = self.goal.nearest(moved, self.fine)
         forth = _Pairs(moved, closest.normals, moved - closest.points)
@@ -188,8 +230,12 @@ class _Fitting:
         return sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
 
 
-def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None = None) -> list[RoughFit]:
-    """The few different ways in which a surface may lie on another, the best first; `register_surface` refines one."""
+def rough_fits(
+    source: Surface, target: Surface, options: SurfaceOptions | None = None
+) -> list[RoughFit]:
+    """The few different ways in which a surface may lie on another, the best first;
+    `register_surface` refines one.
+    """
     return _few_fits(Shape(source), Shape(target), options or SurfaceOptions())
 
 
@@ -199,32 +245,45 @@ def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughF
     fits.sort(key=lambda fit: fit.rms)
     distinct: list[RoughFit] = []
     for fit in fits:
-        if all(np.trace(fit.similarity.rotation.T @ other.similarity.rotation) < 2.9 for other in distinct):
+        if all(
+            np.trace(fit.similarity.rotation.T @ other.similarity.rotation) < 2.9
+            for other in distinct
+        ):
             distinct.append(fit)
         if len(distinct) == FEW:
             break
     finer = _Fitting(shape, goal, options, COARSE)
-    return sorted((finer.iterated(rough.similarity, 30) for rough in distinct), key=lambda rough: rough.rms)
+    return sorted(
+        (finer.iterated(rough.similarity, 30) for rough in distinct), key=lambda rough: rough.rms
+    )
 
 
 def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
-    """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is cut off."""
-    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(mesh.samples(2000)) for mesh in (shape, goal))
+    """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is
+    cut off.
+    """
+    middle, axes, long = _axes(shape.samples(2000))
+    goal_middle, goal_axes, goal_long = _axes(goal.samples(2000))
     shift = max(0.0, 0.5 * (goal_long - long))
     shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
     starts = []
     for flip in (0.0, np.pi):
         for index in range(turns):
-            spin = axis_rotation((1, 0, 0), 2 * np.pi * index / turns) @ axis_rotation((0, 1, 0), flip)
+            spin = axis_rotation((1, 0, 0), 2 * np.pi * index / turns) @ axis_rotation(
+                (0, 1, 0), flip
+            )
             rotation = goal_axes @ spin @ axes.T
             starts += [
-                Similarity(rotation, goal_middle + along * goal_axes[:, 0] - rotation @ middle) for along in shifts
+                Similarity(rotation, goal_middle + along * goal_axes[:, 0] - rotation @ middle)
+                for along in shifts
             ]
     return starts
 
 
 def _axes(samples: Samples) -> tuple[Array, Array, float]:
-    """Middle (3,), principal axes (3, 3) as columns of a rotation, the long one first, and the length along it."""
+    """Middle (3,), principal axes (3, 3) as columns of a rotation, the long one first, and the
+    length along it.
+    """
     middle = samples.points.mean(axis=0)
     _, _, rows = np.linalg.svd(samples.points - middle, full_matrices=False)
     axes = rows.T * np.array([1.0, 1.0, np.sign(np.linalg.det(rows))])
@@ -235,13 +294,15 @@ def _axes(samples: Samples) -> tuple[Array, Array, float]:
 def start_by_neighbors(
     model: Model, body: str, mapped: Mapping[str, BoneMap], poses: Mapping[str, Transform]
 ) -> Similarity | None:
-    """Where a body lies in the frame that the target's bones share, if it hangs on its nearest mapped bone as in the
-    source; None where no bone is mapped yet. `poses`: of the source's bodies in ground, in the posture that the scan is
-    most like.
+    """Where a body lies in the frame that the target's bones share, if it hangs on its nearest
+    mapped bone as in the source; None where no bone is mapped yet. `poses`: of the source's bodies
+    in ground, in the posture that the scan is most like.
     """
     near = next(iter(nearest_bones(model, body, mapped)), None)
     if near is None:
         return None
     beside = poses[near].inverse() @ poses[body]
     whole = mapped[near].whole
-    return Similarity(whole.rotation @ beside.rotation, whole.apply(beside.translation), whole.scale)
+    return Similarity(
+        whole.rotation @ beside.rotation, whole.apply(beside.translation), whole.scale
+    )

@@ -1,4 +1,6 @@
-"""A surface that can be asked for its nearest points: evenly spread samples, outward normals, its open rim."""
+"""A surface that can be asked for its nearest points: evenly spread samples, outward normals, its
+open rim.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,16 @@ from myomorph.model.surface import Surface, edges_of, face_crosses, signed_volum
 SPREAD = 4000  # Samples among which a rough nearest point is looked for.
 DENSE = 20_000  # Samples among which one that faces a given way is looked for.
 ON_EDGE = 1e-9
-"""A corner that has no larger share in a place on a triangle has none: the place is on the edge opposite to it."""
+"""A corner that has no larger share in a place on a triangle has none: the place is on the edge
+opposite to it.
+"""
 
 
 @read_only
 class Samples:
-    """Points (n, 3) spread evenly over a surface, with outward normals (n, 3) and whether each is on its open rim."""
+    """Points (n, 3) spread evenly over a surface, with outward normals (n, 3) and whether each is
+    on its open rim.
+    """
 
     points: Array
     normals: Array
@@ -33,24 +39,35 @@ class Boxes:
         # Imported here because it takes a moment that only bones should pay.
         igl = from_extra("morph", "igl", "libigl")
 
-        self.vertices, self.faces, self._boxes = vertices, np.ascontiguousarray(faces, dtype=np.int64), igl.AABB()
+        self.vertices = vertices
+        self.faces = np.ascontiguousarray(faces, dtype=np.int64)
+        self._boxes = igl.AABB()
         self._boxes.init(self.vertices, self.faces)
-        self._low, self._high = vertices[faces].min(axis=(0, 1)), vertices[faces].max(axis=(0, 1))
+        self._low = vertices[faces].min(axis=(0, 1))
+        self._high = vertices[faces].max(axis=(0, 1))
 
     def nearest(self, points: Array) -> tuple[Array, np.ndarray, Array]:
-        """Squared distances (n,) of points (n, 3), the nearest faces (n,) and places (n, 3) on them."""
+        """Squared distances (n,) of points (n, 3), the nearest faces (n,) and places (n, 3) on
+        them.
+        """
         if not len(points):
             return np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
-        closest = self._boxes.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
+        closest = self._boxes.squared_distance(
+            self.vertices, self.faces, np.ascontiguousarray(points)
+        )
         return np.atleast_1d(closest[0]), np.atleast_1d(closest[1]), np.reshape(closest[2], (-1, 3))
 
     def holds(self, points: Array) -> np.ndarray:
-        """(n,) whether points lie inside: their generalized winding number is above one half (Barill et al. 2018)."""
+        """(n,) whether points lie inside: their generalized winding number is above one half
+        (Barill et al. 2018).
+        """
         igl = from_extra("morph", "igl", "libigl")
 
         inside = ((points >= self._low) & (points <= self._high)).all(axis=1)
         if inside.any():
-            number = igl.fast_winding_number(self.vertices, self.faces, np.ascontiguousarray(points[inside]))
+            number = igl.fast_winding_number(
+                self.vertices, self.faces, np.ascontiguousarray(points[inside])
+            )
             inside[inside] = np.atleast_1d(number) > 0.5
         return np.asarray(inside)
 
@@ -80,16 +97,20 @@ class Shape:
 
     @property
     def is_open(self) -> bool:
-        """Whether more than a hundredth of the surface lies at open edges, as where a scan is cut off."""
+        """Whether more than a hundredth of the surface lies at open edges, as where a scan is cut
+        off.
+        """
         return float(self.areas[self.rim].sum()) > 0.01 * self.area
 
     def samples(self, count: int) -> Samples:
         """Points spread evenly over the surface; the same each time."""
         random = np.random.default_rng(0)
-        # One point in every equal share of the area, in the order of the faces, spreads better than chance.
+        # One point in every equal share of the area, in the order of the faces, spreads better than
+        # chance.
         places = (np.arange(count) + random.random(count)) / count * self.area
         face = np.minimum(np.searchsorted(np.cumsum(self.areas), places), len(self.areas) - 1)
-        a, b = np.sqrt(random.random(count)), random.random(count)
+        a = np.sqrt(random.random(count))
+        b = random.random(count)
         shares = np.stack([1.0 - a, a * (1.0 - b), a * b], axis=1)
         points = np.einsum("ij,ijk->ik", shares, self.vertices[self.faces[face]])
         order = random.permutation(count)
@@ -111,7 +132,9 @@ class Shape:
         return Boxes(self.vertices, self.faces)
 
     def nearest(self, points: Array, fine: bool) -> Samples:
-        """Nearest points of the surface, their normals, and whether they lie on its rim; `fine` to the triangles."""
+        """Nearest points of the surface, their normals, and whether they lie on its rim; `fine` to
+        the triangles.
+        """
         if not fine:
             samples, tree = self._spread
             index = tree.query(points)[1]
@@ -125,9 +148,9 @@ class Shape:
         return places, faces
 
     def signed(self, points: Array) -> Array:
-        """Distances (n,), positive outside [m]. Where the nearest point is on an edge or a corner the faces around it
-        tell the side together (Baerentzen and Aanaes 2005): beside a sharp edge one of them alone may tell the wrong
-        one.
+        """Distances (n,), positive outside [m]. Where the nearest point is on an edge or a corner
+        the faces around it tell the side together (Baerentzen and Aanaes 2005): beside a sharp edge
+        one of them alone may tell the wrong one.
         """
         squared, face, places = self._seamless.nearest(points)
         side = np.einsum("ij,ij->i", points - places, self._seamless.normals(face, places))
@@ -135,20 +158,27 @@ class Shape:
 
     @cached_property
     def _seamless(self) -> _Seamless:
-        """The surface with equal vertices as one, and the faces that bound something, outward. Faces without an area,
-        and two on the same corners back to back, as files have them, bound nothing.
+        """The surface with equal vertices as one, and the faces that bound something, outward.
+        Faces without an area, and two on the same corners back to back, as files have them, bound
+        nothing.
         """
-        _, first, same = np.unique(np.round(self.vertices, 9), axis=0, return_index=True, return_inverse=True)
-        vertices, faces = self.vertices[first], same.reshape(-1)[self.faces].astype(np.int64)
+        _, first, same = np.unique(
+            np.round(self.vertices, 9), axis=0, return_index=True, return_inverse=True
+        )
+        vertices = self.vertices[first]
+        faces = same.reshape(-1)[self.faces].astype(np.int64)
         crossed = face_crosses(vertices, faces)
         inward = np.einsum("ij,ij->i", crossed, self.normals) < 0.0
         faces[inward] = faces[inward][:, ::-1]
-        way = np.sign(np.diff(faces, axis=1, append=faces[:, :1])).prod(axis=1)  # of going up or down the numbers
+        # of going up or down the numbers
+        way = np.sign(np.diff(faces, axis=1, append=faces[:, :1])).prod(axis=1)
         _, same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
         bound = (np.linalg.norm(crossed, axis=1) > 0.0) & (
             way * np.bincount(same.reshape(-1), way)[same.reshape(-1)] > 0
         )
-        return _Seamless(vertices, np.ascontiguousarray(faces[bound if bound.any() else slice(None)]))
+        return _Seamless(
+            vertices, np.ascontiguousarray(faces[bound if bound.any() else slice(None)])
+        )
 
 
 class _Seamless(Boxes):
@@ -166,10 +196,13 @@ class _Seamless(Boxes):
         self._of_edges = edges[0][edges[2].reshape(3, -1).T]
 
     def normals(self, face: np.ndarray, places: Array) -> Array:
-        """Normals (n, 3) at places on faces: the face's, at an edge or a corner that of all faces around."""
+        """Normals (n, 3) at places on faces: the face's, at an edge or a corner that of all faces
+        around.
+        """
         corners = self.vertices[self.faces[face]]
         sides = np.roll(corners, -1, axis=1) - corners
-        # Share of each corner: twice the area of the triangle between the place and the side opposite to it.
+        # Share of each corner: twice the area of the triangle between the place and the side
+        # opposite to it.
         shares = np.einsum(
             "nij,nj->ni",
             np.cross(np.roll(sides, -1, axis=1), places[:, None] - np.roll(corners, -1, axis=1)),

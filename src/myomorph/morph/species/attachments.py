@@ -1,8 +1,9 @@
 """Attachments that differ between orders of mammals, from a relative's anatomy.
 
-A map of bones takes a point to where the same shape is, but muscles wander over bones between orders of mammals: a
-rodent's vasti begin at the hip, man's half way to the knee. A species table has the landmarks and attachments of a
-relative of the target; its attachments go through its landmarks to the target's bone, onto the surface.
+A map of bones takes a point to where the same shape is, but muscles wander over bones between
+orders of mammals: a rodent's vasti begin at the hip, man's half way to the knee. A species table
+has the landmarks and attachments of a relative of the target; its attachments go through its
+landmarks to the target's bone, onto the surface.
 """
 
 from __future__ import annotations
@@ -35,9 +36,14 @@ class Attachment:
 
     def __post_init__(self) -> None:
         if self.end not in ("first", "last"):
-            raise BadData(f"attachment of {', '.join(self.muscles)}: end is '{self.end}': expected first or last")
+            raise BadData(
+                f"attachment of {', '.join(self.muscles)}: end is '{self.end}': expected first or"
+                " last"
+            )
         if len(self.at) != 3:
-            raise BadData(f"attachment of {', '.join(self.muscles)}: expected three numbers at 'at'")
+            raise BadData(
+                f"attachment of {', '.join(self.muscles)}: expected three numbers at 'at'"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +51,8 @@ class RelativeBone:
     """Landmarks and attachments on a bone of a relative of the target."""
 
     body: str  # of the source, whose bone corresponds
-    landmarks: Mapping[str, Point]  # by the names of that bone's rules, in a frame of the relative's bone [m]
+    # by the names of that bone's rules, in a frame of the relative's bone [m]
+    landmarks: Mapping[str, Point]
     attachments: tuple[Attachment, ...]  # in the same frame
     citation: str = ""  # whose
 
@@ -58,8 +65,9 @@ class RelativeBone:
 def with_attachments(
     source: Model, bones: Mapping[str, BoneMap], relatives: Sequence[RelativeBone]
 ) -> tuple[Model, Mapping[str, BoneMap], tuple[str, ...]]:
-    """The source with a body for each point that is moved, the maps of all, and what was moved, in lines. A point whose
-    path would then go back and forth along that bone stays where the map puts it.
+    """The source with a body for each point that is moved, the maps of all, and what was moved, in
+    lines. A point whose path would then go back and forth along that bone stays where the map puts
+    it.
     """
     muscles = {muscle.name: muscle for muscle in source.muscles}
     result = dict(bones)
@@ -87,32 +95,72 @@ def with_attachments(
                 muscles[name] = _with_end(muscles[name], index, replace(point, body=part))
     notes = []
     if parts:
-        by = ", ".join(dict.fromkeys(relative.citation for relative in relatives if relative.citation))
-        notes.append(f"{len(parts)} attachments lie on their bones where {by or 'the species table'} has them")
+        by = ", ".join(
+            dict.fromkeys(relative.citation for relative in relatives if relative.citation)
+        )
+        notes.append(
+            f"{len(parts)} attachments lie on their bones where {by or 'the species table'} has"
+            " them"
+        )
     if kept:
-        notes.append(f"attachments stay where the map has them, as paths would double back: {', '.join(kept)}")
+        notes.append(
+            "attachments stay where the map has them, as paths would double back:"
+            f" {', '.join(kept)}"
+        )
     return with_parts(source, parts, list(muscles.values())), result, tuple(notes)
 
 
 def with_parts(source: Model, parts: Sequence[tuple[str, str]], muscles: Sequence[Muscle]) -> Model:
-    """The source with weightless bodies, by their names and the bodies that they are fixed to, and with muscles."""
+    """The source with weightless bodies, by their names and the bodies that they are fixed to, and
+    with muscles.
+    """
     still = Transform.identity()
     return replace(
         source,
-        bodies=(*source.bodies, *(Body(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part, _ in parts)),
-        joints=(*source.joints, *(Joint(part, "WeldJoint", body, part, still, still) for part, body in parts)),
+        bodies=(
+            *source.bodies,
+            *(
+                Body(name=part, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+                for part, _ in parts
+            ),
+        ),
+        joints=(
+            *source.joints,
+            *(
+                Joint(
+                    name=part,
+                    kind="WeldJoint",
+                    parent=body,
+                    child=part,
+                    parent_frame=still,
+                    child_frame=still,
+                )
+                for part, body in parts
+            ),
+        ),
         muscles=tuple(muscles),
     )
 
 
 def straightened(source: Model, names: Sequence[str]) -> Model:
-    """The source with only the first and last points of some muscles' paths, which wrap around nothing."""
+    """The source with only the first and last points of some muscles' paths, which wrap around
+    nothing.
+    """
     return replace(
         source,
         muscles=tuple(
-            replace(muscle, path=replace(muscle.path, points=(muscle.path.points[0], muscle.path.points[-1]), wraps=()))
-            if muscle.name in names
-            else muscle
+            (
+                replace(
+                    muscle,
+                    path=replace(
+                        muscle.path,
+                        points=(muscle.path.points[0], muscle.path.points[-1]),
+                        wraps=(),
+                    ),
+                )
+                if muscle.name in names
+                else muscle
+            )
             for muscle in source.muscles
         ),
     )
@@ -132,22 +180,32 @@ def _places(relative: RelativeBone, bone: BoneMap) -> Array:
     names = tuple(name for name in relative.landmarks if name in theirs)
     if len(names) < MIN_COUNT:
         raise BadData(
-            f"relative's '{relative.body}': {len(names)} landmarks in common with the target's bone "
-            f"({', '.join(names)}): expected four or more"
+            f"relative's '{relative.body}': {len(names)} landmarks in common with the target's bone"
+            f" ({', '.join(names)}): expected four or more"
         )
     pairs = FeaturePoints(
-        names, np.array([relative.landmarks[name] for name in names]), np.array([theirs[name] for name in names])
+        names,
+        np.array([relative.landmarks[name] for name in names]),
+        np.array([theirs[name] for name in names]),
     )
-    goals = fit_map(pairs, MapOptions("affine")).apply(np.array([attachment.at for attachment in relative.attachments]))
+    goals = fit_map(pairs, MapOptions("affine")).apply(
+        np.array([attachment.at for attachment in relative.attachments])
+    )
     if bone.target is not None and len(bone.target.faces):
         goals = Shape(bone.target).closest(goals)[0]
     return goals
 
 
 def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, goal: Array) -> bool:
-    """Whether the path's next point on that bone would lie the other way from the attachment than before."""
+    """Whether the path's next point on that bone would lie the other way from the attachment than
+    before.
+    """
     points = muscle.path.points if each.end == "first" else muscle.path.points[::-1]
-    ends = [point for point in points[:2] if isinstance(point, PathPoint) and point.body == points[0].body]
+    ends = [
+        point
+        for point in points[:2]
+        if isinstance(point, PathPoint) and point.body == points[0].body
+    ]
     if len(ends) < 2:
         return False
     before, after = (bone.map.apply(end.location) for end in ends)

@@ -13,14 +13,16 @@ from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, connected, edges_of, face_crosses
 from myomorph.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, LandmarkRule
 
-MIDDLE = 0.1  # A part straddles the midline where its middle lies within this share of its width from it.
+# A part straddles the midline where its middle lies within this share of its width from it.
+MIDDLE = 0.1
 Landmarks = dict[str, Array]
 Ints = NDArray[np.int64]
 
 
 class Parts:
-    """The connected parts of a bone's surface in the directions of the anatomy. `joint`: (3,) where the bone's first
-    joint landmark is [m]; `half`: only what lies to the right of the body's origin counts.
+    """The connected parts of a bone's surface in the directions of the anatomy. `joint`: (3,) where
+    the bone's first joint landmark is [m]; `half`: only what lies to the right of the body's origin
+    counts.
     """
 
     def __init__(self, surface: Surface, frame: AnatomicalFrame, joint: Array | None, half: bool):
@@ -28,7 +30,9 @@ class Parts:
         faces = surface.faces[_area(surface) > 0.0]
         # Number of the connected part of every vertex; vertices at one place are one.
         _, place = np.unique(surface.vertices, axis=0, return_inverse=True)
-        labels = connected(int(place.max()) + 1, edges_of(place.reshape(-1)[faces]))[place.reshape(-1)]
+        labels = connected(int(place.max()) + 1, edges_of(place.reshape(-1)[faces]))[
+            place.reshape(-1)
+        ]
         if half:
             keep = self._points[:, 2] >= 0.0
             faces = faces[keep[faces].all(axis=1)]
@@ -40,7 +44,10 @@ class Parts:
         self, surface: Surface, labels: Ints, frame: AnatomicalFrame, joint: Array | None
     ) -> Mapping[str, list[int]]:
         present = [int(label) for label in np.unique(self._label)]
-        areas = {label: float(_area(surface)[labels[surface.faces[:, 0]] == label].sum()) for label in present}
+        areas = {
+            label: float(_area(surface)[labels[surface.faces[:, 0]] == label].sum())
+            for label in present
+        }
         by_area = sorted(present, key=lambda label: -areas[label])
         named = {"": present, "first": by_area[:1], "second": by_area[1:2]}
         if joint is not None:
@@ -48,7 +55,11 @@ class Parts:
             near = min(present, key=lambda label: float(apart[labels == label].min()))
             across = {label: self._points[labels == label, 2] for label in present if label != near}
             named["joint"] = [near]
-            named["middle"] = [name for name, x in across.items() if abs(x.min() + x.max()) < 2.0 * MIDDLE * np.ptp(x)]
+            named["middle"] = [
+                name
+                for name, x in across.items()
+                if abs(x.min() + x.max()) < 2.0 * MIDDLE * np.ptp(x)
+            ]
         return named
 
     def of(self, rule: LandmarkRule) -> tuple[Array, Ints]:
@@ -73,15 +84,19 @@ def landmarks_by_rules(
     of_source: bool,
     half: bool = False,
 ) -> tuple[Landmarks, tuple[str, ...]]:
-    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why. `joints`: centers of
-    joints by the body that hangs on them [m]; `half`: only what lies to the right of the body's origin counts.
+    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why.
+    `joints`: centers of joints by the body that hangs on them [m]; `half`: only what lies to the
+    right of the body's origin counts.
     """
     landmarks: Landmarks = {}
     for rule in rules:
         if rule.rule == "joint":
             name = rule.source_joint if of_source else rule.target_joint
             if name not in joints:
-                raise BadData(f"landmark '{rule.name}': no joint of '{name}': there are {', '.join(sorted(joints))}")
+                raise BadData(
+                    f"landmark '{rule.name}': no joint of '{name}': there are"
+                    f" {', '.join(sorted(joints))}"
+                )
             landmarks[rule.name] = np.asarray(joints[name], dtype=np.float64)
     parts = Parts(surface, frame, next(iter(landmarks.values()), None), half)
     notes = []
@@ -94,7 +109,11 @@ def landmarks_by_rules(
             if rule.rule == "farthest":
                 here = _farthest(rule, points, box)
             else:
-                here = _sections(rule, points, faces) if rule.rule == "section" else _corners(rule, points)
+                here = (
+                    _sections(rule, points, faces)
+                    if rule.rule == "section"
+                    else _corners(rule, points)
+                )
         except BadData as error:
             notes.append(str(error))
             continue
@@ -102,8 +121,11 @@ def landmarks_by_rules(
     return landmarks, tuple(notes)
 
 
-def _farthest(rule: LandmarkRule, points: Array, box: Mapping[str, tuple[float, float]]) -> Landmarks:
-    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+def _farthest(
+    rule: LandmarkRule, points: Array, box: Mapping[str, tuple[float, float]]
+) -> Landmarks:
+    low = points.min(axis=0)
+    extent = np.ptp(points, axis=0)
     inside = np.ones(len(points), dtype=bool)
     for name, (least, most) in box.items():
         direction = DIRECTIONS.index(name)
@@ -129,7 +151,8 @@ def _sections(rule: LandmarkRule, points: Array, faces: Ints) -> Landmarks:
     # Along anterior the section is spanned by proximal and right, in that order.
     order = [0, 1, 2] if rule.along == "proximal" else [1, 0, 2]
     turned = points[:, order]
-    low, extent = float(turned[:, 0].min()), float(np.ptp(turned[:, 0]))
+    low = float(turned[:, 0].min())
+    extent = float(np.ptp(turned[:, 0]))
     landmarks: Landmarks = {}
     for share in rule.at:
         height = low + share * extent
@@ -138,12 +161,16 @@ def _sections(rule: LandmarkRule, points: Array, faces: Ints) -> Landmarks:
             raise BadData(f"landmark '{rule.name}': no cross-section at {share:g} of the bone")
         for angle in 2.0 * np.pi * np.arange(rule.around) / rule.around:
             farthest = ends[int(np.argmax(ends @ [np.cos(angle), np.sin(angle)]))]
-            landmarks[f"{rule.name} {share:g} at {np.degrees(angle):.0f}"] = np.array([height, *farthest])[order]
+            landmarks[f"{rule.name} {share:g} at {np.degrees(angle):.0f}"] = np.array(
+                [height, *farthest]
+            )[order]
     return landmarks
 
 
 def section(points: Array, faces: Ints, height: float) -> Array:
-    """Straight pieces (n, 2, 2) in which a surface is cut across its first axis: ends, then the other two axes."""
+    """Straight pieces (n, 2, 2) in which a surface is cut across its first axis: ends, then the
+    other two axes.
+    """
     above = points[:, 0] > height
     cut = faces[(above[faces].any(axis=1)) & ~(above[faces].all(axis=1))]
     if not len(cut):

@@ -19,7 +19,12 @@ from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.species import counterparts
-from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures, scaled_architectures
+from myomorph.morph.species.architecture import (
+    ArchitectureTable,
+    Size,
+    architectures,
+    scaled_architectures,
+)
 from myomorph.morph.species.attachments import straightened, with_attachments
 from myomorph.morph.species.landmarks import landmarks_by_rules
 from myomorph.morph.species.rays import put_on_rays
@@ -29,14 +34,18 @@ MEASURED_IN_METERS = "[m]"
 
 MIN_COUNT = 4  # Landmarks that a bone needs.
 STEEPEST = 3.0
-"""Two landmarks may be so many times farther apart in the target, in the source's proportions, than in the source."""
+"""Two landmarks may be so many times farther apart in the target, in the source's proportions, than
+in the source.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class SpeciesBones:
     """Bones of the source with their maps to the target's."""
 
-    source: Model  # the model; a body whose muscle points go to several bones has parts of it as bodies of their own
+    # the model; a body whose muscle points go to several bones has parts of it as bodies of their
+    # own
+    source: Model
     bones: Mapping[str, BoneMap]  # by body of `source`
     notes: tuple[str, ...] = ()  # what was assumed or looks wrong, one line each
 
@@ -53,11 +62,12 @@ def species_bones(
 ) -> SpeciesBones:
     """A map for every bone of a species table whose bodies both models have.
 
-    The target's bone is first given the source's proportions, by the affine map nearest to the landmarks, compared, and
-    the map then brought to its own: so surfaces meet although one is slender and the other stout, and lengths of
-    options and of checks mean the same for a mouse as for a man. `source_surfaces`, `target_surfaces`: by body, in the
-    bodies' frames [m]; `match`: how dense correspondence is found, for bones of which the table wants it; "landmarks"
-    maps all by landmarks; `progress`: called with a bone's name before it is mapped.
+    The target's bone is first given the source's proportions, by the affine map nearest to the
+    landmarks, compared, and the map then brought to its own: so surfaces meet although one is
+    slender and the other stout, and lengths of options and of checks mean the same for a mouse as
+    for a man. `source_surfaces`, `target_surfaces`: by body, in the bodies' frames [m]; `match`:
+    how dense correspondence is found, for bones of which the table wants it; "landmarks" maps all
+    by landmarks; `progress`: called with a bone's name before it is mapped.
     """
     here = counterparts.Posed(source, table.posture, source_surfaces)
     there = counterparts.Posed(target, table.target_posture, target_surfaces)
@@ -68,7 +78,9 @@ def species_bones(
         lacking = [name for name in bone.sources[:1] if name not in source.body_names]
         lacking += [name for name in bone.targets[:1] if name not in target.body_names]
         if lacking:
-            notes.append(f"{bone.sources[0]} to {bone.targets[0]}: left out, no body '{lacking[0]}'")
+            notes.append(
+                f"{bone.sources[0]} to {bone.targets[0]}: left out, no body '{lacking[0]}'"
+            )
             continue
         if progress is not None:
             progress(bone.sources[0])
@@ -79,17 +91,27 @@ def species_bones(
             for number, name in enumerate(bone.targets[1:], start=1):
                 if name in target.body_names:
                     bones |= {
-                        counterparts.part_name(body, name): counterparts.seated(rider, body, bone, number, there)
+                        counterparts.part_name(body, name): counterparts.seated(
+                            rider, body, bone, number, there
+                        )
                         for body, rider in counterparts.riders(first, bone, here).items()
                     }
-            parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
+            parts |= {
+                body: tuple(n for n in bone.targets if n in target.body_names)
+                for body in bone.sources
+            }
     for bone in table.bones:
         if bone.rays and bone.sources[0] in bones:
             rays = put_on_rays(source, bone, table, (here, there))
-            source, bones = rays.source, {**bones, **rays.bones}
+            source = rays.source
+            bones = {**bones, **rays.bones}
     digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
-    spread = counterparts.spread_over_targets(source, parts, bones, there, digits) if parts else source
-    spread, placed, said = with_attachments(straightened(spread, table.straight), bones, table.relatives)
+    spread = (
+        counterparts.spread_over_targets(source, parts, bones, there, digits) if parts else source
+    )
+    spread, placed, said = with_attachments(
+        straightened(spread, table.straight), bones, table.relatives
+    )
     return SpeciesBones(spread, placed, (*notes, *said))
 
 
@@ -109,28 +131,48 @@ def _map(
     for index, (bodies, side) in enumerate(zip((bone.sources, bone.targets), posed, strict=True)):
         shape = side.surface(tuple(name for name in bodies if name in side.model.body_names))
         joints = side.joints(bodies[0])
-        marks, lost = landmarks_by_rules(bone.landmarks, shape, frames[index], joints, index == 0, bone.half)
+        marks, lost = landmarks_by_rules(
+            bone.landmarks, shape, frames[index], joints, index == 0, bone.half
+        )
         shapes.append(shape)
         places.append(marks)
         notes += [f"{pair}: {line}" for line in lost]
     names = tuple(name for name in places[0] if name in places[1])
     if len(names) < MIN_COUNT:
-        raise BadData(f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more")
+        raise BadData(
+            f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more"
+        )
     ours, theirs = (np.array([by_name[name] for name in names]) for by_name in places)
-    body, target = bone.sources[0], bone.targets[0]
+    body = bone.sources[0]
+    target = bone.targets[0]
     if bone.match == "similarity" or any(rule.rule == "box" for rule in bone.landmarks):
-        # The corners of a box are not on the bone: nothing about them can be checked against its surface.
+        # The corners of a box are not on the bone: nothing about them can be checked against its
+        # surface.
         points = FeaturePoints(names, ours, theirs)
-        fitted = fit_map(points, MapOptions("similarity") if bone.match == "similarity" else options)
+        fitted = fit_map(
+            points, MapOptions("similarity") if bone.match == "similarity" else options
+        )
         whole = procrustes(ours, theirs, True)
-        made = BoneMap(body, target, fitted, whole, "landmarks", shapes[0], shapes[1], points)
+        made = BoneMap(
+            body=body,
+            target_body=target,
+            map=fitted,
+            whole=whole,
+            basis="landmarks",
+            source=shapes[0],
+            target=shapes[1],
+            features=points,
+        )
         return made, tuple(notes)
     names, ours, theirs, steep = _consistent(names, ours, theirs)
     notes += [f"{pair}: {line}" for line in steep]
     scaling = fit_affine(theirs, ours)
     if np.linalg.det(scaling.matrix) <= 0.0:
-        raise BadData(f"{pair}: the landmarks turn right into left: is one of the bones of the other side?")
-    wanted, points = match or MatchOptions(), FeaturePoints(names, ours, scaling.apply(theirs))
+        raise BadData(
+            f"{pair}: the landmarks turn right into left: is one of the bones of the other side?"
+        )
+    wanted = match or MatchOptions()
+    points = FeaturePoints(names, ours, scaling.apply(theirs))
     if wanted.features == "dense" and bone.match == "dense":
         scaled_surface = Surface(scaling.apply(shapes[1].vertices), shapes[1].faces)
         bone_map = map_bone(body, shapes[0], scaled_surface, points, options, wanted, target)
@@ -143,22 +185,25 @@ def _map(
 def _consistent(
     names: tuple[str, ...], ours: Array, theirs: Array
 ) -> tuple[tuple[str, ...], Array, Array, tuple[str, ...]]:
-    """Landmarks without those that lie together in the source but not in the target, and which these are. Rules that
-    look for extremes may find one place twice on a bone and two places on another's; a map through both would tear the
-    space between them.
+    """Landmarks without those that lie together in the source but not in the target, and which
+    these are. Rules that look for extremes may find one place twice on a bone and two places on
+    another's; a map through both would tear the space between them.
     """
     goal = fit_affine(theirs, ours).apply(theirs)
     kept = list(range(len(names)))
     dropped: list[str] = []
     while len(kept) > MIN_COUNT:
-        apart, wanted = (np.linalg.norm(points[kept][:, None] - points[kept], axis=2) for points in (ours, goal))
+        apart = np.linalg.norm(ours[kept][:, None] - ours[kept], axis=2)
+        wanted = np.linalg.norm(goal[kept][:, None] - goal[kept], axis=2)
         torn = (wanted > STEEPEST * apart) & (wanted > 0.0)
         if not torn.any():
             break
         # The one that most others contradict; of equals the later in the table.
         worst = len(kept) - 1 - int(np.argmax(torn.sum(axis=1)[::-1]))
         dropped.append(names[kept.pop(worst)])
-    notes = (f"landmarks left out, as beside them others lie in the source alone: {', '.join(dropped)}",)
+    notes = (
+        f"landmarks left out, as beside them others lie in the source alone: {', '.join(dropped)}",
+    )
     return tuple(names[i] for i in kept), ours[kept], theirs[kept], notes if dropped else ()
 
 
@@ -177,7 +222,8 @@ def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap)
         target=target,
         features=marks,
         measures={
-            name: size * value if name.endswith(MEASURED_IN_METERS) else value for name, value in bone.measures.items()
+            name: size * value if name.endswith(MEASURED_IN_METERS) else value
+            for name, value in bone.measures.items()
         },
     )
 
@@ -196,21 +242,36 @@ def species_morph(
     name: str = "",
     progress: Callable[[str], None] | None = None,
 ) -> Morph:
-    """The target's skeleton, with its own joints and masses, and the source's muscles on it; its `source` is that model
-    with parts of bodies as bodies of their own where the table spreads one over several. `beside`: keep the target's
-    own muscles too; `progress`: called with a bone's name before it is mapped, and with "muscles".
+    """The target's skeleton, with its own joints and masses, and the source's muscles on it; its
+    `source` is that model with parts of bodies as bodies of their own where the table spreads one
+    over several. `beside`: keep the target's own muscles too; `progress`: called with a bone's name
+    before it is mapped, and with "muscles".
     """
-    bones = species_bones(source, source_surfaces, target, target_surfaces, table, map_options, match, progress)
+    bones = species_bones(
+        source, source_surfaces, target, target_surfaces, table, map_options, match, progress
+    )
     if not bones.bones:
-        wanted = ", ".join(f"'{bone.sources[0]}' and '{bone.targets[0]}'" for bone in table.bones[:3])
-        raise BadData(f"species table '{table.name}': no pair of its bodies is in the models: it wants {wanted}, ...")
+        wanted = ", ".join(
+            f"'{bone.sources[0]}' and '{bone.targets[0]}'" for bone in table.bones[:3]
+        )
+        raise BadData(
+            f"species table '{table.name}': no pair of its bodies is in the models: it wants"
+            f" {wanted}, ..."
+        )
     if progress is not None:
         progress("muscles")
     known = None
     if options is None or options.architecture == "tables":
-        transferred = [m.name for m in source.muscles if all(point.body in bones.bones for point in m.path.points)]
+        transferred = [
+            m.name
+            for m in source.muscles
+            if all(point.body in bones.bones for point in m.path.points)
+        ]
         if table.architecture:
-            sizes = [size_over(architecture, table, target, target_surfaces) for architecture in table.architecture]
+            sizes = [
+                size_over(architecture, table, target, target_surfaces)
+                for architecture in table.architecture
+            ]
             known = architectures(source, table.architecture, sizes, transferred)
         elif table.scaling is not None:
             theirs = joint_distances(table.scaling.bones, table, target, "target")
@@ -234,20 +295,34 @@ def species_morph(
 def _less_sure(
     points: tuple[TransferredPoint, ...], unlike: float, surfaces: counterparts.Surfaces
 ) -> tuple[TransferredPoint, ...]:
-    """Points with intervals that hold how differently species attach their muscles, not only how bones were matched."""
+    """Points with intervals that hold how differently species attach their muscles, not only how
+    bones were matched.
+    """
     if not unlike:
         return points
-    lengths = {body: float(np.ptp(surface.vertices, axis=0).max()) for body, surface in surfaces.items()}
+    lengths = {
+        body: float(np.ptp(surface.vertices, axis=0).max()) for body, surface in surfaces.items()
+    }
     return tuple(
-        replace(point, within=float(np.hypot(np.nan_to_num(point.within), unlike * lengths[point.target_body])))
-        if point.target_body in lengths
-        else point
+        (
+            replace(
+                point,
+                within=float(
+                    np.hypot(np.nan_to_num(point.within), unlike * lengths[point.target_body])
+                ),
+            )
+            if point.target_body in lengths
+            else point
+        )
         for point in points
     )
 
 
 def size_over(
-    of: ArchitectureTable, table: counterparts.SpeciesTable, target: Model, surfaces: counterparts.Surfaces
+    of: ArchitectureTable,
+    table: counterparts.SpeciesTable,
+    target: Model,
+    surfaces: counterparts.Surfaces,
 ) -> Size:
     """How the target animal compares with those of a table of architecture."""
     if of.measured == "joints":
@@ -266,19 +341,29 @@ def size_over(
 
 
 def joint_distances(
-    bodies: Iterable[str], table: counterparts.SpeciesTable, model: Model, whose: Literal["source", "target"]
+    bodies: Iterable[str],
+    table: counterparts.SpeciesTable,
+    model: Model,
+    whose: Literal["source", "target"],
 ) -> float:
-    """Sum over bones of the distance between the two joints that a species table has of each [m]. `bodies`: of the
-    source, one of each bone; `model`: the source or the target, as `whose` says.
+    """Sum over bones of the distance between the two joints that a species table has of each [m].
+    `bodies`: of the source, one of each bone; `model`: the source or the target, as `whose` says.
     """
     posed = counterparts.Posed(model, table.posture if whose == "source" else table.target_posture)
     total = 0.0
     for body in bodies:
         bone = _bone_of(body, table)
         joints = posed.joints(getattr(bone, f"{whose}s")[0])
-        ends = [joints[getattr(rule, f"{whose}_joint")] for rule in bone.landmarks if rule.rule == "joint"]
+        ends = [
+            joints[getattr(rule, f"{whose}_joint")]
+            for rule in bone.landmarks
+            if rule.rule == "joint"
+        ]
         if len(ends) < 2:
-            raise BadData(f"species table '{table.name}': the landmarks of '{body}' lack two joints to measure it by")
+            raise BadData(
+                f"species table '{table.name}': the landmarks of '{body}' lack two joints to"
+                " measure it by"
+            )
         total += float(np.linalg.norm(ends[1] - ends[0]))
     return total
 
@@ -287,13 +372,18 @@ def _bone_of(body: str, table: counterparts.SpeciesTable) -> counterparts.BoneHo
     for bone in table.bones:
         if body in bone.sources:
             return bone
-    raise BadData(f"species table '{table.name}': it has no bone of '{body}', by which its muscles are scaled")
+    raise BadData(
+        f"species table '{table.name}': it has no bone of '{body}', by which its muscles are scaled"
+    )
 
 
-def coordinate_table(table: counterparts.SpeciesTable, source: Model, target: Model) -> CoordinateTable:
+def coordinate_table(
+    table: counterparts.SpeciesTable, source: Model, target: Model
+) -> CoordinateTable:
     """Coordinates of a species table that both models have."""
     return {
         coordinate.source: (coordinate.target, coordinate.factor, coordinate.offset)
         for coordinate in table.coordinates
-        if coordinate.source in source.coordinate_names and coordinate.target in target.coordinate_names
+        if coordinate.source in source.coordinate_names
+        and coordinate.target in target.coordinate_names
     }

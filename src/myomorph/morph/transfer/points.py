@@ -21,13 +21,18 @@ from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.moving_points import piece_about
 
 DEEPER = 3.0
-"""A height above the surface that the map makes so many times what the bone's size makes of it is not kept."""
+"""A height above the surface that the map makes so many times what the bone's size makes of it is
+not kept.
+"""
 
 FARTHEST = 0.05
-"""A point that would be moved further than this share of the bone's length is left where the map puts it, or
-brought out of the bone the nearest way: the target's surface ends there, as where a pelvis comes without its sacrum."""
+"""A point that would be moved further than this share of the bone's length is left where the map
+puts it, or brought out of the bone the nearest way: the target's surface ends there, as where a
+pelvis comes without its sacrum.
+"""
 
-FACES = 32  # Triangles, the nearest by their middles, among which the nearest of one side is looked for.
+# Triangles, the nearest by their middles, among which the nearest of one side is looked for.
+FACES = 32
 
 
 @read_only
@@ -36,27 +41,36 @@ class SurfacePoints:
 
     points: Array  # (n, 3) in the target body [m]
     lifted: Array  # (n,) how far each was moved [m]
-    # depth_source, depth_target: (n,) signed distances from the surfaces, positive outside [m]; NaN without surfaces
+    # depth_source, depth_target: (n,) signed distances from the surfaces, positive outside [m]; NaN
+    # without surfaces
     depth_source: Array
     depth_target: Array
     beyond: np.ndarray  # (n,) which belong on a part of the surface that the target does not have
 
 
 def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfacePoints:
-    """Points (n, 3) of a body transferred, those within a share of its bone's length of the surface at their height
-    above the target's [m]. The point of the surface nearest to such a point goes where the map sends it, and from there
-    to the nearest point of the target's surface that faces the same way: what the map missed the surface by is added to
-    the point itself. So nothing moves where the map brings surface onto surface, and a point stays on its side of a
-    thin bone.
+    """Points (n, 3) of a body transferred, those within a share of its bone's length of the surface
+    at their height above the target's [m]. The point of the surface nearest to such a point goes
+    where the map sends it, and from there to the nearest point of the target's surface that faces
+    the same way: what the map missed the surface by is added to the point itself. So nothing moves
+    where the map brings surface onto surface, and a point stays on its side of a thin bone.
     """
     mapped = transfer.points(points)
-    shapes, none = transfer.shapes, np.zeros(len(points))
+    shapes = transfer.shapes
+    none = np.zeros(len(points))
     if shapes is None or not len(points):
-        return SurfacePoints(mapped, none, none + np.nan, none + np.nan, none > 0.0)
+        return SurfacePoints(
+            points=mapped,
+            lifted=none,
+            depth_source=none + np.nan,
+            depth_target=none + np.nan,
+            beyond=none > 0.0,
+        )
     source, target = shapes
     feet, faces = source.closest(points)
     depth = source.signed(points)
-    # A point that was outside the bone and would be inside belongs back outside, however far it was.
+    # A point that was outside the bone and would be inside belongs back outside, however far it
+    # was.
     near = (np.abs(depth) <= within * transfer.length) | ((depth > 0) & (target.signed(mapped) < 0))
     near &= within > 0.0
     moved = mapped.copy()
@@ -65,22 +79,33 @@ def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfaceP
         facing = source.normals[faces[near]] @ np.linalg.inv(transfer.linear)
         moved[near] = _lifted(transfer, target, mapped[near], feet[near], facing, depth[near])
     far = np.linalg.norm(moved - mapped, axis=1) > FARTHEST * transfer.length * transfer.size
-    # Beside a hole or beyond a cut the target's nearest point is its border, which is not where such a point belongs.
+    # Beside a hole or beyond a cut the target's nearest point is its border, which is not where
+    # such a point belongs.
     far |= near & target.rim[target.closest(mapped)[1]]
     moved[far] = mapped[far]
     crossed = far & (depth > 0) & (target.signed(moved) < 0)
     places, faces = target.closest(moved[crossed])
     moved[crossed] = places + transfer.size * depth[crossed, None] * target.normals[faces]
-    return SurfacePoints(moved, np.linalg.norm(moved - mapped, axis=1), depth, target.signed(moved), far)
+    return SurfacePoints(
+        points=moved,
+        lifted=np.linalg.norm(moved - mapped, axis=1),
+        depth_source=depth,
+        depth_target=target.signed(moved),
+        beyond=far,
+    )
 
 
-def _lifted(transfer: Transfer, target: Shape, mapped: Array, feet: Array, facing: Array, depth: Array) -> Array:
+def _lifted(
+    transfer: Transfer, target: Shape, mapped: Array, feet: Array, facing: Array, depth: Array
+) -> Array:
     ground = transfer.points(feet)
     place, normals = nearest_facing(target, ground, facing)
     above = mapped - ground
-    # The map may fold or stretch what is between foot and point; then the height is the bone's size times the old one.
+    # The map may fold or stretch what is between foot and point; then the height is the bone's size
+    # times the old one.
     kept = transfer.size * depth
-    # The surface knows on which side of it a point is: at an edge the normal of either face tells little.
+    # The surface knows on which side of it a point is: at an edge the normal of either face tells
+    # little.
     height = target.signed(place + above)
     slack = 1e-9 * transfer.length
     wrong = (np.sign(height) * np.sign(depth) < 0) & (np.abs(height) > slack)
@@ -90,8 +115,8 @@ def _lifted(transfer: Transfer, target: Shape, mapped: Array, feet: Array, facin
 
 
 def nearest_facing(shape: Shape, points: Array, facing: Array) -> tuple[Array, Array]:
-    """Nearest points (n, 3) of a surface on the side that faces a direction (n, 3), and their normals (n, 3). Where no
-    triangle near by faces that way, the nearest of all is taken.
+    """Nearest points (n, 3) of a surface on the side that faces a direction (n, 3), and their
+    normals (n, 3). Where no triangle near by faces that way, the nearest of all is taken.
     """
     places, faces = shape.closest(points)
     normals = shape.normals[faces]
@@ -113,10 +138,13 @@ def _nearest_on_triangles(point: Array, corners: Array) -> Array:
     # Brings SciPy and trimesh: loaded only where it is needed.
     from trimesh.triangles import closest_point
 
-    return np.asarray(closest_point(corners, np.broadcast_to(point, (len(corners), 3))), dtype=np.float64)
+    return np.asarray(
+        closest_point(corners, np.broadcast_to(point, (len(corners), 3))), dtype=np.float64
+    )
 
 
-MIDDLE_SAMPLES = 21  # Values of its coordinate over which the middle of a moving point's way is taken.
+# Values of its coordinate over which the middle of a moving point's way is taken.
+MIDDLE_SAMPLES = 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,17 +159,21 @@ class Setting:
 def transferred_paths(
     owned: Iterable[tuple[str, Path]], transfers: Transfers, setting: Setting, within: float
 ) -> tuple[list[Path], tuple[TransferredPoint, ...], list[str]]:
-    """Paths of muscles or ligaments, all of their points and notes: every point by the map of the body that it is fixed
-    to. A moving point follows the affine map nearest around the middle of its way, which is exact where the bone's map
-    is affine. `within`: distance up to which a point belongs to the surface, as a share of the bone's length.
+    """Paths of muscles or ligaments, all of their points and notes: every point by the map of the
+    body that it is fixed to. A moving point follows the affine map nearest around the middle of its
+    way, which is exact where the bone's map is affine. `within`: distance up to which a point
+    belongs to the surface, as a share of the bone's length.
     """
     owned = list(owned)
     places = [place_of(point, setting.coordinates) for _, path in owned for point in path.points]
     bodies = [point.body for _, path in owned for point in path.points]
     owners = [(name, point.name) for name, path in owned for point in path.points]
     notes: list[str] = []
-    transferred_points = _transferred_points(owners, bodies, np.array(places).reshape(-1, 3), transfers, within, notes)
-    paths, first = [], 0
+    transferred_points = _transferred_points(
+        owners, bodies, np.array(places).reshape(-1, 3), transfers, within, notes
+    )
+    paths = []
+    first = 0
     for name, path in owned:
         here = transferred_points[first : first + len(path.points)]
         first += len(path.points)
@@ -149,7 +181,9 @@ def transferred_paths(
             _point(point, to, transfers[point.body], setting, f"muscle '{name}'", notes)
             for point, to in zip(path.points, here, strict=True)
         )
-        tendon = tuple(_side(wrap, transfers, setting) for wrap in path.wraps if isinstance(wrap, TendonWrap))
+        tendon = tuple(
+            _side(wrap, transfers, setting) for wrap in path.wraps if isinstance(wrap, TendonWrap)
+        )
         paths.append(replace(path, points=points, wraps=tendon or path.wraps))
     return paths, tuple(transferred_points), list(dict.fromkeys(notes))
 
@@ -167,10 +201,18 @@ def _transferred_points(
         put = put_on_surface(transfers[body], places[here], within)
         if put.beyond.any():
             shown = quoted(owners[here[row]][0] for row in np.flatnonzero(put.beyond))
-            notes.append(f"the target's bone of '{body}' has no surface near where points of these belong: {shown}")
+            notes.append(
+                f"the target's bone of '{body}' has no surface near where points of these belong:"
+                f" {shown}"
+            )
         sure = transfers[body].within(places[here])
         for row, i in enumerate(here):
-            known = float(put.lifted[row]), float(put.depth_source[row]), float(put.depth_target[row]), float(sure[row])
+            known = (
+                float(put.lifted[row]),
+                float(put.depth_source[row]),
+                float(put.depth_target[row]),
+                float(sure[row]),
+            )
             transferred[i] = TransferredPoint(
                 *owners[i], body, transfers[body].body, places[i], put.points[row], *known
             )
@@ -181,7 +223,10 @@ def place_of(point: PathPoint | MovingPathPoint, coordinates: Mapping[str, Coord
     """Where a point is in its body, (3,), in the middle of its way if it moves [m]."""
     if isinstance(point, PathPoint):
         return point.location
-    ways = [_way(f, coordinates.get(name)) for f, name in zip(point.functions, point.coordinates, strict=True)]
+    ways = [
+        _way(f, coordinates.get(name))
+        for f, name in zip(point.functions, point.coordinates, strict=True)
+    ]
     return np.array([0.5 * (way.min() + way.max()) for way in ways])
 
 
@@ -208,20 +253,27 @@ def _point(
     if len({name for name in point.coordinates if name}) > 1 or any(
         isinstance(f, SineProduct) for f in point.functions
     ):
-        notes.append(f"{user}: moving point '{point.name}' follows several coordinates: stretched, but not turned")
+        notes.append(
+            f"{user}: moving point '{point.name}' follows several coordinates: stretched, but not"
+            " turned"
+        )
         matrix = np.diag(np.linalg.norm(matrix, axis=0))
     functions = [
         stretched(f, 1.0, setting.travel.get(name, 1.0))
         for f, name in zip(point.functions, point.coordinates, strict=True)
     ]
-    x, y, z = (combined(functions, row, to.target[i] - row @ to.source) for i, row in enumerate(matrix))
+    x, y, z = (
+        combined(functions, row, to.target[i] - row @ to.source) for i, row in enumerate(matrix)
+    )
     names = _names(point, matrix)
     a, b, c = (name if f.arity else "" for f, name in zip((x, y, z), names, strict=True))
     return replace(point, body=transfer.body, functions=(x, y, z), coordinates=(a, b, c))
 
 
 def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
-    """The coordinate of each axis: its own where axes do not mix, else the one that they all follow."""
+    """The coordinate of each axis: its own where axes do not mix, else the one that they all
+    follow.
+    """
     if np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0:
         return point.coordinates
     coordinate = next((name for name in point.coordinates if name), "")
@@ -231,7 +283,9 @@ def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
 def combined(functions: list[Function], factors: Array, offset: float) -> Function:
     """sum_i factors[i] functions[i](x) + offset, of functions of one coordinate."""
     used = [(f, float(a)) for f, a in zip(functions, factors, strict=True) if a != 0.0 and f.arity]
-    offset += sum(float(a) * float(f(0.0)) for f, a in zip(functions, factors, strict=True) if not f.arity)
+    offset += sum(
+        float(a) * float(f(0.0)) for f, a in zip(functions, factors, strict=True) if not f.arity
+    )
     if not used:
         return constant(offset)
     if len(used) == 1 and isinstance(used[0][0], SineProduct):
@@ -259,16 +313,22 @@ def _all_breaks(functions: list[PiecewisePolynomial]) -> Array:
 
 
 def _pieces_at(function: PiecewisePolynomial, breaks: Array) -> Array:
-    """(breaks, degree + 1) the function's coefficients about each break, the first break's to its left."""
+    """(breaks, degree + 1) the function's coefficients about each break, the first break's to its
+    left.
+    """
     if np.array_equal(function.breaks, breaks):
         return function.coefficients
     piece = np.clip(np.searchsorted(function.breaks, breaks, side="right") - 1, 0, None)
     piece[0] = max(0, int(np.searchsorted(function.breaks, breaks[0], side="left")) - 1)
-    return np.array([piece_about(function, number, at) for at, number in zip(breaks, piece, strict=True)])
+    return np.array(
+        [piece_about(function, number, at) for at, number in zip(breaks, piece, strict=True)]
+    )
 
 
 def _side(wrap: TendonWrap, transfers: Transfers, setting: Setting) -> TendonWrap:
-    """A side site keeps its place relative to the surface: inside stays inside. On another body it goes by its map."""
+    """A side site keeps its place relative to the surface: inside stays inside. On another body it
+    goes by its map.
+    """
     if wrap.side is None:
         return wrap
     before, after = setting.wraps[wrap.wrap_object]
@@ -286,11 +346,15 @@ ASKED = 3  # Places that are asked for, at most.
 
 
 def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) -> list[str]:
-    """A line for each bone with points that may belong far from where they were put, with landmarks to give."""
+    """A line for each bone with points that may belong far from where they were put, with landmarks
+    to give.
+    """
     notes = []
     for body, here in grouped((point.body, point) for point in points).items():
         length = transfers[body].length
-        unsure = sorted((item for item in here if item.within > LARGE * length), key=lambda item: -item.within)
+        unsure = sorted(
+            (item for item in here if item.within > LARGE * length), key=lambda item: -item.within
+        )
         if not unsure:
             continue
         asked: list[TransferredPoint] = []
@@ -299,7 +363,8 @@ def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) ->
                 asked.append(point)
         places = ", ".join(f"'{item.owner}' ({item.name})" for item in asked[:ASKED])
         notes.append(
-            f"{len(unsure)} of {len(here)} points on '{body}' may belong up to {mm(unsure[0].within)} away along the "
-            f"bone (90 %): landmarks where these attach would tell: {places}"
+            f"{len(unsure)} of {len(here)} points on '{body}' may belong up to"
+            f" {mm(unsure[0].within)} away along the bone (90 %): landmarks where these attach"
+            f" would tell: {places}"
         )
     return notes

@@ -374,7 +374,9 @@ def place_at_fixed_angles(
     return x
 
 
-NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
+NOISE_UNKNOWN = 0.005
+NOISE_LEAST = 1e-4
+NOISE_AT_FIRST = 0.02
 """Of a marker along one axis: where the residual cannot show it, at least, and of the first stage
 [length units].
 """
@@ -423,10 +425,8 @@ def search_minimum(
             progress(1)
 
     frames = sum(len(angle) for angle in angles)
-    noise, at_first = (
-        distances.noise or NOISE_UNKNOWN * distances.unit,
-        NOISE_AT_FIRST * distances.unit,
-    )
+    noise = distances.noise or NOISE_UNKNOWN * distances.unit
+    at_first = NOISE_AT_FIRST * distances.unit
     if distances.noise:
         noise *= float(np.sqrt(max(1.0, frames / options.independent_frames)))
     root = root_coordinates(compile_tree(problem.model))
@@ -436,9 +436,12 @@ def search_minimum(
     point = settle(problem, x, angles, stages[0] ** 2)
     if not np.isfinite(point.cost(0.0)):
         raise BadData(
-            f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size"
+            f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g}"
+            " its size"
         )
-    known, usual, repeats = True, usual_shifts(problem.model, names, distances), 0
+    known = True
+    usual = usual_shifts(problem.model, names, distances)
+    repeats = 0
     sides: tuple[SideEstimate, ...] = ()
     landmark = np.array([problem.model.marker(name).fixed for name in names])
     differing: frozenset[tuple[str, str]] = frozenset()
@@ -475,7 +478,8 @@ def search_minimum(
                 and repeats < SIDE_REPEATS
                 and steps < options.iterations
             ):
-                stages, repeats = [noise], repeats + 1
+                stages = [noise]
+                repeats = repeats + 1
             differing = now if stages else differing
         if stages:
             # The variance that Student's t gives each marker: one that lies far off is no longer
@@ -491,15 +495,25 @@ def search_minimum(
             if abs(shown_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [shown_noise]
     sides = tuple(replace(side, differs=(side.first, side.second) in differing) for side in sides)
-    return Search(problem, minimum, noise, known, steps, free, sides)
+    return Search(
+        problem=problem,
+        found=minimum,
+        noise=noise,
+        noise_found=known,
+        steps=steps,
+        free=free,
+        sides=sides,
+    )
 
 
 def _may_move(
     problem: SharedProblem, names: Sequence[str], options: CalibrationOptions
 ) -> tuple[Bools, Bools]:
     """Which unknowns are lengths or the size, and which are shifts of markers that may move."""
-    n, total = len(problem.lengths), problem.prior.rows.shape[1]
-    lengths, shifts = np.zeros(total, np.bool_), np.zeros(total, np.bool_)
+    n = len(problem.lengths)
+    total = problem.prior.rows.shape[1]
+    lengths = np.zeros(total, np.bool_)
+    shifts = np.zeros(total, np.bool_)
     lengths[:n] = lengths[-1] = True
     for m, name in enumerate(names):
         shifts[n + 3 * m : n + 3 * m + 3] = name not in options.fixed_markers
@@ -512,7 +526,8 @@ def _noise(
     """Standard deviation of a marker along one axis from what the fit leaves, and whether that can
     be known.
     """
-    squares, seen = 0.0, 0
+    squares = 0.0
+    seen = 0
     for errors in minimum.reduced.errors:
         squares += float(np.nansum(problem.pose.markers.weight * errors**2))
         seen += 3 * int(np.isfinite(errors).sum())
@@ -545,5 +560,7 @@ def _alternate(
         costs.append(point.cost(variance))
         after_step()
         if len(costs) > 1 and costs[-2] - costs[-1] <= 1e-5 * costs[-1]:
-            return Minimum(point, reduce(problem, point), True, tuple(costs))
-    return Minimum(point, reduce(problem, point), False, tuple(costs))
+            return Minimum(
+                point=point, reduced=reduce(problem, point), converged=True, costs=tuple(costs)
+            )
+    return Minimum(point=point, reduced=reduce(problem, point), converged=False, costs=tuple(costs))

@@ -1,4 +1,6 @@
-"""The problem of all frames at once: what is shared, what each recording shows, and what is held likely before."""
+"""The problem of all frames at once: what is shared, what each recording shows, and what is held
+likely before.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ from myomorph.rigid.tree import Tree, compile_tree
 
 @dataclass(frozen=True, eq=False)
 class FrameSet:
-    """Frames of one recording: markers (frames, markers, 3) [m], NaN where unseen; (frames, coordinates) values of
-    coordinate tasks, and of coordinates that do not move; 1 / SD^2 of those known to be at their target.
+    """Frames of one recording: markers (frames, markers, 3) [m], NaN where unseen; (frames,
+    coordinates) values of coordinate tasks, and of coordinates that do not move; 1 / SD^2 of those
+    known to be at their target.
     """
 
     observed: Array
@@ -43,8 +46,8 @@ class Prior:
 
 @read_only
 class MeanPosture:
-    """What is held likely of the mean posture: (rows mean - right) has standard deviation 1. `names` are those of the
-    rows, as "ankle_angle_r - ankle_angle_l"; `sd` (rows,) [rad].
+    """What is held likely of the mean posture: (rows mean - right) has standard deviation 1.
+    `names` are those of the rows, as "ankle_angle_r - ankle_angle_l"; `sd` (rows,) [rad].
     """
 
     names: tuple[str, ...]
@@ -59,10 +62,10 @@ class MeanPosture:
 
 @dataclass(frozen=True, eq=False)
 class SharedProblem:
-    """The problem of all frames. Its unknowns x are the factors of the lengths, three shifts [m] for each marker and
-    the overall size, which moves nothing but the prior. `pose` has the model's markers and what may move, but no
-    frames; `unit` measures changes of marker positions [m], see `length_unit`; `mean_posture` is what is held likely of
-    the mean of all frames' angles.
+    """The problem of all frames. Its unknowns x are the factors of the lengths, three shifts [m]
+    for each marker and the overall size, which moves nothing but the prior. `pose` has the model's
+    markers and what may move, but no frames; `unit` measures changes of marker positions [m], see
+    `length_unit`; `mean_posture` is what is held likely of the mean of all frames' angles.
     """
 
     model: Model
@@ -79,15 +82,17 @@ class SharedProblem:
     def prior_cost(self, x: Array, angles: Sequence[Array]) -> float:
         """Of the unknowns and of the mean posture, in squares of standard deviations."""
         posture = self.mean_posture
-        return self.prior.cost(x) + (0.0 if posture is None else float(np.sum(posture.misfit(angles) ** 2)))
+        return self.prior.cost(x) + (
+            0.0 if posture is None else float(np.sum(posture.misfit(angles) ** 2))
+        )
 
     def stretched(self, x: Array) -> Model:
         """The skeleton with its lengths."""
         return scale(self.model, factors_of(self.lengths, x[: len(self.lengths)]))
 
     def tied(self, tree: Tree, stretch: Stretch) -> tuple[MarkerArrays, Stretch]:
-        """The points that loops tie in a stretched tree, as markers, and how they move with the lengths: as points of
-        their bodies, for a weld's lever does not stretch.
+        """The points that loops tie in a stretched tree, as markers, and how they move with the
+        lengths: as points of their bodies, for a weld's lever does not stretch.
         """
         if not self.model.loops:
             return tied_markers(None), stretch
@@ -103,9 +108,9 @@ class SharedProblem:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The problem at some x, every frame at its best angles: for each set its poses, angles (frames, coordinates) and
-    cost of each frame (frames,) [m^2]; cost of the prior and of the mean posture [squares of standard deviations]; the
-    share of frames whose angles converged.
+    """The problem at some x, every frame at its best angles: for each set its poses, angles
+    (frames, coordinates) and cost of each frame (frames,) [m^2]; cost of the prior and of the mean
+    posture [squares of standard deviations]; the share of frames whose angles converged.
     """
 
     x: Array
@@ -123,9 +128,10 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`). `errors`
-    are for each set (frames, markers) distances [m], NaN where unseen; `angles_free` counts the angles, over all
-    frames, that are not at a bound and that no loop takes.
+    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles
+    (`fixed_*`). `errors` are for each set (frames, markers) distances [m], NaN where unseen;
+    `angles_free` counts the angles, over all frames, that are not at a bound and that no loop
+    takes.
     """
 
     H: Array

@@ -1,1 +1,3 @@
-"""Inertial sensors: their orientation, where they are mounted on bodies, and how their headings drift."""
+"""Inertial sensors: their orientation, where they are mounted on bodies, and how their headings
+drift.
+"""

@@ -17,8 +17,8 @@ from myomorph.rigid.tree import Tree
 
 
 class CoordinateArrays(NamedTuple):
-    """Values (frames, coordinates) [rad or m] that coordinates are pulled to, by a weight (coordinates,), 0 for none
-    and for those not solved for [1/rad^2 or 1/m^2].
+    """Values (frames, coordinates) [rad or m] that coordinates are pulled to, by a weight
+    (coordinates,), 0 for none and for those not solved for [1/rad^2 or 1/m^2].
     """
 
     weight: Array
@@ -54,15 +54,17 @@ class CoordinateTask(Task):
     ----------
     coordinate : name of it
     weight : [1/rad^2 or 1/m^2], where the markers' mean square counts 1 [1/m^2]
-    value : [rad or m], or None for the value in `InverseKinematicsOptions.coordinates` (a motion), or the model's
-        default where that has none
+    value : [rad or m], or None for the value in `InverseKinematicsOptions.coordinates` (a motion),
+        or the model's default where that has none
     """
 
     coordinate: str
     weight: float
     value: float | None = None
 
-    kernels = TaskKernels(CoordinateArrays, _shown, _cost, _add, no_residual)
+    kernels = TaskKernels(
+        arrays=CoordinateArrays, shown=_shown, cost=_cost, add=_add, keep=no_residual
+    )
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> CoordinateArrays:
@@ -72,7 +74,8 @@ class CoordinateTask(Task):
         ------
         UnknownName : the model has no such coordinate
         """
-        weight, free = np.zeros(len(tree.defaults)), set(free_coordinates(tree))
+        weight = np.zeros(len(tree.defaults))
+        free = set(free_coordinates(tree))
         for task in tasks:
             j = index_of("coordinate", task.coordinate, tree.model.coordinate_names)
             if j in free:

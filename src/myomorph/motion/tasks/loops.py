@@ -1,8 +1,9 @@
-"""Loops that stay closed, as pairs of points that coincide: gaps, eliminated coordinates, multipliers.
+"""Loops that stay closed, as pairs of points that coincide: gaps, eliminated coordinates,
+multipliers.
 
-With gaps e(c) and their derivatives G, Gauss-Jordan elimination with full pivoting turns G d = -e into
-d_dependent = b - A d_independent, whatever its rank, and gives the multipliers of the ties. All of it works on the
-scratch arrays of one frame.
+With gaps e(c) and their derivatives G, Gauss-Jordan elimination with full pivoting turns G d = -e
+into d_dependent = b - A d_independent, whatever its rank, and gives the multipliers of the ties.
+All of it works on the scratch arrays of one frame.
 """
 
 from __future__ import annotations
@@ -22,13 +23,17 @@ from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, turned, vect
 
 CLOSED = 1e-12  # A loop is closed when no gap is larger [m]
 PIVOT = 1e-8
-"""Least pivot of the elimination relative to the largest entry: what is smaller is no constraint of its own."""
+"""Least pivot of the elimination relative to the largest entry: what is smaller is no constraint of
+its own.
+"""
 
 TO_CLOSE = 40  # Newton steps that may close the loops
 
 
 class Ties(NamedTuple):
-    """Pairs of points (ties, 3) [m] in bodies that coincide where loops are closed: one of a point, three of a weld."""
+    """Pairs of points (ties, 3) [m] in bodies that coincide where loops are closed: one of a point,
+    three of a weld.
+    """
 
     body_1: Ints
     body_2: Ints
@@ -39,16 +44,19 @@ class Ties(NamedTuple):
 class Closing(namedtuple("Closing", "e G A taken dependent rank push H g D Z before")):
     """Scratch arrays of the elimination.
 
-    `e`, `G`: gaps in ground (rows,) [m] and their derivatives (rows, coordinates); `A` (rows, variables + 1 + rows):
-    the eliminated rows, b and the transformation of the rows; `taken` (rows,): the variable that each eliminated row
-    determines; `dependent` (variables,): whether a row does; `rank`: how many rows there are; `push` (rows,):
-    multipliers; `H`, `g`, `D`: what these add to Hessian and gradient; `Z`: Hessian times the basis of the free
-    directions; `before`: pose from which a step closes the loops.
+    `e`, `G`: gaps in ground (rows,) [m] and their derivatives (rows, coordinates); `A` (rows,
+    variables + 1 + rows): the eliminated rows, b and the transformation of the rows; `taken`
+    (rows,): the variable that each eliminated row determines; `dependent` (variables,): whether a
+    row does; `rank`: how many rows there are; `push` (rows,): multipliers; `H`, `g`, `D`: what
+    these add to Hessian and gradient; `Z`: Hessian times the basis of the free directions;
+    `before`: pose from which a step closes the loops.
     """
 
 
 def ties_of(tree: Tree, lever: float = 1.0) -> Ties | None:
-    """The ties of a tree's loops, None of an open one; a weld's second and third lie `lever` [m] along its axes."""
+    """The ties of a tree's loops, None of an open one; a weld's second and third lie `lever` [m]
+    along its axes.
+    """
     if not tree.model.loops:
         return None
     loops = tree.loops
@@ -59,7 +67,9 @@ def ties_of(tree: Tree, lever: float = 1.0) -> Ties | None:
         if loops.row[i + 1] - loops.row[i] == 6:
             for axis in range(2):
                 away = (lever * loops.turn_1[i][:, axis], lever * loops.turn_2[i][:, axis])
-                ties.append((loops.body_1[i], loops.body_2[i], ends[0] + away[0], ends[1] + away[1]))
+                ties.append(
+                    (loops.body_1[i], loops.body_2[i], ends[0] + away[0], ends[1] + away[1])
+                )
     return Ties(*(np.array(values) for values in zip(*ties, strict=True)))
 
 
@@ -70,10 +80,19 @@ def new_closing(ties, n, variables):
         return None
     rows = 3 * ties.body_1.shape[0]
     return Closing(
-        np.empty(rows), np.empty((rows, n)), np.empty((rows, variables + 1 + rows)), np.empty(rows, np.int64),
-        np.empty(variables, np.bool_), np.empty(1, np.int64), np.empty(rows), np.empty((n, n)), np.empty(n),
-        np.empty(n), np.empty((variables, variables)), np.empty(n),
-    )  # fmt: skip
+        np.empty(rows),
+        np.empty((rows, n)),
+        np.empty((rows, variables + 1 + rows)),
+        np.empty(rows, np.int64),
+        np.empty(variables, np.bool_),
+        np.empty(1, np.int64),
+        np.empty(rows),
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty(n),
+        np.empty((variables, variables)),
+        np.empty(n),
+    )
 
 
 @bare
@@ -88,7 +107,8 @@ def ties_at(ties, T, c, work, closing):
             closing.G[i, j] = 0.0
     largest = 0.0
     for i in range(ties.body_1.shape[0]):
-        b1, b2 = ties.body_1[i], ties.body_2[i]
+        b1 = ties.body_1[i]
+        b2 = ties.body_2[i]
         x1 = plus(vector(work.p, b1), turned(matrix(work.R, b1), vector(ties.point_1, i)))
         x2 = plus(vector(work.p, b2), turned(matrix(work.R, b2), vector(ties.point_2, i)))
         gap = minus(x2, x1)
@@ -96,11 +116,14 @@ def ties_at(ties, T, c, work, closing):
             closing.e[3 * i + d] = gap[d]
             largest = max(largest, abs(gap[d]))
         while b1 != b2:
-            # A parent has the smaller number: the larger of both cannot be an ancestor of the other.
+            # A parent has the smaller number: the larger of both cannot be an ancestor of the
+            # other.
             b, sign, x = (b2, 1.0, x2) if b2 > b1 else (b1, -1.0, x1)
             for axis in range(T.axis_start[b], T.axis_start[b + 1]):
                 u = vector(work.w, axis)
-                moved = cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
+                moved = (
+                    cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
+                )
                 for s in range(2):
                     j = T.axis_coordinate[axis, s]
                     if j >= 0:
@@ -116,12 +139,18 @@ def ties_at(ties, T, c, work, closing):
 
 @bare
 def close(ties, T, P, c, work, closing):
-    """Newton steps of few variables from c in place that close the loops inside the bounds; whether they are closed."""
+    """Newton steps of few variables from c in place that close the loops inside the bounds; whether
+    they are closed.
+    """
     if ties is None:
         couple(T, c)
         body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
         return True
-    F, variables, before, held, late = P.free, P.free.shape[0], closing.before, work.stopped, work.late
+    F = P.free
+    variables = P.free.shape[0]
+    before = closing.before
+    held = work.stopped
+    late = work.late
     for i in range(variables):
         held[i] = False
     gap = ties_at(ties, T, c, work, closing)
@@ -158,15 +187,19 @@ def close(ties, T, P, c, work, closing):
 
 @bare
 def eliminate(F, closing, held, late):
-    """Gauss-Jordan elimination of G d = -e over the variables F, with full pivoting; returns the rank. Variables that
-    are `held` are not taken, those that come `late` only when no other is left. Afterwards d[taken[row]] = A[row,
-    variables] - sum over the others of A[row, i] d[i].
+    """Gauss-Jordan elimination of G d = -e over the variables F, with full pivoting; returns the
+    rank. Variables that are `held` are not taken, those that come `late` only when no other is
+    left. Afterwards d[taken[row]] = A[row, variables] - sum over the others of A[row, i] d[i].
     """
-    A, taken, dependent = closing.A, closing.taken, closing.dependent
+    A = closing.A
+    taken = closing.taken
+    dependent = closing.dependent
     for i in range(F.shape[0]):
         dependent[i] = False
-    rows, variables = A.shape[0], F.shape[0]
-    width, largest = variables + 1 + rows, 0.0
+    rows = A.shape[0]
+    variables = F.shape[0]
+    width = variables + 1 + rows
+    largest = 0.0
     for r in range(rows):
         for i in range(variables):
             A[r, i] = closing.G[r, F[i]]
@@ -177,12 +210,16 @@ def eliminate(F, closing, held, late):
     rank = 0
     for attempt in range(2):
         while rank < rows:
-            best, row, column = PIVOT * largest, -1, -1
+            best = PIVOT * largest
+            row = -1
+            column = -1
             for i in range(variables):
                 if not held[i] and late[i] == (attempt == 1) and not dependent[i]:
                     for r in range(rank, rows):
                         if abs(A[r, i]) > best:
-                            best, row, column = abs(A[r, i]), r, i
+                            best = abs(A[r, i])
+                            row = r
+                            column = i
             if row < 0:
                 break
             for t in range(width):
@@ -195,19 +232,24 @@ def eliminate(F, closing, held, late):
                 if r != rank and factor != 0.0:
                     for t in range(width):
                         A[r, t] -= factor * A[rank, t]
-            taken[rank], dependent[column] = column, True
+            taken[rank] = column
+            dependent[column] = True
             rank += 1
     return rank
 
 
 @bare
 def hold_variables(T, ties, P, c, work, closing):
-    """Fill `work.held`: variables that lie at a bound and are pushed outwards. Loops add their curvature to work.H."""
+    """Fill `work.held`: variables that lie at a bound and are pushed outwards. Loops add their
+    curvature to work.H.
+    """
     if ties is None:
-        F, g = P.free, work.g
+        F = P.free
+        g = work.g
         for i in range(F.shape[0]):
             slack = 1e-12 * (1.0 + abs(c[F[i]]))
-            low, high = c[F[i]] <= P.lower[i] + slack, c[F[i]] >= P.upper[i] - slack
+            low = c[F[i]] <= P.lower[i] + slack
+            high = c[F[i]] >= P.upper[i] - slack
             work.held[i] = (low and g[F[i]] > 0.0) or (high and g[F[i]] < 0.0)
     else:
         multipliers(T, ties, P, c, work, closing)
@@ -215,8 +257,14 @@ def hold_variables(T, ties, P, c, work, closing):
 
 @bare
 def multipliers(T, ties, P, c, work, closing):
-    """Multipliers of the ties at c, their curvature added to work.H; fills `work.held`, what a bound holds outwards."""
-    F, variables, push, held, late = P.free, P.free.shape[0], closing.push, work.held, work.late
+    """Multipliers of the ties at c, their curvature added to work.H; fills `work.held`, what a
+    bound holds outwards.
+    """
+    F = P.free
+    variables = P.free.shape[0]
+    push = closing.push
+    held = work.held
+    late = work.late
     for i in range(variables):
         held[i] = False
         slack = 1e-12 * (1.0 + abs(c[F[i]]))
@@ -242,14 +290,18 @@ def multipliers(T, ties, P, c, work, closing):
 @in_place
 def tie_curvature(T, ties, c, work, closing):
     """Second derivatives of push . gaps in the independent coordinates, into closing.H."""
-    H, g, D, push = closing.H, closing.g, closing.D, closing.push
+    H = closing.H
+    g = closing.g
+    D = closing.D
+    push = closing.push
     for i in range(c.shape[0]):
         g[i] = D[i] = 0.0
         for j in range(c.shape[0]):
             H[i, j] = 0.0
     for i in range(ties.body_1.shape[0]):
         f = (push[3 * i], push[3 * i + 1], push[3 * i + 2])
-        top_1, top_2 = ties.body_1[i], ties.body_2[i]
+        top_1 = ties.body_1[i]
+        top_2 = ties.body_2[i]
         while top_1 != top_2:
             if top_2 > top_1:
                 top_2 = T.parent[top_2]
@@ -271,17 +323,29 @@ def tie_curvature(T, ties, c, work, closing):
 
 @in_place
 def add_curvature(T, work, closing, axis, b, top, x, f, sign):
-    """What axis axis of body b, with all axes between it and the body `top`, adds for a force f at the point x."""
+    """What axis axis of body b, with all axes between it and the body `top`, adds for a force f at
+    the point x.
+    """
     u = vector(work.w, axis)
     moved = cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
     # `normal_equations` has left the second derivatives of the axes' motions.
     add_gradient(T, work, closing.H, closing.g, axis, sign * dot(f, moved))
     turning = cross(moved, f)
-    h, a = b, axis
+    h = b
+    a = axis
     while h != top:
         while a >= T.axis_start[h]:
             if T.axis_kind[a] == ROTATION:
-                add_pair(T, work, closing.H, closing.D, axis, a, 0.0, sign * dot(vector(work.w, a), turning))
+                add_pair(
+                    T,
+                    work,
+                    closing.H,
+                    closing.D,
+                    axis,
+                    a,
+                    0.0,
+                    sign * dot(vector(work.w, a), turning),
+                )
             a -= 1
         h = T.parent[h]
         a = T.axis_start[h + 1] - 1

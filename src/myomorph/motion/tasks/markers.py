@@ -16,8 +16,9 @@ from myomorph.rigid.vectors import dot, matrix, minus, plus, times, turned, vect
 
 
 class MarkerArrays(NamedTuple):
-    """Markers (markers,) on bodies at `location` [m] and where they were seen (frames, markers, 3) [m], NaN where
-    unseen; `errors` (frames, markers) are filled, the distance between model and recording [m].
+    """Markers (markers,) on bodies at `location` [m] and where they were seen (frames, markers, 3)
+    [m], NaN where unseen; `errors` (frames, markers) are filled, the distance between model and
+    recording [m].
     """
 
     body: Ints
@@ -52,12 +53,15 @@ def _shown(markers, frame):
 
 @bare
 def _cost(markers, c, frame, work):
-    R, p = work.R, work.p
-    total, weights = 0.0, seen_weight(markers, frame)
+    R = work.R
+    p = work.p
+    total = 0.0
+    weights = seen_weight(markers, frame)
     for m in range(markers.body.shape[0]):
         y = markers.observed[frame, m]
         if markers.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2]):
-            b, x = markers.body[m], markers.location[m]
+            b = markers.body[m]
+            x = markers.location[m]
             for i in range(3):
                 e = p[b, i] + R[b, i, 0] * x[0] + R[b, i, 1] * x[1] + R[b, i, 2] * x[2] - y[i]
                 total += markers.weight[m] / weights * e * e
@@ -66,13 +70,20 @@ def _cost(markers, c, frame, work):
 
 @bare
 def _add(markers, c, frame, work):
-    cost, weights, points, z = 0.0, seen_weight(markers, frame), work.points, work.origin
+    cost = 0.0
+    weights = seen_weight(markers, frame)
+    points = work.points
+    z = work.origin
     for m in range(markers.body.shape[0]):
         y = markers.observed[frame, m]
         if not (markers.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2])):
             continue
-        b, at, weight = markers.body[m], markers.location[m], markers.weight[m] / weights
-        R, p, S = work.R[b], work.p[b], points[b]
+        b = markers.body[m]
+        at = markers.location[m]
+        weight = markers.weight[m] / weights
+        R = work.R[b]
+        p = work.p[b]
+        S = points[b]
         x = (
             p[0] + R[0, 0] * at[0] + R[0, 1] * at[1] + R[0, 2] * at[2],
             p[1] + R[1, 0] * at[0] + R[1, 1] * at[1] + R[1, 2] * at[2],
@@ -107,20 +118,25 @@ def _keep(markers, c, frame, work):
 
 @read_only
 class MarkerTask(Task):
-    """A marker near where it was seen (frames, 3) [m]: weight |x - position|^2, over the weights of all seen."""
+    """A marker near where it was seen (frames, 3) [m]: weight |x - position|^2, over the weights of
+    all seen.
+    """
 
     marker: str
     positions: Array
     weight: float = 1.0
 
-    kernels = TaskKernels(MarkerArrays, _shown, _cost, _add, _keep)
+    kernels = TaskKernels(arrays=MarkerArrays, shown=_shown, cost=_cost, add=_add, keep=_keep)
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> MarkerArrays:
         """Arrays of all markers."""
         marked = [tree.model.marker(task.marker) for task in tasks]
         frames = len(targets)
-        positions = [per_frame(task.positions, frames, f"positions of marker {task.marker!r}") for task in tasks]
+        positions = [
+            per_frame(task.positions, frames, f"positions of marker {task.marker!r}")
+            for task in tasks
+        ]
         return MarkerArrays(
             body=np.array([tree.body_index[marker.body] for marker in marked], np.int64),
             location=np.array([marker.location for marker in marked]).reshape(-1, 3),

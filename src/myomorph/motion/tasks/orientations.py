@@ -1,4 +1,6 @@
-"""Bodies turned as inertial sensors report: the squared angle between a body and a measured rotation."""
+"""Bodies turned as inertial sensors report: the squared angle between a body and a measured
+rotation.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,9 @@ from myomorph.rigid.tree import Tree
 
 
 class OrientationArrays(NamedTuple):
-    """Bodies (sensors,) and the rotations (frames, sensors, 3, 3) to ground that were measured of them, NaN where
-    unknown, with weights [m^2/rad^2]; `errors` (frames, sensors) are filled, the angle between body and measurement
-    [rad].
+    """Bodies (sensors,) and the rotations (frames, sensors, 3, 3) to ground that were measured of
+    them, NaN where unknown, with weights [m^2/rad^2]; `errors` (frames, sensors) are filled, the
+    angle between body and measurement [rad].
     """
 
     body: Ints
@@ -42,7 +44,8 @@ def _shown(sensors, frame):
 @bare
 def _residual(sensors, frame, s, work):
     """Rotation vector in ground from the measured orientation to that of the body [rad]."""
-    R, S = work.R[sensors.body[s]], sensors.rotation[frame, s]
+    R = work.R[sensors.body[s]]
+    S = sensors.rotation[frame, s]
     # Skew part and trace of R S^T: sine and cosine of the angle.
     x = y = z = trace = 0.0
     for j in range(3):
@@ -71,8 +74,10 @@ def _add(sensors, c, frame, work):
     for s in range(sensors.body.shape[0]):
         if _measured(sensors, frame, s):
             x, y, z = _residual(sensors, frame, s, work)
-            body, weight = sensors.body[s], sensors.weight[frame, s]
-            # A small rotation of the body adds to the vector: its slope is 1 up to terms of the residual.
+            body = sensors.body[s]
+            weight = sensors.weight[frame, s]
+            # A small rotation of the body adds to the vector: its slope is 1 up to terms of the
+            # residual.
             cost += add_row(work, body, angle_slope((1.0, 0.0, 0.0)), x, weight)
             cost += add_row(work, body, angle_slope((0.0, 1.0, 0.0)), y, weight)
             cost += add_row(work, body, angle_slope((0.0, 0.0, 1.0)), z, weight)
@@ -89,8 +94,9 @@ def _keep(sensors, c, frame, work):
 
 @read_only
 class OrientationTask(Task):
-    """A body turned as a sensor reports (frames, 3, 3), to ground, NaN where unknown: weight angle^2, where the
-    markers' mean square counts 1 [1/m^2]; the weight is (frames,), or one for all frames [m^2/rad^2].
+    """A body turned as a sensor reports (frames, 3, 3), to ground, NaN where unknown: weight
+    angle^2, where the markers' mean square counts 1 [1/m^2]; the weight is (frames,), or one for
+    all frames [m^2/rad^2].
     """
 
     sensor: str
@@ -98,7 +104,7 @@ class OrientationTask(Task):
     rotations: Array
     weight: Array | float = 1e-2
 
-    kernels = TaskKernels(OrientationArrays, _shown, _cost, _add, _keep)
+    kernels = TaskKernels(arrays=OrientationArrays, shown=_shown, cost=_cost, add=_add, keep=_keep)
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> OrientationArrays:
@@ -112,6 +118,8 @@ class OrientationTask(Task):
             errors=np.full(shape, np.nan),
         )
         for index, task in enumerate(tasks):
-            arrays.rotation[:, index] = per_frame(task.rotations, frames, f"orientations of '{task.sensor}'")
+            arrays.rotation[:, index] = per_frame(
+                task.rotations, frames, f"orientations of '{task.sensor}'"
+            )
             arrays.weight[:, index] = task.weight
         return arrays

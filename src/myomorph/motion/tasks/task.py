@@ -80,7 +80,8 @@ def per_frame(values: Array, frames: int, what: str) -> Array:
     values = np.array(values, dtype=np.float64, order="C")
     if len(values) != frames:
         raise BadData(
-            f"{what}: {len(values)} frames, but the markers have {frames}: resample them to the markers' times"
+            f"{what}: {len(values)} frames, but the markers have {frames}: resample them to the"
+            " markers' times"
         )
     return values
 

@@ -1,4 +1,6 @@
-"""Millard's classes: chains of quintic Bezier corners (Millard, Uchida, Seth and Delp 2013), and OpenSim's fibers."""
+"""Millard's classes: chains of quintic Bezier corners (Millard, Uchida, Seth and Delp 2013), and
+OpenSim's fibers.
+"""
 
 from __future__ import annotations
 
@@ -47,16 +49,28 @@ _VELOCITY = {
 }
 _PASSIVE = {"strain_at_zero_force": 0.0, "strain_at_one_norm_force": 0.7}
 _PASSIVE_SHAPE = ("stiffness_at_low_force", "stiffness_at_one_norm_force", "curviness")
-_TENDON = ("strain_at_one_norm_force", "stiffness_at_one_norm_force", "norm_force_at_toe_end", "curviness")
+_TENDON = (
+    "strain_at_one_norm_force",
+    "stiffness_at_one_norm_force",
+    "norm_force_at_toe_end",
+    "curviness",
+)
 
 
 class Millard2012Acceleration(MuscleModel):
-    """Millard2012AccelerationMuscle with a rigid tendon, whose fibers may turn until they are upright."""
+    """Millard2012AccelerationMuscle with a rigid tendon, whose fibers may turn until they are
+    upright.
+    """
 
     def curves(self, muscle: Muscle) -> FiberCurves:
         """Millard's curves, the active one from 0."""
-        active, velocity = _values(muscle, "ActiveForceLengthCurve", _ACTIVE | {"minimum_value": 0.0}), _speeds(muscle)
-        return FiberCurves(active_force_length(*active.values()), _not_pushing(*velocity.values()), _passive(muscle))
+        active = _values(muscle, "ActiveForceLengthCurve", _ACTIVE | {"minimum_value": 0.0})
+        velocity = _speeds(muscle)
+        return FiberCurves(
+            active_force_length(*active.values()),
+            _not_pushing(*velocity.values()),
+            _passive(muscle),
+        )
 
     def greatest_pennation(self, muscle: Muscle) -> float:
         """Upright."""
@@ -67,7 +81,8 @@ class Millard2012(FiberMuscle):
     """Millard2012EquilibriumMuscle: fibers with damping, whose equilibrium OpenSim seeks at rest."""
 
     times = (0.010, 0.040)
-    damping, undamped = 0.1, UNDAMPED
+    damping = 0.1
+    undamped = UNDAMPED
     elastic = True
     passive_strain = ("FiberForceLengthCurve/strain_at_one_norm_force", 0.7)
     static_optimization = StaticOptimization(pennation_by=1.0)
@@ -82,12 +97,15 @@ class Millard2012(FiberMuscle):
     def smooth_curves(self, muscle: Muscle) -> FiberCurves:
         """As before, but f_V is continued by its line beyond the maximum velocity."""
         active, velocity = self._shapes(muscle)
-        return FiberCurves(active_force_length(*active), force_velocity(*velocity), _passive(muscle))
+        return FiberCurves(
+            active_force_length(*active), force_velocity(*velocity), _passive(muscle)
+        )
 
     def _shapes(self, muscle: Muscle) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """With an elastic tendon and no damping neither curve may reach zero; else both do."""
         singular = self._singular(muscle)
-        active, velocity = _values(muscle, "ActiveForceLengthCurve", _ACTIVE), _speeds(muscle)
+        active = _values(muscle, "ActiveForceLengthCurve", _ACTIVE)
+        velocity = _speeds(muscle)
         active["minimum_value"] = max(active["minimum_value"], 0.1) if singular else 0.0
         for side in ("concentric", "eccentric"):
             near = 0.5 * velocity[f"{side}_slope_near_vmax"]
@@ -101,7 +119,9 @@ class Millard2012(FiberMuscle):
 
     def tendon(self, muscle: Muscle) -> Curve:
         """A toe and a straight line."""
-        strain, *shape = (muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in _TENDON)
+        strain, *shape = (
+            muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in _TENDON
+        )
         numbers = tuple(float(number) for number in shape if number is not None)
         return tendon_force_length(
             0.049 if strain is None else strain, *(numbers if len(numbers) == len(shape) else ())
@@ -143,16 +163,19 @@ class Millard2012(FiberMuscle):
         self, muscle: Muscle, a: Array, active: Array, passive: Array, pull: Array
     ) -> tuple[Array, Array]:
         """By bisection with damping, else by the inverse of the force-velocity curve."""
-        rest, curve = pull - passive, self.curves(muscle).velocity
+        rest = pull - passive
+        curve = self.curves(muscle).velocity
         if self._singular(muscle):
             f_v = rest / (a * active)
             return _inverse_velocity(*_speeds(muscle).values())(f_v), f_v
         damping = self.fiber_damping(muscle)
-        low, high = (rest - a * active * float(curve(1e6))) / damping, rest / damping
+        low = (rest - a * active * float(curve(1e6))) / damping
+        high = rest / damping
         for _ in range(STEPS):
             middle = 0.5 * (low + high)
             above = a * active * curve(middle) + damping * middle > rest
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
+            low = np.where(above, low, middle)
+            high = np.where(above, middle, high)
         v = 0.5 * (low + high)
         return v, curve(v)
 
@@ -162,9 +185,14 @@ class Millard2012(FiberMuscle):
 
 
 def _values(muscle: Muscle, curve: str, properties: Mapping[str, float]) -> dict[str, float]:
-    """Parameters of a curve; its class and a slash before a name tell apart names that two curves share."""
+    """Parameters of a curve; its class and a slash before a name tell apart names that two curves
+    share.
+    """
     known = muscle.parameters
-    return {name: float(known.get(f"{curve}/{name}", known.get(name, default))) for name, default in properties.items()}
+    return {
+        name: float(known.get(f"{curve}/{name}", known.get(name, default)))
+        for name, default in properties.items()
+    }
 
 
 def _speeds(muscle: Muscle) -> dict[str, float]:
@@ -172,7 +200,8 @@ def _speeds(muscle: Muscle) -> dict[str, float]:
 
 
 def _passive(muscle: Muscle) -> Curve:
-    curve, known = "FiberForceLengthCurve", muscle.parameters
+    curve = "FiberForceLengthCurve"
+    known = muscle.parameters
     shape = [known.get(f"{curve}/{name}", known.get(name)) for name in _PASSIVE_SHAPE]
     numbers = tuple(float(number) for number in shape if number is not None)
     strains = _values(muscle, curve, _PASSIVE).values()
@@ -191,7 +220,9 @@ def _inverse(tendon: Curve) -> Curve:
 
 @lru_cache(maxsize=64)
 def _inverse_velocity(*velocity: float) -> Curve:
-    """Normalized velocity over f_V of an undamped muscle; at the ends its slopes are half of those near them."""
+    """Normalized velocity over f_V of an undamped muscle; at the ends its slopes are half of those
+    near them.
+    """
     shape = dict(zip(_VELOCITY, velocity, strict=True))
     for side in ("concentric", "eccentric"):
         shape[f"{side}_slope_at_vmax"] = 0.5 * shape[f"{side}_slope_near_vmax"]
@@ -202,10 +233,12 @@ def bezier_corner(
     start: tuple[float, float, float], end: tuple[float, float, float], curviness: float
 ) -> list[tuple[float, ...]]:
     """A C-shaped quintic from one point and slope to another: power coefficients of x and of y.
-    The two middle pairs of control points lie on the tangents, the fraction `curviness` of the way to where these meet.
-    `start`, `end` (x, y, dy/dx); `curviness`: 0 straight ... 1 sharp; Millard's parameter after scaling to 0.1 ... 0.9.
+    The two middle pairs of control points lie on the tangents, the fraction `curviness` of the way
+    to where these meet. `start`, `end` (x, y, dy/dx); `curviness`: 0 straight ... 1 sharp;
+    Millard's parameter after scaling to 0.1 ... 0.9.
     """
-    (x0, y0, s0), (x1, y1, s1) = start, end
+    x0, y0, s0 = start
+    x1, y1, s1 = end
     if abs(s0 - s1) > np.sqrt(np.finfo(float).eps):
         x = (y1 - y0 - x1 * s1 + x0 * s0) / (s0 - s1)
     else:
@@ -214,12 +247,17 @@ def bezier_corner(
     distance = (x1 - x0) ** 2 + (y1 - y0) ** 2
     if not max((x - x0) ** 2 + (y - y0) ** 2, (x - x1) ** 2 + (y - y1) ** 2) < distance:
         raise BadModel(
-            f"a muscle curve from ({x0:g}, {y0:g}) of slope {s0:g} to ({x1:g}, {y1:g}) of slope {s1:g} "
-            "has no C-shaped corner: check the parameters of the curve"
+            f"a muscle curve from ({x0:g}, {y0:g}) of slope {s0:g} to ({x1:g}, {y1:g}) of slope"
+            f" {s1:g} has no C-shaped corner: check the parameters of the curve"
         )
-    ax, ay = x0 + curviness * (x - x0), y0 + curviness * (y - y0)
-    bx, by = x1 + curviness * (x - x1), y1 + curviness * (y - y1)
-    return [tuple((_POWER @ points).tolist()) for points in ([x0, ax, ax, bx, bx, x1], [y0, ay, ay, by, by, y1])]
+    ax = x0 + curviness * (x - x0)
+    ay = y0 + curviness * (y - y0)
+    bx = x1 + curviness * (x - x1)
+    by = y1 + curviness * (y - y1)
+    return [
+        tuple((_POWER @ points).tolist())
+        for points in ([x0, ax, ax, bx, bx, x1], [y0, ay, ay, by, by, y1])
+    ]
 
 
 def _chain(points: Sequence[tuple[float, float, float]], curviness: Sequence[float]) -> Curve:
@@ -240,16 +278,24 @@ def active_force_length(
     minimum_value: float = 0.1,
 ) -> Curve:
     """Millard's active force-length curve over the normalized fiber length, 1 at 1.
-    `minimum`, `transition`, `maximum`: normalized lengths where it begins, turns to the shallow ascending limb, and
-    ends; `shallow_slope`: of the shallow ascending limb; `minimum_value`: its value outside (0 for a rigid tendon;
-    OpenSim's default is 0.1).
+    `minimum`, `transition`, `maximum`: normalized lengths where it begins, turns to the shallow
+    ascending limb, and ends; `shallow_slope`: of the shallow ascending limb; `minimum_value`: its
+    value outside (0 for a rigid tendon; OpenSim's default is 0.1).
     """
     half_plateau = 0.05
     shoulder = 1.0 - half_plateau
     y_transition = 1.0 - shallow_slope * (shoulder - transition)
-    ascending = (0.5 * (minimum + transition), 0.5 * y_transition, 1.25 * y_transition / (transition - minimum))
+    ascending = (
+        0.5 * (minimum + transition),
+        0.5 * y_transition,
+        1.25 * y_transition / (transition - minimum),
+    )
     shallow = (0.5 * (transition + shoulder), 0.5 * (1.0 + y_transition), shallow_slope)
-    descending = (0.5 * (1.0 + half_plateau + maximum), 0.5, -1.0 / ((maximum - half_plateau) - (1.0 + half_plateau)))
+    descending = (
+        0.5 * (1.0 + half_plateau + maximum),
+        0.5,
+        -1.0 / ((maximum - half_plateau) - (1.0 + half_plateau)),
+    )
     points = [
         (minimum, minimum_value, 0.0),
         ascending,
@@ -272,7 +318,9 @@ def force_velocity(
     concentric_curviness: float = 0.6,
     eccentric_curviness: float = 0.9,
 ) -> Curve:
-    """Millard's force-velocity curve over the normalized fiber velocity: 0 at -1, 1 at 0, `maximum` at 1."""
+    """Millard's force-velocity curve over the normalized fiber velocity: 0 at -1, 1 at 0, `maximum`
+    at 1.
+    """
     near = 0.1
     concentric = 0.5 * near * (concentric_slope_near_vmax + concentric_slope_at_vmax)
     eccentric = maximum - 0.5 * near * (eccentric_slope_near_vmax + eccentric_slope_at_vmax)
@@ -294,8 +342,8 @@ def passive_force_length(
     stiffness_at_one: float | None = None,
     curviness: float = 0.75,
 ) -> Curve:
-    """Millard's passive force-length curve over the normalized fiber length, 1 at 1 + `strain_at_one`.
-    `stiffness_at_one`: slope there; None for 2 / (strain_at_one - strain_at_zero).
+    """Millard's passive force-length curve over the normalized fiber length, 1 at 1 +
+    `strain_at_one`. `stiffness_at_one`: slope there; None for 2 / (strain_at_one - strain_at_zero).
     """
     span = strain_at_one - strain_at_zero
     stiff = 2.0 / span if stiffness_at_one is None else stiffness_at_one
@@ -311,11 +359,14 @@ def passive_force_length(
 
 @lru_cache(maxsize=256)
 def tendon_force_length(
-    strain_at_one: float = 0.049, stiffness: float | None = None, toe_force: float = 2.0 / 3.0, curviness: float = 0.5
+    strain_at_one: float = 0.049,
+    stiffness: float | None = None,
+    toe_force: float = 2.0 / 3.0,
+    curviness: float = 0.5,
 ) -> Curve:
     """Millard's tendon force over the tendon length by its slack length, 1 at 1 + `strain_at_one`.
-    `stiffness`: slope of the straight part; None for 1.375 / strain_at_one; `toe_force`: where the straight part
-    begins.
+    `stiffness`: slope of the straight part; None for 1.375 / strain_at_one; `toe_force`: where the
+    straight part begins.
     """
     slope = 1.375 / strain_at_one if stiffness is None else stiffness
     end = 1.0 + strain_at_one

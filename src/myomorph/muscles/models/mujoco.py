@@ -26,7 +26,8 @@ class MujocoMuscle(MuscleModel):
 
 @lru_cache(maxsize=256)
 def _curves(low: float, high: float, passive: float, fastest: float) -> FiberCurves:
-    rising, falling = 0.5 * (low + 1.0), 0.5 * (1.0 + high)
+    rising = 0.5 * (low + 1.0)
+    falling = 0.5 * (1.0 + high)
     active = Curve(
         (
             _parabola(low, rising, (0.0, 0.0, 0.5)),
@@ -37,12 +38,17 @@ def _curves(low: float, high: float, passive: float, fastest: float) -> FiberCur
         high,
     )
     velocity = Curve(
-        (Piece(-1.0, (0.0, 0.0, 1.0)), _parabola(0.0, fastest - 1.0, (1.0, 2.0 * (fastest - 1.0), 1.0 - fastest))),
+        (
+            Piece(-1.0, (0.0, 0.0, 1.0)),
+            _parabola(0.0, fastest - 1.0, (1.0, 2.0 * (fastest - 1.0), 1.0 - fastest)),
+        ),
         fastest - 1.0,
     )
     slope = passive / max(1e-15, falling - 1.0)
     return FiberCurves(
-        active, velocity, Curve((_parabola(1.0, falling, (0.0, 0.0, 0.5 * passive)),), falling, (0.0, slope))
+        active,
+        velocity,
+        Curve((_parabola(1.0, falling, (0.0, 0.0, 0.5 * passive)),), falling, (0.0, slope)),
     )
 
 

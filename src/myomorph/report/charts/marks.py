@@ -1,8 +1,9 @@
-"""The marks of every chart as SVG text: grid, line, band, dots, bars, intervals, levels, text; and the drawing around.
+"""The marks of every chart as SVG text: grid, line, band, dots, bars, intervals, levels, text; and
+the drawing around.
 
-Written here rather than with a plotting library, so that a page follows the reader's light or dark setting, a script
-in it can read values back from the drawn lines, and a hundred charts cost milliseconds. Colors are classes of the
-page's style sheet.
+Written here rather than with a plotting library, so that a page follows the reader's light or dark
+setting, a script in it can read values back from the drawn lines, and a hundred charts cost
+milliseconds. Colors are classes of the page's style sheet.
 """
 
 from __future__ import annotations
@@ -31,8 +32,12 @@ class Frame:
     @property
     def data(self) -> str:
         """Attributes that let the page's script turn positions back into values."""
-        places = " ".join(f"{place:g}" for place in (self.x.start, self.y.stop, self.x.stop, self.y.start))
-        values = " ".join(f"{limit:.9g}" for limit in (self.x.low, self.x.high, self.y.low, self.y.high))
+        places = " ".join(
+            f"{place:g}" for place in (self.x.start, self.y.stop, self.x.stop, self.y.start)
+        )
+        values = " ".join(
+            f"{limit:.9g}" for limit in (self.x.low, self.x.high, self.y.low, self.y.high)
+        )
         return f'data-place="{places}" data-range="{values}"'
 
 
@@ -42,7 +47,8 @@ class Level:
 
     value: float
     label: str = ""
-    style: str = "limit"  # "limit" for one that should not be crossed, else a class of the style sheet
+    # "limit" for one that should not be crossed, else a class of the style sheet
+    style: str = "limit"
     spread: float = 0.0  # half width of a band around it
 
 
@@ -55,45 +61,67 @@ def frame(
     y: tuple[float, float] = (0.0, 1.0),
     unit: str = "",
 ) -> Frame:
-    """The area between four borders for values within limits; `unit` stands behind the last tick to the right."""
+    """The area between four borders for values within limits; `unit` stands behind the last tick to
+    the right.
+    """
     return Frame(Axis(*x, left, right, unit), Axis(*y, bottom, top))
 
 
 def drawing(
-    kind: str, title: str, size: tuple[float, float], *parts: str, unit: str | None = "", attributes: str = ""
+    kind: str,
+    title: str,
+    size: tuple[float, float],
+    *parts: str,
+    unit: str | None = "",
+    attributes: str = "",
 ) -> str:
-    """A chart as an `<svg>` element. `kind`: class of the style sheet; "time" charts are read under the pointer by the
-    page's script; `parts`: marks, those in front last; a `unit` of None prints no title.
+    """A chart as an `<svg>` element. `kind`: class of the style sheet; "time" charts are read under
+    the pointer by the page's script; `parts`: marks, those in front last; a `unit` of None prints
+    no title.
     """
     heading = "" if unit is None else titled(title, unit, 2.0, 12.0)
     return (
-        f'<svg class="chart {kind}" style="--wide: {size[0]:g}px" viewBox="0 0 {size[0]:g} {size[1]:g}" role="img" '
-        f'aria-label="{escape(title, True)}" {attributes}>{heading}{"".join(parts)}</svg>'
+        f'<svg class="chart {kind}" style="--wide: {size[0]:g}px" viewBox="0 0 {size[0]:g}'
+        f' {size[1]:g}" role="img" aria-label="{escape(title, True)}"'
+        f" {attributes}>{heading}{''.join(parts)}</svg>"
     )
 
 
 def titled(title: str, unit: str, x: float, y: float) -> str:
     """A title with its unit."""
-    return f'<text class="title" x="{x:g}" y="{y:g}">{escape(title)} <tspan class="unit">{escape(unit)}</tspan></text>'
+    return (
+        f'<text class="title" x="{x:g}" y="{y:g}">{escape(title)} <tspan'
+        f' class="unit">{escape(unit)}</tspan></text>'
+    )
 
 
 def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str:
     """An SVG element of a class of the style sheet; `under` is shown under the pointer."""
     written = ""
     for name, value in attributes.items():
-        written += f' {name.replace("_", "-")}="{f"{value:.1f}" if isinstance(value, float) else value}"'
+        written += (
+            f' {name.replace("_", "-")}="{f"{value:.1f}" if isinstance(value, float) else value}"'
+        )
     opened = f'<{tag} class="{kind}"{written}'
     return f"{opened}><title>{escape(under)}</title></{tag}>" if under else f"{opened}/>"
 
 
-def rect(kind: str, x: float, y: float, width: float, height: float, under: str = "", **further: str) -> str:
+def rect(
+    kind: str, x: float, y: float, width: float, height: float, under: str = "", **further: str
+) -> str:
     """A filled box."""
     return mark("rect", kind, under, x=x, y=y, width=width, height=height, **further)
 
 
-def text(x: float, y: float, content: str, kind: str = "tick", under: str = "", turned: bool = False) -> str:
+def text(
+    x: float, y: float, content: str, kind: str = "tick", under: str = "", turned: bool = False
+) -> str:
     """Words at a position, `turned` upwards along an upright axis."""
-    position = f'transform="translate({x:.1f} {y:.1f}) rotate(-90)"' if turned else f'x="{x:.1f}" y="{y:.1f}"'
+    position = (
+        f'transform="translate({x:.1f} {y:.1f}) rotate(-90)"'
+        if turned
+        else f'x="{x:.1f}" y="{y:.1f}"'
+    )
     title = f"<title>{escape(under)}</title>" if under else ""
     return f'<text class="{kind}" {position}>{escape(content)}{title}</text>'
 
@@ -107,7 +135,9 @@ def path_data(x: Array, y: Array) -> str:
     """SVG path of the points (x, y), broken where one is NaN."""
     parts: list[str] = []
     pen = "M"
-    for u, v, good in zip(x.tolist(), y.tolist(), (np.isfinite(x) & np.isfinite(y)).tolist(), strict=True):
+    for u, v, good in zip(
+        x.tolist(), y.tolist(), (np.isfinite(x) & np.isfinite(y)).tolist(), strict=True
+    ):
         if good:
             parts.append(f"{pen}{u:.1f} {v:.1f}")
             pen = "L"
@@ -126,10 +156,14 @@ def grid_up(area: Frame, count: int = 4) -> str:
 
 
 def grid_along(area: Frame, count: int = 6, lines: bool = True, drop: float = 15.0) -> str:
-    """Values of the axis to the right, `drop` below it, with upright grid lines or with ticks alone."""
+    """Values of the axis to the right, `drop` below it, with upright grid lines or with ticks
+    alone.
+    """
     parts = []
     for tick in area.x.ticks(count):
-        start, style = (area.y.stop, "zero" if tick.zero else "grid") if lines else (area.y.start, "grid")
+        start, style = (
+            (area.y.stop, "zero" if tick.zero else "grid") if lines else (area.y.start, "grid")
+        )
         stop = area.y.start if lines else area.y.start + 3
         parts.append(mark("path", style, d=f"M{tick.position:.1f} {start:.1f}V{stop:.1f}"))
         parts.append(text(tick.position, area.y.start + drop, tick.text, "tick x"))
@@ -142,7 +176,9 @@ def across(area: Frame, y: float, kind: str) -> str:
 
 
 def line(area: Frame, x: Array, y: Array, style: str, label: str = "", under: str = "") -> str:
-    """A line through points (n,), broken where one is NaN; `label` is what the reading under the pointer says."""
+    """A line through points (n,), broken where one is NaN; `label` is what the reading under the
+    pointer says.
+    """
     read = {"data_label": escape(label, True)} if label else {}
     return mark("path", f"line {style}", under, **read, d=path_data(area.x.at(x), area.y.cut(y)))
 
@@ -155,13 +191,19 @@ def filled(area: Frame, x: Array, y: Array, style: str) -> str:
     upper = area.y.cut(y)
     closed = np.concatenate([[base], np.where(np.isfinite(upper), upper, base), [base]])
     along = area.x.at(x)
-    return mark("path", f"area {style}", d=path_data(np.concatenate([along[:1], along, along[-1:]]), closed) + "Z")
+    return mark(
+        "path",
+        f"area {style}",
+        d=path_data(np.concatenate([along[:1], along, along[-1:]]), closed) + "Z",
+    )
 
 
 def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
     """What lies between two lines: an outline for every stretch where both are known."""
     step = max(1, len(x) // 240)
-    x, low, high = (np.asarray(values)[::step] for values in (x, low, high))
+    x = np.asarray(x)[::step]
+    low = np.asarray(low)[::step]
+    high = np.asarray(high)[::step]
     known = np.isfinite(low) & np.isfinite(high)
     outline = ""
     for start, stop in runs(known):
@@ -171,12 +213,18 @@ def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
     return mark("path", f"band {style}", d=outline) if outline else ""
 
 
-def intervals(area: Frame, x: Array, low: Array, high: Array, style: str, aside: float = 0.0) -> str:
-    """An upright line from low to high at every x where they differ, drawn `aside` to the right of it."""
+def intervals(
+    area: Frame, x: Array, low: Array, high: Array, style: str, aside: float = 0.0
+) -> str:
+    """An upright line from low to high at every x where they differ, drawn `aside` to the right of
+    it.
+    """
     differ = np.asarray(high) - np.asarray(low) > 1e-3 * (area.y.high - area.y.low)
     along = area.x.at(np.asarray(x)[differ]) + aside
     ends = [area.y.cut(np.asarray(values)[differ]) for values in (low, high)]
-    data = "".join(f"M{u:.1f} {first:.1f}V{last:.1f}" for u, first, last in zip(along, *ends, strict=True))
+    data = "".join(
+        f"M{u:.1f} {first:.1f}V{last:.1f}" for u, first, last in zip(along, *ends, strict=True)
+    )
     return mark("path", f"interval {style}", d=data)
 
 
@@ -191,12 +239,17 @@ def levels_across(area: Frame, levels: Sequence[Level]) -> str:
     for level in levels:
         if not area.y.low <= level.value <= area.y.high:
             continue
-        kind, y = _level_class(level), float(area.y.at(level.value))
+        kind = _level_class(level)
+        y = float(area.y.at(level.value))
         if level.spread > 0.0:
-            top, bottom = (float(area.y.cut(level.value + sign * level.spread)) for sign in (1, -1))
+            top = float(area.y.cut(level.value + 1 * level.spread))
+            bottom = float(area.y.cut(level.value + (-1) * level.spread))
             wide = area.x.stop - area.x.start
             parts.append(rect(f"spread {level.style}", area.x.start, top, wide, bottom - top))
-        parts += [across(area, y, kind), text(area.x.stop - 3, y - 3, level.label, kind) if level.label else ""]
+        parts += [
+            across(area, y, kind),
+            text(area.x.stop - 3, y - 3, level.label, kind) if level.label else "",
+        ]
     return "".join(parts)
 
 
@@ -205,7 +258,9 @@ def levels_up(area: Frame, levels: Sequence[Level]) -> str:
     parts = []
     for row, level in enumerate(levels):
         if area.x.low <= level.value <= area.x.high:
-            kind, x, top = _level_class(level), float(area.x.at(level.value)), area.y.stop - 3
+            kind = _level_class(level)
+            x = float(area.x.at(level.value))
+            top = area.y.stop - 3
             parts.append(mark("path", kind, d=f"M{x:.1f} {top:.1f}V{area.y.start:.1f}"))
             # Labels lie towards the middle, so that none leaves the drawing.
             aside, anchor = (3, " start") if 2 * x < area.x.start + area.x.stop else (-3, "")
@@ -217,11 +272,22 @@ def _level_class(level: Level) -> str:
     return "limit" if level.style == "limit" else f"level {level.style}"
 
 
-def image(href: str, x: float, y: float, width: float, height: float, under: str = "", stretch: bool = False) -> str:
+def image(
+    href: str,
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    under: str = "",
+    stretch: bool = False,
+) -> str:
     """A picture; `stretch` lets it fill its place whatever its own proportions."""
     title = f"><title>{escape(under)}</title></image>" if under else "/>"
     fit = ' preserveAspectRatio="none"' if stretch else ""
-    return f'<image href="{href}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"{fit}{title}'
+    return (
+        f'<image href="{href}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}"'
+        f' height="{height:.1f}"{fit}{title}'
+    )
 
 
 def shortened(words: str, room: float) -> str:
@@ -231,8 +297,8 @@ def shortened(words: str, room: float) -> str:
 
 
 def decimate(time: Array, values: Array, max_count: int = MAX_POINTS) -> tuple[Array, Array]:
-    """Fewer points that draw the same line: the first of the smallest and of the largest of every bin. Peaks survive; a
-    bin without any value becomes one NaN, which breaks the line.
+    """Fewer points that draw the same line: the first of the smallest and of the largest of every
+    bin. Peaks survive; a bin without any value becomes one NaN, which breaks the line.
     """
     if len(time) <= 2 * max_count:
         return time, values
@@ -246,9 +312,11 @@ def decimate(time: Array, values: Array, max_count: int = MAX_POINTS) -> tuple[A
     return time[chosen], values[chosen]
 
 
-def envelope(time: Array, values: Array, max_count: int = MAX_POINTS // 2) -> tuple[Array, Array, Array, Array] | None:
-    """Time, mean, smallest and largest value of bins, where a line would only fill its chart with ink. None for lines
-    that are short, or that change little within a bin.
+def envelope(
+    time: Array, values: Array, max_count: int = MAX_POINTS // 2
+) -> tuple[Array, Array, Array, Array] | None:
+    """Time, mean, smallest and largest value of bins, where a line would only fill its chart with
+    ink. None for lines that are short, or that change little within a bin.
     """
     if len(time) <= 4 * max_count:
         return None

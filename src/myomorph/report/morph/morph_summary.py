@@ -1,4 +1,6 @@
-"""What `morph` prints of its result: how near the bones lie, what became of moment arms and paths, and the verdict."""
+"""What `morph` prints of its result: how near the bones lie, what became of moment arms and paths,
+and the verdict.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ from myomorph.morph.morphed import Morph
 
 def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
     """Bones, moment arms and paths with their worst place, and what the checks say."""
-    yield f"{len(morph.muscles)} muscles, {len(morph.points)} points transferred{_sure(morph)}; {_bones(morph)}"
+    yield (
+        f"{len(morph.muscles)} muscles, {len(morph.points)} points transferred{_sure(morph)};"
+        f" {_bones(morph)}"
+    )
     if any(muscle.basis for muscle in morph.muscles):
         yield _architecture(morph)
     parts = [part for part in (_order(checks), _deepest(checks), _fibers(morph)) if part]
@@ -50,7 +55,9 @@ def _architecture(morph: Morph) -> str:
 def _bones(morph: Morph) -> str:
     """How far apart the bones' surfaces lie after matching."""
     measures = {body: bone.measures for body, bone in morph.bones.items()}
-    apart = {body: known["residual [m]"] for body, known in measures.items() if "residual [m]" in known}
+    apart = {
+        body: known["residual [m]"] for body, known in measures.items() if "residual [m]" in known
+    }
     if not apart:
         return f"{len(morph.bones)} bones without surfaces of their own to compare"
     worst = max(apart, key=lambda body: apart[body])
@@ -64,9 +71,13 @@ def _order(checks: MorphChecks) -> str:
     known = {name: value for name, value in checks.order.items() if np.isfinite(value)}
     if not known:
         return ""
-    worst, limit = min(known, key=lambda name: known[name]), checks.options.order
+    worst = min(known, key=lambda name: known[name])
+    limit = checks.options.order
     verdict = "at least" if known[worst] >= limit else "below"
-    told = f"{float(np.median(list(known.values()))):.2f} (median), lowest {known[worst]:.2f} ({worst})"
+    told = (
+        f"{float(np.median(list(known.values()))):.2f} (median), lowest {known[worst]:.2f}"
+        f" ({worst})"
+    )
     ranked = f"moment arms about {len(known)} coordinates ranked as in the source"
     return f"{ranked}: correlation {told}: {verdict} {limit:g}"
 
@@ -90,8 +101,13 @@ def _fibers(morph: Morph) -> str:
         return ""
     shortest = min(known, key=lambda muscle: muscle.range_target[0])
     longest = max(known, key=lambda muscle: muscle.range_target[1])
-    least = f"{shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f})"
-    most = f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source {longest.range_source[1]:.2f})"
+    least = (
+        f"{shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f})"
+    )
+    most = (
+        f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source"
+        f" {longest.range_source[1]:.2f})"
+    )
     return f"fibers work from {least} to {most}"
 
 
@@ -100,6 +116,12 @@ def _verdict(checks: MorphChecks) -> str:
     if not checks.warnings:
         return "checks: nothing is worse than in the source"
     counts = Counter(warning.kind for warning in checks.warnings)
-    words = {kind: single if counts[kind] == 1 else several for kind, (_, single, several) in KINDS.items()}
+    words = {
+        kind: single if counts[kind] == 1 else several
+        for kind, (_, single, several) in KINDS.items()
+    }
     named = ", ".join(f"{counts[kind]} {text}" for kind, text in words.items() if counts[kind])
-    return f"checks: {len(checks.warnings)} warnings, first in the report: {named}; first: {checks.warnings[0].text}"
+    return (
+        f"checks: {len(checks.warnings)} warnings, first in the report: {named}; first:"
+        f" {checks.warnings[0].text}"
+    )

@@ -1,1 +1,3 @@
-"""What every page has: head, sections, verdicts, references, and the HTML around them; it knows no kind of page."""
+"""What every page has: head, sections, verdicts, references, and the HTML around them; it knows no
+kind of page.
+"""

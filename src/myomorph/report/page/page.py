@@ -50,25 +50,46 @@ def rendered(
     arrows: str = "",
     pages: Sequence[Link] = (),
 ) -> str:
-    """The page of given sections, as HTML text. `instants`, `motion`: pictures of the body, and the moving skeleton;
-    `muscles_colored`: whether they show activations; `arrows`: the kind of forces that they show, "" where none;
-    `pages`: further ones beside this one.
+    """The page of given sections, as HTML text. `instants`, `motion`: pictures of the body, and the
+    moving skeleton; `muscles_colored`: whether they show activations; `arrows`: the kind of forces
+    that they show, "" where none; `pages`: further ones beside this one.
     """
     # What is over its limit first.
-    ordered = [_printed(verdict) for state in get_args(State) for verdict in verdicts if verdict.state == state]
+    ordered = [
+        _printed(verdict)
+        for state in get_args(State)
+        for verdict in verdicts
+        if verdict.state == state
+    ]
     over = sum(1 for verdict in verdicts if verdict.state == "over")
     judged = sum(1 for verdict in verdicts if verdict.limit is not None)
     return page_text(
-        "report.html.j2", head=head, date=_date(head.date), script=_text("report.js"), facts=facts, tiles=tiles,
-        kinds=_KINDS, verdicts=ordered, over=over, judged=judged, sections=sections, missing=missing,
-        instants=instants, motion=motion, muscles_colored=muscles_colored, arrows=arrows, references=references,
+        "report.html.j2",
+        head=head,
+        date=_date(head.date),
+        script=_text("report.js"),
+        facts=facts,
+        tiles=tiles,
+        kinds=_KINDS,
+        verdicts=ordered,
+        over=over,
+        judged=judged,
+        sections=sections,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+        muscles_colored=muscles_colored,
+        arrows=arrows,
+        references=references,
         pages=pages,
-    )  # fmt: skip
+    )
 
 
 def page_text(template: str, **values: object) -> str:
     """A template of the room with the style of all pages, as HTML text."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     return environment.from_string(_text(template)).render(style=_text("report.css"), **values)
 
 
@@ -93,10 +114,15 @@ def _printed(verdict: Verdict) -> dict[str, str]:
     limit = "none agreed" if verdict.limit is None else "0"
     if verdict.limit:
         limit = f"{number(verdict.limit)} {'%' if '%' in verdict.unit else verdict.unit}"
-    whole = verdict.value == int(verdict.value) and "%" not in verdict.unit and "cm" not in verdict.unit
+    whole = (
+        verdict.value == int(verdict.value) and "%" not in verdict.unit and "cm" not in verdict.unit
+    )
     value = number(verdict.value, 1.0) if whole else number(verdict.value)
     time = "" if verdict.time is None else f"{number(verdict.time, 0.001)} s"
     return {
-        **{name: getattr(verdict, name) for name in ("quantity", "state", "worst", "source", "detail")},
+        **{
+            name: getattr(verdict, name)
+            for name in ("quantity", "state", "worst", "source", "detail")
+        },
         **{"value": f"{value} {verdict.unit}".strip(), "limit": limit, "time": time},
     }

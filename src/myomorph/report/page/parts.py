@@ -1,4 +1,6 @@
-"""What pages are put together from: sections of figures and tables, quantities held against limits, notes, sources."""
+"""What pages are put together from: sections of figures and tables, quantities held against limits,
+notes, sources.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from myomorph.report.charts.axis import number
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with its caption; `size` is "small", "medium", "wide" or "full", `folded` the words it hides behind."""
+    """A drawing with its caption; `size` is "small", "medium", "wide" or "full", `folded` the words
+    it hides behind.
+    """
 
     svg: str
     size: str = "small"
@@ -62,16 +66,22 @@ class Sheet:
     rows: Sequence[tuple[Cell, ...]]
 
     def csv(self, digits: int | None = None) -> str:
-        """The table as comma-separated text, a cell without a value empty; by default all digits of a number."""
+        """The table as comma-separated text, a cell without a value empty; by default all digits of
+        a number.
+        """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.head)
         for row in self.rows:
-            writer.writerow([_written(cell, digits) if isinstance(cell, float) else cell for cell in row])
+            writer.writerow(
+                [_written(cell, digits) if isinstance(cell, float) else cell for cell in row]
+            )
         return text.getvalue()
 
     def grid(self, title: str, folded: bool = False, unit: str = "") -> Grid:
-        """The table for print, to about three digits and in millimeters; `unit`: a unit that the title has."""
+        """The table for print, to about three digits and in millimeters; `unit`: a unit that the
+        title has.
+        """
 
         def printed(name: str, cell: Cell) -> str:
             if isinstance(cell, float):
@@ -80,7 +90,12 @@ class Sheet:
 
         names = (name.removesuffix(unit).replace("[m]", "[mm]") for name in self.head)
         rows = tuple(tuple(map(printed, self.head, row)) for row in self.rows)
-        return Grid(tuple(name[:1].upper() + name[1:] for name in names), rows, title, folded)
+        return Grid(
+            head=tuple(name[:1].upper() + name[1:] for name in names),
+            rows=rows,
+            title=title,
+            folded=folded,
+        )
 
 
 def _written(value: float, digits: int | None) -> str:
@@ -135,8 +150,12 @@ class Quantity(StrEnum):
 
     @staticmethod
     def residual(what: str, statistic: str, contacts: bool = False) -> Quantity:
-        """Residual "force" or "moment", its "peak" or "RMS"; with contacts, what is left beside estimated ones."""
-        return Quantity[f"{'CONTACT' if contacts else 'RESIDUAL'}_{what.upper()}_{statistic.upper()}"]
+        """Residual "force" or "moment", its "peak" or "RMS"; with contacts, what is left beside
+        estimated ones.
+        """
+        return Quantity[
+            f"{'CONTACT' if contacts else 'RESIDUAL'}_{what.upper()}_{statistic.upper()}"
+        ]
 
 
 @dataclass(frozen=True)
@@ -186,7 +205,8 @@ class Step:
     """A step of the chain as it was run."""
 
     name: str  # as users know it, e.g. "inverse kinematics"
-    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))  # name to value as text
+    # name to value as text
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     seconds: float | None = None  # it took, None if unknown [s]
     frames: int | None = None  # it worked on
 
@@ -211,15 +231,29 @@ class PageHead:
     warnings: tuple[str, ...] = ()  # what the readers and steps reported, one line each
 
     @staticmethod
-    def of(title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[str] = ()) -> PageHead:
+    def of(
+        title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[str] = ()
+    ) -> PageHead:
         """The head of a page on one result that this version made."""
-        sources = tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
-        return PageHead(title, made.date, __version__, tuple(notes), sources, warnings=tuple(warnings))
+        sources = tuple(
+            SourceFile(source.role, Path(source.name).name, source.sha256)
+            for source in made.sources
+        )
+        return PageHead(
+            title=title,
+            date=made.date,
+            version=__version__,
+            notes=tuple(notes),
+            sources=sources,
+            warnings=tuple(warnings),
+        )
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A source: what it is cited for, authors and title, place, digital object identifier or address ("" if none)."""
+    """A source: what it is cited for, authors and title, place, digital object identifier or
+    address ("" if none).
+    """
 
     key: str
     used: str

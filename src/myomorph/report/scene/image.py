@@ -13,15 +13,29 @@ from myomorph.model.arrays import Array
 
 Bytes = NDArray[np.uint8]
 
-_HEAT = ("#f7f5ef", "#fbe3b6", "#fdc57d", "#f89d5b", "#ea6d4e", "#cc4350", "#9c2b5e", "#64215f", "#2b1543")
+_HEAT = (
+    "#f7f5ef",
+    "#fbe3b6",
+    "#fdc57d",
+    "#f89d5b",
+    "#ea6d4e",
+    "#cc4350",
+    "#9c2b5e",
+    "#64215f",
+    "#2b1543",
+)
 _LEVEL = ("#b5485d", "#d98c4a", "#d9c05a", "#6fa887", "#2f6f8f")
 _ACTIVATION = ("#4477b6", "#7a86b8", "#a586a8", "#c4708a", "#d64f60", "#d7262f")
 
 
 def _ramp(colors: tuple[str, ...], steps: int = 256) -> Bytes:
-    anchors = np.array([[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in colors], dtype=np.float64)
+    anchors = np.array(
+        [[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in colors], dtype=np.float64
+    )
     at = np.linspace(0.0, len(colors) - 1.0, steps)
-    table = np.stack([np.interp(at, np.arange(len(colors)), anchors[:, i]) for i in range(3)], axis=1)
+    table = np.stack(
+        [np.interp(at, np.arange(len(colors)), anchors[:, i]) for i in range(3)], axis=1
+    )
     return table.round().astype(np.uint8)
 
 
@@ -36,8 +50,10 @@ def _distinct(table: Bytes) -> Bytes:
 
 
 HEAT = _distinct(_ramp(_HEAT))  # (256, 3) colors of a heat map, light to dark.
-ACTIVATION = _ramp(_ACTIVATION)  # (256, 3) colors of a muscle from rest (blue) to full activation (red).
-LEVEL = _ramp(_LEVEL)  # (256, 3) colors of how well a link is identified, from red (nothing) over yellow to blue (all).
+# (256, 3) colors of a muscle from rest (blue) to full activation (red).
+ACTIVATION = _ramp(_ACTIVATION)
+# (256, 3) colors of how well a link is identified, from red (nothing) over yellow to blue (all).
+LEVEL = _ramp(_LEVEL)
 
 
 def level_color(values: Array) -> Array:
@@ -57,7 +73,9 @@ def _colors(table: Bytes, values: Array, unknown: float) -> Array:
 
 
 def png(pixels: Bytes, palette: Bytes | None = None) -> bytes:
-    """A PNG file of (height, width, 4) red, green, blue, opacity, or (height, width) indices of a palette (256, 3)."""
+    """A PNG file of (height, width, 4) red, green, blue, opacity, or (height, width) indices of a
+    palette (256, 3).
+    """
     height, width = pixels.shape[:2]
     kind = 3 if palette is not None else 6
     rows = pixels.reshape(height, -1)
@@ -66,13 +84,16 @@ def png(pixels: Bytes, palette: Bytes | None = None) -> bytes:
         moved = rows.copy()
         moved[:, 4:] -= rows[:, :-4]
         rows = moved
-    lines = np.concatenate([np.full((height, 1), 0 if palette is not None else 1, np.uint8), rows], axis=1)
+    lines = np.concatenate(
+        [np.full((height, 1), 0 if palette is not None else 1, np.uint8), rows], axis=1
+    )
     parts = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0))]
     if palette is not None:
         parts.append((b"PLTE", palette.astype(np.uint8).tobytes()))
     parts += [(b"IDAT", zlib.compress(lines.tobytes(), 7)), (b"IEND", b"")]
     chunks = [
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in parts
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in parts
     ]
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 

@@ -44,20 +44,30 @@ class Canvas:
         points = np.ascontiguousarray(self.view.project(vertices))
         turned = np.ascontiguousarray(normals @ self.view.axes.T)
         fill_triangles(
-            points, turned, np.ascontiguousarray(faces), np.array(color, dtype=np.float64), self.color, self.near
+            points,
+            turned,
+            np.ascontiguousarray(faces),
+            np.array(color, dtype=np.float64),
+            self.color,
+            self.near,
         )
 
     def tubes(self, starts: Array, ends: Array, radii: Array, colors: Array) -> None:
         """Draw round tubes between points (n, 3) in ground, of radii (n, 2) at both ends [m]."""
         if len(starts):
             fill_tubes(
-                np.ascontiguousarray(self.view.project(starts)), np.ascontiguousarray(self.view.project(ends)),
-                np.ascontiguousarray(radii * self.view.scale), np.ascontiguousarray(colors, dtype=np.float64),
-                self.color, self.near,
-            )  # fmt: skip
+                np.ascontiguousarray(self.view.project(starts)),
+                np.ascontiguousarray(self.view.project(ends)),
+                np.ascontiguousarray(radii * self.view.scale),
+                np.ascontiguousarray(colors, dtype=np.float64),
+                self.color,
+                self.near,
+            )
 
     def picture(self, shrink: int) -> Bytes:
-        """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn darker."""
+        """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn
+        darker.
+        """
         solid = self.near > FAR / 2
         depth = np.where(solid, self.near, -1e9)
         step = 0.02 * self.view.height
@@ -67,27 +77,40 @@ class Canvas:
             edge |= fall > step
             edge |= np.roll(-fall > step, 1, axis)
         color = self.color * np.where(edge, 0.62, 1.0)[..., None]
-        height, width = depth.shape[0] // shrink, depth.shape[1] // shrink
+        height = depth.shape[0] // shrink
+        width = depth.shape[1] // shrink
 
         def mean(values: np.ndarray) -> Array:
-            rows, columns = height * shrink, width * shrink
-            parts = [values[y:rows:shrink, x:columns:shrink] for y in range(shrink) for x in range(shrink)]
+            rows = height * shrink
+            columns = width * shrink
+            parts = [
+                values[y:rows:shrink, x:columns:shrink]
+                for y in range(shrink)
+                for x in range(shrink)
+            ]
             total: Array = np.sum(parts, axis=0, dtype=np.float64)
             return total / len(parts)
 
-        cover, paint = mean(solid), mean(color)
+        cover = mean(solid)
+        paint = mean(color)
         pixels = np.zeros((height, width, 4), dtype=np.uint8)
         with np.errstate(invalid="ignore", divide="ignore"):
-            pixels[..., :3] = np.nan_to_num(255.0 * np.clip(paint / cover[..., None], 0.0, 1.0)).astype(np.uint8)
+            pixels[..., :3] = np.nan_to_num(
+                255.0 * np.clip(paint / cover[..., None], 0.0, 1.0)
+            ).astype(np.uint8)
         pixels[..., 3] = (255.0 * cover).astype(np.uint8)
         return pixels
 
 
 @inner
 def lit(n0, n1, n2):
-    """Brightness of a surface with this normal: a soft light from the upper left, a little from the viewer."""
+    """Brightness of a surface with this normal: a soft light from the upper left, a little from the
+    viewer.
+    """
     if n2 < 0.0:
-        n0, n1, n2 = -n0, -n1, -n2
+        n0 = -n0
+        n1 = -n1
+        n2 = -n2
     key = -0.35 * n0 + 0.55 * n1 + 0.76 * n2
     return 0.42 + 0.48 * max(key, 0.0) + 0.14 * n2
 
@@ -97,8 +120,15 @@ def fill_triangles(points, normals, faces, color, image, near):
     """Draw triangles: `points` (n, 3) pixels and nearness, `normals` (n, 3) in the view's axes."""
     height, width = near.shape
     for f in range(faces.shape[0]):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, bx, by, cx, cy = points[a, 0], points[a, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1]
+        a = faces[f, 0]
+        b = faces[f, 1]
+        c = faces[f, 2]
+        ax = points[a, 0]
+        ay = points[a, 1]
+        bx = points[b, 0]
+        by = points[b, 1]
+        cx = points[c, 0]
+        cy = points[c, 1]
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if abs(area) < 1e-12:
             continue
@@ -108,7 +138,8 @@ def fill_triangles(points, normals, faces, color, image, near):
         bottom = min(height - 1, int(np.ceil(max(ay, by, cy))))
         for y in range(top, bottom + 1):
             for x in range(left, right + 1):
-                px, py = x + 0.5, y + 0.5
+                px = x + 0.5
+                py = y + 0.5
                 u = ((bx - px) * (cy - py) - (by - py) * (cx - px)) / area
                 v = ((cx - px) * (ay - py) - (cy - py) * (ax - px)) / area
                 w = 1.0 - u - v
@@ -132,8 +163,12 @@ def fill_tubes(starts, ends, radii, colors, image, near):
     """Draw tubes with round ends between `starts` and `ends` (n, 3) pixels and nearness."""
     height, width = near.shape
     for s in range(starts.shape[0]):
-        ax, ay, az = starts[s, 0], starts[s, 1], starts[s, 2]
-        dx, dy, dz = ends[s, 0] - ax, ends[s, 1] - ay, ends[s, 2] - az
+        ax = starts[s, 0]
+        ay = starts[s, 1]
+        az = starts[s, 2]
+        dx = ends[s, 0] - ax
+        dy = ends[s, 1] - ay
+        dz = ends[s, 2] - az
         if not np.isfinite(ax + ay + az + dx + dy + dz):
             continue
         most = max(radii[s, 0], radii[s, 1])
@@ -144,10 +179,12 @@ def fill_tubes(starts, ends, radii, colors, image, near):
         long = dx * dx + dy * dy
         for y in range(top, bottom + 1):
             for x in range(left, right + 1):
-                px, py = x + 0.5 - ax, y + 0.5 - ay
+                px = x + 0.5 - ax
+                py = y + 0.5 - ay
                 t = 0.0 if long < 1e-12 else min(max((px * dx + py * dy) / long, 0.0), 1.0)
                 r = radii[s, 0] + t * (radii[s, 1] - radii[s, 0])
-                ox, oy = px - t * dx, py - t * dy
+                ox = px - t * dx
+                oy = py - t * dy
                 d = ox * ox + oy * oy
                 if d >= r * r:
                     continue

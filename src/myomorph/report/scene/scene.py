@@ -42,7 +42,8 @@ class Scene:
     """What is to be seen at some instants."""
 
     time: Array  # (frames,) [s]
-    # rotations, origins: (frames, bodies, 3, 3), (frames, bodies, 3) poses in ground, body 0 the ground
+    # rotations, origins: (frames, bodies, 3, 3), (frames, bodies, 3) poses in ground, body 0 the
+    # ground
     rotations: Array
     origins: Array
     solids: tuple[Solid, ...]  # bones, or sticks where a body has no mesh
@@ -70,8 +71,8 @@ def make_scene(
     activations: Series | None = None,
     wrenches: Wrenches | None = None,
 ) -> Scene:
-    """The body at some frames of a motion; bodies whose meshes are absent become sticks. Activations color the muscles
-    and wrenches become arrows, at their nearest sample.
+    """The body at some frames of a motion; bodies whose meshes are absent become sticks.
+    Activations color the muscles and wrenches become arrows, at their nearest sample.
     """
     tree = compile_tree(model)
     chosen = np.asarray(frames, dtype=np.int64)
@@ -87,21 +88,35 @@ def make_scene(
     muscles = _muscles(model, coordinates, activations, time, size)
     for muscle in muscles:
         heights = muscle.points @ up
-        low, high = min(low, float(np.nanmin(heights))), max(high, float(np.nanmax(heights)))
+        low = min(low, float(np.nanmin(heights)))
+        high = max(high, float(np.nanmax(heights)))
     weight = model.weight
     floor = float(np.nanmedian(starts @ up)) if np.isfinite(starts).any() else lowest
     if not lowest - 0.2 * size < floor < lowest + 0.2 * size:
         # Forces far from the feet (a bar, a wheel) say nothing of the ground.
         floor = lowest
     return Scene(
-        time=time, rotations=poses.rotations, origins=poses.origins, solids=solids, muscles=muscles,
-        force_starts=starts, force_vectors=vectors,
-        weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)), up=up, forward=forward,
-        right=right, size=size, low=low, high=high, floor=floor,
-    )  # fmt: skip
+        time=time,
+        rotations=poses.rotations,
+        origins=poses.origins,
+        solids=solids,
+        muscles=muscles,
+        force_starts=starts,
+        force_vectors=vectors,
+        weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)),
+        up=up,
+        forward=forward,
+        right=right,
+        size=size,
+        low=low,
+        high=high,
+        floor=floor,
+    )
 
 
-def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Surface]) -> tuple[Solid, ...]:
+def _solids(
+    model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Surface]
+) -> tuple[Solid, ...]:
     solids: list[Solid] = []
     fallback = sticks(model) | stand_ins(model)
     for body in model.bodies:
@@ -110,13 +125,19 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
             shape = primitive(mesh)
             if shape is not None:
                 surfaces_of.append(Surface(mesh.pose.apply(shape.vertices), shape.faces))
-        solids += [Solid(numbers[body.name], surface) for surface in surfaces_of or fallback[body.name]]
+        solids += [
+            Solid(numbers[body.name], surface) for surface in surfaces_of or fallback[body.name]
+        ]
     return tuple(solids)
 
 
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
-    """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
-    stacked = np.concatenate(solid_corners(solids, poses.rotations, poses.origins) or [poses.origins[:, 1:]], axis=1)
+    """Lowest and highest height and size of the body over the frames [m], from a few points of
+    every solid.
+    """
+    stacked = np.concatenate(
+        solid_corners(solids, poses.rotations, poses.origins) or [poses.origins[:, 1:]], axis=1
+    )
     heights = stacked @ up
     size = float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max())
     return float(heights.min()), float(heights.max()), max(size, 1e-6)
@@ -125,18 +146,24 @@ def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, fl
 def solid_corners(solids: Sequence[Solid], rotations: Array, origins: Array) -> list[Array]:
     """(frames, 8, 3) corners of the box around each solid, in ground, of bodies in their poses."""
     return [
-        np.einsum("fij,pj->fpi", rotations[:, solid.body], box_corners(solid.surface)) + origins[:, None, solid.body]
+        np.einsum("fij,pj->fpi", rotations[:, solid.body], box_corners(solid.surface))
+        + origins[:, None, solid.body]
         for solid in solids
     ]
 
 
 def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:
-    """From the first person to the second, so that both are seen from the side; None with fewer than two."""
+    """From the first person to the second, so that both are seen from the side; None with fewer
+    than two.
+    """
     people = [subject for subject in subjects(model) if len(subject.bodies) > 1]
     if len(people) < 2:
         return None
     numbers = poses.tree.body_index
-    middles = [poses.origins[:, [numbers[body] for body in person.bodies]].mean(axis=1) for person in people[:2]]
+    middles = [
+        poses.origins[:, [numbers[body] for body in person.bodies]].mean(axis=1)
+        for person in people[:2]
+    ]
     ahead = (middles[1] - middles[0]).mean(axis=0)
     ahead = ahead - (ahead @ up) * up
     length = float(np.linalg.norm(ahead))
@@ -144,13 +171,19 @@ def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None
 
 
 def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:
-    """Where the subject looks and where its right is, from bodies that come in pairs; else x is forward."""
+    """Where the subject looks and where its right is, from bodies that come in pairs; else x is
+    forward.
+    """
     numbers = poses.tree.body_index
     sides: dict[str, dict[str, int]] = {}
     for body in model.bodies:
         base, side = split_side(body.name)
         sides.setdefault(base, {})[side] = numbers[body.name]
-    couples = [(both["right"], both["left"]) for both in sides.values() if "right" in both and "left" in both]
+    couples = [
+        (both["right"], both["left"])
+        for both in sides.values()
+        if "right" in both and "left" in both
+    ]
     right = np.zeros(3)
     for r, left in couples:
         across = poses.origins[:, r] - poses.origins[:, left]
@@ -161,7 +194,11 @@ def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:
     if np.linalg.norm(right) < 0.3 * max(len(couples), 1):
         ahead = np.array([1.0, 0.0, 0.0])
         ahead = ahead - (ahead @ up) * up
-        ahead = ahead / np.linalg.norm(ahead) if np.linalg.norm(ahead) > 0.1 else np.array([0.0, 0.0, 1.0])
+        ahead = (
+            ahead / np.linalg.norm(ahead)
+            if np.linalg.norm(ahead) > 0.1
+            else np.array([0.0, 0.0, 1.0])
+        )
         return ahead, np.cross(ahead, up)
     right /= np.linalg.norm(right)
     return np.cross(up, right), right
@@ -171,9 +208,13 @@ def _forces(wrenches: Wrenches | None, time: Array) -> tuple[Array, Array]:
     if wrenches is None or not len(wrenches) or not len(wrenches.names):
         return np.full((len(time), 0, 3), np.nan), np.full((len(time), 0, 3), np.nan)
     nearest = nearest_samples(wrenches.time, time)
-    points, forces = np.array(wrenches.points[nearest]), np.array(wrenches.forces[nearest])
-    idle = np.linalg.norm(forces, axis=2) < 0.05 * max(float(np.nanmax(np.abs(wrenches.forces), initial=0.0)), 1e-12)
-    points[idle], forces[idle] = np.nan, np.nan
+    points = np.array(wrenches.points[nearest])
+    forces = np.array(wrenches.forces[nearest])
+    idle = np.linalg.norm(forces, axis=2) < 0.05 * max(
+        float(np.nanmax(np.abs(wrenches.forces), initial=0.0)), 1e-12
+    )
+    points[idle] = np.nan
+    forces[idle] = np.nan
     forces[~np.isfinite(points).all(axis=2)] = np.nan
     return points, forces
 
@@ -191,7 +232,9 @@ def _muscles(
 ) -> tuple[MusclePath, ...]:
     strongest = max((muscle.max_isometric_force for muscle in model.muscles), default=1.0) or 1.0
     columns = {} if activations is None else {name: i for i, name in enumerate(activations.names)}
-    nearest = np.zeros(0, np.int64) if activations is None else nearest_samples(activations.time, time)
+    nearest = (
+        np.zeros(0, np.int64) if activations is None else nearest_samples(activations.time, time)
+    )
     outside = np.zeros(len(time), dtype=bool)
     if activations is not None and len(activations) > 1:
         # Between samples the nearest one counts; before and after the solution nothing is known.
@@ -207,5 +250,12 @@ def _muscles(
             active[outside] = np.nan
         share = np.sqrt(max(muscle.max_isometric_force, 0.0) / strongest)
         radius = size * (0.0013 + 0.0036 * float(share))
-        tubes.append(MusclePath(muscle.name, drawn.places[:, drawn.muscle == m], radius, active))
+        tubes.append(
+            MusclePath(
+                name=muscle.name,
+                points=drawn.places[:, drawn.muscle == m],
+                radius=radius,
+                activation=active,
+            )
+        )
     return tuple(tubes)

@@ -1,4 +1,6 @@
-"""Surfaces made here: primitive shapes, sticks and simple shapes for bodies without a mesh, and coarser copies."""
+"""Surfaces made here: primitive shapes, sticks and simple shapes for bodies without a mesh, and
+coarser copies.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,9 @@ FINEST = 0.012  # Cells that surfaces are made coarser by at first, as a share o
 
 
 def primitive(mesh: Mesh) -> Surface | None:
-    """Surface of a primitive in its own frame, of the half sizes `mesh.scale`; None for other meshes. A cylinder or
-    capsule of two sizes (the third is zero) stands along z with a radius and half a length, as in MuJoCo; one of three
-    along y, as in OpenSim.
+    """Surface of a primitive in its own frame, of the half sizes `mesh.scale`; None for other
+    meshes. A cylinder or capsule of two sizes (the third is zero) stands along z with a radius and
+    half a length, as in MuJoCo; one of three along y, as in OpenSim.
     """
     size = np.asarray(mesh.scale, dtype=np.float64)
     if mesh.shape in ("sphere", "ellipsoid"):
@@ -45,7 +47,9 @@ def _scaled(surface: Surface, factors: Array) -> Surface:
 
 @lru_cache(maxsize=4)
 def _ball(rings: int = 10, sides: int = 14) -> Surface:
-    """Unit sphere: rings around z, both middle rings on one side of the equator so that it can be pulled apart."""
+    """Unit sphere: rings around z, both middle rings on one side of the equator so that it can be
+    pulled apart.
+    """
     polar = np.linspace(0.0, np.pi, rings)[:, None, None]
     points = np.sin(polar) * _ring(sides) + np.cos(polar) * np.array([0.0, 0.0, 1.0])
     return Surface(points.reshape(-1, 3), _quads(rings, sides))
@@ -54,7 +58,8 @@ def _ball(rings: int = 10, sides: int = 14) -> Surface:
 @lru_cache(maxsize=1)
 def _rod(sides: int = 10) -> Surface:
     """Closed unit cylinder along z, from -1 to 1."""
-    ring, up = _ring(sides), np.array([0.0, 0.0, 1.0])
+    ring = _ring(sides)
+    up = np.array([0.0, 0.0, 1.0])
     points = np.concatenate([0.0 * ring + up, ring + up, ring - up, 0.0 * ring - up])
     return Surface(points, _quads(4, sides))
 
@@ -67,7 +72,8 @@ def _ring(sides: int) -> Array:
 
 def tube(sides: int = 6) -> Surface:
     """Side of a unit cylinder along z, from -1 to 1: open, for the ends of a muscle lie in bones."""
-    ring, up = _ring(sides), np.array([0.0, 0.0, 1.0])
+    ring = _ring(sides)
+    up = np.array([0.0, 0.0, 1.0])
     return Surface(np.concatenate([ring + up, ring - up]), _quads(2, sides))
 
 
@@ -76,38 +82,57 @@ def cone(sides: int = 12) -> Surface:
     """Closed unit cone along z, its base at -1 and its tip at 1."""
     ring = _ring(sides) - [0.0, 0.0, 1.0]
     tips = np.tile([0.0, 0.0, 1.0], (sides, 1))
-    fan = np.stack([np.zeros(sides - 2, np.int64), np.arange(2, sides), np.arange(1, sides - 1)], axis=1)
-    return Surface(np.concatenate([tips, ring, ring]), np.concatenate([_quads(2, sides), fan + 2 * sides]))
+    fan = np.stack(
+        [np.zeros(sides - 2, np.int64), np.arange(2, sides), np.arange(1, sides - 1)], axis=1
+    )
+    return Surface(
+        np.concatenate([tips, ring, ring]), np.concatenate([_quads(2, sides), fan + 2 * sides])
+    )
 
 
 @lru_cache(maxsize=1)
 def _box() -> Surface:
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+    corners = np.array(
+        [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64
+    )
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     # Corners are not shared, so that every side keeps its own normal.
     points = corners[[i for side in sides for i in side]]
-    faces = [(4 * side + a, 4 * side + b, 4 * side + c) for side in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    faces = [
+        (4 * side + a, 4 * side + b, 4 * side + c)
+        for side in range(6)
+        for a, b, c in ((0, 1, 2), (0, 2, 3))
+    ]
     return Surface(points, np.array(faces))
 
 
 def _quads(rings: int, sides: int) -> np.ndarray:
     i, j = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
-    a, b = i * sides + j, i * sides + (j + 1) % sides
-    faces = np.stack([np.stack([a, a + sides, b + sides], axis=-1), np.stack([a, b + sides, b], axis=-1)], axis=2)
+    a = i * sides + j
+    b = i * sides + (j + 1) % sides
+    faces = np.stack(
+        [np.stack([a, a + sides, b + sides], axis=-1), np.stack([a, b + sides, b], axis=-1)], axis=2
+    )
     return faces.reshape(-1, 3)
 
 
 def stick(start: Array, end: Array, radius: float) -> Surface:
-    """A spindle from one point to another, thickest near the start, as bones are drawn without a mesh."""
+    """A spindle from one point to another, thickest near the start, as bones are drawn without a
+    mesh.
+    """
     axes, length = _axes_along(start, end)
     ball = _ball().vertices
     profile = 1.0 - 0.45 * np.clip((ball[:, 2:] + 1.0) / 2.0, 0.0, 1.0)
     local = np.concatenate([ball[:, :2] * radius * profile, ball[:, 2:] * length / 2], axis=1)
-    return Surface(local @ axes + start + 0.5 * (np.asarray(end, dtype=np.float64) - start), _ball().faces)
+    return Surface(
+        local @ axes + start + 0.5 * (np.asarray(end, dtype=np.float64) - start), _ball().faces
+    )
 
 
 def _axes_along(start: Array, end: Array) -> tuple[Array, float]:
-    """Axes (3, 3), one a row, of which the third goes from one point to another, and the distance of these."""
+    """Axes (3, 3), one a row, of which the third goes from one point to another, and the distance
+    of these.
+    """
     along = np.asarray(end, dtype=np.float64) - start
     length = max(float(np.linalg.norm(along)), 1e-9)
     z = along / length
@@ -138,10 +163,14 @@ def capsule(start: Array, end: Array, radius: float) -> Surface:
 
 
 def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
-    """For every body, its joint's center and those of the joints it carries in the default pose, in its frame [m]."""
+    """For every body, its joint's center and those of the joints it carries in the default pose, in
+    its frame [m].
+    """
     poses = standing_poses(model)
     starts = {joint.child: joint.child_frame.translation for joint in model.joints}
-    result: dict[str, tuple[Array, list[Array]]] = {name: (starts[name], []) for name in model.body_names}
+    result: dict[str, tuple[Array, list[Array]]] = {
+        name: (starts[name], []) for name in model.body_names
+    }
     for joint in model.joints:
         if joint.parent in result:
             center = poses[joint.child].apply(starts[joint.child])
@@ -150,7 +179,9 @@ def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
 
 
 def sticks(model: Model) -> dict[str, list[Surface]]:
-    """Spindles between the centers of each body's joints, in its frame; a last body's to twice its mass center."""
+    """Spindles between the centers of each body's joints, in its frame; a last body's to twice its
+    mass center.
+    """
     result: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
     for body, (start, ends) in zip(model.bodies, bones(model).values(), strict=True):
         if not ends and body.mass > 0.0:
@@ -163,13 +194,17 @@ def sticks(model: Model) -> dict[str, list[Surface]]:
 
 
 def coarser(surface: Surface, cell: float) -> Surface:
-    """A copy with fewer triangles: vertices in one cell of a grid of edge `cell` [m] become their mean."""
+    """A copy with fewer triangles: vertices in one cell of a grid of edge `cell` [m] become their
+    mean.
+    """
     if not len(surface.faces):
         return surface
     cells = np.floor((surface.vertices - surface.vertices.min(axis=0)) / cell).astype(np.int64)
     _, owner = np.unique(_one_number(cells), return_inverse=True)
     count = np.bincount(owner)
-    points = np.stack([np.bincount(owner, surface.vertices[:, i]) / count for i in range(3)], axis=1)
+    points = np.stack(
+        [np.bincount(owner, surface.vertices[:, i]) / count for i in range(3)], axis=1
+    )
     faces = owner[surface.faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
@@ -180,7 +215,9 @@ def coarser(surface: Surface, cell: float) -> Surface:
 
 
 def reduced(surfaces: Sequence[Surface], size: float, most: int) -> list[Surface]:
-    """Copies of the surfaces of a body of a size [m] that together have no more triangles than a screen needs."""
+    """Copies of the surfaces of a body of a size [m] that together have no more triangles than a
+    screen needs.
+    """
     shrunk = list(surfaces)
     if sum(len(surface.faces) for surface in shrunk) <= most:
         return shrunk
@@ -210,7 +247,9 @@ def box_corners(surface: Surface) -> Array:
 
 
 def outward(surface: Surface) -> Surface:
-    """The surface with faces that look outwards as a whole, as those do that enclose a volume above zero."""
+    """The surface with faces that look outwards as a whole, as those do that enclose a volume above
+    zero.
+    """
     if not len(surface.faces):
         return surface
     a, b, c = (surface.vertices - surface.vertices.mean(axis=0))[surface.faces].transpose(1, 0, 2)
@@ -224,7 +263,9 @@ def normals(surface: Surface) -> Array:
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     total = np.zeros((len(surface.vertices), 3))
     for i in range(3):
-        total[:, i] = sum(np.bincount(surface.faces[:, corner], across[:, i], len(total)) for corner in range(3))
+        total[:, i] = sum(
+            np.bincount(surface.faces[:, corner], across[:, i], len(total)) for corner in range(3)
+        )
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     return total / np.where(lengths > 0, lengths, 1.0)
 
@@ -232,22 +273,31 @@ def normals(surface: Surface) -> Array:
 TRUNK = re.compile(r"(?:^|_)(?:torso|trunk|thorax|ribcage|upper_?body)(?:$|_)", re.IGNORECASE)
 HEAD = re.compile(r"(?:^|_|neck)(?:head|skull|cranium)(?:$|_|neck)", re.IGNORECASE)
 
-SHOULDERS, HEAD_CENTER = 1.42, 1.82
-"""Heights over the joint of a trunk that ends at the lumbar spine, in units of that of its mass center (gait2354)."""
+SHOULDERS = 1.42
+HEAD_CENTER = 1.82
+"""Heights over the joint of a trunk that ends at the lumbar spine, in units of that of its mass
+center (gait2354).
+"""
 
 THORAX = np.array([0.31, 0.48, 0.23])
-"""Half sizes of a thorax to the side, upwards and forward, in units of its height from the joint to the shoulders."""
+"""Half sizes of a thorax to the side, upwards and forward, in units of its height from the joint to
+the shoulders.
+"""
 
-SKULL = np.array([0.19, 0.29, 0.24])  # Of a head, in units of the height of the trunk's mass center over its joint.
+# Of a head, in units of the height of the trunk's mass center over its joint.
+SKULL = np.array([0.19, 0.29, 0.24])
 
 
 def stand_ins(model: Model) -> dict[str, list[Surface]]:
-    """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their bodies' frames. Only for
-    trunks and heads that have a mass center away from their joint, which shows their size.
+    """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their
+    bodies' frames. Only for trunks and heads that have a mass center away from their joint, which
+    shows their size.
     """
     poses = standing_poses(model)
     model_bones = bones(model)
-    trunk = next((body for body in model.bodies if TRUNK.search(body.name) and body.mass > 0.0), None)
+    trunk = next(
+        (body for body in model.bodies if TRUNK.search(body.name) and body.mass > 0.0), None
+    )
     if trunk is None:
         return {}
     start, joints = model_bones[trunk.name]
@@ -264,13 +314,15 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
         along = (trunk.mass_center - start) / size
         tall = SHOULDERS * size
         if headed:
-            # Without the head the mass center lies lower: the joints of arms and neck show the height.
+            # Without the head the mass center lies lower: the joints of arms and neck show the
+            # height.
             tall = max([1.05 * float((joint - start) @ up) for joint in joints], default=tall)
         middle = start + 0.53 * tall * along
         shapes = [ellipsoid(middle, axes, tall * THORAX)]
         head = start + HEAD_CENTER * size * along
     else:
-        # A thorax whose frame lies at its top, as at the jugular notch: its mass center is in its middle.
+        # A thorax whose frame lies at its top, as at the jugular notch: its mass center is in its
+        # middle.
         tall = 2.3 * max(-rise, 0.6 * size)
         shapes = [ellipsoid(trunk.mass_center, axes, tall * THORAX)]
         head = trunk.mass_center + 0.72 * tall * up
@@ -283,7 +335,9 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
         reach = float(np.linalg.norm(body.mass_center - start))
         if HEAD.search(body.name) and body is not trunk and not joints and reach > 0.0:
             there = poses[body.name].rotation.T @ turn @ axes.T
-            result[body.name] = [ellipsoid(body.mass_center, there.T, max(reach, 0.3 * size) * SKULL / SKULL[1])]
+            result[body.name] = [
+                ellipsoid(body.mass_center, there.T, max(reach, 0.3 * size) * SKULL / SKULL[1])
+            ]
     return result
 
 

@@ -61,7 +61,9 @@ class Outlier:
 
 @dataclass(frozen=True)
 class Described:
-    """A quantity in each condition: mean, standard deviation (ddof = 1) and number of subjects (or trials)."""
+    """A quantity in each condition: mean, standard deviation (ddof = 1) and number of subjects (or
+    trials).
+    """
 
     quantity: str
     unit: str
@@ -84,7 +86,8 @@ class ValueDifference:
     # low, high: interval by the spread of subjects or trials alone, NaN with fewer than two
     low: float
     high: float
-    measured_sd: float  # standard deviation that the draws leave of the difference, NaN where nothing was drawn
+    # standard deviation that the draws leave of the difference, NaN where nothing was drawn
+    measured_sd: float
     # low_all, high_all: interval with both
     low_all: float
     high_all: float
@@ -107,7 +110,8 @@ class StudyInput:
     comparisons: tuple[Comparison, ...] = ()
     outliers: tuple[Outlier, ...] = ()
     described: tuple[Described, ...] = ()  # quantities in the order of the tables
-    differences: tuple[ValueDifference, ...] = ()  # of values between conditions, where errors were drawn
+    # of values between conditions, where errors were drawn
+    differences: tuple[ValueDifference, ...] = ()
     # what made steps be computed again, each with the trials it concerns
     changes: tuple[tuple[str, tuple[str, ...]], ...] = ()
     notes: tuple[str, ...] = ()

@@ -1,4 +1,6 @@
-"""Contact forces, estimated beside measured and what is left open, and forces at contact points of joints."""
+"""Contact forces, estimated beside measured and what is left open, and forces at contact points of
+joints.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,24 @@ from myomorph.report.charts.marks import Level, drawing, mark, text
 from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.tracks import WIDTH, Backdrop, Band, draw_track, named_lines, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.trial.estimated_forces import SITUATIONS, Group, group_forces, groups_of, situation_of
+from myomorph.report.trial.estimated_forces import (
+    SITUATIONS,
+    Group,
+    group_forces,
+    groups_of,
+    situation_of,
+)
 from myomorph.report.trial.figures import ORDINAL, Ground, axis_names
 from myomorph.report.trial.prepared import Prepared
 from myomorph.tension.joint_contact import JointContactForces
 
-RARE, NEAR_FLOOR = 2.5, 0.2
+RARE = 2.5
+NEAR_FLOOR = 0.2
 
 
-def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()) -> Section | None:
+def contact_force_section(
+    prepared: Prepared, behind: Backdrop, who: Sequence[Subject] = ()
+) -> Section | None:
     """Three components of every group's force, the center of pressure and what was measured."""
     results = prepared.results
     forces = results.contacts.forces
@@ -36,20 +47,37 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     groups = groups_of(forces, results.dynamics.wrenches, results.model, who)
     blocks = tuple(dict.fromkeys(group.block for group in groups))
     figures = [
-        Figure(_components(prepared, block, [group for group in groups if group.block == block], behind, who), "full")
+        Figure(
+            _components(
+                prepared, block, [group for group in groups if group.block == block], behind, who
+            ),
+            "full",
+        )
         for block in blocks
     ]
     floor = _floor(prepared, groups)
     if floor:
         figures.append(Figure(floor, "full"))
-    lost = tuple((f"{number(each.time, 0.001)} s", each.relaxation or "none") for each in results.contacts.infeasible)
+    lost = tuple(
+        (f"{number(each.time, 0.001)} s", each.relaxation or "none")
+        for each in results.contacts.infeasible
+    )
     words = f"{len(lost)} infeasible contact frames"
-    infeasible = Grid(("Time", "Smallest relaxation that is feasible"), lost, words, True)
+    infeasible = Grid(
+        head=("Time", "Smallest relaxation that is feasible"), rows=lost, title=words, folded=True
+    )
     legend = [(group.style, group.label) for group in groups] if len(blocks) == 1 else []
     if any(group.measured is not None for group in groups):
         legend.append(("measured", "measured"))
     grids = (_grid(prepared, groups, who), infeasible)
-    return Section("contact-forces", "Contact forces", _lead(prepared, groups), tuple(legend), tuple(figures), grids)
+    return Section(
+        key="contact-forces",
+        title="Contact forces",
+        lead=_lead(prepared, groups),
+        legend=tuple(legend),
+        figures=tuple(figures),
+        grids=grids,
+    )
 
 
 def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
@@ -59,7 +87,12 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
         return []
     groups = (group for group in groups_of(forces, None, None, who) if group.against != GROUND)
     lines = [
-        Line(forces.time, np.linalg.norm(group.forces, axis=1), ORDINAL[i % len(ORDINAL)], group.label)
+        Line(
+            time=forces.time,
+            values=np.linalg.norm(group.forces, axis=1),
+            style=ORDINAL[i % len(ORDINAL)],
+            label=group.label,
+        )
         for i, group in enumerate(groups)
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
@@ -85,9 +118,13 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
             if measured:
                 shown &= np.abs(wrenches.points[:, i] @ prepared.up - prepared.floor) < NEAR_FLOOR
             label, style = ("measured", "measured") if measured else labels[name]
-            paths.append((label, style, np.where(shown[:, None], ground.seen(wrenches.points[:, i]), np.nan)))
+            paths.append(
+                (label, style, np.where(shown[:, None], ground.seen(wrenches.points[:, i]), np.nan))
+            )
     outlines = [(plate.name, ground.seen(plate.corners)) for plate in results.recorded.plates]
-    return floor_plot("Centers of pressure, from above", ground.axes, paths, outlines, width=1040, height=250)
+    return floor_plot(
+        "Centers of pressure, from above", ground.axes, paths, outlines, width=1040, height=250
+    )
 
 
 def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
@@ -95,7 +132,10 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
     lines = [SITUATIONS[situation_of(results)]] if situation_of(results) else []
     pairs = [group for group in groups if group.against != GROUND]
     if pairs:
-        lines.append("Between two bodies, the force on the first is shown; the force on the second is its opposite.")
+        lines.append(
+            "Between two bodies, the force on the first is shown; the force on the second is its"
+            " opposite."
+        )
     if any(group.measured is not None for group in groups):
         lines.append("Plate measurements are grey, shown and compared while the plate is loaded.")
     if results.contacts.intervals is not None:
@@ -108,24 +148,51 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
 
 
 def _components(
-    prepared: Prepared, block: str, groups: Sequence[Group], behind: Backdrop, who: Sequence[Subject]
+    prepared: Prepared,
+    block: str,
+    groups: Sequence[Group],
+    behind: Backdrop,
+    who: Sequence[Subject],
 ) -> str:
-    """Rows for the three components of some groups' forces, under the names of their lines where there are more."""
+    """Rows for the three components of some groups' forces, under the names of their lines where
+    there are more.
+    """
     forces = prepared.results.contacts.forces
     assert forces is not None
     vectors, names = axis_names(prepared.up)
     heights = (118, 92, 92) if not block else (92, 74, 74)
     rows = [named_lines([(group.style, group.label) for group in groups])] if block else []
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
-        measured = ((group.label, group.measured @ vector) for group in groups if group.measured is not None)
-        lines = [Line(forces.time, values, "measured", f"{label}, measured") for label, values in measured]
-        lines += [Line(forces.time, group.forces @ vector, group.style, group.label) for group in groups]
+        measured = (
+            (group.label, group.measured @ vector) for group in groups if group.measured is not None
+        )
+        lines = [
+            Line(time=forces.time, values=values, style="measured", label=f"{label}, measured")
+            for label, values in measured
+        ]
+        lines += [
+            Line(
+                time=forces.time, values=group.forces @ vector, style=group.style, label=group.label
+            )
+            for group in groups
+        ]
         levels = _weight(prepared, block, who) if i == 0 else []
         known = prepared.results.contacts.intervals
         names_known = () if known is None else known.names
-        open_ = [_interval(prepared, group, vector) for group in groups if group.name in names_known]
+        open_ = [
+            _interval(prepared, group, vector) for group in groups if group.name in names_known
+        ]
         wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
-        drawn = draw_track(behind, name.capitalize(), "N", lines, heights[i], bands=wide, bars=upright, levels=levels)
+        drawn = draw_track(
+            behind,
+            name.capitalize(),
+            "N",
+            lines,
+            heights[i],
+            bands=wide,
+            bars=upright,
+            levels=levels,
+        )
         rows.append(drawn)
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])
 
@@ -134,17 +201,24 @@ def _weight(prepared: Prepared, block: str, who: Sequence[Subject]) -> list[Leve
     """Weight of whom a block's forces carry; none between bodies, or where it is not known."""
     model = prepared.results.model
     if not block:
-        return [Level(prepared.weight, "body weight", "middle")] if prepared.weight and len(who) < 2 else []
+        return (
+            [Level(prepared.weight, "body weight", "middle")]
+            if prepared.weight and len(who) < 2
+            else []
+        )
     subject = next((person for person in who if person.name == block), None)
     if subject is None or model is None:
         return []
     mass = sum(model.body(name).mass for name in subject.bodies)
-    return [Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {subject.name}", "middle")]
+    return [
+        Level(mass * float(np.linalg.norm(model.gravity)), f"weight of {subject.name}", "middle")
+    ]
 
 
 def _at_instants(prepared: Prepared) -> bool:
     """Whether intervals are known so seldom that nothing can be drawn between them."""
-    intervals, forces = prepared.results.contacts.intervals, prepared.results.contacts.forces
+    intervals = prepared.results.contacts.intervals
+    forces = prepared.results.contacts.forces
     if intervals is None or forces is None or len(intervals.time) < 2 or len(forces) < 2:
         return True
     return float(np.median(np.diff(intervals.time))) > RARE * float(np.median(np.diff(forces.time)))
@@ -155,7 +229,12 @@ def _interval(prepared: Prepared, group: Group, vector: Array) -> Band:
     assert intervals is not None
     column = intervals.names.index(group.name)
     ends = np.stack([intervals.lower[:, column] * vector, intervals.upper[:, column] * vector])
-    return Band(intervals.time, ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1), group.style)
+    return Band(
+        time=intervals.time,
+        low=ends.min(axis=0).sum(axis=1),
+        high=ends.max(axis=0).sum(axis=1),
+        style=group.style,
+    )
 
 
 def _marks(prepared: Prepared, behind: Backdrop) -> str:
@@ -164,7 +243,12 @@ def _marks(prepared: Prepared, behind: Backdrop) -> str:
         return ""
     along = behind.frame(0.0, 12.0).x
     marks = [
-        mark("path", "infeasible", f"{number(contact.time, 0.001)} s", d=f"M{float(along.at(contact.time)):.1f} 1v10")
+        mark(
+            "path",
+            "infeasible",
+            f"{number(contact.time, 0.001)} s",
+            d=f"M{float(along.at(contact.time)):.1f} 1v10",
+        )
         for contact in prepared.results.contacts.infeasible
         if behind.span[0] <= contact.time <= behind.span[1]
     ]
@@ -179,26 +263,36 @@ def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -
     for group in groups:
         vertical = f"{number(float(np.nanmean(group.forces @ vectors[0])))} N"
         largest = float(np.nanmax(np.linalg.norm(group.forces, axis=1)))
-        share = "".join(f" ({largest / weight.value:.2f} BW)" for weight in _weight(prepared, group.block, who))
+        share = "".join(
+            f" ({largest / weight.value:.2f} BW)" for weight in _weight(prepared, group.block, who)
+        )
         off = (_difference(group, vector) for vector in vectors)
         rows.append((group.label, vertical, f"{number(largest)} N{share}", *off))
     compared = tuple(f"RMS off measured, {name}" for name in names)
     if all(cell == "–" for row in rows for cell in row[3:]):
-        compared, rows = (), [row[:3] for row in rows]
-    return Grid(("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces")
+        compared = ()
+        rows = [row[:3] for row in rows]
+    return Grid(
+        ("Contact", "Mean vertical", "Largest", *compared), tuple(rows), "Estimated contact forces"
+    )
 
 
 def _difference(group: Group, vector: Array) -> str:
-    """RMS difference from what was measured, also as a share of its range, while both plate and estimate carry."""
+    """RMS difference from what was measured, also as a share of its range, while both plate and
+    estimate carry.
+    """
     if group.measured is None:
         return "–"
-    known, estimate = group.measured @ vector, group.forces @ vector
+    known = group.measured @ vector
+    estimate = group.forces @ vector
     both = np.isfinite(known) & group.estimated
     if not both.any():
         return "–"
     rms = float(np.sqrt(np.mean((estimate[both] - known[both]) ** 2)))
     span = float(np.ptp(known[both]))
-    return f"{number(rms)} N" + (f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else "")
+    return f"{number(rms)} N" + (
+        f" ({number(100 * rms / span)} % of its range)" if span > 1e-9 else ""
+    )
 
 
 LOAD_HEAD = ("Force", "Stride", "From", "to", "Peak", "Peak, body weights", "at", "Impulse")
@@ -210,10 +304,13 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     if forces is None or not len(forces) or not np.isfinite(forces.totals).any():
         return None
     strides = prepared.strides
-    figures = tuple(Figure(_joint_chart(prepared, forces, joint, strides), "medium") for joint in forces.joints)
+    figures = tuple(
+        Figure(_joint_chart(prepared, forces, joint, strides), "medium") for joint in forces.joints
+    )
     lead = (
-        "The force of the whole joint, and the pushes of its contact points along their normals, which balance force "
-        "along and moment across them. Forces across (ligaments, friction) are part of the whole only."
+        "The force of the whole joint, and the pushes of its contact points along their normals,"
+        " which balance force along and moment across them. Forces across (ligaments, friction) are"
+        " part of the whole only."
     )
     if any(own_strides(joint, strides) for joint in forces.joints):
         lead += " Over the stride: thin lines are strides, the thick one their mean."
@@ -224,11 +321,27 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     rows = []
     for load in stride_loads(forces.loads(), strides):
         span = (f"{number(instant, 0.001)} s" for instant in (load.start, load.stop))
-        peak = f"{number(load.peak)} N", number(load.peak / forces.weight), f"{load.peak_percent:.0f} %"
+        peak = (
+            f"{number(load.peak)} N",
+            number(load.peak / forces.weight),
+            f"{load.peak_percent:.0f} %",
+        )
         name = str(load.stride) if load.stride else "recording"
         rows.append((load.load, name, *span, *peak, f"{number(load.impulse)} N·s"))
-    grid = Grid(LOAD_HEAD, tuple(rows), "Peaks and impulses by stride", len(rows) > 12)
-    return Section("joint_contacts", "Forces in joints", lead + rest, tuple(legend), figures, (grid,))
+    grid = Grid(
+        head=LOAD_HEAD,
+        rows=tuple(rows),
+        title="Peaks and impulses by stride",
+        folded=len(rows) > 12,
+    )
+    return Section(
+        key="joint_contacts",
+        title="Forces in joints",
+        lead=lead + rest,
+        legend=tuple(legend),
+        figures=figures,
+        grids=(grid,),
+    )
 
 
 def _not_carried(forces: JointContactForces) -> str:
@@ -238,14 +351,22 @@ def _not_carried(forces: JointContactForces) -> str:
         moment = float(np.nanmax(forces.unbalanced_moments[:, j]))
         pull = float(np.nanmax(forces.unbalanced_forces[:, j]))
         if moment > 0.1:
-            texts.append(f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is left")
+            texts.append(
+                f"where a point of {joint} lifts off, a moment of up to {number(moment)} N·m is"
+                " left"
+            )
         if pull > 1.0:
-            texts.append(f"{joint} is under tension of up to {number(pull)} N, which no contact point can transmit")
+            texts.append(
+                f"{joint} is under tension of up to {number(pull)} N, which no contact point can"
+                " transmit"
+            )
     text = "; ".join(texts)
     return f" {text[0].upper()}{text[1:]}." if text else ""
 
 
-def _joint_chart(prepared: Prepared, forces: JointContactForces, joint: str, strides: Strides | None) -> str:
+def _joint_chart(
+    prepared: Prepared, forces: JointContactForces, joint: str, strides: Strides | None
+) -> str:
     points = [index for index, name in enumerate(forces.joint_of) if name == joint]
     names = ("whole joint", *(forces.points[point] for point in points))
     columns = [forces.of(joint), *(forces.forces[:, point] for point in points)]
@@ -253,7 +374,10 @@ def _joint_chart(prepared: Prepared, forces: JointContactForces, joint: str, str
     steps = own_strides(joint, strides)
     styles = (ORDINAL * (1 + len(names) // len(ORDINAL)))[: len(names)]
     if not steps:
-        lines = [Line(forces.time, loads[name], style, name) for name, style in zip(names, styles, strict=True)]
+        lines = [
+            Line(time=forces.time, values=loads[name], style=style, label=name)
+            for name, style in zip(names, styles, strict=True)
+        ]
         return time_plot(joint, "body weights", lines, prepared.span, prepared.events, low=0.0)
     cycles = over_cycles(loads, [(step.start, step.stop) for step in steps]).values
     curves = [

@@ -1,4 +1,6 @@
-"""One A4 page on a walk for the clinic: curves of both sides in bands of a norm, scores, spatio-temporal parameters."""
+"""One A4 page on a walk for the clinic: curves of both sides in bands of a norm, scores,
+spatio-temporal parameters.
+"""
 
 from __future__ import annotations
 
@@ -25,50 +27,80 @@ MIN_SPAN = {"angle": 20.0, "moment": 0.5, "power": 1.0, "force": 1.0}
 
 
 def gait_page(prepared: Prepared, curves: GaitCurves, norm: GaitNorm | None, note: str = "") -> str:
-    """The page as HTML text that needs nothing else; a browser prints it on one sheet. `note`: why there is no norm."""
+    """The page as HTML text that needs nothing else; a browser prints it on one sheet. `note`: why
+    there is no norm.
+    """
     errors = prepared.results.uncertainty.gait or None
     scores = None if norm is None else gait_scores(curves, norm, errors)
-    charts = tuple(_chart(index, variable, curves, norm, errors) for index, variable in enumerate(VARIABLES))
+    charts = tuple(
+        _chart(index, variable, curves, norm, errors) for index, variable in enumerate(VARIABLES)
+    )
     head = prepared.results.head
     facts = [("Strides", ", ".join(f"{len(curves.strides[side])} {side}" for side in SIDES))]
-    facts += [*prepared.results.recorded.facts.items(), ("Date", head.date[:10]), ("Myomorph", head.version)]
+    facts += [
+        *prepared.results.recorded.facts.items(),
+        ("Date", head.date[:10]),
+        ("Myomorph", head.version),
+    ]
     return page_text(
-        "gait.html.j2", head=head, facts=facts, charts=[chart for chart in charts if chart],
+        "gait.html.j2",
+        head=head,
+        facts=facts,
+        charts=[chart for chart in charts if chart],
         legend=_legend(norm, errors, curves),
-        grids=[grid for grid in (_parameters(prepared, norm), _scores(scores, norm)) if grid is not None],
+        grids=[
+            grid
+            for grid in (_parameters(prepared, norm), _scores(scores, norm))
+            if grid is not None
+        ],
         notes=_notes(prepared, curves, norm, note, scores),
-    )  # fmt: skip
+    )
 
 
 def _chart(
-    index: int, variable: GaitVariable, curves: GaitCurves, norm: GaitNorm | None, errors: Mapping[str, Array] | None
+    index: int,
+    variable: GaitVariable,
+    curves: GaitCurves,
+    norm: GaitNorm | None,
+    errors: Mapping[str, Array] | None,
 ) -> str:
     """Both sides over the norm, "" where neither is known."""
-    drawn, lift = [], []
+    drawn = []
+    lift = []
     if norm is not None and np.isfinite(norm.mean[:, index]).any():
-        mean, deviation = norm.mean[:, index], norm.deviation[:, index]
-        drawn.append(CycleCurve(mean, "norm", "norm", (mean - deviation, mean + deviation)))
+        mean = norm.mean[:, index]
+        deviation = norm.deviation[:, index]
+        drawn.append(
+            CycleCurve(
+                mean=mean, style="norm", label="norm", interval=(mean - deviation, mean + deviation)
+            )
+        )
     known = False
     for side in SIDES:
         mean = curves.mean(side)[:, index]
         if not np.isfinite(mean).any():
             continue
         known = True
-        limits = _limits(curves.of(side)[:, :, index], None if errors is None else errors[side][:, :, index])
-        drawn.append(CycleCurve(mean, side, side, limits))
+        limits = _limits(
+            curves.of(side)[:, :, index], None if errors is None else errors[side][:, :, index]
+        )
+        drawn.append(CycleCurve(mean=mean, style=side, label=side, interval=limits))
         duties = [stride.duty for stride in curves.strides[side] if np.isfinite(stride.duty)]
         lift += [(100.0 * float(np.mean(duties)), side)] if duties else []
     if not known:
         return ""
     shown = [part for curve in drawn for part in (curve.mean, *(curve.interval or ()))]
     finite = np.concatenate([part[np.isfinite(part)] for part in shown])
-    middle, half = 0.5 * (finite.min() + finite.max()), 0.5 * MIN_SPAN[variable.kind]
+    middle = 0.5 * (finite.min() + finite.max())
+    half = 0.5 * MIN_SPAN[variable.kind]
     shown.append(np.array([middle - half, middle + half]))
     return cycle_chart(variable.title, variable.unit, drawn, shown, height=HEIGHT, upright=lift)
 
 
 def _limits(strides: Array, errors: Array | None) -> tuple[Array, Array] | None:
-    """Interval of 90 % of a mean curve: of draws, else of the strides; None for a single stride without draws."""
+    """Interval of 90 % of a mean curve: of draws, else of the strides; None for a single stride
+    without draws.
+    """
     if errors is not None and np.isfinite(errors).any():
         mean = band(strides).mean
         low, high = np.nanquantile(errors, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
@@ -77,7 +109,9 @@ def _limits(strides: Array, errors: Array | None) -> tuple[Array, Array] | None:
     return (limits.low, limits.high) if np.isfinite(limits.low).any() else None
 
 
-def _legend(norm: GaitNorm | None, errors: Mapping[str, Array] | None, curves: GaitCurves) -> list[tuple[str, str]]:
+def _legend(
+    norm: GaitNorm | None, errors: Mapping[str, Array] | None, curves: GaitCurves
+) -> list[tuple[str, str]]:
     legend = [("right", "right"), ("left", "left")]
     if errors is not None:
         legend.append(("band", "90 % of the draws of errors"))
@@ -97,7 +131,9 @@ def _parameters(prepared: Prepared, norm: GaitNorm | None) -> Grid | None:
             row = (f"{name} [{UNITS[name]}]", *(_words(sides.get(side)) for side in SIDES))
             rows.append(row if norm is None else (*row, of_norm))
     head = ("Parameter", "Right", "Left")
-    return Grid(head if norm is None else (*head, "Norm"), tuple(rows), "Spatio-temporal parameters")
+    return Grid(
+        head if norm is None else (*head, "Norm"), tuple(rows), "Spatio-temporal parameters"
+    )
 
 
 def _scores(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
@@ -106,13 +142,22 @@ def _scores(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
         return None
     keys = {key for _, key in scores.profile}
     known = [variable for variable in VARIABLES[:ANGLES] if variable.key in keys]
-    rows = [(each.title, *(_words(scores.profile.get((side, each.key))) for side in SIDES)) for each in known]
+    rows = [
+        (each.title, *(_words(scores.profile.get((side, each.key))) for side in SIDES))
+        for each in known
+    ]
     title = f"Gait profile score of {scores.variables} variables"
     rows.append((title, *(_words(scores.score[side]) for side in SIDES)))
     rows.append(("Gait profile score, both sides", _words(scores.score["both"]), ""))
     if scores.scaled:
-        rows.append(("Scaled score (GDI*), 100 ± 10", *(_words(scores.scaled[side]) for side in SIDES)))
-    what = "Difference from the norm" if norm.same_definitions else "Difference in shape, without offsets"
+        rows.append(
+            ("Scaled score (GDI*), 100 ± 10", *(_words(scores.scaled[side]) for side in SIDES))
+        )
+    what = (
+        "Difference from the norm"
+        if norm.same_definitions
+        else "Difference in shape, without offsets"
+    )
     return Grid((f"{what}, RMS [°]", "Right", "Left"), tuple(rows), "Movement analysis profile")
 
 
@@ -126,15 +171,29 @@ def _words(estimate: Estimate | None) -> str:
 
 
 def _notes(
-    prepared: Prepared, curves: GaitCurves, norm: GaitNorm | None, note: str, scores: GaitScores | None
+    prepared: Prepared,
+    curves: GaitCurves,
+    norm: GaitNorm | None,
+    note: str,
+    scores: GaitScores | None,
 ) -> list[str]:
     """What the page is to be read with: who the norm is, what is missing, what the report warns of."""
-    notes = [] if norm is None else [f"Norm: {norm.source}{f'; {norm.persons} persons' if norm.persons else ''}."]
+    notes = (
+        []
+        if norm is None
+        else [f"Norm: {norm.source}{f'; {norm.persons} persons' if norm.persons else ''}."]
+    )
     notes += [note] if note else []
     if norm is not None:
         if not norm.same_definitions:
-            text = "The norm has the marker set and angles of another laboratory: offsets of pelvis and hip by ten or"
-            notes.append(f"{text} twenty degrees are definitions. Scores are of shape, not those of the literature.")
+            text = (
+                "The norm has the marker set and angles of another laboratory: offsets of pelvis"
+                " and hip by ten or"
+            )
+            notes.append(
+                f"{text} twenty degrees are definitions. Scores are of shape, not those of the"
+                " literature."
+            )
         means = zip(VARIABLES[:ANGLES], norm.mean.T, strict=False)
         absent = [variable.title for variable, mean in means if not np.isfinite(mean).any()]
         notes += [f"The norm lacks: {'; '.join(absent)}."] if absent else []
@@ -145,10 +204,17 @@ def _notes(
             part = f"moments of {count} of {whole} strides"
             notes.append(f"{side.capitalize()}: {part}, those whose foot stood on a plate.")
     if scores is not None and not scores.scaled:
-        notes.append("No scaled score (GDI*): it takes a control group of five or more (--norms FOLDER).")
+        notes.append(
+            "No scaled score (GDI*): it takes a control group of five or more (--norms FOLDER)."
+        )
     head = prepared.results.head
-    notes += [f"{part.kind.capitalize()}: {part.text}" for part in head.notes if part.kind == "simulated"]
+    notes += [
+        f"{part.kind.capitalize()}: {part.text}" for part in head.notes if part.kind == "simulated"
+    ]
     over = sum(verdict.state == "over" for verdict in prepared.verdicts)
     if over or head.warnings:
-        notes.append(f"report.html has {over} quantities over their limits and {len(head.warnings)} warnings.")
+        notes.append(
+            f"report.html has {over} quantities over their limits and {len(head.warnings)}"
+            " warnings."
+        )
     return notes

@@ -1,4 +1,6 @@
-"""The sections on muscles: activations, tensions, EMG, lengths, and what elastic tendons let fibers and tendons do."""
+"""The sections on muscles: activations, tensions, EMG, lengths, and what elastic tendons let fibers
+and tendons do.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,14 @@ from myomorph.report.trial.prepared import Prepared
 from myomorph.tension.emg_conflicts import APART, BORNE, EmgConflict
 from myomorph.tension.tension import Fibers, Tension
 
-CONFLICT_HEAD = ("Muscle", "From", "To", "Largest difference at", "Activation from EMG", "Activation in the solution")
+CONFLICT_HEAD = (
+    "Muscle",
+    "From",
+    "To",
+    "Largest difference at",
+    "Activation from EMG",
+    "Activation in the solution",
+)
 RESERVE_HEAD = ("Coordinate", "From", "To", "Maximum at", "Required torque", "Reserve torque")
 SHOWN = 20  # Rows above which a table is folded away.
 
@@ -45,24 +54,30 @@ def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:
 def matched_emg(prepared: Prepared) -> bool:
     """Whether the muscles of some EMG channel are known."""
     emg = prepared.results.recorded.emg
-    return emg is not None and any(name in emg.names for name in prepared.results.recorded.emg_muscles)
+    return emg is not None and any(
+        name in emg.names for name in prepared.results.recorded.emg_muscles
+    )
 
 
 def activation_section(prepared: Prepared) -> Section | None:
     """Sixteen muscles on both sides, EMG behind where it was measured on them."""
     results = prepared.results
-    tension, series = results.tension, results.activations
+    tension = results.tension
+    series = results.activations
     if tension is None or series is None:
         return None
     mean = np.nanmean(tension.forces, axis=0) if len(tension.forces) else None
     chosen = major_muscles(tension.muscles, mean)
-    shown, strengths = (prepared.detail, prepared.events), results.strengths
+    shown = (prepared.detail, prepared.events)
+    strengths = results.strengths
     truth = results.recorded.truth.activations if results.recorded.truth else None
     figures = []
     spread = results.uncertainty.spreads.get("activations")
     for pair in chosen:
         measured = emg_of(prepared, pair)
-        drawn = activation_panel(pair, tension.muscles, strengths, series, *shown, measured, truth, spread)
+        drawn = activation_panel(
+            pair, tension.muscles, strengths, series, *shown, measured, truth, spread
+        )
         figures.append(Figure(drawn, "quarter"))
     several = any(len(members) > 1 for pair in chosen for members in pair.members.values())
     lead = f"{len(chosen)} of {len(tension.muscles)} muscles"
@@ -70,11 +85,20 @@ def activation_section(prepared: Prepared) -> Section | None:
     lead += "" if spread is None else "; bands hold 90 % of the draws, for muscles of one part"
     legend = SIDES_LEGEND
     if matched_emg(prepared):
-        lead += ". EMG envelopes have the scale of their file and are not comparable to activations in magnitude"
+        lead += (
+            ". EMG envelopes have the scale of their file and are not comparable to activations in"
+            " magnitude"
+        )
         legend += (("emg", "EMG"),)
     if truth is not None:
         legend += (("truth", "truth"),)
-    return Section("activations", "Muscle activations", f"{lead}.{prepared.detail_note}", legend, tuple(figures))
+    return Section(
+        key="activations",
+        title="Muscle activations",
+        lead=f"{lead}.{prepared.detail_note}",
+        legend=legend,
+        figures=tuple(figures),
+    )
 
 
 def tension_section(prepared: Prepared) -> Section | None:
@@ -84,25 +108,55 @@ def tension_section(prepared: Prepared) -> Section | None:
         return None
     drawing = tension_map(tension.time, tension.forces, tension.muscles, prepared.events)
     forces = Series(tension.time, tension.muscles, tension.forces)
-    rows, strengths = [], prepared.results.strengths
+    rows = []
+    strengths = prepared.results.strengths
     for row in sorted(extremes(forces), key=lambda extreme: -extreme.high):
         active = number(float(np.nanmax(tension.activations[:, tension.muscles.index(row.name)])))
         most = strengths.get(row.name, 0.0)
         share = f"{number(100 * row.high / most)} %" if most > 0 else "–"
         mean = f"{number(float(np.nanmean(forces[row.name])))} N"
-        rows.append((row.name, f"{number(row.high)} N", f"{number(row.high_time, 0.001)} s", mean, share, active))
-    head = ("Muscle", "Maximum tension", "Time", "Mean", "Share of maximum isometric force", "Maximum activation")
-    lead = (
-        "Force along the tendon of every muscle, from hip to ankle on each side. In long recordings every column "
-        "shows the maximum of its frames."
+        rows.append(
+            (
+                row.name,
+                f"{number(row.high)} N",
+                f"{number(row.high_time, 0.001)} s",
+                mean,
+                share,
+                active,
+            )
+        )
+    head = (
+        "Muscle",
+        "Maximum tension",
+        "Time",
+        "Mean",
+        "Share of maximum isometric force",
+        "Maximum activation",
     )
-    grid = Grid(head, tuple(rows), f"All {len(rows)} muscles, largest tension first", True)
-    return Section("tensions", "Muscle tensions", lead, (), (Figure(drawing, "full"),), (grid,))
+    lead = (
+        "Force along the tendon of every muscle, from hip to ankle on each side. In long recordings"
+        " every column shows the maximum of its frames."
+    )
+    grid = Grid(
+        head=head,
+        rows=tuple(rows),
+        title=f"All {len(rows)} muscles, largest tension first",
+        folded=True,
+    )
+    return Section(
+        key="tensions",
+        title="Muscle tensions",
+        lead=lead,
+        legend=(),
+        figures=(Figure(drawing, "full"),),
+        grids=(grid,),
+    )
 
 
 def emg_section(prepared: Prepared) -> Section | None:
     """Channels whose muscle is not known, or not among those drawn above."""
-    emg, on_muscles = prepared.results.recorded.emg, prepared.results.recorded.emg_muscles
+    emg = prepared.results.recorded.emg
+    on_muscles = prepared.results.recorded.emg_muscles
     if emg is None:
         return None
     drawn: set[str] = set()
@@ -122,7 +176,7 @@ def emg_section(prepared: Prepared) -> Section | None:
         title = name if name in unknown else f"{name} ({few(on_muscles[name], 4)})"
         chart = emg_panel(title, emg.time, emg[name], prepared.detail, prepared.events)
         figures.append(Figure(chart, "quarter"))
-    return Section("emg", "EMG", lead, (), tuple(figures))
+    return Section(key="emg", title="EMG", lead=lead, legend=(), figures=tuple(figures))
 
 
 def emg_conflict_section(prepared: Prepared) -> Section | None:
@@ -133,21 +187,29 @@ def emg_conflict_section(prepared: Prepared) -> Section | None:
     muscles = [conflict for conflict in conflicts if conflict.muscle]
     reserves = [conflict for conflict in conflicts if conflict.coordinate]
     lead = (
-        f"Where the joint torques need an activation that is more than {APART:g} from the muscle's EMG, or leave more "
-        f"than {BORNE:.0%} of a joint's largest torque to a reserve: gains, the model's moment arms or the torques are "
-        "wrong there, or the EMG is."
+        f"Where the joint torques need an activation that is more than {APART:g} from the muscle's"
+        f" EMG, or leave more than {BORNE:.0%} of a joint's largest torque to a reserve: gains, the"
+        " model's moment arms or the torques are wrong there, or the EMG is."
     )
     if not conflicts:
-        lead = "EMG and joint torques are consistent: no muscle departs from its EMG, and no reserve makes up for it."
+        lead = (
+            "EMG and joint torques are consistent: no muscle departs from its EMG, and no reserve"
+            " makes up for it."
+        )
     grids = tuple(
         Grid(head, tuple(map(_conflict_row, rows)), title, folded=len(rows) > SHOWN)
-        for title, head, rows in (("Muscles", CONFLICT_HEAD, muscles), ("Reserves", RESERVE_HEAD, reserves))
+        for title, head, rows in (
+            ("Muscles", CONFLICT_HEAD, muscles),
+            ("Reserves", RESERVE_HEAD, reserves),
+        )
     )
     return Section("emg-conflicts", "EMG against joint torques", lead, grids=grids)
 
 
 def _conflict_row(conflict: EmgConflict) -> tuple[str, ...]:
-    times = (f"{number(value, 0.001)} s" for value in (conflict.start, conflict.stop, conflict.worst))
+    times = (
+        f"{number(value, 0.001)} s" for value in (conflict.start, conflict.stop, conflict.worst)
+    )
     if conflict.muscle:
         return conflict.muscle, *times, number(conflict.emg, 0.01), number(conflict.found, 0.01)
     return conflict.coordinate, *times, number(conflict.emg), number(conflict.found)
@@ -159,10 +221,26 @@ def length_section(prepared: Prepared) -> Section | None:
     if lengths is None or prepared.results.tension is not None or not len(lengths):
         return None
     figures = tuple(
-        Figure(pair_panel(pair.label, "mm", _first_parts(pair), lengths, prepared.detail, prepared.events, 1000.0))
+        Figure(
+            pair_panel(
+                pair.label,
+                "mm",
+                _first_parts(pair),
+                lengths,
+                prepared.detail,
+                prepared.events,
+                1000.0,
+            )
+        )
         for pair in major_muscles(lengths.names, None)
     )
-    return Section("lengths", "Muscle-tendon lengths", "From origin to insertion around bones.", SIDES_LEGEND, figures)
+    return Section(
+        key="lengths",
+        title="Muscle-tendon lengths",
+        lead="From origin to insertion around bones.",
+        legend=SIDES_LEGEND,
+        figures=figures,
+    )
 
 
 def _first_parts(pair: Pair) -> Pair:
@@ -179,18 +257,30 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
         return None
     moving = {span.muscle: span.excursion for span in analysis.ranges}
     most = np.array([moving.get(name, 0.0) for name in analysis.muscles])
-    chosen = [pair for pair in major_muscles(analysis.muscles, most) if moving.keys() & set(pair.names)]
+    chosen = [
+        pair for pair in major_muscles(analysis.muscles, most) if moving.keys() & set(pair.names)
+    ]
     figures = tuple(Figure(stride_chart(analysis, pair)) for pair in chosen)
     counts = ", ".join(f"{len(stride)} of {limb}" for limb, stride in analysis.strides.items())
     lead = (
-        f"From foot strike to foot strike of each muscle's own side ({counts}): as plates show it, else as events of "
-        "the recording, else where the foot is farthest ahead of the trunk. Thin lines are strides; the band is the "
-        "95 % interval of their mean. Velocities in the table are means of each stride's maximum, in optimal fiber "
-        "lengths a second; 'standing' is the model's default pose."
+        f"From foot strike to foot strike of each muscle's own side ({counts}): as plates show it,"
+        " else as events of the recording, else where the foot is farthest ahead of the trunk."
+        " Thin lines are strides; the band is the 95 % interval of their mean. Velocities in the"
+        " table are means of each stride's maximum, in optimal fiber lengths a second; 'standing'"
+        " is the model's default pose."
     )
     rows = tuple(map(range_row, analysis.ranges))
-    grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)
-    return Section("length_cycles", "Muscle lengths over the stride", lead, SIDES_LEGEND, figures, (grid,))
+    grid = Grid(
+        head=RANGE_HEAD, rows=rows, title=f"All {len(rows)} muscles over a stride", folded=True
+    )
+    return Section(
+        key="length_cycles",
+        title="Muscle lengths over the stride",
+        lead=lead,
+        legend=SIDES_LEGEND,
+        figures=figures,
+        grids=(grid,),
+    )
 
 
 def stride_chart(analysis: LengthAnalysis, pair: Pair) -> str:
@@ -199,7 +289,15 @@ def stride_chart(analysis: LengthAnalysis, pair: Pair) -> str:
     for side, names in pair.members.items():
         strides = 1e3 * analysis.curves(names[0])
         mean = band(strides)
-        drawn.append(CycleCurve(mean.mean, side or "right", names[0], (mean.low, mean.high), each=strides))
+        drawn.append(
+            CycleCurve(
+                mean=mean.mean,
+                style=side or "right",
+                label=names[0],
+                interval=(mean.low, mean.high),
+                each=strides,
+            )
+        )
     several = any(len(names) > 1 for names in pair.members.values())
     title = f"{pair.label} ({split_side(drawn[0].label)[0]})" if several else pair.label
     return cycle_chart(title, "mm", drawn, [values for curve in drawn for values in curve.each])
@@ -211,19 +309,33 @@ FIBER_PAIRS = 8  # Pairs of muscles that are drawn.
 
 
 def fiber_section(prepared: Prepared) -> Section | None:
-    """Normalized fiber lengths, tendon strains, and powers of fiber and tendon of the major muscles."""
+    """Normalized fiber lengths, tendon strains, and powers of fiber and tendon of the major
+    muscles.
+    """
     tension = prepared.results.tension
-    if tension is None or tension.fibers is None or not len(tension.time) or prepared.results.model is None:
+    if (
+        tension is None
+        or tension.fibers is None
+        or not len(tension.time)
+        or prepared.results.model is None
+    ):
         return None
     fibers = tension.fibers
     mean = np.nan_to_num(tension.forces).mean(axis=0)
     elastic = [name for name in tension.muscles if name not in fibers.rigid]
     by_name = dict(zip(tension.muscles, mean, strict=True))
-    pairs = major_muscles(elastic, np.array([by_name[name] for name in elastic]))[:FIBER_PAIRS] if elastic else ()
-    figures = tuple(Figure(chart) for pair in pairs for chart in _fiber_charts(prepared, tension, fibers, pair))
+    pairs = (
+        major_muscles(elastic, np.array([by_name[name] for name in elastic]))[:FIBER_PAIRS]
+        if elastic
+        else ()
+    )
+    figures = tuple(
+        Figure(chart) for pair in pairs for chart in _fiber_charts(prepared, tension, fibers, pair)
+    )
     lead = (
-        "Fibers and tendons as elastic tendons let them move. A tendon's power is positive where it gives back what it "
-        "stored. Thin lines: frames near an end, where what came before or comes after can be felt."
+        "Fibers and tendons as elastic tendons let them move. A tendon's power is positive where it"
+        " gives back what it stored. Thin lines: frames near an end, where what came before or"
+        " comes after can be felt."
     )
     certificate = fibers.certificate
     lead += f" Optimality conditions hold within {number(certificate.residual)}"
@@ -231,24 +343,41 @@ def fiber_section(prepared: Prepared) -> Section | None:
         lead += f"; another start ends {number(certificate.second_activations)} away in activation"
     lead += "."
     if fibers.bridged.any():
-        lead += f" In {int(fibers.bridged.sum())} frames torques or coordinates were missing and interpolated."
+        lead += (
+            f" In {int(fibers.bridged.sum())} frames torques or coordinates were missing and"
+            " interpolated."
+        )
     legend = (("first", "right, or fiber"), ("second", "left, or tendon"))
-    return Section("fibers", "Fibers and tendons", lead, legend, figures, _rigid_grids(tension, fibers))
+    return Section(
+        key="fibers",
+        title="Fibers and tendons",
+        lead=lead,
+        legend=legend,
+        figures=figures,
+        grids=_rigid_grids(tension, fibers),
+    )
 
 
-def _fiber_charts(prepared: Prepared, tension: Tension, fibers: Fibers, pair: Pair) -> Iterator[str]:
+def _fiber_charts(
+    prepared: Prepared, tension: Tension, fibers: Fibers, pair: Pair
+) -> Iterator[str]:
     """Length and strain of both sides, and powers of the first."""
     model = prepared.results.model
     assert model is not None
-    columns = [(names[0], tension.muscles.index(names[0])) for names in pair.members.values()][: len(FIBER_STYLES)]
+    columns = [(names[0], tension.muscles.index(names[0])) for names in pair.members.values()][
+        : len(FIBER_STYLES)
+    ]
     optimal = [model.muscle(name).optimal_fiber_length for name, _ in columns]
-    normal = [fibers.lengths[:, m] / optimum for (_, m), optimum in zip(columns, optimal, strict=True)]
+    normal = [
+        fibers.lengths[:, m] / optimum for (_, m), optimum in zip(columns, optimal, strict=True)
+    ]
     strains = [100.0 * fibers.tendon_strains[:, m] for _, m in columns]
     names = [name for name, _ in columns]
     first, at = columns[0]
     powers = [fibers.fiber_powers[:, at], fibers.tendon_powers[:, at]]
     charts = (
-        # Longer headings, "Biceps femoris, long head: fiber length", run into that of the chart beside.
+        # Longer headings, "Biceps femoris, long head: fiber length", run into that of the chart
+        # beside.
         (f"{pair.label}: fiber", "optimal lengths", normal, names, 1.0),
         (f"{pair.label}: tendon strain", "%", strains, names, 0.0),
         (f"{first}: power", "W", powers, ["fiber", "tendon"], 0.0),
@@ -258,17 +387,28 @@ def _fiber_charts(prepared: Prepared, tension: Tension, fibers: Fibers, pair: Pa
         yield time_plot(title, unit, lines, prepared.detail, prepared.events, low=low)
 
 
-def _fiber_lines(time: Array, values: list[Array], labels: list[str], ends: np.ndarray) -> list[Line]:
+def _fiber_lines(
+    time: Array, values: list[Array], labels: list[str], ends: np.ndarray
+) -> list[Line]:
     """Lines of what may be believed, and thinner ones of the ends."""
     result = []
     for value, label, style in zip(values, labels, FIBER_STYLES, strict=False):
-        result.append(Line(time, np.where(ends, np.nan, value), style, label))
+        result.append(
+            Line(time=time, values=np.where(ends, np.nan, value), style=style, label=label)
+        )
         if ends.any():
             # One frame more on the inner side, so that the lines meet.
             wide = ends.copy()
             wide[1:] |= ends[:-1]
             wide[:-1] |= ends[1:]
-            result.append(Line(time, np.where(wide, value, np.nan), f"{style} thin", f"{label}, near an end"))
+            result.append(
+                Line(
+                    time=time,
+                    values=np.where(wide, value, np.nan),
+                    style=f"{style} thin",
+                    label=f"{label}, near an end",
+                )
+            )
     return result
 
 
@@ -276,9 +416,26 @@ def _rigid_grids(tension: Tension, fibers: Fibers) -> tuple[Grid, ...]:
     """Muscles on rigid tendons: those that cannot reach with place and size, the others by name."""
     rows = []
     for unreachable in fibers.unreachable:
-        why = "path shorter than the slack tendon" if unreachable.worst <= 0.0 else "fibers too long"
+        why = (
+            "path shorter than the slack tendon" if unreachable.worst <= 0.0 else "fibers too long"
+        )
         start = f"{number(tension.time[unreachable.frame], 0.001)} s"
         rows.append((unreachable.muscle, start, number(unreachable.worst), why))
     cannot = {unreachable.muscle for unreachable in fibers.unreachable}
-    rows += [(name, "", "", "rigid in the model, or without curves") for name in fibers.rigid if name not in cannot]
-    return (Grid(RIGID_HEAD, tuple(rows), "Muscles on rigid tendons", len(rows) > 12),) if rows else ()
+    rows += [
+        (name, "", "", "rigid in the model, or without curves")
+        for name in fibers.rigid
+        if name not in cannot
+    ]
+    return (
+        (
+            Grid(
+                head=RIGID_HEAD,
+                rows=tuple(rows),
+                title="Muscles on rigid tendons",
+                folded=len(rows) > 12,
+            ),
+        )
+        if rows
+        else ()
+    )

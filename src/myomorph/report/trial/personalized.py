@@ -1,4 +1,6 @@
-"""The page of a person's muscles: fiber lengths before and after, every parameter with its interval, and a summary."""
+"""The page of a person's muscles: fiber lengths before and after, every parameter with its
+interval, and a summary.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from myomorph.report.page.parts import Figure, Grid, PageHead, Section
 from myomorph.report.trial.summary_lines import FIBER_RANGE, reserve_unit
 from myomorph.tension.personal.personalize import Estimate, Personalized
 
-ROW, LEFT, WIDTH = 11.0, 96.0, 430.0
+ROW = 11.0
+LEFT = 96.0
+WIDTH = 430.0
 PHYSIOLOGICAL = (0.5, 1.4)
 PLACES = {"optimal_fiber_length": 4, "tendon_slack_length": 4}
 
@@ -26,13 +30,19 @@ def personalized_page(head: PageHead, person: Personalized) -> str:
     sections = []
     if person.before.any():
         caption = (
-            "Normalized fiber lengths over the recordings, tendons at slack length: above of the generic muscle, "
-            "below of the person's. The shaded range is that expected of a recording."
+            "Normalized fiber lengths over the recordings, tendons at slack length: above of the"
+            " generic muscle, below of the person's. The shaded range is that expected of a"
+            " recording."
         )
-        figure = Figure(fiber_ranges(person.model.muscle_names, person.before, person.after), "full", caption)
+        figure = Figure(
+            fiber_ranges(person.model.muscle_names, person.before, person.after), "full", caption
+        )
         legend = (("second", "generic"), ("first", "person"))
-        sections.append(Section("fibers", "Fiber lengths", "", legend, (figure,)))
-    lead, grids = ". ".join(personal_lines(person)) + ".", tuple(_grids(person.estimates))
+        sections.append(
+            Section(key="fibers", title="Fiber lengths", lead="", legend=legend, figures=(figure,))
+        )
+    lead = ". ".join(personal_lines(person)) + "."
+    grids = tuple(_grids(person.estimates))
     sections.append(Section("parameters", "Parameters", lead, grids=grids))
     return rendered(head, sections, ())
 
@@ -53,7 +63,14 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
         for ends, style, aside in ((before[index], "second", -2.0), (after[index], "first", 2.0)):
             a, b = (float(area.x.at(end)) for end in ends)
             under = f"{name}: {number(ends[0])} to {number(ends[1])}"
-            marks.append(mark("path", f"line {style}", under, d=f"M{a:.1f} {y + aside:.1f}H{max(b, a + 1.0):.1f}"))
+            marks.append(
+                mark(
+                    "path",
+                    f"line {style}",
+                    under,
+                    d=f"M{a:.1f} {y + aside:.1f}H{max(b, a + 1.0):.1f}",
+                )
+            )
             marks.append(dot(b, y + aside, style, 1.6, under))
     size = (LEFT + WIDTH + 20.0, height + 50.0)
     return drawing("ranges", "Normalized fiber length", size, *marks, unit="optimal fiber lengths")
@@ -71,7 +88,9 @@ def _grids(estimates: Sequence[Estimate]) -> list[Grid]:
             places = PLACES.get(parameter, 3)
             known = np.isfinite(row.low)
             span = f"{row.low:.{places}f} to {row.high:.{places}f}" if known else ""
-            remark = "generic kept" if row.kept else f"at its {row.bound} bound" if row.bound else ""
+            remark = (
+                "generic kept" if row.kept else f"at its {row.bound} bound" if row.bound else ""
+            )
             values = (f"{row.generic:.{places}f}", f"{row.person:.{places}f}")
             shown.append((row.of, *values, span, row.identifiable, remark))
         title = parameter.replace("_", " ").capitalize() + (" [m]" if parameter in PLACES else "")
@@ -83,25 +102,37 @@ def personal_lines(personalized: Personalized) -> list[str]:
     """What was fitted to, whether it explains what was held out, and what the recordings show."""
     lines = []
     if personalized.mapped is not None:
-        before, after = (float(np.nanmax(values)) for values in (personalized.mapped.before, personalized.mapped.after))
+        before = float(np.nanmax(personalized.mapped.before))
+        after = float(np.nanmax(personalized.mapped.after))
         mapped = f"{len(personalized.mapped.muscles)} muscles mapped from the generic model"
         apart = f"{after:.3f} (root mean square over poses; {before:.3f} before)"
         lines.append(f"{mapped}: normalized fiber lengths differ by at most {apart}")
     if personalized.recordings:
-        count = f"{personalized.frames[1]} frames that count as {personalized.frames[0]:.0f} independent ones"
+        count = (
+            f"{personalized.frames[1]} frames that count as {personalized.frames[0]:.0f}"
+            " independent ones"
+        )
         torques = f"torques of {len(personalized.coordinates)} coordinates"
         lines.append(f"{', '.join(personalized.recordings)}: {count}, {torques}")
     if personalized.held_out is not None:
         held_out = personalized.held_out
-        generic, fitted = (float(np.sqrt(np.nanmean(left**2))) for left in (held_out.left_generic, held_out.left))
+        generic = float(np.sqrt(np.nanmean(held_out.left_generic**2)))
+        fitted = float(np.sqrt(np.nanmean(held_out.left**2)))
         better = "better" if held_out.score < held_out.score_generic else "NO better"
         if better == "better" and fitted > generic:
-            better = "better by the score, which includes EMG and the prior, but with larger torque residuals"
+            better = (
+                "better by the score, which includes EMG and the prior, but with larger torque"
+                " residuals"
+            )
         scores = f"score {held_out.score:.2f}, generic {held_out.score_generic:.2f}"
         told = f"{scores}; torque left {fitted:.2f}, generic {generic:.2f} N m"
-        lines.append(f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles ({told})")
+        lines.append(
+            f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles ({told})"
+        )
     elif personalized.recordings:
-        lines.append("nothing was held out: whether these muscles are better than generic ones is not known")
+        lines.append(
+            "nothing was held out: whether these muscles are better than generic ones is not known"
+        )
     further = (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized))
     return [*lines, *(line for line in further if line)]
 
@@ -123,11 +154,17 @@ def _parameter_line(personalized: Personalized) -> str:
     if not personalized.recordings:
         return ""
     counts = Counter(estimate.identifiable for estimate in personalized.estimates)
-    bound = [f"{each.of} {each.parameter.replace('_', ' ')}" for each in personalized.estimates if each.bound]
+    bound = [
+        f"{each.of} {each.parameter.replace('_', ' ')}"
+        for each in personalized.estimates
+        if each.bound
+    ]
     ends = "none at a physiological limit"
     if bound:
         ends = f"{len(bound)} at a physiological limit ({few(bound, 2)})"
-    told = f"{counts['yes']} identifiable, {counts['partly']} partly, {counts['no']} as assumed before"
+    told = (
+        f"{counts['yes']} identifiable, {counts['partly']} partly, {counts['no']} as assumed before"
+    )
     return f"of {len(personalized.estimates)} parameters {told}; {ends}"
 
 
@@ -136,10 +173,19 @@ def _fiber_line(personalized: Personalized) -> str:
     after = np.asarray(personalized.after, float)
     if not after.size or not np.isfinite(after).any():
         return ""
-    names, (low, high) = personalized.model.muscle_names, FIBER_RANGE
-    shortest, longest = int(np.nanargmin(after[:, 0])), int(np.nanargmax(after[:, 1]))
+    names = personalized.model.muscle_names
+    low, high = FIBER_RANGE
+    shortest = int(np.nanargmin(after[:, 0]))
+    longest = int(np.nanargmax(after[:, 1]))
     with np.errstate(invalid="ignore"):
         outside = int(((after[:, 0] < low) | (after[:, 1] > high)).sum())
-    verdict = f"within {low:g} to {high:g}" if not outside else f"{outside} muscles outside {low:g} to {high:g}"
-    ends = f"{after[shortest, 0]:.2f} ({names[shortest]}) to {after[longest, 1]:.2f} optimal lengths ({names[longest]})"
+    verdict = (
+        f"within {low:g} to {high:g}"
+        if not outside
+        else f"{outside} muscles outside {low:g} to {high:g}"
+    )
+    ends = (
+        f"{after[shortest, 0]:.2f} ({names[shortest]}) to {after[longest, 1]:.2f} optimal lengths"
+        f" ({names[longest]})"
+    )
     return f"fibers work from {ends}: {verdict} (Zajac 1989)"

@@ -43,17 +43,23 @@ class Prepared:
     @property
     def events(self) -> tuple[Event, ...]:
         """Events within the span."""
-        return tuple(event for event in self.movement.events if self.span[0] <= event.time <= self.span[1])
+        return tuple(
+            event for event in self.movement.events if self.span[0] <= event.time <= self.span[1]
+        )
 
     @property
     def played(self) -> tuple[float, float]:
-        """What is played: a short recording whole, of a long one some seconds around its events [s]."""
+        """What is played: a short recording whole, of a long one some seconds around its events
+        [s].
+        """
         start, stop = self.span
         if self.events:
-            start, stop = max(start, self.events[0].time - 0.5), min(stop, self.events[-1].time + 1.0)
+            start = max(start, self.events[0].time - 0.5)
+            stop = min(stop, self.events[-1].time + 1.0)
         if stop - start > MAX_PLAYED:
             middle = (start + stop) / 2
-            start, stop = middle - MAX_PLAYED / 2, middle + MAX_PLAYED / 2
+            start = middle - MAX_PLAYED / 2
+            stop = middle + MAX_PLAYED / 2
         return start, stop
 
     @property
@@ -73,25 +79,43 @@ class Prepared:
     @cached_property
     def strides(self) -> Strides | None:
         """Of the motion, None where it is no walk."""
-        model, kinematics, events = self.results.model, self.results.kinematics, self.results.recorded.events or ()
+        model = self.results.model
+        kinematics = self.results.kinematics
+        events = self.results.recorded.events or ()
         if model is None or kinematics.motion is None:
             return None
         wrenches = self.results.dynamics.wrenches
-        return walking_strides(model, kinematics.motion, kinematics.fit, wrenches=wrenches, events=events)
+        return walking_strides(
+            model, kinematics.motion, kinematics.fit, wrenches=wrenches, events=events
+        )
 
     @cached_property
     def gait(self) -> GaitCurves | None:
-        """Curves of clinical gait analysis over the strides; None where the motion is no walk of two legs."""
-        model, motion = self.results.model, self.results.kinematics.motion
-        if model is None or motion is None or self.strides is None or self.results.analysis.preset not in GAITS:
+        """Curves of clinical gait analysis over the strides; None where the motion is no walk of
+        two legs.
+        """
+        model = self.results.model
+        motion = self.results.kinematics.motion
+        if (
+            model is None
+            or motion is None
+            or self.strides is None
+            or self.results.analysis.preset not in GAITS
+        ):
             return None
         dynamics = self.results.dynamics
-        return gait_curves(model, dynamics.motion or motion, self.strides, dynamics.torques, dynamics.wrenches)
+        return gait_curves(
+            model, dynamics.motion or motion, self.strides, dynamics.torques, dynamics.wrenches
+        )
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:
-        """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not there."""
-        model, muscles, preset = self.results.model, self.results.muscles, self.results.analysis.preset
+        """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not
+        there.
+        """
+        model = self.results.model
+        muscles = self.results.muscles
+        preset = self.results.analysis.preset
         if model is None or muscles.lengths is None or preset not in GAITS or self.strides is None:
             return None
         return length_analysis(model, muscles.lengths, self.strides, muscles.velocities)
@@ -110,7 +134,12 @@ def prepare(results: ReportInput) -> Prepared:
     span = _span(results)
     motion = results.kinematics.motion
     com = None
-    if results.model is not None and motion is not None and len(motion) and results.model.mass > 0.0:
+    if (
+        results.model is not None
+        and motion is not None
+        and len(motion)
+        and results.model.mass > 0.0
+    ):
         # It is drawn, not computed with.
         com = centroid(results.model, thinned(motion, MAX_CENTER_FRAMES))
     weight = None
@@ -121,7 +150,9 @@ def prepare(results: ReportInput) -> Prepared:
     movement = Movement()
     pressing = results.dynamics.wrenches
     # A plate that feet share is on the nearest one among the measured forces.
-    if (pressing is None or results.contacts.situation == "shared") and results.contacts.forces is not None:
+    if (
+        pressing is None or results.contacts.situation == "shared"
+    ) and results.contacts.forces is not None:
         pressing = results.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
         movement = find_movement(pressing, up, whole, com)
@@ -130,7 +161,17 @@ def prepare(results: ReportInput) -> Prepared:
         events = tuple(sorted(results.recorded.events, key=lambda event: event.time))
         movement = Movement(kind, events, movement.measures)
     scale = tables.body_scale(results.kinematics.markers)
-    prepared = Prepared(results, up, span, movement, com, _floor(results, up), whole, scale, ())
+    prepared = Prepared(
+        results=results,
+        up=up,
+        span=span,
+        movement=movement,
+        centroid=com,
+        floor=_floor(results, up),
+        weight=whole,
+        scale=scale,
+        verdicts=(),
+    )
     return replace(prepared, verdicts=tuple(_verdicts(prepared)))
 
 
@@ -164,8 +205,12 @@ def _floor(results: ReportInput, up: Array) -> float:
 
 
 def _verdicts(prepared: Prepared) -> list[Verdict]:
-    results, motion, tension = prepared.results, prepared.results.kinematics.motion, prepared.results.tension
-    model, torques, wrenches = results.model, results.dynamics.torques, results.dynamics.wrenches
+    results = prepared.results
+    motion = prepared.results.kinematics.motion
+    tension = prepared.results.tension
+    model = results.model
+    torques = results.dynamics.torques
+    wrenches = results.dynamics.wrenches
     rows: list[Verdict] = []
     if results.kinematics.fit is not None:
         rows += tables.marker_verdicts(results.kinematics.fit, prepared.scale)
@@ -174,19 +219,38 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
     if model is not None and motion is not None and len(motion):
         rows += tables.range_verdicts(model, motion)
     # What contacts were solved for is still in the torques of inverse dynamics.
-    judged = not results.dynamics.root_note and results.contacts.forces is None and prepared.center_height > 0
+    judged = (
+        not results.dynamics.root_note
+        and results.contacts.forces is None
+        and prepared.center_height > 0
+    )
     if judged and model is not None and torques is not None and wrenches is not None:
         rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
         asked = tension.asked
-        rows.append(tables.counted_verdict(Quantity.NOT_OPTIMAL, ~tension.optimal[asked], tension.time[asked]))
+        rows.append(
+            tables.counted_verdict(
+                Quantity.NOT_OPTIMAL, ~tension.optimal[asked], tension.time[asked]
+            )
+        )
         if model is not None and torques is not None:
-            names, reserves = results.reserve_coordinates, tension.reserves
-            rows += tables.reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)
-        bounds = {} if model is None else {muscle.name: muscle.max_activation for muscle in model.muscles}
+            names = results.reserve_coordinates
+            reserves = tension.reserves
+            rows += tables.reserve_verdicts(
+                model, torques, names, reserves, tension.time, results.muscles.driven
+            )
+        bounds = (
+            {}
+            if model is None
+            else {muscle.name: muscle.max_activation for muscle in model.muscles}
+        )
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
         if tension.options.passive or tension.overstretched:
-            rows.append(tables.stretch_verdict(tension.overstretched, len(tension.muscles), tension.large_passive))
+            rows.append(
+                tables.stretch_verdict(
+                    tension.overstretched, len(tension.muscles), tension.large_passive
+                )
+            )
         rows += tables.saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

@@ -18,7 +18,9 @@ MAX_COLUMNS = 10
 CUT_WORDS = {
     "given": "Phases as specified.",
     "events": "Phases are delimited by events.",
-    "contacts": "A phase ends when the contacts change; sites that are always in contact are not named.",
+    "contacts": (
+        "A phase ends when the contacts change; sites that are always in contact are not named."
+    ),
     "cycles": "Phases are the periods of the center of gravity.",
     "parts": "No events, contacts or cycles delimit phases here: four equal parts.",
 }
@@ -33,7 +35,8 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
     """What every phase is like, and how active each muscle is in it."""
     if not analysis.measures:
         return None
-    figures, who = [], ""
+    figures = []
+    who = ""
     if analysis.persons:
         first = analysis.persons[0]
         who = first.who.name
@@ -41,11 +44,15 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
             figures.append(Figure(_activity(analysis, first.muscles, first.activations), "full"))
     lead = cut_words(analysis)
     if any(len(measure.stage.phases) > 1 for measure in analysis.measures):
-        lead += " Phases with the same contacts are combined; range and variance are within a phase."
+        lead += (
+            " Phases with the same contacts are combined; range and variance are within a phase."
+        )
     if who:
         lead += f" Center of gravity and muscles of {who}."
     grids = (_center_grid(analysis), _doing_grid(analysis))
-    return Section("phases", "Phases", lead, (), tuple(figures), grids)
+    return Section(
+        key="phases", title="Phases", lead=lead, legend=(), figures=tuple(figures), grids=grids
+    )
 
 
 def _center_grid(analysis: MotionAnalysis) -> Grid:
@@ -59,12 +66,16 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
     for measure in analysis.measures:
         phases = measure.stage.phases
         when = f"{number(phases[0].start, 0.01)} – {number(phases[0].stop, 0.01)} s"
-        lasting = f"{number(measure.stage.duration)} s ({100 * measure.stage.duration / total:.0f} %)"
+        lasting = (
+            f"{number(measure.stage.duration)} s ({100 * measure.stage.duration / total:.0f} %)"
+        )
         cells = [measure.stage.name, when if len(phases) == 1 else f"{len(phases)} times", lasting]
         if analysis.persons:
             cells.append(f"{number(float(measure.mean[0]), 0.001)} m")
             cells.append(", ".join(number(1000 * float(value)) for value in measure.range) + " mm")
-            cells.append(", ".join(number(1e6 * float(value)) for value in measure.variance) + " mm²")
+            cells.append(
+                ", ".join(number(1e6 * float(value)) for value in measure.variance) + " mm²"
+            )
         rows.append(tuple(cells))
     return Grid(tuple(head), tuple(rows), "Center of gravity by phase")
 
@@ -84,10 +95,16 @@ def _doing_grid(analysis: MotionAnalysis) -> Grid:
             cells += [number(measure.activity), number(measure.peak), strongest]
         if touching:
             contacts = zip(analysis.limbs, measure.contact, strict=True)
-            shares = [f"{limb.label} {100 * share:.0f} %" for limb, share in contacts if share >= 0.005]
+            shares = [
+                f"{limb.label} {100 * share:.0f} %" for limb, share in contacts if share >= 0.005
+            ]
             cells.append(", ".join(shares) or "no contact")
         rows.append(tuple(cells))
-    return Grid(tuple(head), tuple(rows), "Muscles and contacts by phase" if touching else "Muscles by phase")
+    return Grid(
+        tuple(head),
+        tuple(rows),
+        "Muscles and contacts by phase" if touching else "Muscles by phase",
+    )
 
 
 def _activity(analysis: MotionAnalysis, muscles: Sequence[Pair], series: Series) -> str:
@@ -109,8 +126,15 @@ def _activity(analysis: MotionAnalysis, muscles: Sequence[Pair], series: Series)
     table = []
     for pair in muscles:
         sides = ("right", "left") if set(pair.members) & {"right", "left"} else ("",)
-        table.append((pair.label, [[cell(pair, side, stage) for side in sides] for stage in range(len(stages))]))
-    return sided_table("Mean activation by phase", "darker: more active", [stage.name for stage in stages], table)
+        table.append(
+            (
+                pair.label,
+                [[cell(pair, side, stage) for side in sides] for stage in range(len(stages))],
+            )
+        )
+    return sided_table(
+        "Mean activation by phase", "darker: more active", [stage.name for stage in stages], table
+    )
 
 
 def correlation_section(analysis: MotionAnalysis) -> Section | None:
@@ -131,10 +155,11 @@ def correlation_section(analysis: MotionAnalysis) -> Section | None:
             for column in range(len(correlations.columns))
         ]
         table.append((label, cells))
-    count, total = int(correlations.significant.sum()), int(np.isfinite(correlations.values).sum())
+    count = int(correlations.significant.sum())
+    total = int(np.isfinite(correlations.values).sum())
     lead = "Correlation of contacts and activations with the detrended center of gravity. " + (
-        f"{count} of {total} pairs are significant and colored: autocorrelated samples are not counted as "
-        "independent, and the false discovery rate is 5 %."
+        f"{count} of {total} pairs are significant and colored: autocorrelated samples are not"
+        " counted as independent, and the false discovery rate is 5 %."
         if count
         else f"None of {total} pairs is significant: the recording is too short or too slow."
     )
@@ -155,7 +180,10 @@ def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
 
 def _cell(correlations: Correlations, row: int, column: int) -> Cell:
     value = float(correlations.values[row, column])
-    freedom, chance = (number(float(table[row, column])) for table in (correlations.freedom, correlations.chance))
+    freedom = number(float(correlations.freedom[row, column]))
+    chance = number(float(correlations.chance[row, column]))
     who = f"{correlations.rows[row]} and {correlations.columns[column]}"
     under = f"{who}: r = {number(value)}, {freedom} independent samples, p = {chance}"
-    return Cell(value if correlations.significant[row, column] else float("nan"), number(value, 0.01), under)
+    return Cell(
+        value if correlations.significant[row, column] else float("nan"), number(value, 0.01), under
+    )

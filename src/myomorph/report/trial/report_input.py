@@ -1,4 +1,6 @@
-"""What a report is made of: the results of the steps of one trial, each a part of its own and optional."""
+"""What a report is made of: the results of the steps of one trial, each a part of its own and
+optional.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ class Truth:
 
 @dataclass(frozen=True)
 class InfeasibleContact:
-    """A frame whose contacts could not carry the motion: its time [s], and the smallest relaxation that does."""
+    """A frame whose contacts could not carry the motion: its time [s], and the smallest relaxation
+    that does.
+    """
 
     time: float
     relaxation: str = ""
@@ -65,7 +69,8 @@ class Recorded:
     # EMG channel to the muscles it was measured on; channels not named are shown apart
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
     plates: tuple[ForcePlate, ...] = ()  # outlines of the force plates
-    events: tuple[Event, ...] | None = None  # known events; None lets the report find them in the forces
+    # known events; None lets the report find them in the forces
+    events: tuple[Event, ...] | None = None
     truth: Truth | None = None  # of a simulated capture
 
 
@@ -89,10 +94,11 @@ class Kinematics:
 class Dynamics:
     """Forces of the whole body."""
 
-    torques: Series | None = None  # generalized forces of inverse dynamics (frames, coordinates) [N m or N]
+    # generalized forces of inverse dynamics (frames, coordinates) [N m or N]
+    torques: Series | None = None
     wrenches: Wrenches | None = None  # external forces, at any clock
-    # what the forces at the root joint are where they are not residuals (a model of the legs alone carries the trunk
-    # there); with it, no residual is judged
+    # what the forces at the root joint are where they are not residuals (a model of the legs alone
+    # carries the trunk there); with it, no residual is judged
     root_note: str = ""
     motion: Motion | None = None  # coordinates that the torques are of, with velocities
 
@@ -114,12 +120,12 @@ class EstimatedContacts:
     touches: Contacts | None = None  # which site touches what; None takes what the forces tell
     forces: ContactForces | None = None  # as estimated, beside the external forces as measured
     intervals: ForceIntervals | None = None  # of the contact forces, as far as they are known
-    # (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what floats once
-    # contacts carry [N], [N m]
+    # (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still
+    # hold what floats once contacts carry [N], [N m]
     residuals: Series | None = None
     infeasible: tuple[InfeasibleContact, ...] = ()  # frames whose contacts cannot carry the motion
-    # how contact forces are known: "measured" by plates, "shared" among sites on a plate, from "sound", or "unknown"
-    # and solved for; "" where what is given tells it
+    # how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
+    # "sound", or "unknown" and solved for; "" where what is given tells it
     situation: Situation = ""
 
 
@@ -127,7 +133,8 @@ class EstimatedContacts:
 class AnalysisChoice:
     """How to look at the motion."""
 
-    preset: str = ""  # name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
+    # name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
+    preset: str = ""
     # parts of the motion, as the user cuts them; () for those that events or contacts tell
     phases: tuple[Phase, ...] = ()
     times: tuple[float, ...] = ()  # instants to picture, () for those of events [s]
@@ -136,19 +143,24 @@ class AnalysisChoice:
 
 @dataclass(frozen=True, eq=False)
 class IdentificationInput:
-    """A body whose masses were identified, or whose lengths were calibrated; a part appears where it is given."""
+    """A body whose masses were identified, or whose lengths were calibrated; a part appears where
+    it is given.
+    """
 
     model: Model  # with the identified parameters
     identification: Identification | None = None  # of its masses
     # on motions that were not used, by their names
     validation: Mapping[str, CrossValidation] = field(default_factory=lambda: FrozenMap({}))
     calibration: Calibration | None = None  # of its lengths and markers
-    recordings: tuple[str, ...] = ()  # names of those that the calibration used, in their order, the static one last
+    # names of those that the calibration used, in their order, the static one last
+    recordings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class ReportInput:
-    """What one report may show: the results of the steps; a section appears where its result is given."""
+    """What one report may show: the results of the steps; a section appears where its result is
+    given.
+    """
 
     head: PageHead  # title, notes, sources, steps and warnings
     model: Model | None = None  # of the subject
@@ -167,7 +179,8 @@ class ReportInput:
     analysis: AnalysisChoice = field(default_factory=AnalysisChoice)  # how to look at the motion
     # between what limits results lie, and what contributes to that
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
-    identification: IdentificationInput | None = None  # how the body's masses and lengths were found
+    # how the body's masses and lengths were found
+    identification: IdentificationInput | None = None
     more: tuple[Section, ...] = ()  # sections of steps that this page does not know
 
     def with_warnings(self, texts: Iterable[str]) -> ReportInput:
@@ -185,4 +198,8 @@ class ReportInput:
     @property
     def strengths(self) -> Mapping[str, float]:
         """Maximum isometric force of every muscle [N]; none without a model."""
-        return {} if self.model is None else {muscle.name: muscle.max_isometric_force for muscle in self.model.muscles}
+        return (
+            {}
+            if self.model is None
+            else {muscle.name: muscle.max_isometric_force for muscle in self.model.muscles}
+        )

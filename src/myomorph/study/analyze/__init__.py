@@ -1,1 +1,3 @@
-"""From raw recordings to a study: what a recording is, which model it takes, and the study file that says so."""
+"""From raw recordings to a study: what a recording is, which model it takes, and the study file
+that says so.
+"""

@@ -62,7 +62,10 @@ from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.trial_inputs import TrialFiles
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
-STUDY, GENERIC, SUBJECT, PROPOSED = "study.toml", "generic.osim", "subject", "protocol.toml"
+STUDY = "study.toml"
+GENERIC = "generic.osim"
+SUBJECT = "subject"
+PROPOSED = "protocol.toml"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
 MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
 NEEDED = ("pelvis", "thigh", "shank")  # Segments that must have a marker, ...
@@ -409,8 +412,9 @@ def _check_inputs(inputs: ByType, moving: Sequence[Recording]) -> None:
                 raise BadFile(path, "does not exist", f"give a file that does ({flag_of(name)})")
         if key.kind.per == "trial" and len(moving) != 1:
             raise BadData(
-                f"{flag_of(name)} {value}: it belongs to one recording, and there are {len(moving)}; analyze one at a "
-                f"time, or write '{name}' to each trial of the study file (--prepare)"
+                f"{flag_of(name)} {value}: it belongs to one recording, and there are"
+                f" {len(moving)}; analyze one at a time, or write '{name}' to each trial of the"
+                " study file (--prepare)"
             )
 
 
@@ -423,8 +427,8 @@ def _refuse_changed(path: Path) -> None:
     """Raise `BadData` where a study file stands that somebody has changed or written."""
     if path.is_file() and not is_unchanged(path.read_text(encoding="utf-8", errors="replace")):
         raise BadData(
-            f"{path} was changed since it was written, and would be lost: run it ('myomorph run {path} --out "
-            f"{path.parent}'), or give another folder (--out)"
+            f"{path} was changed since it was written, and would be lost: run it ('myomorph run"
+            f" {path} --out {path.parent}'), or give another folder (--out)"
         )
 
 
@@ -467,7 +471,8 @@ def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Pat
         return
     if not recording.found.sites and not recording.found.unknown:
         raise BadData(
-            f"{recording.path}: holds no marker that is ever seen: give the recording of the markers"
+            f"{recording.path}: holds no marker that is ever seen: give the recording of the"
+            " markers"
         )
     why = unfit_markers(recording.found, lacking)
     standing = None if is_arm(recording.found) else next(filter(_all_still, everyone), None)
@@ -483,8 +488,8 @@ def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Pat
         out.mkdir(parents=True, exist_ok=True)
         table.write_text(proposed_table(proposals, standing.path.name), encoding="utf-8")
     raise BadData(
-        f"{recording.path}: {why}. What {len(proposals)} markers of {standing.path.name} may lie on, by geometry, is "
-        f"in {table}: check each line, then give it (--protocol {table})"
+        f"{recording.path}: {why}. What {len(proposals)} markers of {standing.path.name} may lie"
+        f" on, by geometry, is in {table}: check each line, then give it (--protocol {table})"
     )
 
 
@@ -504,8 +509,9 @@ def _check_time(
     count = len(markers if used is None else cut(markers, *used))
     if count < MIN_FRAMES:
         raise BadData(
-            f"{path}: holds {count} frame{'' if count == 1 else 's'}{' (--time)' if time else ''}, derivatives need "
-            f"{MIN_FRAMES} in a row: give a longer recording, and this one as --static where nobody moves in it"
+            f"{path}: holds {count} frame{'' if count == 1 else 's'}{' (--time)' if time else ''},"
+            f" derivatives need {MIN_FRAMES} in a row: give a longer recording, and this one as"
+            " --static where nobody moves in it"
         )
     if time is None:
         return
@@ -519,8 +525,8 @@ def _check_time(
             else "never seen together"
         )
         raise BadData(
-            f"{path}: from {time[0]:g} to {time[1]:g} s (--time) fewer than {MIN_MARKERS} markers of the body are "
-            f"seen in any frame; they are {where}"
+            f"{path}: from {time[0]:g} to {time[1]:g} s (--time) fewer than {MIN_MARKERS} markers"
+            f" of the body are seen in any frame; they are {where}"
         )
 
 
@@ -534,20 +540,24 @@ def _model(
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
         assert request.mass is not None
         sites = sites_of(everyone)
-        seen, alone = have_arms(sites), any(is_arm(one.found) for one in everyone)
+        seen = have_arms(sites)
+        alone = any(is_arm(one.found) for one in everyone)
         arms = alone or (request.arms and seen)
         model, without = generic_model(sites, height, request.mass, arms, alone)
         path = out / GENERIC
         write_osim(model, path)
         text = (
-            f"No model was given (--model FILE): myo-sim's legs{', trunk and arms' if arms else ' and trunk'} with "
-            f"{len(model.muscles)} muscles, {len(model.markers)} markers placed on its bones by landmark, its segments "
-            f"stretched to the recordings{'' if height is None else f', from those of a body of {height:g} m'}. "
+            "No model was given (--model FILE): myo-sim's"
+            f" legs{', trunk and arms' if arms else ' and trunk'} with {len(model.muscles)}"
+            f" muscles, {len(model.markers)} markers placed on its bones by landmark, its segments"
+            " stretched to the"
+            f" recordings{'' if height is None else f', from those of a body of {height:g} m'}. "
         )
         if alone:
             text += (
-                "No marker is on a leg: arms with markers move, on a trunk that goes where its markers are; all else "
-                "hangs from it, without muscles, and what holds the trunk is nobody's torque."
+                "No marker is on a leg: arms with markers move, on a trunk that goes where its"
+                " markers are; all else hangs from it, without muscles, and what holds the trunk is"
+                " nobody's torque."
             )
         if not arms:
             text += "The arms' mass is part of the trunk's" + (
@@ -581,8 +591,9 @@ def _model(
     known = [label for label in recorded if label in names or label in labels]
     if len(known) < MIN_MARKERS:
         raise BadData(
-            f"{request.model}: {len(known)} of its {len(names)} markers are in the recordings, which have "
-            f"{listing('', recorded)}: give a model with such markers, or leave --model out for the generic one"
+            f"{request.model}: {len(known)} of its {len(names)} markers are in the recordings,"
+            f" which have {listing('', recorded)}: give a model with such markers, or leave --model"
+            " out for the generic one"
         )
     texts = [f"{len(known)} labels are markers of {request.model.name}."]
     if labels:
@@ -603,7 +614,8 @@ def _height(recording: Recording, height: float | None) -> tuple[float | None, l
     found = standing_height(recording)
     if found is None:
         return height, [
-            f"--height {height:g} m could not be held against the markers: none are on shoulders and ankles."
+            f"--height {height:g} m could not be held against the markers: none are on shoulders"
+            " and ankles."
         ]
     apart = found / height - 1.0
     shown = (
@@ -613,7 +625,8 @@ def _height(recording: Recording, height: float | None) -> tuple[float | None, l
     if abs(apart) < HEIGHT_TOLERANCE:
         return height, [f"Height {height:g} m (--height): {shown}."]
     return None, [
-        f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"
+        f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this"
+        " person?"
     ]
 
 

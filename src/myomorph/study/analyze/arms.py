@@ -1,4 +1,6 @@
-"""Both arms of myo-sim on the trunk of its legs: shoulder girdles, 45 muscles a side, each hand one body."""
+"""Both arms of myo-sim on the trunk of its legs: shoulder girdles, 45 muscles a side, each hand one
+body.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from myomorph.motion.protocols import Site
 from myomorph.rigid.kinematics import standing_poses
 
 WHOLE = "myofullbody"
-SHOULDERS = "cervical_spine"  # The body that arms hang on, which the legs' model has too, in the same place.
+# The body that arms hang on, which the legs' model has too, in the same place.
+SHOULDERS = "cervical_spine"
 HAND = "lunate"  # The body that carries the hand: fingers do not move.
 PHANTOM = 0.01  # Bodies lighter than this carry no soft tissue, only axes between others [kg].
 LUMBAR = ("lumbar_extension", "lumbar_bending", "lumbar_rotation")
@@ -26,11 +29,14 @@ MIN_SEGMENTS = 2  # So many segments of an arm must have a marker for it to move
 def have_arms(sites: Mapping[str, Site]) -> bool:
     """Whether markers show how an arm moves."""
     seen = {(site.side, site.segment) for site in sites.values() if site.segment in ARM_SEGMENTS}
-    return any(sum(side == other for other, _ in seen) >= MIN_SEGMENTS for side in ("right", "left"))
+    return any(
+        sum(side == other for other, _ in seen) >= MIN_SEGMENTS for side in ("right", "left")
+    )
 
 
 def with_arms(model: Model) -> Model:
-    """The legs and trunk of myo-sim with both arms; shoulder blades follow the elevation of the arm.
+    """The legs and trunk of myo-sim with both arms; shoulder blades follow the elevation of the
+    arm.
 
     Source: MyoSuite (Caggiano et al. 2022), after Saul et al. 2015.
     """
@@ -54,19 +60,27 @@ def with_arms(model: Model) -> Model:
         model,
         bodies=(*model.bodies, *kept),
         joints=(*model.joints, *joints),
-        coordinates=(*model.coordinates, *(each for each in arms.coordinates if each.name in named)),
+        coordinates=(
+            *model.coordinates,
+            *(each for each in arms.coordinates if each.name in named),
+        ),
         couplers=(*model.couplers, *(each for each in arms.couplers if each.dependent in named)),
         muscles=(*model.muscles, *muscles),
         wrap_objects=(
             *model.wrap_objects,
-            *(each for each in arms.wrap_objects if each.name in used - {mine.name for mine in model.wrap_objects}),
+            *(
+                each
+                for each in arms.wrap_objects
+                if each.name in used - {mine.name for mine in model.wrap_objects}
+            ),
         ),
     )
 
 
 def arms_alone(model: Model, sides: Collection[str], spine: bool) -> Model:
-    """A model of `with_arms` in which only arms of some sides move, on a trunk that goes where its markers are, and
-    with `spine` bends; what else there is keeps its mass and hangs as it does by default, without muscles.
+    """A model of `with_arms` in which only arms of some sides move, on a trunk that goes where its
+    markers are, and with `spine` bends; what else there is keeps its mass and hangs as it does by
+    default, without muscles.
     """
     moving = _below(model, [f"myoarm_{side[0]}_root" for side in sides])
     free = {name for joint in model.joints if joint.child in moving for name in joint.coordinates}
@@ -78,12 +92,18 @@ def arms_alone(model: Model, sides: Collection[str], spine: bool) -> Model:
             replace(coordinate, locked=True) if coordinate.name in held else coordinate
             for coordinate in model.coordinates
         ),
-        muscles=tuple(muscle for muscle in model.muscles if moving & {point.body for point in muscle.path.points}),
+        muscles=tuple(
+            muscle
+            for muscle in model.muscles
+            if moving & {point.body for point in muscle.path.points}
+        ),
     )
 
 
 def _without_made_up_inertia(body: Body) -> Body:
-    """A body that only carries axes turns as its gram does, a centimeter across: in myo-sim it has 1 kg m^2."""
+    """A body that only carries axes turns as its gram does, a centimeter across: in myo-sim it has
+    1 kg m^2.
+    """
     return replace(body, inertia=1e-4 * body.mass * np.eye(3)) if body.mass < PHANTOM else body
 
 
@@ -113,7 +133,9 @@ def _with_one_hand(model: Model, side: str, bodies: set[str]) -> Model:
             if body.name not in fingers
         ),
         joints=tuple(joint for joint in model.joints if joint.child not in fingers),
-        coordinates=tuple(coordinate for coordinate in model.coordinates if coordinate.name not in lost),
+        coordinates=tuple(
+            coordinate for coordinate in model.coordinates if coordinate.name not in lost
+        ),
         couplers=tuple(coupler for coupler in model.couplers if coupler.dependent not in lost),
         muscles=tuple(_on_hand(muscle, hand, moved) for muscle in model.muscles),
         wrap_objects=tuple(_wrap_on_hand(wrap, hand, moved) for wrap in model.wrap_objects),
@@ -124,13 +146,20 @@ def _joined(name: str, parts: Collection[Body], moved: Mapping[str, Transform]) 
     """Bodies as one, in the frame that `moved` leads to."""
     mass = sum(part.mass for part in parts)
     centers = [moved[part.name].apply(part.mass_center) for part in parts]
-    center = sum((part.mass * own for part, own in zip(parts, centers, strict=True)), np.zeros(3)) / mass
+    center = (
+        sum((part.mass * own for part, own in zip(parts, centers, strict=True)), np.zeros(3)) / mass
+    )
     inertia = np.zeros((3, 3))
     for part, own in zip(parts, centers, strict=True):
-        turn, away = moved[part.name].rotation, own - center
-        inertia += turn @ part.inertia @ turn.T + part.mass * (away @ away * np.eye(3) - np.outer(away, away))
-    meshes = (replace(mesh, pose=moved[part.name] @ mesh.pose) for part in parts for mesh in part.meshes)
-    return Body(name, mass, center, inertia, tuple(meshes))
+        turn = moved[part.name].rotation
+        away = own - center
+        inertia += turn @ part.inertia @ turn.T + part.mass * (
+            away @ away * np.eye(3) - np.outer(away, away)
+        )
+    meshes = (
+        replace(mesh, pose=moved[part.name] @ mesh.pose) for part in parts for mesh in part.meshes
+    )
+    return Body(name=name, mass=mass, mass_center=center, inertia=inertia, meshes=tuple(meshes))
 
 
 def _on_hand(muscle: Muscle, hand: str, moved: Mapping[str, Transform]) -> Muscle:
@@ -151,4 +180,6 @@ def _on_hand(muscle: Muscle, hand: str, moved: Mapping[str, Transform]) -> Muscl
 
 
 def _wrap_on_hand(wrap: WrapObject, hand: str, moved: Mapping[str, Transform]) -> WrapObject:
-    return replace(wrap, body=hand, pose=moved[wrap.body] @ wrap.pose) if wrap.body in moved else wrap
+    return (
+        replace(wrap, body=hand, pose=moved[wrap.body] @ wrap.pose) if wrap.body in moved else wrap
+    )

@@ -1,4 +1,6 @@
-"""The generic model that comes with the installation: myo-sim's legs and trunk, markers placed by landmark."""
+"""The generic model that comes with the installation: myo-sim's legs and trunk, markers placed by
+landmark.
+"""
 
 from __future__ import annotations
 
@@ -48,16 +50,28 @@ JOINTS = {
     "subtalar_angle": "subtalar",
     "mtp_angle": "mtp",
 }
-"""Joints, which MuJoCo has no names for, by the body or coordinate that they are called after, without the side."""
-SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")  # Bodies of either side.
+"""Joints, which MuJoCo has no names for, by the body or coordinate that they are called after,
+without the side.
+"""
+# Bodies of either side.
+SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
 WIDENED = tuple(
     f"{name}_{side}"
-    for name in ("ankle_angle", "subtalar_angle", "hip_rotation", "elbow_flexion", "deviation", "flexion")
+    for name in (
+        "ankle_angle",
+        "subtalar_angle",
+        "hip_rotation",
+        "elbow_flexion",
+        "deviation",
+        "flexion",
+    )
     for side in "rl"
 )
 FURTHER = np.radians(30.0)
-"""People go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
+"""People go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar
+joint turn over.
+"""
 
 LONG = 1.0  # Length of a cylinder that MuJoCo has without an end [m].
 MUSCLE = "Millard2012EquilibriumMuscle"
@@ -99,16 +113,24 @@ def generic_model(
     model = model.with_markers(markers)
     if height is not None:
         factor = np.full(3, height / HEIGHT)
-        model = scale(model, dict.fromkeys(model.body_names, factor), model.mass, path_lengths=default_path_lengths)
+        model = scale(
+            model,
+            dict.fromkeys(model.body_names, factor),
+            model.mass,
+            path_lengths=default_path_lengths,
+        )
     if mass is not None:
         model = with_strength(model, strength_of(mass, height or HEIGHT))
     return model, without
 
 
-def placed(sites: Mapping[str, Site], arms: bool = False) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
+def placed(
+    sites: Mapping[str, Site], arms: bool = False
+) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
     """Markers on the generic model's bones, and labels that have no place on them."""
     table = _places("legs") | (_places("arms") if arms else {})
-    markers, without = [], []
+    markers = []
+    without = []
     for label, site in sites.items():
         if site.key not in table:
             without.append(label)
@@ -124,7 +146,9 @@ def placed(sites: Mapping[str, Site], arms: bool = False) -> tuple[tuple[Marker,
 @cache
 def _places(table: str) -> dict[str, tuple[str, Array]]:
     """Body and place (3,) of every landmark of the right side, by `segment.key`."""
-    raw = tomllib.loads((files("myomorph.study.analyze") / "data" / f"{table}.toml").read_text("utf-8"))
+    raw = tomllib.loads(
+        (files("myomorph.study.analyze") / "data" / f"{table}.toml").read_text("utf-8")
+    )
     return {
         f"{segment}.{key}": (str(one["body"]), np.array(one["place"], dtype=np.float64))
         for segment, own in raw.items()
@@ -136,34 +160,46 @@ def _places(table: str) -> dict[str, tuple[str, Array]]:
 def _generic(arms: bool) -> Model:
     model = with_arms(legs_and_trunk()) if arms else legs_and_trunk()
     model = with_architecture(with_cylinders(with_abductors(in_opensim_form(model))))
-    # A bound of what follows a knee at the end of the knee's range is one that OpenSim cannot keep to.
+    # A bound of what follows a knee at the end of the knee's range is one that OpenSim cannot keep
+    # to.
     held = [
-        replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
-        else replace(coordinate, clamped=False) if coordinate.name in model.dependent_coordinates
-        else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)
+        replace(coordinate, locked=True, default=0.0)
+        if coordinate.name in LOCKED
+        else replace(coordinate, clamped=False)
+        if coordinate.name in model.dependent_coordinates
+        else replace(
+            coordinate,
+            range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER),
+            clamped=True,
+        )
         if coordinate.name in WIDENED
         else coordinate
         for coordinate in model.coordinates
-    ]  # fmt: skip
+    ]
     return replace(model, coordinates=tuple(held), kept=())
 
 
 def legs_and_trunk() -> Model:
-    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
-    Joints and coordinates have the names of the field and of OpenSim's gait models (`knee_r`, `pelvis_tilt`); knees
-    and patellae move as anatomists measured (`anatomy`). Raises `BadData` where myo-sim is not installed.
+    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x
+    forward, y up, z right. Joints and coordinates have the names of the field and of OpenSim's gait
+    models (`knee_r`, `pelvis_tilt`); knees and patellae move as anatomists measured (`anatomy`).
+    Raises `BadData` where myo-sim is not installed.
     """
     from myomorph.io.mjcf.read import composed_model
 
     model = renamed_model(composed_model(NAME), lambda name: COORDINATES.get(name, name))
-    poses, root = standing_poses(model), model.joints[0]
+    poses = standing_poses(model)
+    root = model.joints[0]
     start = (poses[root.child].inverse() @ poses["pelvis"]).rotation
     joint, coordinates = _pelvis_joint(root.child, start)
     return with_anatomical_knees(
         replace(
             model,
             name="myolegs",
-            joints=(joint, *(replace(other, name=_joint_name(other.name)) for other in model.joints[1:])),
+            joints=(
+                joint,
+                *(replace(other, name=_joint_name(other.name)) for other in model.joints[1:]),
+            ),
             coordinates=(*coordinates, *model.coordinates[6:]),
             gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
         )
@@ -179,22 +215,41 @@ def _pelvis_joint(child: str, start: Array) -> tuple[Joint, tuple[Coordinate, ..
     x, y, z = np.eye(3)
     turns = (("pelvis_tilt", z), ("pelvis_list", x), ("pelvis_rotation", y))
     shifts = (("pelvis_tx", x), ("pelvis_ty", y), ("pelvis_tz", z))
-    axes = [Axis("translation", vector, linear(1.0), (name,)) for name, vector in shifts]
-    axes += [Axis("rotation", vector, linear(1.0), (name,)) for name, vector in turns]
+    axes = [
+        Axis(kind="translation", vector=vector, function=linear(1.0), coordinates=(name,))
+        for name, vector in shifts
+    ]
+    axes += [
+        Axis(kind="rotation", vector=vector, function=linear(1.0), coordinates=(name,))
+        for name, vector in turns
+    ]
     coordinates = [Coordinate(name, "rotational") for name, _ in turns]
-    coordinates += [Coordinate(name, "translational", default=float(name == "pelvis_ty")) for name, _ in shifts]
+    coordinates += [
+        Coordinate(name, "translational", default=float(name == "pelvis_ty")) for name, _ in shifts
+    ]
     names = tuple(coordinate.name for coordinate in coordinates)
     frame = Transform(start, np.zeros(3))
-    joint = Joint("ground_pelvis", "CustomJoint", GROUND, child, Transform.identity(), frame, tuple(axes), names)
+    joint = Joint(
+        name="ground_pelvis",
+        kind="CustomJoint",
+        parent=GROUND,
+        child=child,
+        parent_frame=Transform.identity(),
+        child_frame=frame,
+        axes=tuple(axes),
+        coordinates=names,
+    )
     return joint, tuple(coordinates)
 
 
 def in_opensim_form(model: Model) -> Model:
-    """The model with Millard2012EquilibriumMuscle whose paths wrap as OpenSim's do. A tendon of MuJoCo goes around a
-    surface on the side of a site. OpenSim's surfaces have a constrained half instead: each becomes one whose x axis
-    points to the site, and whose positive half counts, once for every site that it is used with.
+    """The model with Millard2012EquilibriumMuscle whose paths wrap as OpenSim's do. A tendon of
+    MuJoCo goes around a surface on the side of a site. OpenSim's surfaces have a constrained half
+    instead: each becomes one whose x axis points to the site, and whose positive half counts, once
+    for every site that it is used with.
     """
-    poses, objects = standing_poses(model), {item.name: item for item in model.wrap_objects}
+    poses = standing_poses(model)
+    objects = {item.name: item for item in model.wrap_objects}
     made: dict[str, WrapObject] = {}
     muscles = tuple(_muscle(muscle, objects, made, poses) for muscle in model.muscles)
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
@@ -203,7 +258,10 @@ def in_opensim_form(model: Model) -> Model:
 
 
 def _muscle(
-    muscle: Muscle, objects: dict[str, WrapObject], made: dict[str, WrapObject], poses: dict[str, Transform]
+    muscle: Muscle,
+    objects: dict[str, WrapObject],
+    made: dict[str, WrapObject],
+    poses: dict[str, Transform],
 ) -> Muscle:
     wraps = []
     for wrap in muscle.path.wraps:
@@ -214,7 +272,9 @@ def _muscle(
         if wrap.side is not None:
             place = poses[own.body].inverse().apply(poses[wrap.side_body].apply(wrap.side))
             toward = place - own.pose.translation
-        name = own.name if wrap.side is None else f"{own.name}_{wrap.side_body}_{_digits(wrap.side)}"
+        name = (
+            own.name if wrap.side is None else f"{own.name}_{wrap.side_body}_{_digits(wrap.side)}"
+        )
         made.setdefault(name, _sided(own, name, toward))
         wraps.append(PathWrap(name, first=wrap.after + 1, last=wrap.after + 2))
     kind = MUSCLE if muscle.kind == "mujoco" else muscle.kind
@@ -222,7 +282,9 @@ def _muscle(
 
 
 def _sided(wrap_object: WrapObject, name: str, toward: Array | None) -> WrapObject:
-    """A surface whose positive x half is on the side of a point (3,) from its center, in its body's axes."""
+    """A surface whose positive x half is on the side of a point (3,) from its center, in its body's
+    axes.
+    """
     size = (wrap_object.size[0], LONG) if wrap_object.kind == "cylinder" else wrap_object.size
     named = replace(wrap_object, name=name, size=size)
     if toward is None:
@@ -242,4 +304,6 @@ def _sided(wrap_object: WrapObject, name: str, toward: Array | None) -> WrapObje
 
 
 def _digits(place: Array) -> str:
-    return "_".join(f"{round(1e4 * float(one)):+d}".replace("+", "p").replace("-", "m") for one in place)
+    return "_".join(
+        f"{round(1e4 * float(one)):+d}".replace("+", "p").replace("-", "m") for one in place
+    )

@@ -1,4 +1,6 @@
-"""What unknown markers of somebody who stands may lie on, by geometry: a table for the user to check."""
+"""What unknown markers of somebody who stands may lie on, by geometry: a table for the user to
+check.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +21,51 @@ from myomorph.rigid.kinematics import marker_positions
 from myomorph.study.analyze.generic_model import generic_model
 
 LANDMARKS = (
-    "pelvis.asis", "pelvis.psis", "pelvis.sacrum", "pelvis.crest", "thigh.trochanter", "thigh.lateral_epicondyle",
-    "thigh.medial_epicondyle", "shank.fibula_head", "shank.tuberosity", "shank.lateral_malleolus",
-    "shank.medial_malleolus", "foot.heel", "foot.mt1_head", "foot.mt2_head", "foot.mt5_head", "trunk.c7", "trunk.t10",
-    "trunk.jugular_notch", "trunk.xiphoid", "trunk.acromion",
-)  # fmt: skip
-"""Where laboratories put markers; the others lie so near to these that geometry does not tell them apart."""
-SKIN = tuple(f"{part}.{place}" for part in ("thigh", "shank") for place in ("upper", "lateral", "front", "lower"))
+    "pelvis.asis",
+    "pelvis.psis",
+    "pelvis.sacrum",
+    "pelvis.crest",
+    "thigh.trochanter",
+    "thigh.lateral_epicondyle",
+    "thigh.medial_epicondyle",
+    "shank.fibula_head",
+    "shank.tuberosity",
+    "shank.lateral_malleolus",
+    "shank.medial_malleolus",
+    "foot.heel",
+    "foot.mt1_head",
+    "foot.mt2_head",
+    "foot.mt5_head",
+    "trunk.c7",
+    "trunk.t10",
+    "trunk.jugular_notch",
+    "trunk.xiphoid",
+    "trunk.acromion",
+)
+"""Where laboratories put markers; the others lie so near to these that geometry does not tell them
+apart.
+"""
+SKIN = tuple(
+    f"{part}.{place}"
+    for part in ("thigh", "shank")
+    for place in ("upper", "lateral", "front", "lower")
+)
 MIDLINE = ("sacrum", "c7", "t10", "jugular_notch", "xiphoid")
-SIZES = np.arange(0.6, 1.3, 0.08)  # Heights of bodies over that of the generic model that are tried.
+# Heights of bodies over that of the generic model that are tried.
+SIZES = np.arange(0.6, 1.3, 0.08)
 HEADINGS = np.radians(np.arange(0.0, 360.0, 15.0))
 CAP = 0.10
-"""Farther from every landmark, a marker is on an arm, on the head or on no body [m]; of a body as tall as the model."""
-NEAR = 0.06  # So far from where the model has it a landmark is offered [m]; of a body as tall as the model.
+"""Farther from every landmark, a marker is on an arm, on the head or on no body [m]; of a body as
+tall as the model.
+"""
+# So far from where the model has it a landmark is offered [m]; of a body as tall as the model.
+NEAR = 0.06
 FOOT = 0.12  # Markers below this height are on feet [m]; of a body as tall as the model.
-TRIED, ROUNDS, MIN_FIT = 10, 8, 6
-PELVIS, LEG = 3, ("thigh", "shank", "foot")
+TRIED = 10
+ROUNDS = 8
+MIN_FIT = 6
+PELVIS = 3
+LEG = ("thigh", "shank", "foot")
 """Landmarks on the pelvis, and segments of either leg, without which nothing is offered."""
 
 
@@ -47,8 +78,8 @@ class Proposal(NamedTuple):
 
 
 class _Fit(NamedTuple):
-    """Markers on the model (markers, 3), its landmarks in their pose (landmarks, 3) [m], the body's height over the
-    model's, and which markers have which landmarks.
+    """Markers on the model (markers, 3), its landmarks in their pose (landmarks, 3) [m], the body's
+    height over the model's, and which markers have which landmarks.
     """
 
     placed: Array
@@ -59,10 +90,11 @@ class _Fit(NamedTuple):
 
 
 def proposed_sites(markers: Markers) -> tuple[Proposal, ...]:
-    """What markers of somebody who stands may lie on, none where the places do not look like a pelvis and two legs.
+    """What markers of somebody who stands may lie on, none where the places do not look like a
+    pelvis and two legs.
 
-    The generic model, as tall as the markers, is turned and bent to them, and each landmark goes to one marker at
-    most. Whether somebody stands is not looked at.
+    The generic model, as tall as the markers, is turned and bent to them, and each landmark goes to
+    one marker at most. Whether somebody stands is not looked at.
 
     Parameters
     ----------
@@ -76,7 +108,11 @@ def proposed_sites(markers: Markers) -> tuple[Proposal, ...]:
     bony = np.array([site.kind == "bony" for site in sites])
     ways = sorted(_ways(places, standing, bony), key=lambda way: way[0])[:TRIED]
     fits = [_fitted(model, names, bony, placed, size, standing) for _, placed, size in ways]
-    fit = min((fit for fit in fits if _is_body([sites[column] for column in fit.landmarks])), key=_misfit, default=None)
+    fit = min(
+        (fit for fit in fits if _is_body([sites[column] for column in fit.landmarks])),
+        key=_misfit,
+        default=None,
+    )
     if fit is None:
         return ()
     apart = np.linalg.norm(fit.placed[:, None] - fit.pose[None], axis=2)
@@ -91,9 +127,14 @@ def proposed_sites(markers: Markers) -> tuple[Proposal, ...]:
 
 
 def proposed_table(proposals: Sequence[Proposal], source: str) -> str:
-    """A table of `--protocol` with every proposal on a line that says what it means and how far off it is."""
+    """A table of `--protocol` with every proposal on a line that says what it means and how far off
+    it is.
+    """
     lines = [
-        f"# What markers of {source} may lie on, by geometry. Check each line; correct or delete what is wrong.",
+        (
+            f"# What markers of {source} may lie on, by geometry. Check each line; correct or"
+            " delete what is wrong."
+        ),
         "[protocols.proposed]",
         'title = "Proposed by geometry, then checked"',
         f'source = "{source}"',
@@ -104,7 +145,8 @@ def proposed_table(proposals: Sequence[Proposal], source: str) -> str:
         key = f"{site.side} {site.key}".strip()
         alone = bool(site.side) and not {(site.key, side) for side in SIDES.values()} <= sides
         lines.append(
-            f'"{label}" = "{key}"  # {site}, {100.0 * distance:.0f} cm from there on the generic model'
+            f'"{label}" = "{key}"  # {site}, {100.0 * distance:.0f} cm from there on the generic'
+            " model"
             f"{'; NONE ON THE OTHER SIDE' if alone else ''}"
         )
     return "\n".join(lines) + "\n"
@@ -122,11 +164,13 @@ def _candidates() -> Iterator[Site]:
         words, kind = known[key]
         segment, place = key.split(".")
         for side in ("",) if place in MIDLINE else SIDES.values():
-            yield Site(segment, words, side, key, kind)
+            yield Site(segment=segment, landmark=words, side=side, key=key, kind=kind)
 
 
 def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Array, float]]:
-    """Ways in which markers may stand on the model's ground: how far off, places on the model, the body's size."""
+    """Ways in which markers may stand on the model's ground: how far off, places on the model, the
+    body's size.
+    """
     extent = np.ptp(places, axis=0)
     tree = scipy.spatial.cKDTree(pose)
     low = pose[:, 1] < FOOT
@@ -140,30 +184,42 @@ def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Arra
                 placed = placed - [0.0, placed[:, 1].min() - pose[:, 1].min(), 0.0]
                 center = placed[placed[:, 1] < FOOT].mean(axis=0)
                 for heading in HEADINGS:
-                    turned = (placed - center) @ axis_rotation([0.0, 1.0, 0.0], heading).T + pose[low].mean(axis=0)
+                    turned = (placed - center) @ axis_rotation([0.0, 1.0, 0.0], heading).T + pose[
+                        low
+                    ].mean(axis=0)
                     off, moved = _settled(turned, pose, bony, tree)
                     yield off, moved, float(size)
 
 
-def _settled(placed: Array, pose: Array, bony: Array, tree: scipy.spatial.cKDTree) -> tuple[float, Array]:
-    """Markers shifted to where most lie near landmarks, and how far those and the landmarks are from each other."""
+def _settled(
+    placed: Array, pose: Array, bony: Array, tree: scipy.spatial.cKDTree
+) -> tuple[float, Array]:
+    """Markers shifted to where most lie near landmarks, and how far those and the landmarks are
+    from each other.
+    """
     for _ in range(4):
         far, nearest = tree.query(placed)
         near = far < CAP
         if near.any():
             placed = placed + np.mean(pose[nearest[near]] - placed[near], axis=0)
     back, _ = scipy.spatial.cKDTree(placed).query(pose[bony])
-    return float(np.minimum(tree.query(placed)[0], CAP).mean() + np.minimum(back, CAP).mean()), placed
+    return (
+        float(np.minimum(tree.query(placed)[0], CAP).mean() + np.minimum(back, CAP).mean()),
+        placed,
+    )
 
 
-def _fitted(model: Model, names: Sequence[str], bony: Array, placed: Array, size: float, pose: Array) -> _Fit:
+def _fitted(
+    model: Model, names: Sequence[str], bony: Array, placed: Array, size: float, pose: Array
+) -> _Fit:
     """A way with the model bent to it, again and again as landmarks change hands."""
     rows, columns = _assigned(placed, pose, bony, CAP)
     for limit in np.linspace(CAP, NEAR, ROUNDS):
         if len(rows) < MIN_FIT:
             break
         pose, growth = _posed(model, names, placed[rows], columns)
-        placed, size = placed / growth, size * growth
+        placed = placed / growth
+        size = size * growth
         rows, columns = _assigned(placed, pose, bony, float(limit))
     return _Fit(placed, pose, size, rows, columns)
 
@@ -183,8 +239,12 @@ def _assigned(placed: Array, pose: Array, bony: Array, limit: float) -> tuple[Ar
     return rows[kept], columns[kept]
 
 
-def _posed(model: Model, names: Sequence[str], placed: Array, columns: Array) -> tuple[Array, float]:
-    """Places of all landmarks of the model in the pose that fits some, and by how much the markers are larger."""
+def _posed(
+    model: Model, names: Sequence[str], placed: Array, columns: Array
+) -> tuple[Array, float]:
+    """Places of all landmarks of the model in the pose that fits some, and by how much the markers
+    are larger.
+    """
     seen = Markers(np.zeros(1), tuple(names[column] for column in columns), placed[None])
     fit = inverse_kinematics(model, seen)
     seen_pose = marker_positions(model, fit.motion)
@@ -197,4 +257,6 @@ def _posed(model: Model, names: Sequence[str], placed: Array, columns: Array) ->
 def _is_body(sites: Sequence[Site]) -> bool:
     segments = {(site.segment, site.side) for site in sites}
     pelvis = sum(site.segment == "pelvis" for site in sites)
-    return pelvis >= PELVIS and all((part, side) in segments for part in LEG for side in SIDES.values())
+    return pelvis >= PELVIS and all(
+        (part, side) in segments for part in LEG for side in SIDES.values()
+    )

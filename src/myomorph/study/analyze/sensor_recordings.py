@@ -1,4 +1,6 @@
-"""Recordings of inertial sensors: their files, the bodies that they are on, the pose that calibrates them."""
+"""Recordings of inertial sensors: their files, the bodies that they are on, the pose that
+calibrates them.
+"""
 
 from __future__ import annotations
 
@@ -57,14 +59,16 @@ def placed_sensors(
     where = files[0].name
     if not used:
         text = (
-            f"{where}: none of its {len(sensors.names)} inertial sensors ({', '.join(lost)}) has the name of a body or "
-            "segment"
+            f"{where}: none of its {len(sensors.names)} inertial sensors ({', '.join(lost)}) has"
+            " the name of a body or segment"
         )
         if alone:
             raise BadData(f"{text}: name the body of each (--imu-bodies '{lost[0]}=BODY' ...)")
         return replace(asked, imu=()), [f"{text}: not used (--imu-bodies '{lost[0]}=BODY' ...)."]
     if sensors.orientations is None and find_spec("vqf") is None and not alone:
-        return replace(asked, imu=()), [f"{where}: its raw inertial sensors need the package vqf: not used."]
+        return replace(asked, imu=()), [
+            f"{where}: its raw inertial sensors need the package vqf: not used."
+        ]
     texts = [f"Inertial sensors of {where}: {', '.join(used)}."]
     if lost:
         texts.append(f"Sensors on no body of {model.name}, which are not used: {', '.join(lost)}.")

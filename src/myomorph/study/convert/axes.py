@@ -21,10 +21,15 @@ WALKED = 0.5  # Way of the markers' middle from which a recording has a walking 
 
 
 def axes_of_text(text: str) -> Array:
-    """Rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones, each once, of a right-handed frame."""
+    """Rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones, each once, of a
+    right-handed frame.
+    """
     parts = [part.strip() for part in text.lower().split(",")]
     if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", part) for part in parts):
-        raise BadData(f"--axes {text}: expected three axes as x,z,-y: where the new x, y and z point in the old frame")
+        raise BadData(
+            f"--axes {text}: expected three axes as x,z,-y: where the new x, y and z point in the"
+            " old frame"
+        )
     matrix = np.zeros((3, 3))
     for row, part in enumerate(parts):
         matrix[row, "xyz".index(part[-1])] = -1.0 if part.startswith("-") else 1.0
@@ -32,13 +37,16 @@ def axes_of_text(text: str) -> Array:
         raise BadData(f"--axes {text}: names an axis twice")
     if np.linalg.det(matrix) < 0.0:
         raise BadData(
-            f"--axes {text}: is a left-handed frame, in which right and left would be exchanged: turn one sign"
+            f"--axes {text}: is a left-handed frame, in which right and left would be exchanged:"
+            " turn one sign"
         )
     return matrix
 
 
 def vertical(recording: Recording) -> str:
-    """Which axis points up: "z" where plates lie level with it or a body is tallest along it, "y", or "" if unknown."""
+    """Which axis points up: "z" where plates lie level with it or a body is tallest along it, "y",
+    or "" if unknown.
+    """
     if recording.level:
         return "z"
     values = np.zeros((0, 0, 3)) if recording.markers is None else recording.markers.values
@@ -58,8 +66,9 @@ def vertical(recording: Recording) -> str:
 
 
 def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recording:
-    """The recording with other axes: the one that points `up` afterwards and the one that the walk goes along, "" (or
-    "keep") for as it is; or, instead of both, `axes` in the old frame, as "x,z,-y".
+    """The recording with other axes: the one that points `up` afterwards and the one that the walk
+    goes along, "" (or "keep") for as it is; or, instead of both, `axes` in the old frame, as
+    "x,z,-y".
     """
     if axes:
         return rotated(recording, axes_of_text(axes), f"axes were changed to {axes}")
@@ -67,13 +76,16 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
         is_up = vertical(recording)
         if not is_up:
             raise BadData(
-                "which way is up cannot be seen from markers or plates: give --axes, as x,z,-y for z up to y up"
+                "which way is up cannot be seen from markers or plates: give --axes, as x,z,-y for"
+                " z up to y up"
             )
         if is_up != up:
             matrix = {"zy": Z_UP_TO_Y_UP, "yz": Z_UP_TO_Y_UP.T}.get(is_up + up)
             if matrix is None:
                 raise BadData(f"{is_up} points up: give --axes")
-            recording = rotated(recording, matrix, f"{is_up} points up in the recording: it was turned to {up} up")
+            recording = rotated(
+                recording, matrix, f"{is_up} points up in the recording: it was turned to {up} up"
+            )
     if forward:
         recording = _facing(recording, forward)
     return recording
@@ -83,7 +95,9 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
     """The recording turned about the vertical by right angles, so that the walk goes along an axis."""
     up = vertical(recording)
     if not up or up == forward[-1]:
-        raise BadData(f"--forward {forward}: expected a horizontal axis; {up or 'no axis'} points up")
+        raise BadData(
+            f"--forward {forward}: expected a horizontal axis; {up or 'no axis'} points up"
+        )
     if recording.markers is None:
         raise BadData(f"--forward {forward}: a walking direction needs markers")
     middle = np.nanmean(recording.markers.values, axis=1)
@@ -93,8 +107,8 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
     way = way - (way @ level) * level
     if np.linalg.norm(way) < WALKED:
         raise BadData(
-            f"--forward {forward}: the markers' middle moves by {np.linalg.norm(way):.2f} m only, so there is no "
-            "walking direction: give --axes"
+            f"--forward {forward}: the markers' middle moves by {np.linalg.norm(way):.2f} m only,"
+            " so there is no walking direction: give --axes"
         )
     target = (-1.0 if forward.startswith("-") else 1.0) * np.eye(3)["xyz".index(forward[-1])]
     angle = np.arctan2(np.cross(way, target) @ level, way @ target)
@@ -103,7 +117,9 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
         return recording
     matrix = np.round(axis_rotation(level, 0.5 * np.pi * quarter)) + 0.0
     return rotated(
-        recording, matrix, f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}"
+        recording,
+        matrix,
+        f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}",
     )
 
 
@@ -113,7 +129,9 @@ def rotated(recording: Recording, matrix: Array, note: str) -> Recording:
         recording,
         markers=None if recording.markers is None else recording.markers.rotated(matrix),
         wrenches=None if recording.wrenches is None else recording.wrenches.rotated(matrix),
-        plates=tuple(replace(plate, corners=plate.corners @ matrix.T) for plate in recording.plates),
+        plates=tuple(
+            replace(plate, corners=plate.corners @ matrix.T) for plate in recording.plates
+        ),
         level=False,
         notes=(*recording.notes, note),
     )

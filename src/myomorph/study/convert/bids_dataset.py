@@ -1,6 +1,8 @@
-"""A study as a dataset of BIDS: recordings of motion and EMG, and as derivatives what was computed of them.
+"""A study as a dataset of BIDS: recordings of motion and EMG, and as derivatives what was computed
+of them.
 
-BIDS specification 1.11 (motion, EMG, derivatives). What a derivative was made from stands in its JSON file.
+BIDS specification 1.11 (motion, EMG, derivatives). What a derivative was made from stands in its
+JSON file.
 """
 
 from __future__ import annotations
@@ -90,9 +92,9 @@ class BidsTrial:
 def export_bids(results: Path, out: Path) -> tuple[str, ...]:
     """Write the recordings and results of a study as a dataset of BIDS, whole or not at all.
 
-    The folder to make may exist, but hold nothing. Gives what is written otherwise than it was recorded, one line each.
-    Raises `BadFile` where there are no results or the folder holds something, `MissingPackage` where there is EMG, and
-    edfio is not installed.
+    The folder to make may exist, but hold nothing. Gives what is written otherwise than it was
+    recorded, one line each. Raises `BadFile` where there are no results or the folder holds
+    something, `MissingPackage` where there is EMG, and edfio is not installed.
 
     Source: Gorgolewski et al. 2016; Jeung et al. 2024 (motion).
     """
@@ -105,7 +107,9 @@ def export_bids(results: Path, out: Path) -> tuple[str, ...]:
     try:
         dataset = _Dataset(made, _study_name(home), _conditions(home))
         for path in paths:
-            dataset.add(read_result(path, leave_out=large_variables()), path.parent.relative_to(home).parts)
+            dataset.add(
+                read_result(path, leave_out=large_variables()), path.parent.relative_to(home).parts
+            )
         dataset.finish()
         made.chmod(0o755)
         if out.exists():
@@ -121,13 +125,17 @@ class _Dataset:
     """A dataset that is being written, one trial after the other."""
 
     def __init__(self, folder: Path, name: str, conditions: Mapping[tuple[str, str], str]):
-        self.folder, self.name, self.conditions = folder, name, conditions
+        self.folder = folder
+        self.name = name
+        self.conditions = conditions
         self.subjects: dict[str, dict[str, str]] = {}  # by label what participants.tsv states
         self.notes: list[str] = []
         self._labels: dict[tuple[str, str], str] = {}
 
     def add(self, stored: Stored, place: tuple[str, ...]) -> None:
-        """Write a trial whose results lie at a place below those of the study: subject, session if any, trial."""
+        """Write a trial whose results lie at a place below those of the study: subject, session if
+        any, trial.
+        """
         subject = stored.facts.get("subject", "") or (place[0] if place else "1")
         trial = stored.facts.get("trial", "") or stored.path.stem
         label = self._label("subject", subject)
@@ -146,18 +154,26 @@ class _Dataset:
         derived.mkdir(parents=True, exist_ok=True)
         for table, signals in result_tables(stored):
             whole = replace(signals, facts=told | dict(signals.facts))
-            write_signals(derived / f"{stem}_tracksys-{table}", whole, GROUND if table == "loads" else "")
+            write_signals(
+                derived / f"{stem}_tracksys-{table}", whole, GROUND if table == "loads" else ""
+            )
 
     def _label(self, kind: str, name: str) -> str:
         """Letters and digits of a name, with a number behind them where another has the same."""
         if (kind, name) not in self._labels:
             plain = re.sub(r"[^0-9A-Za-z]", "", name) or "x"
             taken = {label.lower() for (other, _), label in self._labels.items() if other == kind}
-            numbers = (plain if count == 1 else f"{plain}x{count}" for count in range(1, len(taken) + 2))
-            self._labels[kind, name] = next(label for label in numbers if label.lower() not in taken)
+            numbers = (
+                plain if count == 1 else f"{plain}x{count}" for count in range(1, len(taken) + 2)
+            )
+            self._labels[kind, name] = next(
+                label for label in numbers if label.lower() not in taken
+            )
         return self._labels[kind, name]
 
-    def _write_recording(self, stored: Stored, place: Path, stem: str, told: Mapping[str, Any]) -> None:
+    def _write_recording(
+        self, stored: Stored, place: Path, stem: str, told: Mapping[str, Any]
+    ) -> None:
         """Raw files of a trial, as far as the files it was made from are still there."""
         recording, emg, notes = _recorded(stored)
         self.notes += [f"{told['TaskName']}: {note}" for note in notes]
@@ -166,13 +182,24 @@ class _Dataset:
         if recording.markers is not None:
             motion.mkdir(parents=True, exist_ok=True)
             start = float(recording.markers.time[0])
-            write_signals(motion / f"{stem}_tracksys-{MARKERS}", marker_signals(recording.markers, told), GROUND)
+            write_signals(
+                motion / f"{stem}_tracksys-{MARKERS}",
+                marker_signals(recording.markers, told),
+                GROUND,
+            )
         if recording.wrenches is not None and recording.wrenches.names:
             motion.mkdir(parents=True, exist_ok=True)
             start = float(recording.wrenches.time[0]) if start is None else start
-            plates = [{"Name": plate.name, "Corners": plate.corners.tolist()} for plate in recording.plates or ()]
+            plates = [
+                {"Name": plate.name, "Corners": plate.corners.tolist()}
+                for plate in recording.plates or ()
+            ]
             facts = dict(told) | ({"ForcePlates": plates} if plates else {})
-            write_signals(motion / f"{stem}_tracksys-{FORCES}", force_signals(recording.wrenches, facts), GROUND)
+            write_signals(
+                motion / f"{stem}_tracksys-{FORCES}",
+                force_signals(recording.wrenches, facts),
+                GROUND,
+            )
         if recording.events and start is not None:
             write_events(motion / stem, recording.events, start)
         if emg is not None:
@@ -185,22 +212,33 @@ class _Dataset:
         """Write what describes the whole."""
         about = {"Name": self.name, "BIDSVersion": VERSION, "GeneratedBy": [GENERATED]}
         write_json(self.folder / DATASET, about | {"DatasetType": "raw"})
-        (self.folder / "README").write_text(README.format(name=self.name, version=__version__), encoding="utf-8")
-        rows = [(f"sub-{label}", facts["subject"], facts["mass"]) for label, facts in sorted(self.subjects.items())]
+        (self.folder / "README").write_text(
+            README.format(name=self.name, version=__version__), encoding="utf-8"
+        )
+        rows = [
+            (f"sub-{label}", facts["subject"], facts["mass"])
+            for label, facts in sorted(self.subjects.items())
+        ]
         write_tsv(self.folder / PARTICIPANTS, ("participant_id", "subject", "mass"), rows)
         columns = {
             "subject": {"Description": "name in the study"},
             "mass": {"Description": "mass of the body", "Units": "kg"},
         }
         write_json(self.folder / "participants.json", columns)
-        derived = {"Name": f"{self.name}: results", "DatasetType": "derivative", "SourceDatasets": [{"URL": "../.."}]}
+        derived = {
+            "Name": f"{self.name}: results",
+            "DatasetType": "derivative",
+            "SourceDatasets": [{"URL": "../.."}],
+        }
         write_json(self.folder / DERIVED / DATASET, about | derived)
-        (self.folder / DERIVED / "README").write_text((self.folder / "README").read_text("utf-8"), encoding="utf-8")
+        (self.folder / DERIVED / "README").write_text(
+            (self.folder / "README").read_text("utf-8"), encoding="utf-8"
+        )
 
 
 def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[str]]:
-    """What was recorded, of the files that results were made from, y upwards where the vertical is known; of files that
-    are gone or have changed, what the results hold of them instead.
+    """What was recorded, of the files that results were made from, y upwards where the vertical is
+    known; of files that are gone or have changed, what the results hold of them instead.
     """
     sources = {
         source.role: source
@@ -224,20 +262,30 @@ def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[str]]:
 
     recording = of("markers", lambda path: read_parts([path])) or Recording("")
     if recording.markers is None:
-        recording = replace(recording, markers=store.get_markers(stored), events=store.get_events(stored))
+        recording = replace(
+            recording, markers=store.get_markers(stored), events=store.get_events(stored)
+        )
     elif vertical(recording) == "z":
         recording = turned(recording, "y", "", "")
     wrenches = of("loads", _wrenches) or recording.wrenches or store.get_wrenches(stored)
-    return replace(recording, wrenches=wrenches), of("emg", lambda path: _raw_emg(path, stored)), notes
+    return (
+        replace(recording, wrenches=wrenches),
+        of("emg", lambda path: _raw_emg(path, stored)),
+        notes,
+    )
 
 
 def _wrenches(path: Path) -> Wrenches | None:
-    """Forces of a file of loads, in ground; None for a recording with plates, and for steps that measure force."""
+    """Forces of a file of loads, in ground; None for a recording with plates, and for steps that
+    measure force.
+    """
     if path.suffix.lower() == ".xml":
         return read_external_loads(path)
     if trial_format(path) is not None:
         recording = read_parts([path])
-        return (turned(recording, "y", "", "") if vertical(recording) == "z" else recording).wrenches
+        return (
+            turned(recording, "y", "", "") if vertical(recording) == "z" else recording
+        ).wrenches
     return read_parts([path]).wrenches
 
 
@@ -253,7 +301,11 @@ def _raw_emg(path: Path, stored: Stored) -> Series:
 def _study_name(home: Path) -> str:
     """Name of the study that wrote a folder, else the folder's."""
     try:
-        return str(json.loads((home / "tables_provenance.json").read_text(encoding="utf-8"))["options"]["name"])
+        return str(
+            json.loads((home / "tables_provenance.json").read_text(encoding="utf-8"))["options"][
+                "name"
+            ]
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return home.resolve().name
 
@@ -264,17 +316,28 @@ def _conditions(home: Path) -> dict[tuple[str, str], str]:
     if not path.is_file():
         return {}
     with path.open(newline="", encoding="utf-8") as stream:
-        return {(row["subject"], row["trial"]): row.get("condition") or "" for row in csv.DictReader(stream)}
+        return {
+            (row["subject"], row["trial"]): row.get("condition") or ""
+            for row in csv.DictReader(stream)
+        }
 
 
 def read_bids(folder: Path) -> Mapping[str, BidsTrial]:
-    """Trials of a dataset by subject and trial, e.g. "s01/walk1": recordings, and the derivatives of `export_bids`.
-    Raises `BadFile` where it is no dataset of motion or EMG, `MissingPackage` for EMG without edfio.
+    """Trials of a dataset by subject and trial, e.g. "s01/walk1": recordings, and the derivatives
+    of `export_bids`. Raises `BadFile` where it is no dataset of motion or EMG, `MissingPackage` for
+    EMG without edfio.
     """
     if not (folder / DATASET).is_file():
-        raise BadFile(folder, f"is no dataset of BIDS: it has no {DATASET}", "give the folder that holds the subjects")
+        raise BadFile(
+            folder,
+            f"is no dataset of BIDS: it has no {DATASET}",
+            "give the folder that holds the subjects",
+        )
     table = folder / PARTICIPANTS
-    subjects = {row["participant_id"]: row.get("subject", "") for row in (read_tsv(table) if table.is_file() else ())}
+    subjects = {
+        row["participant_id"]: row.get("subject", "")
+        for row in (read_tsv(table) if table.is_file() else ())
+    }
     trials: dict[str, BidsTrial] = {}
     for derived, home in ((False, folder), (True, folder / DERIVED)):
         for path in sorted(home.glob("sub-*/**/*")):
@@ -286,7 +349,10 @@ def read_bids(folder: Path) -> Mapping[str, BidsTrial]:
             key = "/".join((subject, *([parts["ses"]] if "ses" in parts else []), name))
             trial = trials.get(key, BidsTrial())
             if derived:
-                trial = replace(trial, derived=FrozenMap({**trial.derived, parts["tracksys"]: read_signals(path)}))
+                trial = replace(
+                    trial,
+                    derived=FrozenMap({**trial.derived, parts["tracksys"]: read_signals(path)}),
+                )
             elif path.suffix in ENDINGS:
                 trial = replace(trial, emg=read_emg(path))
             elif trial.recording is None or trial.recording.markers is None:

@@ -43,8 +43,11 @@ PLAIN = (
 
 
 def result_tables(stored: Stored) -> Iterator[tuple[str, Signals]]:
-    """Tables of a result by name, and the limits of those that have some; facts are what is known of each."""
-    names, values = stored.names.get("coordinate", ()), stored.values
+    """Tables of a result by name, and the limits of those that have some; facts are what is known
+    of each.
+    """
+    names = stored.names.get("coordinate", ())
+    values = stored.values
     angular = [unit == "rad" for unit in stored.names.get("coordinate_unit", ())]
     degrees = np.where(angular, 180.0 / np.pi, 1.0)
     kinds = {
@@ -53,7 +56,8 @@ def result_tables(stored: Stored) -> Iterator[tuple[str, Signals]]:
             for name, turns in zip(names, angular, strict=False)
         ],
         "torques": [
-            Channel(name, "MISC", "N*m" if turns else "N") for name, turns in zip(names, angular, strict=False)
+            Channel(name, "MISC", "N*m" if turns else "N")
+            for name, turns in zip(names, angular, strict=False)
         ],
     }
     tables = {}
@@ -77,8 +81,12 @@ def result_tables(stored: Stored) -> Iterator[tuple[str, Signals]]:
         table = SPREADS.get(name, name)
         channels = kinds.get(table) or [Channel(column, "MISC") for column in spread.names]
         parts = {"low": spread.low, "high": spread.high, "sd": spread.deviation}
-        columns = np.hstack([part * (degrees if table == "angles" else 1.0) for part in parts.values()])
-        channels = [replace(each, name=f"{each.name}_{part}") for part in parts for each in channels]
+        columns = np.hstack(
+            [part * (degrees if table == "angles" else 1.0) for part in parts.values()]
+        )
+        channels = [
+            replace(each, name=f"{each.name}_{part}") for part in parts for each in channels
+        ]
         facts = {"Draws": uncertainty.draws, "Level": LEVEL} if uncertainty is not None else {}
         label = re.sub(r"[^0-9A-Za-z]", "", table) + INTERVALS
         yield label, _signals(stored, spread.time, columns, channels, table + INTERVALS, facts)
@@ -99,7 +107,9 @@ def _signals(
 def _facts(stored: Stored, table: str) -> dict[str, Any]:
     step, description = TABLES.get(table, LIMITS)
     made = stored.provenance.get(step)
-    return {"Description": description} | ({} if made is None else {"Provenance": plain_provenance(made)})
+    return {"Description": description} | (
+        {} if made is None else {"Provenance": plain_provenance(made)}
+    )
 
 
 def plain_provenance(made: Provenance) -> dict[str, Any]:
@@ -123,4 +133,6 @@ def _without_folders(value: Any) -> Any:
         return next((path.name for path in paths if len(path.parts) > 1), value)
     if isinstance(value, Mapping):
         return {_without_folders(name): _without_folders(inner) for name, inner in value.items()}
-    return [_without_folders(inner) for inner in value] if isinstance(value, list | tuple) else value
+    return (
+        [_without_folders(inner) for inner in value] if isinstance(value, list | tuple) else value
+    )

@@ -39,7 +39,8 @@ class ConvertOptions:
     axes : instead of both, the new axes in the old frame, as "x,z,-y"
     units : of lengths in a TRC file
     labels : names of markers and channels in the file, and their new names; "" drops one
-    plates : bodies on the plates in their order, "" for one that is left out; by default by the feet's markers
+    plates : bodies on the plates in their order, "" for one that is left out; by default by the
+        feet's markers
     time : start and end of what is converted [s], None for all
     """
 
@@ -61,15 +62,18 @@ class Converted:
 
 
 def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = None) -> Converted:
-    """Read files of one recording (C3D, TRC, ..., tables of forces and EMG) and write them as others. The ending of
-    `out` says what: .trc markers, .mot forces (with external loads .xml beside it), .sto or .csv EMG or a table, .c3d
-    all of it; without an ending a folder, for all that there is.
+    """Read files of one recording (C3D, TRC, ..., tables of forces and EMG) and write them as
+    others. The ending of `out` says what: .trc markers, .mot forces (with external loads .xml
+    beside it), .sto or .csv EMG or a table, .c3d all of it; without an ending a folder, for all
+    that there is.
     """
     options = options or ConvertOptions()
     ending = out.suffix.lower()
     if ending and ending not in KINDS:
         raise BadFile(
-            out, f"cannot be written: its name ends in '{out.suffix}'", f"expected {', '.join(KINDS)}, or a folder"
+            out,
+            f"cannot be written: its name ends in '{out.suffix}'",
+            f"expected {', '.join(KINDS)}, or a folder",
         )
     if options.units not in METERS:
         raise BadData(f"--units {options.units}: expected mm, cm or m")
@@ -83,7 +87,9 @@ def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = N
     if ending == ".c3d":
         write_trial(out, c3d_trial(recording))
         held = [f"{len(recording.markers.names)} markers" if recording.markers else "no markers"]
-        held += [f"{len(recording.wrenches.names)} plates"] if recording.wrenches is not None else []
+        held += (
+            [f"{len(recording.wrenches.names)} plates"] if recording.wrenches is not None else []
+        )
         return Converted(((out, ", ".join(held)),), recording.notes)
     if ending:
         return _one_file(recording, out, options)
@@ -93,7 +99,9 @@ def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = N
 def _folder(recording: Recording, out: Path, options: ConvertOptions) -> Converted:
     """All parts of a recording as files in a folder."""
     if out.exists() and not out.is_dir():
-        raise BadFile(out, "is a file, but several files are to be written", "give the name of a folder")
+        raise BadFile(
+            out, "is a file, but several files are to be written", "give the name of a folder"
+        )
     out.mkdir(parents=True, exist_ok=True)
     files: list[tuple[Path, str]] = []
     notes = recording.notes
@@ -127,13 +135,21 @@ def _one_file(recording: Recording, out: Path, options: ConvertOptions) -> Conve
     if ending == ".trc":
         if recording.markers is None:
             raise BadData(f"{out}: there are no markers to write")
-        return Converted(((out, _write_markers(recording.markers, out, options.units)),), recording.notes)
-    if recording.wrenches is not None and (ending == ".mot" or not (recording.emg or recording.tables)):
+        return Converted(
+            ((out, _write_markers(recording.markers, out, options.units)),), recording.notes
+        )
+    if recording.wrenches is not None and (
+        ending == ".mot" or not (recording.emg or recording.tables)
+    ):
         wrenches = on_feet(recording.wrenches, recording.markers, options.plates)
         return Converted(tuple(_write_forces(wrenches, out)), (*recording.notes, *wrenches.notes))
     tables = list(recording.tables.values())
     table = (
-        tables[0] if len(tables) == 1 else _emg(recording) if recording.analog is not None and recording.emg else None
+        tables[0]
+        if len(tables) == 1
+        else _emg(recording)
+        if recording.analog is not None and recording.emg
+        else None
     )
     if table is None:
         what = "forces" if ending == ".mot" else "forces, EMG, or a single table"
@@ -153,10 +169,20 @@ def _write_forces(wrenches: Wrenches, path: Path) -> list[tuple[Path, str]]:
     if not known:
         plain = replace(wrenches, bodies=("unknown",) * len(wrenches.names))
         write_sto(loads_table(plain), table)
-        return [(table, f"forces of {', '.join(wrenches.names)}; no .xml: --plates names the bodies they act on")]
+        return [
+            (
+                table,
+                (
+                    f"forces of {', '.join(wrenches.names)}; no .xml: --plates names the bodies"
+                    " they act on"
+                ),
+            )
+        ]
     loads = table.with_suffix(".xml")
     write_external_loads(wrenches, table, loads)
-    owners = ", ".join(f"{name} on {body}" for name, body in zip(wrenches.names, wrenches.bodies, strict=True))
+    owners = ", ".join(
+        f"{name} on {body}" for name, body in zip(wrenches.names, wrenches.bodies, strict=True)
+    )
     return [(table, f"forces of {', '.join(wrenches.names)}"), (loads, owners)]
 
 
@@ -170,23 +196,30 @@ def _emg(recording: Recording) -> Table:
 
 def _write_table(table: Table, path: Path) -> str:
     if path.suffix.lower() == ".csv":
-        write_csv(path, ("time", *table.names), np.column_stack([table.time, table.values]).tolist(), digits=10)
+        write_csv(
+            path,
+            ("time", *table.names),
+            np.column_stack([table.time, table.values]).tolist(),
+            digits=10,
+        )
     else:
         write_sto(table, path)
     return f"{len(table.names)} columns, {len(table)} rows"
 
 
 def c3d_trial(recording: Recording) -> Trial:
-    """A recording in the form of a C3D file: analog channels and plates a whole number of samples a frame. Forces of a
-    table become plates of type 2 under their centers of pressure. What does not lie on the clock of the file is
-    interpolated linearly.
+    """A recording in the form of a C3D file: analog channels and plates a whole number of samples a
+    frame. Forces of a table become plates of type 2 under their centers of pressure. What does not
+    lie on the clock of the file is interpolated linearly.
     """
     if recording.markers is None:
         raise BadData("a C3D file needs markers: give the recording (.trc) beside the tables")
     markers = recording.markers
     if len(markers) < 2:
         return Trial(markers=markers)
-    clocks = [recording.wrenches.time] if recording.wrenches is not None and not recording.plates else []
+    clocks = (
+        [recording.wrenches.time] if recording.wrenches is not None and not recording.plates else []
+    )
     clocks += [table.time for table in recording.tables.values()]
     clocks += [recording.plate_time] if recording.plates else []
     clocks += [recording.analog.time] if recording.analog is not None else []
@@ -198,10 +231,14 @@ def c3d_trial(recording: Recording) -> Trial:
     clock = markers.time[0] + step * np.arange(len(markers) * every)
     up = np.eye(3)["xyz".index(vertical(recording) or "y")]
     plates = tuple(
-        replace(plate, channels=_at(recording.plate_time, plate.channels, clock)) for plate in recording.plates
+        replace(plate, channels=_at(recording.plate_time, plate.channels, clock))
+        for plate in recording.plates
     )
     if recording.wrenches is not None and not plates:
-        plates = tuple(_plate(recording.wrenches, index, clock, up) for index in range(len(recording.wrenches.names)))
+        plates = tuple(
+            _plate(recording.wrenches, index, clock, up)
+            for index in range(len(recording.wrenches.names))
+        )
     names: list[str] = []
     units: list[str] = []
     columns: list[Array] = []
@@ -225,7 +262,9 @@ def c3d_trial(recording: Recording) -> Trial:
 
 
 def _at(time: Array, values: Array, clock: Array) -> Array:
-    """Columns (samples, columns) at other times, zero outside theirs; exact where the times are the same."""
+    """Columns (samples, columns) at other times, zero outside theirs; exact where the times are the
+    same.
+    """
     inside = (clock >= time[0] - SAME) & (clock <= time[-1] + SAME)
     after = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
     nearest = np.where(clock - time[after - 1] < time[after] - clock, after - 1, after)
@@ -246,20 +285,33 @@ def _plate(wrenches: Wrenches, number: int, clock: Array, up: Array) -> PlateRec
     across = np.roll(up, -1) if up[0] == 0.0 else np.roll(up, 1)
     x = np.eye(3)[0] if up[0] == 0.0 else across
     axes = np.stack([x, np.cross(-up, x), -up], axis=1)
-    low, high = (seen @ axes).min(axis=0) - 0.2, (seen @ axes).max(axis=0) + 0.2
+    low = (seen @ axes).min(axis=0) - 0.2
+    high = (seen @ axes).max(axis=0) + 0.2
     height = float(np.median(seen @ up))
     middle = axes[:, :2] @ (0.5 * (low + high))[:2] + height * up
     half = 0.5 * (high - low)
     corners = np.stack(
-        [middle + a * half[0] * axes[:, 0] + b * half[1] * axes[:, 1] for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+        [
+            middle + a * half[0] * axes[:, 0] + b * half[1] * axes[:, 1]
+            for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+        ]
     )
     moment = np.nan_to_num(wrenches.torques[:, number]) + np.cross(point - middle, force)
     channels = _at(wrenches.time, np.hstack([force @ axes, moment @ axes]), clock)
     names = tuple(f"{part}{number + 1}" for part in ("Fx", "Fy", "Fz", "Mx", "My", "Mz"))
-    return PlateRecording(f"plate_{number + 1}", 2, corners, np.zeros(3), channels, names)
+    return PlateRecording(
+        name=f"plate_{number + 1}",
+        kind=2,
+        corners=corners,
+        origin=np.zeros(3),
+        channels=channels,
+        channel_names=names,
+    )
 
 
-FOOT_MARKER = re.compile(r"heel|hee|calc|toe|mt_?[1-5p]|mtp|meta|foot|hallux|hal\b|ank|mall", re.IGNORECASE)
+FOOT_MARKER = re.compile(
+    r"heel|hee|calc|toe|mt_?[1-5p]|mtp|meta|foot|hallux|hal\b|ank|mall", re.IGNORECASE
+)
 """What markers on a foot are called."""
 
 FEET = {"right": "calcn_r", "left": "calcn_l"}
@@ -269,15 +321,21 @@ LOADED = 20.0  # Force from which a plate carries somebody [N].
 
 
 def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] = ()) -> Wrenches:
-    """Forces with the bodies given, else step by step on the nearest foot; those that never act are left out."""
+    """Forces with the bodies given, else step by step on the nearest foot; those that never act are
+    left out.
+    """
     if bodies:
         if len(bodies) > len(wrenches.names):
-            raise BadData(f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}")
+            raise BadData(
+                f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}"
+            )
         chosen = [index for index, body in enumerate(bodies) if body]
         bodies = (*bodies, *wrenches.bodies[len(bodies) :])
         return replace(wrenches, bodies=bodies).columns(chosen)
     size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
-    used = [index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED]
+    used = [
+        index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED
+    ]
     idle = [name for index, name in enumerate(wrenches.names) if index not in used]
     notes = (*wrenches.notes, *((f"nobody steps on {', '.join(idle)}: left out",) if idle else ()))
     wrenches = replace(wrenches.columns(used), notes=notes)
@@ -290,10 +348,18 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
 
 
 def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
-    """Positions (frames, markers, 3) of the markers on each foot at some times, by the feet's bodies."""
-    sided = [(FEET.get(side_of(name)), column) for column, name in enumerate(markers.names) if FOOT_MARKER.search(name)]
+    """Positions (frames, markers, 3) of the markers on each foot at some times, by the feet's
+    bodies.
+    """
+    sided = [
+        (FEET.get(side_of(name)), column)
+        for column, name in enumerate(markers.names)
+        if FOOT_MARKER.search(name)
+    ]
     places = {}
-    for body, columns in grouped((body, column) for body, column in sided if body is not None).items():
+    for body, columns in grouped(
+        (body, column) for body, column in sided if body is not None
+    ).items():
         parts = []
         for column in columns:
             values = markers.values[:, column]
@@ -301,7 +367,9 @@ def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
             if seen.sum() < 2:
                 continue
             parts.append(
-                np.column_stack([np.interp(time, markers.time[seen], values[seen, axis]) for axis in range(3)])
+                np.column_stack(
+                    [np.interp(time, markers.time[seen], values[seen, axis]) for axis in range(3)]
+                )
             )
         if parts:
             places[body] = np.stack(parts, axis=1)

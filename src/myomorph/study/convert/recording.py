@@ -1,4 +1,6 @@
-"""What one or several files hold of a recording, as one: markers, forces, EMG and events on one clock."""
+"""What one or several files hold of a recording, as one: markers, forces, EMG and events on one
+clock.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,10 @@ class Recording:
 def read_parts(paths: Sequence[Path]) -> Recording:
     """Read files of one recording: at most one with markers, tables of forces and of EMG."""
     if not paths:
-        raise BadData("no file to convert: give a recording (.c3d, .trc), or tables beside it (.mot, .sto, .csv)")
+        raise BadData(
+            "no file to convert: give a recording (.c3d, .trc), or tables beside it (.mot, .sto,"
+            " .csv)"
+        )
     result = Recording(paths[0].stem)
     for path in paths:
         with about(path):
@@ -85,7 +90,10 @@ def _with_recording(recording: Recording, path: Path) -> Recording:
     notes = [f"{path.name}: {text}" for text in trial.warnings]
     if trial.other_points is not None:
         count = len(trial.other_points.names)
-        notes.append(f"{path.name}: {count} quantities that a program computed (angles, moments) are not converted")
+        notes.append(
+            f"{path.name}: {count} quantities that a program computed (angles, moments) are not"
+            " converted"
+        )
     return replace(
         recording,
         markers=trial.markers if trial.markers is not None else recording.markers,
@@ -115,8 +123,10 @@ def between(recording: Recording, start: float, end: float) -> Recording:
     """The part of a recording between two times [s]."""
     if not start < end:
         raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
-    wrenches, analog = recording.wrenches, recording.analog
-    plates, plate_time = recording.plates, recording.plate_time
+    wrenches = recording.wrenches
+    analog = recording.analog
+    plates = recording.plates
+    plate_time = recording.plate_time
     if wrenches is not None:
         inside = (wrenches.time >= start - 1e-9) & (wrenches.time <= end + 1e-9)
         wrenches = wrenches.frames(inside)
@@ -132,17 +142,21 @@ def between(recording: Recording, start: float, end: float) -> Recording:
         plate_time=plate_time,
         analog=None if analog is None else cut(analog, start, end),
         events=tuple(event for event in recording.events if start <= event.time <= end),
-        tables=FrozenMap({name: cut(table, start, end) for name, table in recording.tables.items()}),
+        tables=FrozenMap(
+            {name: cut(table, start, end) for name, table in recording.tables.items()}
+        ),
     )
 
 
 def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
     """The recording with other names of markers and channels; "" drops one."""
-    markers, analog = recording.markers, recording.analog
+    markers = recording.markers
+    analog = recording.analog
     known = {*(markers.names if markers else ()), *(analog.names if analog else ())}
     if labels and not known & set(labels):
         raise BadData(
-            f"none of the {len(labels)} labels is in the recording: it has {', '.join(sorted(known)[:8])}, ..."
+            f"none of the {len(labels)} labels is in the recording: it has"
+            f" {', '.join(sorted(known)[:8])}, ..."
         )
     return replace(
         recording,

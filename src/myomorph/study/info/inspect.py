@@ -21,7 +21,9 @@ EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a
 
 
 def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong with it."""
+    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong
+    with it.
+    """
     path = Path(path)
     if is_composed(path):
         return inspect_model(read_model(path))
@@ -58,7 +60,9 @@ def _inspect_xml(path: Path) -> Inspection:
     if root.tag == "mujoco":
         return inspect_model(read_model(path))
     inner = (
-        next((child for child in root if isinstance(child.tag, str)), None) if root.tag == "OpenSimDocument" else root
+        next((child for child in root if isinstance(child.tag, str)), None)
+        if root.tag == "OpenSimDocument"
+        else root
     )
     if inner is None:
         raise BadFile(path, f"holds an empty '{root.tag}'", EXPECTED)
@@ -80,7 +84,12 @@ def _inspect_loads(path: Path) -> Inspection:
     facts = [("forces", str(len(entries)))]
     warnings = []
     for entry in entries:
-        facts.append((entry.name, f"on '{entry.body}', columns '{entry.force}*' and '{entry.point}*' of {entry.data}"))
+        facts.append(
+            (
+                entry.name,
+                f"on '{entry.body}', columns '{entry.force}*' and '{entry.point}*' of {entry.data}",
+            )
+        )
     for data in dict.fromkeys(entry.data for entry in entries):
         if not data.exists():
             warnings.append(f"the table {data} does not exist")
@@ -89,7 +98,11 @@ def _inspect_loads(path: Path) -> Inspection:
         warnings += [f"{data.name}: {line}" for line in table.warnings]
         for entry in entries:
             for prefix in (entry.force, entry.point, entry.torque):
-                if entry.data == data and prefix and not any(name.startswith(prefix) for name in table.names):
+                if (
+                    entry.data == data
+                    and prefix
+                    and not any(name.startswith(prefix) for name in table.names)
+                ):
                     warnings.append(f"{data.name} has no column that begins with '{prefix}'")
     return Inspection("OpenSim external loads", tuple(facts), tuple(warnings))
 
@@ -109,7 +122,10 @@ def inspect_model(model: Model) -> Inspection:
         ("coordinate names", listed(model.coordinate_names)),
         ("body names", listed(model.body_names)),
     ]
-    passive = [*(torque.name for torque in model.passive_torques), *(bushing.name for bushing in model.bushings)]
+    passive = [
+        *(torque.name for torque in model.passive_torques),
+        *(bushing.name for bushing in model.bushings),
+    ]
     further = {
         "closed loops": [loop.name for loop in model.loops],
         "springs, limits and bushings": passive,
@@ -120,7 +136,9 @@ def inspect_model(model: Model) -> Inspection:
     kept = [part.kind for part in model.kept if part.name not in modelled]
     if kept:
         facts.append(("kept, not modelled", _counted(kept)))
-    return Inspection("model", tuple(facts), (*model.warnings, *_model_warnings(model), *_arm_warnings(model)))
+    return Inspection(
+        "model", tuple(facts), (*model.warnings, *_model_warnings(model), *_arm_warnings(model))
+    )
 
 
 def _arm_warnings(model: Model) -> tuple[str, ...]:
@@ -135,7 +153,11 @@ def _coordinates(model: Model) -> str:
     locked = sum(1 for coordinate in model.coordinates if coordinate.locked)
     clamped = sum(1 for coordinate in model.coordinates if coordinate.clamped)
     parts = [f"{len(model.coordinates)}"]
-    for count, word in ((len(model.couplers), "dependent"), (locked, "locked"), (clamped, "clamped")):
+    for count, word in (
+        (len(model.couplers), "dependent"),
+        (locked, "locked"),
+        (clamped, "clamped"),
+    ):
         if count:
             parts.append(f"{count} {word}")
     return ", ".join(parts)
@@ -151,14 +173,20 @@ def _model_warnings(model: Model) -> list[str]:
         result.append(f"{len(light)} bodies have no mass: {listed(light)}")
     for body in model.bodies:
         moments = np.sort(np.linalg.eigvalsh(0.5 * (body.inertia + body.inertia.T)))
-        if body.mass > 0 and (moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12):
+        if body.mass > 0 and (
+            moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12
+        ):
             result.append(
-                f"the inertia of body '{body.name}' is not that of a real body: {np.round(moments, 6).tolist()}"
+                f"the inertia of body '{body.name}' is not that of a real body:"
+                f" {np.round(moments, 6).tolist()}"
             )
     for coordinate in model.coordinates:
         lower, upper = coordinate.range
         if coordinate.clamped and not lower <= coordinate.default <= upper:
-            result.append(f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its range")
+            result.append(
+                f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its"
+                " range"
+            )
     if np.linalg.norm(model.gravity) == 0:
         result.append("gravity is zero")
     return result
@@ -167,4 +195,6 @@ def _model_warnings(model: Model) -> list[str]:
 def _counted(kinds: Sequence[str]) -> str:
     """'3 PinJoint, 1 FreeJoint' of a list of kinds."""
     counts = Counter(kinds).most_common()
-    return f"{len(kinds)}" + (f": {', '.join(f'{count} {kind}' for kind, count in counts)}" if counts else "")
+    return f"{len(kinds)}" + (
+        f": {', '.join(f'{count} {kind}' for kind, count in counts)}" if counts else ""
+    )

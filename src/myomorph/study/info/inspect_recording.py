@@ -18,8 +18,13 @@ SHOWN = 12
 SELDOM = 0.2  # Share of positions that are missing above which the parts worth using are told.
 
 POINT = re.compile(r"force.*p[xyz]$", re.IGNORECASE)
-ANGLE = re.compile(r"flexion|angle|adduction|rotation|tilt|list|bending|elev|pro_sup|/value$|abd|_rot_", re.IGNORECASE)
-NOT_ANGLE = re.compile(r"force|torque|moment|activation|fiber|_t[xyz]\b|/speed$|_u$|_acc", re.IGNORECASE)
+ANGLE = re.compile(
+    r"flexion|angle|adduction|rotation|tilt|list|bending|elev|pro_sup|/value$|abd|_rot_",
+    re.IGNORECASE,
+)
+NOT_ANGLE = re.compile(
+    r"force|torque|moment|activation|fiber|_t[xyz]\b|/speed$|_u$|_acc", re.IGNORECASE
+)
 
 
 def inspect_trial(trial: Trial, kind: str) -> Inspection:
@@ -32,7 +37,12 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
     else:
         warnings.append("no markers")
     if trial.other_points is not None:
-        facts.append(("computed quantities", f"{len(trial.other_points.names)}: {listed(trial.other_points.names)}"))
+        facts.append(
+            (
+                "computed quantities",
+                f"{len(trial.other_points.names)}: {listed(trial.other_points.names)}",
+            )
+        )
     if trial.plate_recordings or trial.plates:
         _plate_findings(trial, size, facts, warnings)
     if trial.analog is not None:
@@ -40,7 +50,11 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
     if trial.events:
         events = [f"{event.side} {event.label} {event.time:.2f}".strip() for event in trial.events]
         facts.append(("events", f"{len(events)}: {', '.join(events)} s"))
-    facts += [(label, text) for label, text in trial.facts.items() if label not in ("point rate", "analog rate")]
+    facts += [
+        (label, text)
+        for label, text in trial.facts.items()
+        if label not in ("point rate", "analog rate")
+    ]
     return Inspection(kind, tuple(facts), tuple(warnings))
 
 
@@ -51,7 +65,15 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     warnings += _time_gaps(markers)
     hidden = np.isnan(markers.values.sum(axis=2))
     share = hidden.mean(axis=0)
-    facts.append(("missing", f"{100 * hidden.mean():.1f} % of positions, {np.count_nonzero(share)} markers with gaps"))
+    facts.append(
+        (
+            "missing",
+            (
+                f"{100 * hidden.mean():.1f} % of positions, {np.count_nonzero(share)} markers with"
+                " gaps"
+            ),
+        )
+    )
     never = [name for name, part in zip(markers.names, share, strict=True) if part == 1.0]
     if never:
         warnings.append(f"{len(never)} markers are never seen: {listed(never)}")
@@ -82,10 +104,14 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     size = float(np.linalg.norm(extent))
     facts.append(("spread", f"{' x '.join(f'{length:.3g}' for length in extent)} m (x, y, z)"))
     if len(markers.names) > 2 and size > 15.0:
-        warnings.append(f"the markers spread over {size:.0f} m: are the positions in another unit than the file says?")
+        warnings.append(
+            f"the markers spread over {size:.0f} m: are the positions in another unit than the file"
+            " says?"
+        )
     if len(markers.names) > 2 and 0.0 < size < 0.005:
         warnings.append(
-            f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit than the file says?"
+            f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit than"
+            " the file says?"
         )
     warnings += _jumps(markers, size)
     return size
@@ -95,7 +121,8 @@ def _clock(series: Series) -> str:
     frames = len(series)
     if frames < 2:
         return f"{frames} at {series.time[0]:.4g} s" if frames else "0"
-    start, stop = series.time[0], series.time[-1]
+    start = series.time[0]
+    stop = series.time[-1]
     return f"{frames} at {series.rate:.4g} Hz, {start:.4g} to {stop:.4g} s ({stop - start:.4g} s)"
 
 
@@ -107,10 +134,13 @@ def _time_gaps(series: Series) -> list[str]:
     median = float(np.median(steps))
     wide = np.flatnonzero(steps > 1.6 * median)
     if len(wide) > 0.2 * len(steps):
-        return [f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample before filtering"]
+        return [
+            f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample before"
+            " filtering"
+        ]
     lines = [
-        f"{counted(round(steps[step] / median - 1), 'frame')} missing between {series.time[step]:.4g} and "
-        f"{series.time[step + 1]:.4g} s"
+        f"{counted(round(steps[step] / median - 1), 'frame')} missing between"
+        f" {series.time[step]:.4g} and {series.time[step + 1]:.4g} s"
         for step in wide[:3]
     ]
     return lines + ([f"frames are missing at {len(wide) - 3} more places"] if len(wide) > 3 else [])
@@ -132,18 +162,21 @@ def _jumps(markers: Markers, size: float) -> list[str]:
             break
         frame = int(np.argmax(whole[:, index]))
         lines.append(
-            f"marker '{markers.names[index]}' jumps {counted(count, 'time')}, by {whole[frame, index]:.2g} m at "
-            f"{markers.time[frame + 1]:.4g} s"
+            f"marker '{markers.names[index]}' jumps {counted(count, 'time')}, by"
+            f" {whole[frame, index]:.2g} m at {markers.time[frame + 1]:.4g} s"
         )
     return lines
 
 
-def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], warnings: list[str]) -> None:
+def _plate_findings(
+    trial: Trial, size: float, facts: list[tuple[str, str]], warnings: list[str]
+) -> None:
     """Facts and warnings of force plates."""
     total = np.zeros(len(trial.plate_time))
     for plate in trial.plates:
         loaded = np.isfinite(plate.points).all(axis=1)
-        x, y = plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3]
+        x = plate.corners[0] - plate.corners[1]
+        y = plate.corners[0] - plate.corners[3]
         normal = np.cross(x, y) / np.linalg.norm(np.cross(x, y))
         pressing = np.abs(plate.forces @ normal)
         total += np.where(loaded, np.nan_to_num(pressing), 0.0)
@@ -151,8 +184,11 @@ def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], war
         facts.append(
             (
                 plate.name,
-                f"type {plate.kind}, {np.linalg.norm(x):.3g} x {np.linalg.norm(y):.3g} m, "
-                f"loaded {100 * loaded.mean():.0f} % of the time, largest normal force {peak:.4g} N",
+                (
+                    f"type {plate.kind}, {np.linalg.norm(x):.3g} x {np.linalg.norm(y):.3g} m,"
+                    f" loaded {100 * loaded.mean():.0f} % of the time, largest normal force"
+                    f" {peak:.4g} N"
+                ),
             )
         )
     if not total.any():
@@ -160,7 +196,15 @@ def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], war
             warnings.append("no force plate carries a load")
         return
     usual = float(np.median(total[total > 0.5 * np.median(total[total > 0])]))
-    facts.append(("load", f"the plates usually carry {usual:.4g} N in all: {usual / 9.81:.3g} kg, if the whole body"))
+    facts.append(
+        (
+            "load",
+            (
+                f"the plates usually carry {usual:.4g} N in all: {usual / 9.81:.3g} kg, if the"
+                " whole body"
+            ),
+        )
+    )
     # A body of size h weighs about 22 kg/m^2 h^2 (body mass index), from mice to men.
     if np.isfinite(size) and size > 0 and not 0.1 < usual / (9.81 * 22.0 * size**2) < 10.0:
         warnings.append(
@@ -176,13 +220,21 @@ def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[
         return
     units = sorted({unit for unit in analog.units if unit})
     facts.append(
-        ("analog", f"{len(analog.names)} channels at {analog.rate:.5g} Hz, in {', '.join(units) or 'no unit'}")
+        (
+            "analog",
+            (
+                f"{len(analog.names)} channels at {analog.rate:.5g} Hz, in"
+                f" {', '.join(units) or 'no unit'}"
+            ),
+        )
     )
     facts.append(("channels", listed(analog.names)))
     emg = emg_channels(trial)
     if emg:
         facts.append(("probably EMG", listed(emg)))
-    flat = [name for name, column in zip(analog.names, analog.values.T, strict=True) if _flat(column)]
+    flat = [
+        name for name, column in zip(analog.names, analog.values.T, strict=True) if _flat(column)
+    ]
     if flat:
         warnings.append(f"{len(flat)} analog channels never change: {listed(flat)}")
 
@@ -204,7 +256,11 @@ def inspect_table(table: Table) -> Inspection:
     warnings += _time_gaps(table)
     missing = np.isnan(table.values).sum(axis=0)
     if missing.any():
-        worst = [table.names[column] for column in np.argsort(-missing, kind="stable")[:SHOWN] if missing[column]]
+        worst = [
+            table.names[column]
+            for column in np.argsort(-missing, kind="stable")[:SHOWN]
+            if missing[column]
+        ]
         warnings.append(
             f"{missing.sum()} values are NaN ({100 * missing.sum() / table.values.size:.1f} %), "
             f"in {np.count_nonzero(missing)} columns: {listed(worst)}"
@@ -216,20 +272,29 @@ def inspect_table(table: Table) -> Inspection:
 def _unit_warnings(table: Table) -> list[str]:
     """Angles whose size does not fit the header, and points of pressure of an unlikely size."""
     result = []
-    sizes = np.array([np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in table.values.T])
-    angles = sizes[[bool(ANGLE.search(name)) and not NOT_ANGLE.search(name) for name in table.names]]
+    sizes = np.array(
+        [np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in table.values.T]
+    )
+    angles = sizes[
+        [bool(ANGLE.search(name)) and not NOT_ANGLE.search(name) for name in table.names]
+    ]
     if len(angles) > 4 and table.in_degrees and 0.0 < angles.max() < 2.0 * np.pi:
         result.append("the header says degrees, but no angle exceeds 6.28: are they radians?")
     if len(angles) > 4 and not table.in_degrees and np.median(angles) > 8.0 * np.pi:
         result.append("the header says radians, but many angles exceed 25: are they degrees?")
     reach = max((_reach(table, name) for name in table.names if POINT.search(name)), default=0.0)
     if reach > 50.0:
-        result.append(f"points of application reach {reach:.4g} under load: are they in millimetres instead of metres?")
+        result.append(
+            f"points of application reach {reach:.4g} under load: are they in millimetres instead"
+            " of metres?"
+        )
     return result
 
 
 def _reach(table: Table, name: str) -> float:
-    """Largest coordinate of a point of application while its force is more than a tenth of its peak."""
+    """Largest coordinate of a point of application while its force is more than a tenth of its
+    peak.
+    """
     forces = [f"{name[:-2]}v{axis}" for axis in "xyz"]
     point = np.abs(np.nan_to_num(table[name]))
     if not set(forces) <= set(table.names):
@@ -245,7 +310,9 @@ def listed(names: Sequence[str], most: int = 400) -> str:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a file holds: its kind in words, (label, text) in the order to show them, and what looks wrong."""
+    """What a file holds: its kind in words, (label, text) in the order to show them, and what looks
+    wrong.
+    """
 
     kind: str
     facts: tuple[tuple[str, str], ...]

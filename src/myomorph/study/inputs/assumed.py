@@ -16,4 +16,8 @@ class Assumed:
     assumed: Annotated[tuple[str, ...], Sentences()] = ()
 
 
-INPUT = Input(name="assumed", settings=Assumed, open=lambda settings, opening: Opened(assumed=settings.assumed))
+INPUT = Input(
+    name="assumed",
+    settings=Assumed,
+    open=lambda settings, opening: Opened(assumed=settings.assumed),
+)

@@ -7,7 +7,17 @@ from pathlib import Path
 
 from myomorph.io.formats import trial_format
 
-MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")
+MARKERS = (
+    "markers_",
+    "marker_",
+    "_markers",
+    "_marker",
+    "_trc",
+    "_ik",
+    "ik_",
+    "_coordinates",
+    "_motion",
+)
 TABLE_ENDINGS = (".mot", ".sto")
 
 
@@ -23,15 +33,23 @@ def plain_stem(recording: Path) -> str:
 
 
 def is_alone(recording: Path) -> bool:
-    """Whether there is no other recording in its folder: files beside it then belong to it whatever their names are."""
-    return sum(trial_format(file) is not None for file in recording.parent.iterdir() if file.is_file()) == 1
+    """Whether there is no other recording in its folder: files beside it then belong to it whatever
+    their names are.
+    """
+    return (
+        sum(trial_format(file) is not None for file in recording.parent.iterdir() if file.is_file())
+        == 1
+    )
 
 
-def companion(recording: Path, words: Sequence[str], endings: Sequence[str], alone: bool = False) -> Path | None:
+def companion(
+    recording: Path, words: Sequence[str], endings: Sequence[str], alone: bool = False
+) -> Path | None:
     """The file that belongs to a recording, by its stem, or None.
 
-    With STEM the recording's name (and the same without "markers"), and WORD one of `words`, the first of these that
-    exists beside it: STEM_WORD, WORD_STEM, and STEM where it counts alone; by the order of the endings.
+    With STEM the recording's name (and the same without "markers"), and WORD one of `words`, the
+    first of these that exists beside it: STEM_WORD, WORD_STEM, and STEM where it counts alone; by
+    the order of the endings.
     """
     stems = dict.fromkeys((recording.stem, plain_stem(recording)))
     for ending in endings:

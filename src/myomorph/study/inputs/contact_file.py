@@ -1,4 +1,6 @@
-"""Files of contacts (.toml, .csv), read into a `ContactPlan`: sites, contact intervals, stairs of load cells, sound."""
+"""Files of contacts (.toml, .csv), read into a `ContactPlan`: sites, contact intervals, stairs of
+load cells, sound.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +142,11 @@ def opened(settings: ContactsFile, opening: Opening) -> Opened:
     if not settings.contacts:
         return Opened()
     loads = opening.settings.or_default(LoadsFile).loads
-    if settings.measured == "shared" and loads is None and opening.settings.get(MotionFile) is not None:
+    if (
+        settings.measured == "shared"
+        and loads is None
+        and opening.settings.get(MotionFile) is not None
+    ):
         raise BadData("--measured shared without --loads: give the forces that the contacts share")
     plan = read_contacts(settings.contacts, opening.model, settings.measured)
     # Options of contacts count wherever a recording has contacts.
@@ -152,12 +158,17 @@ def contact_sources(settings: ContactsFile) -> tuple[Source, ...]:
     source = value_source("contacts", settings.contacts, settings.contacts, settings.measured)
     if settings.contacts == AUTO:
         return (source,)
-    return source, *(file_source("contacts", path) for path in contact_files(Path(settings.contacts)))
+    return source, *(
+        file_source("contacts", path) for path in contact_files(Path(settings.contacts))
+    )
 
 
-def read_contacts(source: str | Path, model: Model, measured: Measured | None = None) -> ContactPlan:
-    """The contacts that a user asks for: "auto", a table of touches (.csv) or a contact file (.toml); `measured`, where
-    it is not what the file says. Raises `BadFile` with a list of all that is wrong.
+def read_contacts(
+    source: str | Path, model: Model, measured: Measured | None = None
+) -> ContactPlan:
+    """The contacts that a user asks for: "auto", a table of touches (.csv) or a contact file
+    (.toml); `measured`, where it is not what the file says. Raises `BadFile` with a list of all
+    that is wrong.
     """
     if str(source) == AUTO:
         return ContactPlan(measured=measured or "exact")
@@ -165,7 +176,11 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     if path.suffix.lower() == ".csv":
         return ContactPlan(reported=read_events(path), measured=measured or "exact")
     if path.suffix.lower() != ".toml":
-        raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
+        raise BadFile(
+            path,
+            f"is no file of contacts: its name ends in '{path.suffix}'",
+            "expected auto, .csv or .toml",
+        )
     found, problems = checked(_ContactFile, read_toml(path))
     if found is None:
         refuse(path, problems)
@@ -178,7 +193,9 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
             sites.append(_site(one, model))
             for start, stop in () if isinstance(one.intervals, str) else one.intervals:
                 if not start <= stop:
-                    raise BadData(f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
+                    raise BadData(
+                        f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]"
+                    )
         except MyomorphError as error:
             problems.append(f"site '{one.name}': {error}")
     try:
@@ -191,25 +208,27 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     }
     marked = None if table is None else read_events(table, found.camera.rate, found.camera.start)
     return ContactPlan(
-        found.feet,
-        tuple(sites),
-        FrozenMap(when),
-        FrozenMap(_surfaces(found)),
-        _all_reported(found.site, marked),
-        sound,
-        measured or found.measured,
-        None if steps is None else read_stairs(steps, model),
+        feet=found.feet,
+        sites=tuple(sites),
+        when=FrozenMap(when),
+        surfaces=FrozenMap(_surfaces(found)),
+        reported=_all_reported(found.site, marked),
+        sound=sound,
+        measured=measured or found.measured,
+        stairs=None if steps is None else read_stairs(steps, model),
     )
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file that `read_contacts` reads, and the table of touches, the sound and the stairs that it names.
-    Raises `BadFile` where the contact file is not there.
+    """A contact file that `read_contacts` reads, and the table of touches, the sound and the stairs
+    that it names. Raises `BadFile` where the contact file is not there.
     """
     if not path.is_file():
         near = [one.name for one in path.parent.glob("*") if one.suffix in (".csv", ".toml")]
         beside = listing(path.name, near) if near else "none of these"
-        raise BadFile(path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}")
+        raise BadFile(
+            path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}"
+        )
     if path.suffix.lower() != ".toml":
         return (path,)
     table = _ContactFile.model_validate(read_toml(path))
@@ -218,12 +237,18 @@ def contact_files(path: Path) -> tuple[Path, ...]:
     return (path, *(path.parent / name for name in named if name is not None), *recording)
 
 
-def _sound(contact_file: _ContactFile, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
+def _sound(
+    contact_file: _ContactFile, folder: Path, up: Array, problems: list[str]
+) -> SoundPlan | None:
     if contact_file.sound is None:
         return None
     file = existing(folder, contact_file.sound.file, "sound", problems)
     try:
-        return None if file is None else _sound_plan(contact_file.sound, contact_file.instrument, file, up)
+        return (
+            None
+            if file is None
+            else _sound_plan(contact_file.sound, contact_file.instrument, file, up)
+        )
     except BadData as error:
         problems.append(str(error))
         return None
@@ -241,13 +266,29 @@ def _site(site: _Site, model: Model) -> Site:
     options: dict[str, Any] = dict(site.law_options)
     for option in options:
         check_name("option", option, tuple(sorted(of_the_law)), f"the contact law '{site.law}'")
-    numbers = (site.frame, site.friction, site.torsion, site.grip, site.cone_generators, site.max_force)
+    numbers = (
+        site.frame,
+        site.friction,
+        site.torsion,
+        site.grip,
+        site.cone_generators,
+        site.max_force,
+    )
     cone = law(direction, *numbers, **options)
-    return Site(site.name, site.body, np.array(site.points), cone, site.against, site.group)
+    return Site(
+        name=site.name,
+        body=site.body,
+        points=np.array(site.points),
+        cone=cone,
+        against=site.against,
+        group=site.group,
+    )
 
 
 def _surfaces(contact_file: _ContactFile) -> dict[str, float | None]:
-    """Heights of surfaces other than the floor; sites found by name, as the seat, rest on one of their own."""
+    """Heights of surfaces other than the floor; sites found by name, as the seat, rest on one of
+    their own.
+    """
     raised: dict[str, float | None] = dict.fromkeys(contact_file.sites)
     for one in contact_file.site:
         if one.rests != "floor":
@@ -256,14 +297,26 @@ def _surfaces(contact_file: _ContactFile) -> dict[str, float | None]:
 
 
 def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | None:
-    """The touches of a table, and those written beside the sites; None where neither tells anything."""
+    """The touches of a table, and those written beside the sites; None where neither tells
+    anything.
+    """
     touches: list[Touch] = [] if read is None else list(read.intervals)
     names = dict.fromkeys(() if read is None else read.sites)
     for site in sites:
         if site.intervals == "always":
-            touches.append(Touch(site.name, -FOREVER, FOREVER, site.against, source="file"))
+            touches.append(
+                Touch(
+                    site=site.name,
+                    start=-FOREVER,
+                    stop=FOREVER,
+                    surface=site.against,
+                    source="file",
+                )
+            )
         elif not isinstance(site.intervals, str):
-            touches += [Touch(site.name, *span, site.against, source="file") for span in site.intervals]
+            touches += [
+                Touch(site.name, *span, site.against, source="file") for span in site.intervals
+            ]
         else:
             continue
         names[site.name] = None
@@ -271,32 +324,52 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
     return Contacts(tuple(names), tuple(touches), warnings) if names else None
 
 
-def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, up: Array) -> SoundPlan:
-    """A contact file's recording and instruments, with impacts of known impulse where loudness tells impulses."""
+def _sound_plan(
+    table: _Sound, instruments: Sequence[_Instrument], path: Path, up: Array
+) -> SoundPlan:
+    """A contact file's recording and instruments, with impacts of known impulse where loudness
+    tells impulses.
+    """
     if not instruments:
-        raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
+        raise BadData(
+            "a sound needs [[instrument]] tables: name, channel, distance and the sites that"
+            " strike it"
+        )
     for instrument in instruments:
         if table.impulse == "known" and not instrument.known:
             raise BadData(
-                f"instrument '{instrument.name}' has no impacts of known impulse: give known = [[time, N s], ...], or "
-                "impulse = 'motion' to take effective mass times change of velocity"
+                f"instrument '{instrument.name}' has no impacts of known impulse: give known ="
+                " [[time, N s], ...], or impulse = 'motion' to take effective mass times change of"
+                " velocity"
             )
     return SoundPlan(
-        read_wav(path, 0.0 if isinstance(table.start, str) else table.start),
-        tuple(Instrument(one.name, one.channel, one.distance, tuple(one.sites)) for one in instruments),
-        speed_of_sound(table.celsius),
-        table.start == "auto",
-        {one.name: [(float(time), float(impulse)) for time, impulse in one.known] for one in instruments},
-        {one.name: up if one.direction is None else np.array(one.direction) for one in instruments},
-        table.impulse,
-        table.pulse,
+        sound=read_wav(path, 0.0 if isinstance(table.start, str) else table.start),
+        instruments=tuple(
+            Instrument(
+                name=one.name, channel=one.channel, distance=one.distance, sites=tuple(one.sites)
+            )
+            for one in instruments
+        ),
+        speed=speed_of_sound(table.celsius),
+        find_clock=table.start == "auto",
+        known={
+            one.name: [(float(time), float(impulse)) for time, impulse in one.known]
+            for one in instruments
+        },
+        directions={
+            one.name: up if one.direction is None else np.array(one.direction)
+            for one in instruments
+        },
+        impulse=table.impulse,
+        pulse=table.pulse,
     )
 
 
 def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> Stairs:
-    """Stairs of a file, with the loads that were recorded. `trial`: file of the markers; with it, `recording` may leave
-    the file out (channels in a C3D file of markers, or a table `STEM_stairs.csv` beside it) and `{trial}` in it stands
-    for the stem. Raises `BadFile` with a list of all that is wrong.
+    """Stairs of a file, with the loads that were recorded. `trial`: file of the markers; with it,
+    `recording` may leave the file out (channels in a C3D file of markers, or a table
+    `STEM_stairs.csv` beside it) and `{trial}` in it stands for the stem. Raises `BadFile` with a
+    list of all that is wrong.
     """
     path = Path(path)
     found, problems = checked(_StairsFile, read_toml(path))
@@ -314,13 +387,23 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
             problems.append(str(UnknownName("body", one.body, model.body_names)))
         else:
             cone = Cone(direction=np.array(model.up), friction=one.friction)
-            paws.append(Site(one.name or one.body, one.body, np.array([one.point]), cone))
+            paws.append(
+                Site(
+                    name=one.name or one.body,
+                    body=one.body,
+                    points=np.array([one.point]),
+                    cone=cone,
+                )
+            )
     recording = _recording(found.stairs.recording, path, trial, problems)
     refuse(path, problems)
     assert recording is not None
-    table, hint = found.stairs, ""
+    table = found.stairs
+    hint = ""
     try:
-        options = StairOptions(table.loaded, table.unloaded, search_range=table.search_range, tare=table.tare)
+        options = StairOptions(
+            table.loaded, table.unloaded, search_range=table.search_range, tare=table.tare
+        )
         loads = step_loads(steps, read_channels(recording), model.weight, options)
         hint = "name paws ([[paw]] body, point)"
         sites = tuple(paws) or foot_sites(model)
@@ -328,7 +411,14 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
         raise
     except MyomorphError as error:
         raise BadFile(path, str(error), hint) from None
-    return Stairs(path, loads, sites, recording, options, table.unmeasured)
+    return Stairs(
+        path=path,
+        loads=loads,
+        paws=sites,
+        recording=recording,
+        options=options,
+        unmeasured=table.unmeasured,
+    )
 
 
 def _step(one: _Step, stairs: _Stairs) -> Step:
@@ -336,19 +426,21 @@ def _step(one: _Step, stairs: _Stairs) -> Step:
     if one.matrix is not None and len({len(row) for row in one.matrix}) != 1:
         raise BadData(f"the matrix of step '{one.name}' has rows of several lengths")
     step = Step(
-        one.name,
-        pose,
-        one.size,
-        tuple(name.lower() for name in one.measures),
-        tuple(one.channels),
-        None if one.matrix is None else np.array(one.matrix, dtype=np.float64),
-        np.array(one.origin),
-        1 if stairs.force_on == "animal" else -1,
+        name=one.name,
+        pose=pose,
+        size=one.size,
+        measures=tuple(name.lower() for name in one.measures),
+        channels=tuple(one.channels),
+        matrix=None if one.matrix is None else np.array(one.matrix, dtype=np.float64),
+        origin=np.array(one.origin),
+        sense=1 if stairs.force_on == "animal" else -1,
     )
     return step.rotated(Z_UP_TO_Y_UP) if stairs.up == "z" else step
 
 
-def _recording(given: str | None, path: Path, trial: Path | None, problems: list[str]) -> Path | None:
+def _recording(
+    given: str | None, path: Path, trial: Path | None, problems: list[str]
+) -> Path | None:
     if given is not None:
         if "{trial}" in given and trial is None:
             problems.append(f"stairs: recording = '{given}': '{{trial}}' needs a trial of a study")
@@ -357,17 +449,27 @@ def _recording(given: str | None, path: Path, trial: Path | None, problems: list
         return existing(path.parent, given.replace("{trial}", stem), "stairs: recording", problems)
     if trial is not None:
         beside = [
-            trial.with_name(f"{trial.stem}_{word}{ending}") for word in WORDS for ending in (".csv", ".mot", ".sto")
+            trial.with_name(f"{trial.stem}_{word}{ending}")
+            for word in WORDS
+            for ending in (".csv", ".mot", ".sto")
         ]
-        result = next((one for one in beside if one.is_file()), trial if trial.suffix.lower() == ".c3d" else None)
+        result = next(
+            (one for one in beside if one.is_file()),
+            trial if trial.suffix.lower() == ".c3d" else None,
+        )
         if result is not None:
             return result
-    problems.append("stairs: 'recording' is missing: the file of the load cells' channels (.c3d, .csv, .mot, .sto)")
+    problems.append(
+        "stairs: 'recording' is missing: the file of the load cells' channels (.c3d, .csv, .mot,"
+        " .sto)"
+    )
     return None
 
 
 def recording_of(path: Path, trial: Path | None = None) -> tuple[Path, ...]:
-    """The file of the channels that a file of stairs names, () where the file does not specify them."""
+    """The file of the channels that a file of stairs names, () where the file does not specify
+    them.
+    """
     table = read_toml(path).get("stairs")
     given = table.get("recording") if isinstance(table, dict) else None
     found = _recording(given if isinstance(given, str) else None, path, trial, [])

@@ -23,8 +23,9 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ContactPointsFile:
-    """Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and lateral point of every
-    knee, from the femur's mesh beside the model), a folder with the bones' meshes, or a file of points (.toml).
+    """Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and
+    lateral point of every knee, from the femur's mesh beside the model), a folder with the bones'
+    meshes, or a file of points (.toml).
     """
 
     contact_points: Annotated[str, WordOrFile(option_of="tension")] = ""
@@ -46,15 +47,18 @@ def _open(settings: ContactPointsFile, opening: Opening) -> Opened:
     points = contact_points(settings.contact_points, opening.model)
     if points is None:
         return Opened()
-    return Opened((points,), (value_source("contact points", settings.contact_points, points.points),))
+    return Opened(
+        (points,), (value_source("contact points", settings.contact_points, points.points),)
+    )
 
 
 INPUT = Input(name="contact points", settings=ContactPointsFile, open=_open, main="contact_points")
 
 
 def contact_points(source: str, model: Model) -> JointPoints | None:
-    """Contact points of a model's joints, and what is to be known of them: "auto" for the knees with the bones beside
-    the model's file, a folder of bones, a TOML file; None for "". Raises `BadFile` for a file without contact points.
+    """Contact points of a model's joints, and what is to be known of them: "auto" for the knees
+    with the bones beside the model's file, a folder of bones, a TOML file; None for "". Raises
+    `BadFile` for a file without contact points.
     """
     if not source:
         return None
@@ -69,8 +73,21 @@ def contact_points(source: str, model: Model) -> JointPoints | None:
         folders = [folder for folder in beside if folder.is_dir()] if source == "auto" else [path]
         return knee_points(model, read_surfaces(model, folders)[0] if folders else {})
     if path.suffix.lower() != ".toml" or not path.is_file():
-        raise BadFile(path, "gives no contact points", "expected 'auto', a folder of bone meshes, or a file .toml")
+        raise BadFile(
+            path,
+            "gives no contact points",
+            "expected 'auto', a folder of bone meshes, or a file .toml",
+        )
     table, problems = checked(_File, read_toml(path))
     refuse(path, problems)
-    points = (ContactPoint(point.joint, point.name, point.frame, point.point, point.normal) for point in table.point)
+    points = (
+        ContactPoint(
+            joint=point.joint,
+            name=point.name,
+            frame=point.frame,
+            point=point.point,
+            normal=point.normal,
+        )
+        for point in table.point
+    )
     return JointPoints(tuple(points))

@@ -16,10 +16,11 @@ class ContactsFile:
 
     Attributes
     ----------
-    contacts : estimate contact forces that no plate measured: auto (sites under the model's feet), a table of touches
-        (.csv: site, start, stop), or a contact file (.toml)
-    measured : what measured forces are used for where contacts are estimated: exact (default; contacts only where
-        nothing was measured), shared (each is known for all sites on it together) or hidden
+    contacts : estimate contact forces that no plate measured: auto (sites under the model's feet),
+        a table of touches (.csv: site, start, stop), or a contact file (.toml)
+    measured : what measured forces are used for where contacts are estimated: exact (default;
+        contacts only where nothing was measured), shared (each is known for all sites on it
+        together) or hidden
     """
 
     contacts: Annotated[str, WordOrFile()] = ""
@@ -27,5 +28,8 @@ class ContactsFile:
 
 
 INPUT = Input(
-    name="contacts", settings=ContactsFile, open=later("myomorph.study.inputs.contact_file:opened"), main="contacts"
+    name="contacts",
+    settings=ContactsFile,
+    open=later("myomorph.study.inputs.contact_file:opened"),
+    main="contacts",
 )

@@ -18,7 +18,8 @@ from myomorph.study.inputs.beside import companion, is_alone
 from myomorph.study.inputs.input import Beside, Input, Recorded, later
 from myomorph.study.inputs.keys import File, Files, KeyKind, Pairs
 
-WORDS, ENDINGS = ("emg", "EMG", "electromyography", "envelopes"), (".sto", ".mot", ".csv")
+WORDS = ("emg", "EMG", "electromyography", "envelopes")
+ENDINGS = (".sto", ".mot", ".csv")
 """In the name of a file of EMG that belongs to a recording, and its endings."""
 
 
@@ -30,11 +31,12 @@ class EmgFiles:
     ----------
     emg : EMG (.sto, .mot, .csv, .c3d), raw or envelopes; a channel named as a muscle is its target
     emg_side : right or left: side of EMG channels whose names contain none
-    emg_muscles : CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names contain no muscle, one or more
-    emg_mvc : recordings of maximum voluntary contractions (as EMG): EMG is scaled to their largest envelopes, and no
-        gain is larger than that
-    emg_gains_file : gains of the subject's EMG channels found over all trials: gains.json of the step 'emg' of a study;
-        by default they are found on this recording alone
+    emg_muscles : CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names contain no muscle, one or
+        more
+    emg_mvc : recordings of maximum voluntary contractions (as EMG): EMG is scaled to their largest
+        envelopes, and no gain is larger than that
+    emg_gains_file : gains of the subject's EMG channels found over all trials: gains.json of the
+        step 'emg' of a study; by default they are found on this recording alone
     """
 
     emg: Annotated[Path | None, File(per="trial")] = None
@@ -48,9 +50,10 @@ class EmgFiles:
 
 @dataclass(frozen=True, eq=False)
 class RecordedEmg(Recorded):
-    """EMG of a recording: envelopes (of a C3D file, of channels that tell a muscle), muscles of the channels, what was
-    done and what is wrong, one line each; envelopes in maximum voluntary contractions, where measured; what each
-    channel was divided by; and delays and gains, None to find them on this recording.
+    """EMG of a recording: envelopes (of a C3D file, of channels that tell a muscle), muscles of the
+    channels, what was done and what is wrong, one line each; envelopes in maximum voluntary
+    contractions, where measured; what each channel was divided by; and delays and gains, None to
+    find them on this recording.
     """
 
     emg: Emg
@@ -84,7 +87,8 @@ def _near(recording: Path, trial: Trial) -> Path | None:
     named = [
         file
         for file in sorted(recording.parent.iterdir())
-        if file.suffix.lower() in ENDINGS and any(word in file.stem.lower() for word in ("emg", "electromyo"))
+        if file.suffix.lower() in ENDINGS
+        and any(word in file.stem.lower() for word in ("emg", "electromyo"))
     ]
     return named[0] if len(named) == 1 else None
 

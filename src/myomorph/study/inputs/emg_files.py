@@ -1,4 +1,6 @@
-"""EMG of files: raw channels become envelopes, channels find their muscles, and what is wrong with them is told."""
+"""EMG of files: raw channels become envelopes, channels find their muscles, and what is wrong with
+them is told.
+"""
 
 from __future__ import annotations
 
@@ -35,10 +37,14 @@ OTHER_SENSORS = re.compile(
 )
 """Analog channels that are no EMG by their names."""
 SWINGS = 0.3
-"""Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope does not."""
+"""Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope
+does not.
+"""
 MOSTLY_FAST = 0.5  # Share of the variance above 20 Hz from which on a channel is no envelope.
 SYMMETRIC = 0.55
-"""How far raw EMG goes below its median at least, over how far above; rectified EMG goes 0.35 times as far."""
+"""How far raw EMG goes below its median at least, over how far above; rectified EMG goes 0.35 times
+as far.
+"""
 
 
 def opened(settings: EmgFiles, opening: Opening) -> Opened:
@@ -53,8 +59,17 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
         return Opened(sources=tuple(sources))
     options = opening.options[EnvelopeOptions]
     sources.append(file_source("emg", settings.emg))
-    sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(options).items())))
-    recorded = open_emg(settings.emg, opening.model, settings.emg_muscles, options, settings.emg_mvc, settings.emg_side)
+    sources.append(
+        value_source("emg", "settings of envelopes", sorted(plain_settings(options).items()))
+    )
+    recorded = open_emg(
+        settings.emg,
+        opening.model,
+        settings.emg_muscles,
+        options,
+        settings.emg_mvc,
+        settings.emg_side,
+    )
     if settings.emg_gains_file is not None:
         gains = read_gains(settings.emg_gains_file)
         emg = rescaled(recorded.emg, recorded.scale, gains.scale)
@@ -65,10 +80,10 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
     rate = "" if clocked is None else emg_checks.rate_against(recorded.emg, clocked.time)
     # Options of EMG count wherever a recording has EMG.
     return Opened(
-        (recorded,),
-        tuple(sources),
-        (*recorded.notes, *((rate,) if rate else ())),
-        f"EMG from {settings.emg.name}",
+        values=(recorded,),
+        sources=tuple(sources),
+        warnings=(*recorded.notes, *((rate,) if rate else ())),
+        real=f"EMG from {settings.emg.name}",
         options=(opening.options[EmgOptions],),
     )
 
@@ -81,13 +96,15 @@ def open_emg(
     reference: Sequence[Path] = (),
     side: str = "",
 ) -> RecordedEmg:
-    """EMG of a table or of the analog channels of a C3D file, as envelopes. Channels that swing about zero, or fast
-    about an offset, are raw: filtered (`envelopes`) and scaled to their largest value in the `reference` recordings
-    (maximum voluntary contractions), else to their own. Envelopes are scaled to the reference, too, or taken as they
-    are; a table whose largest value is over 1.5 has every channel scaled to its own. `named` channels have the muscles
-    that a user tells, others find theirs by name, on `side` where that has none.
+    """EMG of a table or of the analog channels of a C3D file, as envelopes. Channels that swing
+    about zero, or fast about an offset, are raw: filtered (`envelopes`) and scaled to their largest
+    value in the `reference` recordings (maximum voluntary contractions), else to their own.
+    Envelopes are scaled to the reference, too, or taken as they are; a table whose largest value is
+    over 1.5 has every channel scaled to its own. `named` channels have the muscles that a user
+    tells, others find theirs by name, on `side` where that has none.
     """
-    found, name = channels_of(path), Path(path).name
+    found = channels_of(path)
+    name = Path(path).name
     for channel, muscles in named.items():
         index_of("EMG channel", channel, found.names, str(path))
         for muscle in muscles:
@@ -96,24 +113,42 @@ def open_emg(
         measured_on = muscles_of_channels(found.names, model, side) | dict(named)
         # A channel with an empty list takes no part.
         measured_on = {channel: muscles for channel, muscles in measured_on.items() if muscles}
-        mended = tuple(f"{name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
+        mended = (
+            tuple(f"{name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
+        )
         mended += _left_out(path, found.names, measured_on)
         if Path(path).suffix.lower() == ".c3d":
             if not measured_on:
-                raise BadFile(path, "has no analog channel that tells a muscle", "name them in emg_muscles")
+                raise BadFile(
+                    path, "has no analog channel that tells a muscle", "name them in emg_muscles"
+                )
             found = _picked(found, tuple(measured_on))
         if not _is_raw(found):
             made = _as_envelopes(found, measured_on, name, reference)
             return _without_noise(replace(made, notes=(*mended, *made.notes)), named)
-        maxima = largest([_picked(channels_of(one), found.names) for one in reference], options) if reference else None
+        maxima = (
+            largest([_picked(channels_of(one), found.names) for one in reference], options)
+            if reference
+            else None
+        )
         peaks = largest([found], options) if maxima is None else maxima
         faults = emg_checks.raw_faults(found)
         whole = emg_checks.without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
-    notes = (f"{name}: raw EMG, made into envelopes and {scaled}", *(fault.text for fault in faults))
+    notes = (
+        f"{name}: raw EMG, made into envelopes and {scaled}",
+        *(fault.text for fault in faults),
+    )
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
-    scale = FrozenMap({channel: peaks[channel] if peaks[channel] > 0.0 else 1.0 for channel in whole.names})
-    return _without_noise(RecordedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale), named)
+    scale = FrozenMap(
+        {channel: peaks[channel] if peaks[channel] > 0.0 else 1.0 for channel in whole.names}
+    )
+    return _without_noise(
+        RecordedEmg(
+            emg=whole, muscles=measured_on, notes=(*mended, *notes), maxima=at_maximum, scale=scale
+        ),
+        named,
+    )
 
 
 def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) -> RecordedEmg:
@@ -123,15 +158,22 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
         return opened
     left = {one.channel for one in found} - set(named)
     notes = tuple(
-        f"{one.text}; it takes {'no part' if one.channel in left else 'part, as its muscles are named'}"
+        f"{one.text}; it takes"
+        f" {'no part' if one.channel in left else 'part, as its muscles are named'}"
         for one in found
     )
-    muscles = FrozenMap({name: muscle for name, muscle in opened.muscles.items() if name not in left})
+    muscles = FrozenMap(
+        {name: muscle for name, muscle in opened.muscles.items() if name not in left}
+    )
     return replace(opened, muscles=muscles, notes=(*notes, *opened.notes))
 
 
-def _left_out(path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """Channels that take no part while others do; of a C3D file those that are none of a plate or another sensor."""
+def _left_out(
+    path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]
+) -> tuple[str, ...]:
+    """Channels that take no part while others do; of a C3D file those that are none of a plate or
+    another sensor.
+    """
     lacking = [name for name in names if name not in measured_on]
     if Path(path).suffix.lower() == ".c3d":
         lacking = [name for name in lacking if not OTHER_SENSORS.search(name)]
@@ -139,7 +181,12 @@ def _left_out(path: str | Path, names: Sequence[str], measured_on: Mapping[str, 
         return ()
     which = ", ".join(lacking[:6]) + (" ..." if len(lacking) > 6 else "")
     told_by = "emg_muscles of a study, --emg-muscles"
-    return (f"EMG of {which} takes no part: the name contains no muscle of the model; name them ({told_by})",)
+    return (
+        (
+            f"EMG of {which} takes no part: the name contains no muscle of the model; name them"
+            f" ({told_by})"
+        ),
+    )
 
 
 def channels_of(path: str | Path) -> Series:
@@ -154,13 +201,19 @@ def channels_of(path: str | Path) -> Series:
     if ending == ".c3d":
         analog = read_recording(path).analog
         if analog is None:
-            raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
+            raise BadFile(
+                path, "has no analog channels", "EMG of another file can be given as .sto or .mot"
+            )
         return analog
     if ending in (".bdf", ".edf"):
         from myomorph.io.bids.recording import read_emg
 
         return read_emg(Path(path))
-    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot, .csv, .c3d, .bdf or .edf")
+    raise BadFile(
+        path,
+        f"holds no EMG: its name ends in '{ending}'",
+        "expected .sto, .mot, .csv, .c3d, .bdf or .edf",
+    )
 
 
 def _picked(series: Series, names: tuple[str, ...]) -> Series:
@@ -179,7 +232,9 @@ def _is_raw(series: Series) -> bool:
 
 
 def _swings_about_offset(column: Array, rate: float) -> bool:
-    """Whether a channel (samples,) is raw EMG with an offset: fast, and as far below its median as above it."""
+    """Whether a channel (samples,) is raw EMG with an offset: fast, and as far below its median as
+    above it.
+    """
     column = column[np.isfinite(column)]
     if not emg_checks.fast_share(column, rate) > MOSTLY_FAST:
         return False
@@ -190,7 +245,9 @@ def _swings_about_offset(column: Array, rate: float) -> bool:
 def _as_envelopes(
     series: Series, measured_on: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
 ) -> RecordedEmg:
-    values, notes, maxima = series.values, [], FrozenMap[str, float]({})
+    values = series.values
+    notes = []
+    maxima = FrozenMap[str, float]({})
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
     scale = np.ones(len(series.names))
     if reference:
@@ -199,12 +256,20 @@ def _as_envelopes(
         notes.append(f"{name}: envelopes scaled to maximum voluntary contractions")
     elif peak > emg_checks.BEYOND_ONE:
         scale = np.nanmax(values, axis=0).clip(1e-12)
-        notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
+        notes.append(
+            f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value"
+        )
     emg = Emg(series.time, series.names, values / scale)
     faults = emg_checks.envelope_faults(emg)
     used = [fault.text for fault in faults if not measured_on or fault.channel in measured_on]
     divided = FrozenMap(dict(zip(series.names, scale.tolist(), strict=True)))
-    return RecordedEmg(emg_checks.without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
+    return RecordedEmg(
+        emg=emg_checks.without_faults(emg, faults),
+        muscles=measured_on,
+        notes=(*notes, *used),
+        maxima=maxima,
+        scale=divided,
+    )
 
 
 def _largest_of(reference: Sequence[Path], channel: str) -> float:
@@ -214,8 +279,16 @@ def _largest_of(reference: Sequence[Path], channel: str) -> float:
         one = channels_of(path)
         index_of("EMG channel", channel, one.names, str(path))
         if _is_raw(one):
-            raise BadFile(path, "holds raw EMG, but the recording has envelopes", "give envelopes of the same units")
+            raise BadFile(
+                path,
+                "holds raw EMG, but the recording has envelopes",
+                "give envelopes of the same units",
+            )
         largest_found = max(largest_found, float(np.nanmax(np.append(one[channel], 0.0))))
     if not largest_found > 0.0:
-        raise BadFile(reference[0], f"has nothing on channel '{channel}'", "leave it out, or give another recording")
+        raise BadFile(
+            reference[0],
+            f"has nothing on channel '{channel}'",
+            "leave it out, or give another recording",
+        )
     return largest_found

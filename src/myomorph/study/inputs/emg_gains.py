@@ -1,4 +1,6 @@
-"""Gains of a subject's EMG channels as a file, and EMG of any recording of the subject in the units they are for."""
+"""Gains of a subject's EMG channels as a file, and EMG of any recording of the subject in the units
+they are for.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ FORMAT = "myomorph EMG gains 1"
 
 @dataclass(frozen=True, eq=False)
 class SubjectGains:
-    """Delay, gain and shape of a subject's channels. `scale`: what the envelopes of each channel were divided by, in
-    the units of the recordings.
+    """Delay, gain and shape of a subject's channels. `scale`: what the envelopes of each channel
+    were divided by, in the units of the recordings.
     """
 
     calibration: EmgCalibration
@@ -36,11 +38,15 @@ def common_scale(scales: list[Mapping[str, float]]) -> dict[str, float]:
 
 
 def rescaled(emg: Emg, own: Mapping[str, float], wanted: Mapping[str, float]) -> Emg:
-    """Envelopes divided by `wanted`, that were divided by `own`; channels that lack one of them stay as they are.
+    """Envelopes divided by `wanted`, that were divided by `own`; channels that lack one of them
+    stay as they are.
 
-    A recording alone is scaled to its own largest value: the same gain then means another activation in each.
+    A recording alone is scaled to its own largest value: the same gain then means another
+    activation in each.
     """
-    factors = [own[name] / wanted[name] if name in own and name in wanted else 1.0 for name in emg.names]
+    factors = [
+        own[name] / wanted[name] if name in own and name in wanted else 1.0 for name in emg.names
+    ]
     return Emg(emg.time, emg.names, emg.values * np.array(factors))
 
 
@@ -50,7 +56,12 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
         vars(part.synergies) | {"muscles": part.muscles, "weights": part.weights}
         for part in gains.calibration.synergies
     ]
-    data = {"format": FORMAT, **vars(gains.calibration), "synergies": synergies, "scale": dict(gains.scale)}
+    data = {
+        "format": FORMAT,
+        **vars(gains.calibration),
+        "synergies": synergies,
+        "scale": dict(gains.scale),
+    }
     with written(path) as stream:
         json.dump(data, stream, indent=1, allow_nan=False, default=_plain)
 
@@ -65,18 +76,25 @@ def read_gains(path: Path) -> SubjectGains:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise BadFile(path, f"cannot be read as gains of EMG ({error})", "give gains.json of the step 'emg'") from error
+        raise BadFile(
+            path, f"cannot be read as gains of EMG ({error})", "give gains.json of the step 'emg'"
+        ) from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise BadFile(path, "holds no gains of EMG", "give gains.json of the step 'emg' of a study")
     try:
-        return SubjectGains(_calibration(data), FrozenMap({name: float(one) for name, one in data["scale"].items()}))
+        return SubjectGains(
+            _calibration(data), FrozenMap({name: float(one) for name, one in data["scale"].items()})
+        )
     except (KeyError, TypeError, ValueError, AttributeError, MyomorphError) as error:
-        raise BadFile(path, f"holds gains of EMG that do not fit together ({error})", "write it anew") from error
+        raise BadFile(
+            path, f"holds gains of EMG that do not fit together ({error})", "write it anew"
+        ) from error
 
 
 def _calibration(data: dict[str, Any]) -> EmgCalibration:
     arrays: dict[str, Any] = {
-        name: np.array(data[name], dtype=float) for name in ("delays", "gains", "offsets", "shapes", "by_torque")
+        name: np.array(data[name], dtype=float)
+        for name in ("delays", "gains", "offsets", "shapes", "by_torque")
     }
     for name in ("intervals", "held_out"):
         arrays[name] = np.array(data[name], dtype=float).reshape(len(data["channels"]), 2)
@@ -91,7 +109,15 @@ def _calibration(data: dict[str, Any]) -> EmgCalibration:
 
 
 def _synergies(data: dict[str, Any]) -> SynergyWeights:
-    channels, muscles = tuple(data["channels"]), tuple(data["muscles"])
+    channels = tuple(data["channels"])
+    muscles = tuple(data["muscles"])
     vectors = np.array(data["vectors"], dtype=float).reshape(-1, len(channels))
-    synergies = Synergies(channels, np.array(data["scale"], dtype=float), vectors, float(data["explained"]))
-    return SynergyWeights(synergies, muscles, np.array(data["weights"], dtype=float).reshape(len(muscles), -1))
+    synergies = Synergies(
+        channels=channels,
+        scale=np.array(data["scale"], dtype=float),
+        vectors=vectors,
+        explained=float(data["explained"]),
+    )
+    return SynergyWeights(
+        synergies, muscles, np.array(data["weights"], dtype=float).reshape(len(muscles), -1)
+    )

@@ -1,4 +1,6 @@
-"""How far off the model may be, as the steps found that made it: a table beside the model, and the input of a trial."""
+"""How far off the model may be, as the steps found that made it: a table beside the model, and the
+input of a trial.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from myomorph.uncertainty.sources import GROUPS, NOTHING, ErrorSizes, ItemSize
 
 @dataclass(frozen=True)
 class ErrorSizeTables:
-    """Tables of sizes of errors, in the order of the steps that found them; () for those beside the model."""
+    """Tables of sizes of errors, in the order of the steps that found them; () for those beside the
+    model.
+    """
 
     paths: tuple[Path, ...] = ()
 
@@ -39,8 +43,8 @@ def write_error_sizes(folder: Path, step: str, sizes: Iterable[ItemSize]) -> Non
 
 
 def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:
-    """What steps found, in their order; a file that is not there found nothing. Raises `BadFile` where a file is no
-    such table.
+    """What steps found, in their order; a file that is not there found nothing. Raises `BadFile`
+    where a file is no such table.
     """
     result = NOTHING
     for path in paths:
@@ -49,7 +53,9 @@ def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:
         with path.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.reader(stream))
         if not rows or tuple(rows[0]) != HEAD:
-            raise BadFile(path, "is no table of sizes of errors", f"expected the columns {', '.join(HEAD)}")
+            raise BadFile(
+                path, "is no table of sizes of errors", f"expected the columns {', '.join(HEAD)}"
+            )
         sizes = []
         for number, row in enumerate(rows[1:], 2):
             sizes.append(_item(path, number, row))
@@ -64,10 +70,14 @@ def _item(path: Path, number: int, row: Sequence[str]) -> ItemSize:
     except ValueError:
         raise BadFile(path, f"line {number} holds no size", f"expected {', '.join(HEAD)}") from None
     if source not in SOURCES:
-        raise BadFile(path, f"line {number} names '{source}', which is no source of error", ", ".join(sorted(SOURCES)))
+        raise BadFile(
+            path,
+            f"line {number} names '{source}', which is no source of error",
+            ", ".join(sorted(SOURCES)),
+        )
     if not 0.0 <= size < math.inf:
         raise BadFile(path, f"line {number} gives '{item}' the size {text}", "expected 0 or more")
-    return ItemSize(source, item, size, shared)
+    return ItemSize(source=source, item=item, size=size, shared=shared)
 
 
 def tables_beside(model: Path) -> tuple[Path, ...]:
@@ -78,5 +88,7 @@ def tables_beside(model: Path) -> tuple[Path, ...]:
 INPUT = Input(
     name="error sizes",
     settings=ErrorSizeTables,
-    open=lambda settings, opening: Opened((read_error_sizes(settings.paths or tables_beside(opening.model_file)),)),
+    open=lambda settings, opening: Opened(
+        (read_error_sizes(settings.paths or tables_beside(opening.model_file)),)
+    ),
 )

@@ -1,4 +1,6 @@
-"""An input of a trial as one value: its settings, where it is found, how it is opened and fitted to the model."""
+"""An input of a trial as one value: its settings, where it is found, how it is opened and fitted to
+the model.
+"""
 
 from __future__ import annotations
 
@@ -72,8 +74,8 @@ class OptionSet(ByType):
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """A trial while its inputs are opened: the model and its file, options of the steps, settings of all inputs, and
-    the `values` that were opened so far, by type.
+    """A trial while its inputs are opened: the model and its file, options of the steps, settings
+    of all inputs, and the `values` that were opened so far, by type.
     """
 
     model_file: Path
@@ -92,7 +94,8 @@ class Opened:
     values : by whose types steps find them
     sources : what results depend on
     warnings : what is wrong with it, one line each
-    real : what was recorded, as a part of a sentence for the first lines of the report: "EMG from walk_emg.sto"
+    real : what was recorded, as a part of a sentence for the first lines of the report: "EMG from
+        walk_emg.sto"
     assumed, simulated : sentences for the same place
     options : values that take the place of options of the steps
     """
@@ -107,7 +110,9 @@ class Opened:
 
 
 class Beside(NamedTuple):
-    """A file that was looked for beside a recording, None where none fits, and why one that is there does not."""
+    """A file that was looked for beside a recording, None where none fits, and why one that is
+    there does not.
+    """
 
     path: Path | None
     remark: str = ""
@@ -132,12 +137,12 @@ Open = Callable[[Any, Opening], Opened]
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """One input of a trial, or a few that belong together; docs/adding.md says what its fields are for. Flags of
-    commands, keys of study files and their checks, what `analyze` writes, hashes, notes of the report and files of the
-    dry run follow from it.
+    """One input of a trial, or a few that belong together; docs/adding.md says what its fields are
+    for. Flags of commands, keys of study files and their checks, what `analyze` writes, hashes,
+    notes of the report and files of the dry run follow from it.
 
-    `open` may be that of `later`; `beside` takes the recording and the trial's keys, `near`, which looks further for
-    `analyze`, the recording and what it holds.
+    `open` may be that of `later`; `beside` takes the recording and the trial's keys, `near`, which
+    looks further for `analyze`, the recording and what it holds.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Fields of an input's settings as keys of study files and as flags of commands.
 
-A field takes part by its annotation: `emg: Annotated[Path | None, File(per="trial")] = None` is the key `emg` of a
-trial's table and the flag `--emg`; its line of the docstring is its help. A field without such an annotation is set by
-other steps only.
+A field takes part by its annotation: `emg: Annotated[Path | None, File(per="trial")] = None` is the
+key `emg` of a trial's table and the flag `--emg`; its line of the docstring is its help. A field
+without such an annotation is set by other steps only.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from myomorph.store.study_file import check_time, existing, matching
 
 @dataclass
 class Notes:
-    """What is found while a study file is being read. `problems`: all of them make the file be refused; `remarks`: what
-    is not used, or not as one might think; `found`: files that were found by the rule of names.
+    """What is found while a study file is being read. `problems`: all of them make the file be
+    refused; `remarks`: what is not used, or not as one might think; `found`: files that were found
+    by the rule of names.
     """
 
     problems: list[str] = field(default_factory=list)
@@ -34,8 +35,8 @@ class Notes:
 
 @dataclass(frozen=True)
 class Place:
-    """A table of a study file. `folder`: that its paths are relative to; `where`: how problems name it, as "subject
-    's01'".
+    """A table of a study file. `folder`: that its paths are relative to; `where`: how problems name
+    it, as "subject 's01'".
     """
 
     folder: Path
@@ -49,14 +50,15 @@ class Place:
 
 @dataclass(frozen=True)
 class KeyKind:
-    """How a value is written on a command line and in a study file; this one as it is: a number, a word, a switch.
+    """How a value is written on a command line and in a study file; this one as it is: a number, a
+    word, a switch.
 
     Attributes
     ----------
-    per : which table of a study file has the key: that of a subject, for all its trials, that of a trial, or both,
-        where the trial's counts
-    option_of : step among whose options a study file has the key; in the tables of subjects and trials, where it stood
-        in version 0.1, it is read too
+    per : which table of a study file has the key: that of a subject, for all its trials, that of a
+        trial, or both, where the trial's counts
+    option_of : step among whose options a study file has the key; in the tables of subjects and
+        trials, where it stood in version 0.1, it is read too
     flag, table : its type on the command line and in the table, None for that of the field
     adds : what the subject's table and the trial's say are both kept
     """
@@ -72,15 +74,25 @@ class KeyKind:
         return given
 
     def located(self, key: str, given: Any, place: Place) -> Any:
-        """A value from what stands in a study file, its paths as files; what is wrong goes to the place's problems."""
+        """A value from what stands in a study file, its paths as files; what is wrong goes to the
+        place's problems.
+        """
         if isinstance(given, Mapping):
-            return FrozenMap({name: tuple(part) if isinstance(part, list) else part for name, part in given.items()})
+            return FrozenMap(
+                {
+                    name: tuple(part) if isinstance(part, list) else part
+                    for name, part in given.items()
+                }
+            )
         return tuple(given) if isinstance(given, list) else given
 
     def written(self, value: Any, folder: Path) -> Any:
         """A value as a study file in a folder has it."""
         if isinstance(value, Mapping):
-            return {name: list(part) if isinstance(part, tuple) else part for name, part in value.items()}
+            return {
+                name: list(part) if isinstance(part, tuple) else part
+                for name, part in value.items()
+            }
         return list(value) if isinstance(value, tuple) else value
 
     def files(self, value: Any) -> tuple[Path, ...]:
@@ -122,7 +134,11 @@ class Files(KeyKind):
     def located(self, key: str, given: Any, place: Place) -> tuple[Path, ...]:
         """What the patterns match."""
         where = f"{place.where}: {key}"
-        return tuple(path for name in given for path in matching(place.folder, name, where, place.notes.problems))
+        return tuple(
+            path
+            for name in given
+            for path in matching(place.folder, name, where, place.notes.problems)
+        )
 
     def written(self, value: tuple[Path, ...], folder: Path) -> list[str]:
         """Their paths as seen from the folder."""
@@ -171,9 +187,9 @@ class Span(KeyKind):
 
 @dataclass(frozen=True)
 class Pairs(KeyKind):
-    """Names and what belongs to each, as a mapping; on the command line `NAME=WORD`, in a study file a table. `many`:
-    each name has several words, `NAME=WORD,WORD`; `of`: kind of the model's parts that the words are; `shown`: how the
-    command line asks for one.
+    """Names and what belongs to each, as a mapping; on the command line `NAME=WORD`, in a study
+    file a table. `many`: each name has several words, `NAME=WORD,WORD`; `of`: kind of the model's
+    parts that the words are; `shown`: how the command line asks for one.
     """
 
     many: bool = False
@@ -187,7 +203,12 @@ class Pairs(KeyKind):
         for text in given:
             name, equal, words = text.partition("=")
             several = tuple(word.strip() for word in words.split(",") if word.strip())
-            if not equal or not several or name.strip() in pairs or (self.many and not name.strip()):
+            if (
+                not equal
+                or not several
+                or name.strip() in pairs
+                or (self.many and not name.strip())
+            ):
                 raise BadData(f"{flag_of(key)} {text}: expected {self.shown}, each name once")
             pairs[name.strip()] = several if self.many else words.strip()
         return FrozenMap(pairs)
@@ -200,8 +221,8 @@ class Pairs(KeyKind):
 
 @dataclass(frozen=True)
 class Names(KeyKind):
-    """Names in an order, as `tuple[str, ...]`; on the command line `NAME,NAME`. `of`: kind of the model's parts that
-    they are; `nothing`: words that stand for no name.
+    """Names in an order, as `tuple[str, ...]`; on the command line `NAME,NAME`. `of`: kind of the
+    model's parts that they are; `nothing`: words that stand for no name.
     """
 
     of: str = ""
@@ -247,7 +268,9 @@ class Spans(KeyKind):
     def located(self, key: str, given: Any, place: Place) -> Mapping[str, tuple[float, float]]:
         """The mapping, each span checked."""
         for name, span in given.items():
-            check_time(span, f"{place.where}: {key.removesuffix('s')} '{name}'", place.notes.problems)
+            check_time(
+                span, f"{place.where}: {key.removesuffix('s')} '{name}'", place.notes.problems
+            )
         return FrozenMap(dict(given))
 
 
@@ -288,8 +311,8 @@ class Sentences(KeyKind):
 
 @dataclass(frozen=True)
 class Key:
-    """A field of settings as a key of study files and a flag of commands. `type`: of its value; `help`: its line in the
-    docstring of the settings.
+    """A field of settings as a key of study files and a flag of commands. `type`: of its value;
+    `help`: its line in the docstring of the settings.
     """
 
     name: str
@@ -312,14 +335,23 @@ class Key:
 @cache
 def keys_of(settings: type) -> tuple[Key, ...]:
     """Fields of an input's settings that study files and commands take."""
-    hints, helps = get_type_hints(settings, include_extras=True), attribute_help(settings)
+    hints = get_type_hints(settings, include_extras=True)
+    helps = attribute_help(settings)
     found = []
     for part in fields(settings):
         kinds = [kind for kind in get_args(hints[part.name])[1:] if isinstance(kind, KeyKind)]
         if kinds:
             default = part.default if part.default_factory is MISSING else part.default_factory()
             type_ = get_args(hints[part.name])[0]
-            found.append(Key(part.name, kinds[0], type_, default, helps.get(part.name, "")))
+            found.append(
+                Key(
+                    name=part.name,
+                    kind=kinds[0],
+                    type=type_,
+                    default=default,
+                    help=helps.get(part.name, ""),
+                )
+            )
     return tuple(found)
 
 

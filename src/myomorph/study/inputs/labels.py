@@ -14,14 +14,18 @@ from myomorph.study.inputs.keys import LabelMap
 
 @dataclass(frozen=True)
 class Labels:
-    """Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker."""
+    """Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a
+    marker.
+    """
 
     labels: Annotated[Mapping[str, str], LabelMap()] = field(default_factory=lambda: FrozenMap({}))
 
 
 def _open(settings: Labels, opening: Opening) -> Opened:
     # The markers are renamed where they are read.
-    return Opened(sources=(value_source("markers", "labels of markers", sorted(settings.labels.items())),))
+    return Opened(
+        sources=(value_source("markers", "labels of markers", sorted(settings.labels.items())),)
+    )
 
 
 INPUT = Input(name="labels", settings=Labels, open=_open)

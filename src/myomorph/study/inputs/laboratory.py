@@ -1,4 +1,6 @@
-"""How the axes of a laboratory stand to those of the model: which of them points up, and which way people face."""
+"""How the axes of a laboratory stand to those of the model: which of them points up, and which way
+people face.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,8 @@ class Laboratory:
     Attributes
     ----------
     up : axis that points up; "" leaves it to the recording
-    turn : by which the recording is turned about the model's vertical, counterclockwise from above [degrees]
+    turn : by which the recording is turned about the model's vertical, counterclockwise from above
+        [degrees]
     """
 
     up: Annotated[Up, KeyKind()] = ""
@@ -62,7 +65,11 @@ AS_RECORDED: Laboratory = Laboratory()
 
 def _open(settings: Laboratory, opening: Opening) -> Opened:
     """Markers and forces are turned where they are read."""
-    return Opened(sources=(value_source("laboratory", "axes of the laboratory", settings),)) if settings else Opened()
+    return (
+        Opened(sources=(value_source("laboratory", "axes of the laboratory", settings),))
+        if settings
+        else Opened()
+    )
 
 
 INPUT = Input(name="laboratory", settings=Laboratory, open=_open)

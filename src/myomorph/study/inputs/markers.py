@@ -37,7 +37,8 @@ class Recording(Recorded):
 
 def _open(settings: MarkersFile, opening: Opening) -> Opened:
     """The recording, turned, with the model's labels, and held against the model's size."""
-    path, model = settings.markers, opening.model
+    path = settings.markers
+    model = opening.model
     if path is None:
         return Opened()
     labels = opening.settings.or_default(Labels).labels
@@ -45,11 +46,13 @@ def _open(settings: MarkersFile, opening: Opening) -> Opened:
     upright = opening.settings.or_default(Laboratory).trial(reading.read_recording(path))
     recording = reading.fitted_to(model, reading.with_labels(upright, labels))
     return Opened(
-        (Recording(recording),),
-        (file_source("markers", path),),
-        tuple(f"{path.name}: {text}" for text in recording.warnings),
-        f"markers from {path.name}",
+        values=(Recording(recording),),
+        sources=(file_source("markers", path),),
+        warnings=tuple(f"{path.name}: {text}" for text in recording.warnings),
+        real=f"markers from {path.name}",
     )
 
 
-INPUT = Input(name="markers", settings=MarkersFile, open=_open, main="markers", holds=("loads", "error sizes"))
+INPUT = Input(
+    name="markers", settings=MarkersFile, open=_open, main="markers", holds=("loads", "error sizes")
+)

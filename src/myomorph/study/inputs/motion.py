@@ -28,16 +28,23 @@ class RecordedMotion:
 
 
 def _open(settings: MotionFile, opening: Opening) -> Opened:
-    path, model = settings.motion, opening.model
+    path = settings.motion
+    model = opening.model
     if path is None:
         return Opened()
     recorded, lacking = reading.whole_motion(reading.read_motion(path, model), model)
     recorded, apart = reading.coupled_motion(recorded, model)
     warnings = tuple(f"{path.name}: {text}" for text in apart)
     if lacking:
-        warnings = (*warnings, f"{path.name}: lacks {', '.join(lacking)}: they rest at their defaults")
+        warnings = (
+            *warnings,
+            f"{path.name}: lacks {', '.join(lacking)}: they rest at their defaults",
+        )
     return Opened(
-        (RecordedMotion(recorded),), (file_source("motion", path),), warnings, f"coordinates from {path.name}"
+        values=(RecordedMotion(recorded),),
+        sources=(file_source("motion", path),),
+        warnings=warnings,
+        real=f"coordinates from {path.name}",
     )
 
 

@@ -24,7 +24,9 @@ class Phases(Recorded):
     @property
     def facts(self) -> Mapping[str, str]:
         """Start and end of each."""
-        return FrozenMap({"phases": json.dumps({name: list(span) for name, span in self.phases.items()})})
+        return FrozenMap(
+            {"phases": json.dumps({name: list(span) for name, span in self.phases.items()})}
+        )
 
 
 def _open(settings: Phases, opening: Opening) -> Opened:
@@ -32,9 +34,11 @@ def _open(settings: Phases, opening: Opening) -> Opened:
     markers = opening.values.or_default(Recording).trial.markers
     if markers is None:
         return Opened((settings,))
-    start, stop = float(markers.time[0]), float(markers.time[-1])
+    start = float(markers.time[0])
+    stop = float(markers.time[-1])
     warnings = tuple(
-        f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
+        f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from"
+        f" {start:g} to {stop:g} s"
         for name, (first, last) in settings.phases.items()
         if last <= start or first >= stop
     )

@@ -23,15 +23,18 @@ NOISE = 0.03  # Share of the weight that a foot on a plate puts down at least.
 
 
 def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
-    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none. Without
-    bodies all plates, whose bodies are not known. Raises `BadData` where there are fewer plates than bodies, or no
-    plate has a body.
+    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for
+    none. Without bodies all plates, whose bodies are not known. Raises `BadData` where there are
+    fewer plates than bodies, or no plate has a body.
     """
     if bodies is None:
         return wrenches_from_plates(trial.plates, trial.plate_time)
     names = ", ".join(f"'{plate.name}'" for plate in trial.plates) or "none"
     if len(bodies) > len(trial.plates):
-        raise BadData(f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are {names}")
+        raise BadData(
+            f"{trial.source}: {len(bodies)} bodies are given for its plates, but the plates are"
+            f" {names}"
+        )
     used = [(plate, body) for plate, body in zip(trial.plates, bodies, strict=False) if body]
     if not used:
         raise BadData(f"{trial.source}: no body is given for any of its plates ({names})")
@@ -39,22 +42,26 @@ def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wren
     return replace(wrenches, bodies=tuple(body for _, body in used))
 
 
-def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion, checked: bool = True) -> Wrenches:
-    """Forces, each given to the foot that is nearest to its center of pressure, step by step. A force that is nobody's,
-    as that of a plate that nobody steps on, is left out; a note says so. `checked`: findings say when the forces do not
-    show what acts on a foot. Raises `BadData` where the model has no foot, or forces and motion have no time in common.
+def nearest_feet(
+    wrenches: Wrenches, model: Model, motion: Motion, checked: bool = True
+) -> Wrenches:
+    """Forces, each given to the foot that is nearest to its center of pressure, step by step. A
+    force that is nobody's, as that of a plate that nobody steps on, is left out; a note says so.
+    `checked`: findings say when the forces do not show what acts on a foot. Raises `BadData` where
+    the model has no foot, or forces and motion have no time in common.
     """
     feet = feet_of(model)
     if not feet:
         raise BadData(
-            f"no body of model '{model.name}' is called a foot: name the bodies that forces act on: those of a table "
-            "as prefix=body (--bodies), those of plates in order (--plates)"
+            f"no body of model '{model.name}' is called a foot: name the bodies that forces act on:"
+            " those of a table as prefix=body (--bodies), those of plates in order (--plates)"
         )
     inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
     if not inside.any():
         raise BadData(
-            f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {motion.time[0]:g} "
-            f"to {motion.time[-1]:g} s: they have no time in common; are they of one recording, on one clock?"
+            f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from"
+            f" {motion.time[0]:g} to {motion.time[-1]:g} s: they have no time in common; are they"
+            " of one recording, on one clock?"
         )
     # As long before and after the motion as filters reach.
     near = (wrenches.time >= motion.time[0] - MARGIN) & (wrenches.time <= motion.time[-1] + MARGIN)
@@ -77,20 +84,26 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion, checked: bool
 
 
 def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
-    """Forces with zeros for those on nobody that are noise while the motion lasts: of a plate that nobody steps on."""
+    """Forces with zeros for those on nobody that are noise while the motion lasts: of a plate that
+    nobody steps on.
+    """
     inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
     size = np.nan_to_num(np.linalg.norm(wrenches.forces[inside], axis=2))
     unnamed = np.array([not body for body in wrenches.bodies], np.bool_)
     noise = (unnamed & (size.max(axis=0, initial=0.0) < NOISE * model.weight))[None, :, None]
     return replace(
-        wrenches, forces=np.where(noise, 0.0, wrenches.forces), torques=np.where(noise, 0.0, wrenches.torques)
+        wrenches,
+        forces=np.where(noise, 0.0, wrenches.forces),
+        torques=np.where(noise, 0.0, wrenches.torques),
     )
 
 
 def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
     """The forces that act on a body, with a note on those that never act."""
     kept = [index for index, body in enumerate(wrenches.bodies) if body]
-    idle = ", ".join(name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body)
+    idle = ", ".join(
+        name for name, body in zip(wrenches.names, wrenches.bodies, strict=True) if not body
+    )
     findings = wrenches.findings
     if idle:
         text = f"nobody steps on {idle} during the motion: left out"

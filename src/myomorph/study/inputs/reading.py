@@ -16,7 +16,15 @@ from myomorph.io.formats import read_model, read_trial
 from myomorph.io.osim.document import legal
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, BadModel, MyomorphError, UnknownName, listing, quoted
+from myomorph.model.errors import (
+    BadData,
+    BadFile,
+    BadModel,
+    MyomorphError,
+    UnknownName,
+    listing,
+    quoted,
+)
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
@@ -24,7 +32,9 @@ Named = TypeVar("Named", bound=Series)
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
 COUPLED = 0.1
-"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters move it by less."""
+"""How far a coordinate may lie from where its coupler puts it without a word [rad or m]; filters
+move it by less.
+"""
 
 
 @contextmanager
@@ -49,8 +59,8 @@ def has_mass(model: Model, step: str) -> None:
     """Raise `BadModel` where no body has a mass, so that forces would all be zero."""
     if not np.isfinite(model.mass) or model.mass <= 0.0:
         raise BadModel(
-            f"{model.source or model.name}: {step} needs masses, but the model's bodies weigh {model.mass:g} kg; "
-            "give the bodies their masses"
+            f"{model.source or model.name}: {step} needs masses, but the model's bodies weigh"
+            f" {model.mass:g} kg; give the bodies their masses"
         )
 
 
@@ -85,16 +95,18 @@ def read_recording(path: str | Path) -> Trial:
 
 
 def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
-    """The trial with its markers under the model's names. `labels`: recorded label to the model's name, or to "" where
-    the marker is left out; a label that the recording lacks is passed over, for labels differ from file to file, but
-    one of them must be there. Raises `BadData` where two markers would have the same name.
+    """The trial with its markers under the model's names. `labels`: recorded label to the model's
+    name, or to "" where the marker is left out; a label that the recording lacks is passed over,
+    for labels differ from file to file, but one of them must be there. Raises `BadData` where two
+    markers would have the same name.
     """
     if trial.markers is None or not labels:
         return trial
     recorded = trial.markers.names
     if not any(name in labels for name in recorded):
         warning = (
-            f"labels: none of its {len(labels)} labels was recorded, which are {listing(next(iter(labels)), recorded)}"
+            f"labels: none of its {len(labels)} labels was recorded, which are"
+            f" {listing(next(iter(labels)), recorded)}"
         )
         return replace(trial, warnings=(*trial.warnings, warning))
     with about(trial.source):
@@ -102,15 +114,17 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
 
 
 def renamed(series: Named, labels: Mapping[str, str]) -> Named:
-    """A series with other names of its columns, without those whose name is "". Raises `BadData` where two would have
-    the same.
+    """A series with other names of its columns, without those whose name is "". Raises `BadData`
+    where two would have the same.
     """
     kept = [column for column, name in enumerate(series.names) if labels.get(name, name)]
     series = series.columns(kept)
     names = tuple(labels.get(name, name) for name in series.names)
     for name, count in Counter(names).items():
         if count > 1:
-            same = " and ".join(repr(old) for old, new in zip(series.names, names, strict=True) if new == name)
+            same = " and ".join(
+                repr(old) for old, new in zip(series.names, names, strict=True) if new == name
+            )
             raise BadData(f"{same} would both be called '{name}'")
     return replace(series, names=names)
 
@@ -123,9 +137,10 @@ def check_labels(labels: Mapping[str, str], model: Model) -> None:
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:
-    """The trial in the model's ground frame, its markers held against the model's size. A C3D file in which a standing
-    body is tallest along z, or whose plates lie level with z, and a Qualisys export, whose z points up by custom, are
-    turned to the model's vertical, with a warning; nothing is turned where a standing body is tallest along y.
+    """The trial in the model's ground frame, its markers held against the model's size. A C3D file
+    in which a standing body is tallest along z, or whose plates lie level with z, and a Qualisys
+    export, whose z points up by custom, are turned to the model's vertical, with a warning; nothing
+    is turned where a standing body is tallest along y.
     """
     trial = _with_legal_labels(trial, model)
     markers = trial.markers
@@ -142,8 +157,9 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     if 2 * len(shared) < min(len(model.markers), len(markers.names)):
         others = [name for name in markers.names if name not in shared]
         warning = (
-            f"{len(shared)} of the model's {len(model.markers)} markers were recorded, and {len(others)} labels are "
-            f"none of its markers ({quoted(others, 3)}): are these its markers under other names (--labels)?"
+            f"{len(shared)} of the model's {len(model.markers)} markers were recorded, and"
+            f" {len(others)} labels are none of its markers ({quoted(others, 3)}): are these its"
+            " markers under other names (--labels)?"
         )
         trial = replace(trial, warnings=(*trial.warnings, warning))
     # Brings Numba and SciPy: a model alone is read without.
@@ -152,7 +168,9 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     own = default_markers(model, shared)
     recorded = markers.values[:, [markers.names.index(name) for name in shared]]
     if not np.isfinite(recorded).all(axis=2).any():
-        raise BadData(f"{trial.source}: none of its {len(markers)} frames shows a marker that the model has")
+        raise BadData(
+            f"{trial.source}: none of its {len(markers)} frames shows a marker that the model has"
+        )
     _check_size(trial.source, own, recorded)
     why = _why_z_is_up(model, trial, own, recorded)
     if not why:
@@ -162,31 +180,44 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
 
 
 def _with_legal_labels(trial: Trial, model: Model) -> Trial:
-    """The trial with labels as a model's file has them: `r asis` is `r_asis` there, for OpenSim refuses blanks."""
+    """The trial with labels as a model's file has them: `r asis` is `r_asis` there, for OpenSim
+    refuses blanks.
+    """
     recorded = trial.markers.names if trial.markers is not None else ()
     written = [legal(name) for name in recorded]
-    lacking = {name for name in model.marker_names if name not in recorded and written.count(name) == 1}
-    return with_labels(trial, {old: new for old, new in zip(recorded, written, strict=True) if new in lacking})
+    lacking = {
+        name for name in model.marker_names if name not in recorded and written.count(name) == 1
+    }
+    return with_labels(
+        trial, {old: new for old, new in zip(recorded, written, strict=True) if new in lacking}
+    )
 
 
 def _check_size(source: str, own: Array, recorded: Array) -> None:
     """Refuse markers a hundred times too large or small: their unit cannot be what the file says."""
-    size, expected = _spread(recorded), float(np.linalg.norm(np.ptp(own, axis=0)))
+    size = _spread(recorded)
+    expected = float(np.linalg.norm(np.ptp(own, axis=0)))
     if len(own) < 3 or expected <= 0.0 or not np.isfinite(size) or size <= 0.0:
         return
     ratio = size / expected
     if 1.0 / 15.0 < ratio < 15.0:
         return
     guess = min(SIZES, key=lambda one: abs(np.log(ratio / one[0])))
-    hint = f"are its numbers {guess[1]}?" if 0.5 < ratio / guess[0] < 2.0 else "does it belong to this model?"
+    hint = (
+        f"are its numbers {guess[1]}?"
+        if 0.5 < ratio / guess[0] < 2.0
+        else "does it belong to this model?"
+    )
     raise BadData(
-        f"{source}: its markers spread over {size:.4g} m, those of the model over {expected:.3g} m; {hint} "
-        "Correct the unit in the file's header"
+        f"{source}: its markers spread over {size:.4g} m, those of the model over {expected:.3g} m;"
+        f" {hint} Correct the unit in the file's header"
     )
 
 
 def _spread(recorded: Array) -> float:
-    """Median over frames of the diagonal of the box around the markers [m], nan without enough of them."""
+    """Median over frames of the diagonal of the box around the markers [m], nan without enough of
+    them.
+    """
     seen = np.isfinite(recorded).all(axis=2)
     full = recorded[seen.sum(axis=1) >= max(3, 0.6 * seen.shape[1])]
     if not len(full):
@@ -247,7 +278,9 @@ def read_motion(path: str | Path, model: Model) -> Motion:
     """
     ending = Path(path).suffix.lower()
     if ending not in TABLE_FILES:
-        raise BadFile(path, f"is not a motion: its name ends in '{ending}'", "expected .mot or .sto")
+        raise BadFile(
+            path, f"is not a motion: its name ends in '{ending}'", "expected .mot or .sto"
+        )
     with about(path):
         motion = motion_from_table(read_sto(path), model)
     missing = np.isnan(motion.values)
@@ -256,8 +289,9 @@ def read_motion(path: str | Path, model: Model) -> Motion:
         frame = int(np.argmax(partly))
         name = motion.names[int(np.argmax(missing[frame]))]
         raise BadData(
-            f"{path}: coordinate '{name}' has no finite value at {motion.time[frame]:g} s ({int(partly.sum())} such "
-            "frames); fill the gap, or leave those frames out with --time START END"
+            f"{path}: coordinate '{name}' has no finite value at {motion.time[frame]:g} s"
+            f" ({int(partly.sum())} such frames); fill the gap, or leave those frames out with"
+            " --time START END"
         )
     return motion
 
@@ -275,10 +309,11 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
 
 
 def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with coordinates that couplers drive where these put them, and notes on those that were elsewhere.
+    """The motion with coordinates that couplers drive where these put them, and notes on those that
+    were elsewhere.
 
-    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees, OpenSim 4 takes such a
-    column as it stands: one in degrees would be read as 57 times as much.
+    OpenSim 3 wrote a coordinate that is neither an angle nor a length (a patella's) in degrees,
+    OpenSim 4 takes such a column as it stands: one in degrees would be read as 57 times as much.
     """
     driven = [name for name in model.dependent_coordinates if name in motion.names]
     if not driven or not len(motion):
@@ -289,13 +324,14 @@ def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...
     values = np.array(motion.values)
     notes = []
     for name in driven:
-        own, right = values[:, motion.names.index(name)], coupled[:, model.coordinate_names.index(name)]
+        own = values[:, motion.names.index(name)]
+        right = coupled[:, model.coordinate_names.index(name)]
         apart = np.abs(np.nan_to_num(own - right))
         worst = int(np.argmax(apart))
         if apart[worst] > COUPLED:
             notes.append(
-                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts it at "
-                f"{right[worst]:.4g}: the coupler's value is taken throughout"
+                f"'{name}' is {own[worst]:.4g} at {motion.time[worst]:.2f} s where its coupler puts"
+                f" it at {right[worst]:.4g}: the coupler's value is taken throughout"
             )
         values[:, motion.names.index(name)] = np.where(np.isnan(own), own, right)
     return replace(motion, values=values), tuple(notes)
@@ -305,7 +341,8 @@ class PosesBy:
     """Poses of bodies in ground at any time of a motion, for loads that are given in moving frames."""
 
     def __init__(self, model: Model, motion: Motion):
-        self.model, self.motion = model, motion
+        self.model = model
+        self.motion = motion
 
     def __call__(self, body: str, time: Array) -> tuple[Array, Array]:
         """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
@@ -317,31 +354,42 @@ class PosesBy:
             raise UnknownName("body", body, self.model.body_names)
         columns = [np.interp(time, self.motion.time, column) for column in self.motion.values.T]
         values = np.array(columns).T.reshape(len(time), len(self.motion.names))
-        poses = forward_kinematics(tree, tree.coordinates_of(Motion(time, self.motion.names, values)))
+        poses = forward_kinematics(
+            tree, tree.coordinates_of(Motion(time, self.motion.names, values))
+        )
         b = tree.body_index[body]
         return poses.rotations[:, b], poses.origins[:, b]
 
 
-def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tuple[float, float] | None:
-    """Check a time range that a user gave against a recording. Raises `BadData` where it ends before it starts, or
-    holds no frame of the recording.
+def cut_to(
+    time: tuple[float, float] | None, series: Series, path: object
+) -> tuple[float, float] | None:
+    """Check a time range that a user gave against a recording. Raises `BadData` where it ends
+    before it starts, or holds no frame of the recording.
     """
     if time is None:
         return None
     start, end = time
     if not start < end:
         raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
-    first, last = float(series.time[0]), float(series.time[-1])
+    first = float(series.time[0])
+    last = float(series.time[-1])
     if end < first or start > last:
-        raise BadData(f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to {end:g} s")
+        raise BadData(
+            f"{path}: runs from {first:g} to {last:g} s, so it has nothing from {start:g} to"
+            f" {end:g} s"
+        )
     return start, end
 
 
 def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[str, ...]:
-    """What a time range that was asked for has beyond the recording, which is then cut in silence otherwise."""
+    """What a time range that was asked for has beyond the recording, which is then cut in silence
+    otherwise.
+    """
     if time is None or len(series) < 2:
         return ()
-    first, last = float(series.time[0]), float(series.time[-1])
+    first = float(series.time[0])
+    last = float(series.time[-1])
     step = (last - first) / (len(series) - 1)
     if time[0] > first - 1.5 * step and time[1] < last + 1.5 * step:
         return ()

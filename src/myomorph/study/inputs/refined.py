@@ -1,4 +1,6 @@
-"""Coordinates that agree with markers and forces, in the place of those of inverse kinematics, and these forces."""
+"""Coordinates that agree with markers and forces, in the place of those of inverse kinematics, and
+these forces.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RefinedFile:
-    """What the subject's step `refine` found of a trial. `path`: of its coordinates; no such file where the trial was
-    not among its own; `cutoff`: of the low-pass filter of the forces that these agree with [Hz].
+    """What the subject's step `refine` found of a trial. `path`: of its coordinates; no such file
+    where the trial was not among its own; `cutoff`: of the low-pass filter of the forces that these
+    agree with [Hz].
     """
 
     path: Path
@@ -36,8 +39,9 @@ class RefinedFile:
 
 @read_only
 class RefinedMotion:
-    """Coordinates that agree with markers and forces. `cutoff`: of the low-pass filter of the forces; the motion holds
-    nothing much above it [Hz]; `tissue`: by which its markers move more, None for not at all.
+    """Coordinates that agree with markers and forces. `cutoff`: of the low-pass filter of the
+    forces; the motion holds nothing much above it [Hz]; `tissue`: by which its markers move more,
+    None for not at all.
     """
 
     motion: Motion
@@ -55,18 +59,22 @@ class RefinedMotion:
 
 
 def _open(settings: RefinedFile, opening: Opening) -> Opened:
-    """The refined motion, and external forces filtered as they were when it was refined. Raises `BadFile` where it is
-    of another model.
+    """The refined motion, and external forces filtered as they were when it was refined. Raises
+    `BadFile` where it is of another model.
     """
-    path, loads = settings.path, opening.values.get(ExternalLoads)
+    path = settings.path
+    loads = opening.values.get(ExternalLoads)
     if not path.is_file():
         return Opened()
     from myomorph.motion.sync import resample_wrenches
 
-    motion, table = read_motion(path, opening.model), path.parent.parent / SOFT_TISSUE
+    motion = read_motion(path, opening.model)
+    table = path.parent.parent / SOFT_TISSUE
     tissue = read_soft_tissue(table) if table.is_file() else None
     if motion.names != opening.model.coordinate_names:
-        raise BadFile(path, "is no refined motion of this model", "run the study again with --fresh")
+        raise BadFile(
+            path, "is no refined motion of this model", "run the study again with --fresh"
+        )
 
     def filtered(moved: Motion) -> Wrenches:
         assert loads is not None
@@ -74,7 +82,10 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
         return resample_wrenches(wrenches, wrenches.time, settings.cutoff)
 
     return Opened(
-        (RefinedMotion(motion, settings.cutoff, tissue), None if loads is None else ExternalLoads(filtered)),
+        (
+            RefinedMotion(motion, settings.cutoff, tissue),
+            None if loads is None else ExternalLoads(filtered),
+        ),
         (file_source("refined motion", path),),
         real="coordinates refined together with body, masses and forces",
     )
@@ -86,26 +97,40 @@ INPUT = Input(name="refined", settings=RefinedFile, open=_open)
 def refined_fit(
     name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
 ) -> tuple[CheckedFit, tuple[str, ...]]:
-    """Refined coordinates in the place of those of inverse kinematics, with their marker errors, and notes. Raises
-    `BadData` where they are of other frames than the recording.
+    """Refined coordinates in the place of those of inverse kinematics, with their marker errors,
+    and notes. Raises `BadData` where they are of other frames than the recording.
     """
-    fit, time = checked.fit, refined.motion.time
+    fit = checked.fit
+    time = refined.motion.time
     step = float(np.median(np.diff(fit.motion.time)))
     rows = (fit.motion.time > time[0] - 0.5 * step) & (fit.motion.time < time[-1] + 0.5 * step)
     if rows.sum() != len(time) or np.abs(fit.motion.time[rows] - time).max() > 0.1 * step:
-        raise BadData(f"{name}: its refined motion is of other frames than its markers: run again with --fresh")
-    markers = replace(checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows])
+        raise BadData(
+            f"{name}: its refined motion is of other frames than its markers: run again with"
+            " --fresh"
+        )
+    markers = replace(
+        checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows]
+    )
     seen = np.isfinite(fit.motion.values[rows]).all(axis=1)
-    motion, shown = (
-        Motion(markers.time, refined.motion.names, np.where(seen[:, None], values, np.nan))
-        for values in (refined.motion.values, refined.of_markers)
+    motion = Motion(
+        markers.time, refined.motion.names, np.where(seen[:, None], refined.motion.values, np.nan)
+    )
+    shown = Motion(
+        markers.time, refined.motion.names, np.where(seen[:, None], refined.of_markers, np.nan)
     )
     errors = marker_distances(model, fit.marker_names, markers, shown)
     lost = len(fit.motion) - int(rows.sum())
     notes = (
-        (f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were recorded; {lost} frames "
-         "of markers before and after are not used",) if lost > 1 else ()
-    )  # fmt: skip
+        (
+            (
+                f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were"
+                f" recorded; {lost} frames of markers before and after are not used"
+            ),
+        )
+        if lost > 1
+        else ()
+    )
     fit = replace(
         fit,
         motion=motion,
@@ -118,7 +143,9 @@ def refined_fit(
 
 
 def marker_distances(model: Model, names: Sequence[str], markers: Markers, motion: Motion) -> Array:
-    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where unseen."""
+    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where
+    unseen.
+    """
     from myomorph.rigid.kinematics import forward_kinematics
     from myomorph.rigid.tree import compile_tree
 

@@ -20,8 +20,8 @@ SOFT_TISSUE = "soft_tissue.csv"  # Table of `identify` and `refine`.
 
 @dataclass(frozen=True)
 class SoftTissueFile:
-    """How much more markers move than the body's mass: soft_tissue.csv of `identify` or `refine`; it is taken from the
-    motion before forces are computed.
+    """How much more markers move than the body's mass: soft_tissue.csv of `identify` or `refine`;
+    it is taken from the motion before forces are computed.
     """
 
     soft_tissue: Annotated[Path | None, File()] = None
@@ -36,9 +36,15 @@ def read_soft_tissue(path: Path) -> SoftTissue:
         with path.open(encoding="utf-8", newline="") as stream:
             head, *rows = csv.reader(stream)
         if tuple(head) != SOFT_TISSUE_HEAD:
-            raise BadFile(path, f"has the columns {', '.join(head[:4])}, not {', '.join(SOFT_TISSUE_HEAD)}", hint)
+            raise BadFile(
+                path,
+                f"has the columns {', '.join(head[:4])}, not {', '.join(SOFT_TISSUE_HEAD)}",
+                hint,
+            )
         names, groups, alpha, sd = zip(*rows, strict=True) if rows else ((), (), (), ())
-        return SoftTissue(names, groups, np.array(alpha, float), np.array(sd, float))
+        return SoftTissue(
+            names=names, groups=groups, alpha=np.array(alpha, float), sd=np.array(sd, float)
+        )
     except (OSError, ValueError, BadData) as error:
         raise BadFile(path, f"cannot be read as soft tissue ({error})", hint) from error
 

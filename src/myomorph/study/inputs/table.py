@@ -1,4 +1,6 @@
-"""Which inputs a trial has: one line each. This table imports nothing, so that the command line starts fast."""
+"""Which inputs a trial has: one line each. This table imports nothing, so that the command line
+starts fast.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ INPUTS: dict[str, str] = {
     "assumed": "myomorph.study.inputs.assumed",
     "truth": "myomorph.study.inputs.truth",
 }
-"""In the order in which they are opened: an input's name, and the module whose `INPUT` it is, imported when needed."""
+"""In the order in which they are opened: an input's name, and the module whose `INPUT` it is,
+imported when needed.
+"""
 
 
 def input_of(name: str) -> Input:
@@ -48,12 +52,14 @@ def inputs_of(settings: ByType) -> dict[str, Any]:
 
 def all_keys() -> dict[str, tuple[Input, Key]]:
     """All keys of study files by name, each with its input."""
-    return {key.name: (declared, key) for declared in map(input_of, INPUTS) for key in declared.keys}
+    return {
+        key.name: (declared, key) for declared in map(input_of, INPUTS) for key in declared.keys
+    }
 
 
 def settings_of_keys(values: Mapping[str, Any], among: Iterable[str] | None = None) -> ByType:
-    """Settings of inputs from values of their keys; inputs of which no key has a value are left out. `among`: inputs
-    whose keys they are, None for all.
+    """Settings of inputs from values of their keys; inputs of which no key has a value are left
+    out. `among`: inputs whose keys they are, None for all.
     """
     made = []
     for declared in map(input_of, INPUTS if among is None else among):

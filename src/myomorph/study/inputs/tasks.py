@@ -44,12 +44,14 @@ INPUT = Input(name="tasks", settings=TasksFile, open=_open, main="tasks")
 def with_tasks(
     options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
 ) -> InverseKinematicsOptions:
-    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1. Raises
-    `BadData` where the set gives no marker of the model a weight.
+    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of
+    them at 1. Raises `BadData` where the set gives no marker of the model a weight.
     """
     from myomorph.motion.tasks.coordinates import CoordinateTask
 
-    weights = {name: weight for name, weight in tasks.marker_weights.items() if name in model.marker_names}
+    weights = {
+        name: weight for name, weight in tasks.marker_weights.items() if name in model.marker_names
+    }
     if tasks.marker_weights and not any(weights.values()):
         raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
     aims = []
@@ -59,4 +61,6 @@ def with_tasks(
             value = {"value": aim.value, "default": default, "table": None}[aim.source]
             aims.append(CoordinateTask(aim.coordinate, aim.weight, value))
     only = bool(tasks.marker_weights)
-    return replace(options, marker_weights=weights, only_weighted=only, tasks=(*options.tasks, *aims))
+    return replace(
+        options, marker_weights=weights, only_weighted=only, tasks=(*options.tasks, *aims)
+    )

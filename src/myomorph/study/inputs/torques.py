@@ -1,4 +1,6 @@
-"""Joint torques of a table, as inverse dynamics writes it, in the place of external forces and inverse dynamics."""
+"""Joint torques of a table, as inverse dynamics writes it, in the place of external forces and
+inverse dynamics.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ from myomorph.study.inputs.loads import LoadsFile
 
 @dataclass(frozen=True)
 class TorquesFile:
-    """Joint torques from elsewhere (.sto, .mot), in the place of loads and inverse dynamics: columns named as
-    coordinates, or with _moment and _force as OpenSim's inverse dynamics names them [N m, N].
+    """Joint torques from elsewhere (.sto, .mot), in the place of loads and inverse dynamics:
+    columns named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names
+    them [N m, N].
     """
 
     torques: Annotated[Path | None, File(per="trial")] = None
@@ -38,16 +41,22 @@ class RecordedTorques:
     torques: Series
 
 
-MOMENT, FORCE = "_moment", "_force"
+MOMENT = "_moment"
+FORCE = "_force"
 
 
 def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
-    """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that are not used. Columns
-    are named as coordinates, or as OpenSim's inverse dynamics names them: `knee_angle_r_moment` of one that rotates,
-    `pelvis_tx_force` of one that translates (or does both). A free coordinate must have one, without gaps.
+    """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that
+    are not used. Columns are named as coordinates, or as OpenSim's inverse dynamics names them:
+    `knee_angle_r_moment` of one that rotates, `pelvis_tx_force` of one that translates (or does
+    both). A free coordinate must have one, without gaps.
     """
     if path.suffix.lower() not in reading.TABLE_FILES:
-        raise BadFile(path, f"is no table of torques: its name ends in '{path.suffix}'", "expected .sto or .mot")
+        raise BadFile(
+            path,
+            f"is no table of torques: its name ends in '{path.suffix}'",
+            "expected .sto or .mot",
+        )
     with reading.about(path):
         table = read_sto(path)
     columns: dict[str, int] = {}
@@ -57,10 +66,14 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
         if name is None:
             unused.append(column)
         elif name in columns:
-            raise BadData(f"{path}: coordinate '{name}' has two columns, '{table.names[columns[name]]}' and '{column}'")
+            raise BadData(
+                f"{path}: coordinate '{name}' has two columns, '{table.names[columns[name]]}' and"
+                f" '{column}'"
+            )
         else:
             columns[name] = index
-    from myomorph.tension.terms.actuators import free_coordinates  # Numba, which other steps do without
+    # Numba, which other steps do without
+    from myomorph.tension.terms.actuators import free_coordinates
 
     for name in free_coordinates(model):
         if name not in columns:
@@ -69,10 +82,14 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
     if not np.isfinite(values).all():
         frame, column_ = (int(one[0]) for one in np.nonzero(~np.isfinite(values)))
         raise BadData(
-            f"{path}: the torque of '{list(columns)[column_]}' has no finite value at {table.time[frame]:g} s; fill "
-            "the gap, or use --time START END"
+            f"{path}: the torque of '{list(columns)[column_]}' has no finite value at"
+            f" {table.time[frame]:g} s; fill the gap, or use --time START END"
         )
-    notes = (f"{path.name}: not used, no coordinates of the model: {', '.join(unused)}",) if unused else ()
+    notes = (
+        (f"{path.name}: not used, no coordinates of the model: {', '.join(unused)}",)
+        if unused
+        else ()
+    )
     return Series(table.time, tuple(columns), values), notes
 
 
@@ -87,7 +104,8 @@ def _coordinate(column: str, model: Model, path: Path) -> str | None:
             if kind == wrong:
                 right = FORCE if ending == MOMENT else MOMENT
                 raise BadData(
-                    f"{path}: column '{column}': coordinate '{name}' is {kind}; expected '{name}{right}', or '{name}'"
+                    f"{path}: column '{column}': coordinate '{name}' is {kind}; expected"
+                    f" '{name}{right}', or '{name}'"
                 )
             return name
     return None
@@ -95,7 +113,8 @@ def _coordinate(column: str, model: Model, path: Path) -> str | None:
 
 def _open(settings: TorquesFile, opening: Opening) -> Opened:
     """Torques of a trial. Raises `BadData` where something is given beside them that they exclude."""
-    path, others = settings.torques, opening.settings
+    path = settings.torques
+    others = opening.settings
     if path is None:
         return Opened()
     reactions = opening.options[TensionTables].reactions != "none"
@@ -115,7 +134,10 @@ def _open(settings: TorquesFile, opening: Opening) -> Opened:
             raise BadData(f"{path.name}: torques are given together with {what}")
     torques, unused = read_torques(path, opening.model)
     return Opened(
-        (RecordedTorques(torques),), (file_source("torques", path),), unused, f"joint torques from {path.name}"
+        values=(RecordedTorques(torques),),
+        sources=(file_source("torques", path),),
+        warnings=unused,
+        real=f"joint torques from {path.name}",
     )
 
 

@@ -1,4 +1,6 @@
-"""What is known of a simulated recording: laid beside the estimate in the report, and used for nothing else."""
+"""What is known of a simulated recording: laid beside the estimate in the report, and used for
+nothing else.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ class TruthFiles:
 
     Attributes
     ----------
-    true_torques : true torques of a simulated recording (.sto), columns named as coordinates [N m, N]
+    true_torques : true torques of a simulated recording (.sto), columns named as coordinates [N m,
+        N]
     true_activations : true activations of a simulated recording (.sto), columns named as muscles
     simulated : what was simulated, a sentence each, for the first lines of the report
     """

@@ -1,4 +1,5 @@
-"""A study file read into a plan: subjects, trials, measures, conditions, groups, and every mistake at once.
+"""A study file read into a plan: subjects, trials, measures, conditions, groups, and every mistake
+at once.
 
 It runs nothing.
 """

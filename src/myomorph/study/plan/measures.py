@@ -19,7 +19,15 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
     "height": LENGTHS,
     "chest": LENGTHS,
-    "age": {"years": 1.0, "year": 1.0, "y": 1.0, "a": 1.0, "months": 1 / 12, "weeks": 7 / 365.25, "days": 1 / 365.25},
+    "age": {
+        "years": 1.0,
+        "year": 1.0,
+        "y": 1.0,
+        "a": 1.0,
+        "months": 1 / 12,
+        "weeks": 7 / 365.25,
+        "days": 1 / 365.25,
+    },
 }
 """Units that a heading may name, the first of each meant where it names none."""
 
@@ -28,14 +36,19 @@ LARGEST = {"mass": 700.0, "height": 3.0, "chest": 3.0, "age": 130.0}
 
 TEXTS = ("subject", "model", "sex", "group")
 COLUMNS = ("subject", "model", "mass", "height", "chest", "sex", "age", "group")
-SEXES: Mapping[str, Literal["female", "male"]] = {"female": "female", "f": "female", "male": "male", "m": "male"}
+SEXES: Mapping[str, Literal["female", "male"]] = {
+    "female": "female",
+    "f": "female",
+    "male": "male",
+    "m": "male",
+}
 HEADING = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])])?\s*$")
 
 
 @dataclass(frozen=True)
 class Measures:
-    """What a table tells of one subject; None and "" where its cell is empty. `model`: file, as a path that can be
-    opened; `mass`: [kg]; `height`, `chest`: [m]; `age`: [years].
+    """What a table tells of one subject; None and "" where its cell is empty. `model`: file, as a
+    path that can be opened; `mass`: [kg]; `height`, `chest`: [m]; `age`: [years].
     """
 
     subject: str
@@ -49,8 +62,9 @@ class Measures:
 
 
 def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[str, Measures]:
-    """The lines of a table of measures by subject: CSV with commas, semicolons or tabs, in any order of columns, those
-    beside `COLUMNS` unused. Paths of models are relative to the table's folder.
+    """The lines of a table of measures by subject: CSV with commas, semicolons or tabs, in any
+    order of columns, those beside `COLUMNS` unused. Paths of models are relative to the table's
+    folder.
     """
     where = path.name
     try:
@@ -68,9 +82,14 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     except csv.Error as error:
         problems.append(f"{where}: is no table of text ({error}): save it as 'CSV UTF-8'")
         return {}
-    filled = [(number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)]
+    filled = [
+        (number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)
+    ]
     if not filled:
-        problems.append(f"{where}: is empty: expected a line of names ({', '.join(COLUMNS)}) and one line a subject")
+        problems.append(
+            f"{where}: is empty: expected a line of names ({', '.join(COLUMNS)}) and one line a"
+            " subject"
+        )
         return {}
     columns = _columns(filled[0][1], where, problems, remarks)
     result: dict[str, Measures] = {}
@@ -79,7 +98,9 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     if len(filled) == 1:
         remarks.append(f"{where}: has a line of names, but no line of a subject")
     for number, row in filled[1:]:
-        one = _line(row, columns, f"{where}, line {number}", path.parent, delimiter != ",", problems)
+        one = _line(
+            row, columns, f"{where}, line {number}", path.parent, delimiter != ",", problems
+        )
         if one is not None and one.subject in result:
             problems.append(f"{where}, line {number}: subject '{one.subject}' is there twice")
         elif one is not None:
@@ -87,18 +108,25 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     return result
 
 
-def _columns(headings: list[str], where: str, problems: list[str], remarks: list[str]) -> list[tuple[str, float]]:
+def _columns(
+    headings: list[str], where: str, problems: list[str], remarks: list[str]
+) -> list[tuple[str, float]]:
     """Name and factor to the unit used inside of every column; "" for those that are not used."""
     columns: list[tuple[str, float]] = []
     unused = []
     for heading in headings:
         parts = HEADING.match(heading)
-        name, unit = (parts["name"].lower(), parts["unit"]) if parts else (heading.strip().lower(), None)
+        name, unit = (
+            (parts["name"].lower(), parts["unit"]) if parts else (heading.strip().lower(), None)
+        )
         factor = 1.0
         if name not in COLUMNS:
             meant = "mass" if name in ("weight", "bodymass", "body mass") else name
             if difflib.get_close_matches(meant, COLUMNS, 1, 0.75):
-                problems.append(f"{where}: unknown column '{heading.strip()}': there are {listing(meant, COLUMNS)}")
+                problems.append(
+                    f"{where}: unknown column '{heading.strip()}': there are"
+                    f" {listing(meant, COLUMNS)}"
+                )
             elif name:
                 unused.append(heading.strip())
             name = ""
@@ -109,24 +137,40 @@ def _columns(headings: list[str], where: str, problems: list[str], remarks: list
             factor = UNITS[name][unit.lower()]
         elif unit is not None:
             units = listing(unit, UNITS.get(name, ()))
-            problems.append(f"{where}: column '{heading.strip()}': '{unit}' is no unit of {name}: there are {units}")
+            problems.append(
+                f"{where}: column '{heading.strip()}': '{unit}' is no unit of {name}: there are"
+                f" {units}"
+            )
         columns.append((name, factor))
     if "subject" not in {name for name, _ in columns}:
-        problems.append(f"{where}: has no column 'subject': there are {listing('subject', headings)}")
+        problems.append(
+            f"{where}: has no column 'subject': there are {listing('subject', headings)}"
+        )
     if unused:
         remarks.append(f"{where}: not used: {', '.join(unused)}")
     return columns
 
 
 def _line(
-    row: list[str], columns: list[tuple[str, float]], where: str, folder: Path, comma: bool, problems: list[str]
+    row: list[str],
+    columns: list[tuple[str, float]],
+    where: str,
+    folder: Path,
+    comma: bool,
+    problems: list[str],
 ) -> Measures | None:
     if len(row) > len(columns) and any(cell.strip() for cell in row[len(columns) :]):
         problems.append(f"{where}: has {len(row)} cells, but there are {len(columns)} columns")
         return None
-    cells = {name: (cell.strip(), factor) for (name, factor), cell in zip(columns, row, strict=False) if name}
+    cells = {
+        name: (cell.strip(), factor)
+        for (name, factor), cell in zip(columns, row, strict=False)
+        if name
+    }
     texts = {name: text for name, (text, _) in cells.items()}
-    subject, sex, model = (texts.get(name, "") for name in ("subject", "sex", "model"))
+    subject = texts.get("subject", "")
+    sex = texts.get("sex", "")
+    model = texts.get("model", "")
     if not subject:
         problems.append(f"{where}: names no subject")
         return None
@@ -139,8 +183,15 @@ def _line(
     if sex and sex.lower() not in SEXES:
         problems.append(f"{where}: sex '{sex}': expected female or male, or nothing")
     if model and not (folder / model).is_file():
-        near = [path.name for path in (folder / model).parent.glob("*") if path.suffix.lower() in (".osim", ".xml")]
-        problems.append(f"{where}: model file '{model}' does not exist: there are {listing(Path(model).name, near)}")
+        near = [
+            path.name
+            for path in (folder / model).parent.glob("*")
+            if path.suffix.lower() in (".osim", ".xml")
+        ]
+        problems.append(
+            f"{where}: model file '{model}' does not exist: there are"
+            f" {listing(Path(model).name, near)}"
+        )
     return Measures(
         subject,
         folder / model if model else None,
@@ -150,21 +201,32 @@ def _line(
     )
 
 
-def _number(text: str, name: str, factor: float, where: str, comma: bool, problems: list[str]) -> float | None:
-    """A cell as a number in the unit used inside; a comma is a decimal point where it parts no cells."""
+def _number(
+    text: str, name: str, factor: float, where: str, comma: bool, problems: list[str]
+) -> float | None:
+    """A cell as a number in the unit used inside; a comma is a decimal point where it parts no
+    cells.
+    """
     if not text:
         return None
     try:
         value = float(text.replace(",", ".") if comma else text) * factor
     except ValueError:
-        problems.append(f"{where}: {name} '{text}': expected a number, the unit goes into the heading ('{name} [...]')")
+        problems.append(
+            f"{where}: {name} '{text}': expected a number, the unit goes into the heading ('{name}"
+            " [...]')"
+        )
         return None
     unit = next(iter(UNITS[name]))
     if not math.isfinite(value) or value <= 0.0:
-        problems.append(f"{where}: {name} '{text}': expected a number above 0, or nothing where it is not known")
+        problems.append(
+            f"{where}: {name} '{text}': expected a number above 0, or nothing where it is not known"
+        )
         return None
     if value > LARGEST[name]:
         units = " or ".join(f"'{name} [{one}]'" for one in list(UNITS[name])[1:3])
-        problems.append(f"{where}: {name} of {value:g} {unit}: another unit goes into the heading, as {units}")
+        problems.append(
+            f"{where}: {name} of {value:g} {unit}: another unit goes into the heading, as {units}"
+        )
         return None
     return value

@@ -54,7 +54,8 @@ class Plan:
     conditions : of the trials
     excluded : what the study file leaves out, and why
     own : settings of a subject or a trial, those for all included, where these have any
-    flat : results of the only subject lie in the results' folder itself, without a folder of its own
+    flat : results of the only subject lie in the results' folder itself, without a folder of its
+        own
     """
 
     name: str
@@ -85,19 +86,30 @@ class Plan:
         own: dict[str, set[str]] = {}
         for trial, steps in zip(self.trials, self.steps, strict=True):
             own.setdefault(trial.subject, set()).update(steps)
-        return {subject: tuple(step for step in study_steps() if step in told) for subject, told in own.items()}
+        return {
+            subject: tuple(step for step in study_steps() if step in told)
+            for subject, told in own.items()
+        }
 
     def steps_of(self, subject: str) -> tuple[str, ...]:
         """All steps of a subject and its trials, in the order in which they run."""
         return self._steps.get(subject, ())
 
     def begins_with(self, subject: str) -> str:
-        """The subject whose own steps make the model that this one begins with, "" where it begins with a file."""
+        """The subject whose own steps make the model that this one begins with, "" where it begins
+        with a file.
+        """
         return self.subjects[subject].model_of
 
     def maker(self, subject: str) -> str:
-        """The subject whose own steps make the model that this one's trials use, "" where they use a file."""
-        return subject if plan_checks.makes_model(self.steps_of(subject)) else self.begins_with(subject)
+        """The subject whose own steps make the model that this one's trials use, "" where they use
+        a file.
+        """
+        return (
+            subject
+            if plan_checks.makes_model(self.steps_of(subject))
+            else self.begins_with(subject)
+        )
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -116,9 +128,9 @@ def read_plan(path: str | Path) -> Plan:
     Raises
     ------
     BadFile
-        where it is no TOML, or with one list of all that is wrong: unknown keys and steps, values of the
-        wrong kind, files that do not exist, patterns that match nothing, names that clash, subjects that wait for
-        each other
+        where it is no TOML, or with one list of all that is wrong: unknown keys and steps, values
+        of the wrong kind, files that do not exist, patterns that match nothing, names that clash,
+        subjects that wait for each other
 
     Examples
     --------
@@ -143,12 +155,15 @@ def read_plan(path: str | Path) -> Plan:
 
 
 class _Reading:
-    """A study file while it is read: what it says of all subjects, and its subjects and trials so far. `tables`: of the
-    subjects, in the order of the file; `own`: settings where they differ from those for all.
+    """A study file while it is read: what it says of all subjects, and its subjects and trials so
+    far. `tables`: of the subjects, in the order of the file; `own`: settings where they differ from
+    those for all.
     """
 
     def __init__(self, file: Any, home: Path, notes: Notes) -> None:
-        self.file, self.home, self.notes = file, home, notes
+        self.file = file
+        self.home = home
+        self.notes = notes
         self.settings = given_options(file)
         check_settings(self.settings, "", notes.problems)
         self.common = located(file, "subject", Place(home, "study", notes))
@@ -168,7 +183,9 @@ class _Reading:
 
     def _measures(self, gone: Sequence[str]) -> dict[str, Measures]:
         """The table of measures, with a line for each subject that the study does not leave out."""
-        given, problems, remarks = self.file.study.measures, self.notes.problems, self.notes.remarks
+        given = self.file.study.measures
+        problems = self.notes.problems
+        remarks = self.notes.remarks
         path = existing(self.home, given, "study: measures", problems)
         if path is None:
             return {}
@@ -179,7 +196,8 @@ class _Reading:
         for name in self.names:
             if name not in measures and name not in gone:
                 problems.append(
-                    f"{given}: has no line for subject '{name}': there are {listing(name, tuple(measures))}"
+                    f"{given}: has no line for subject '{name}': there are"
+                    f" {listing(name, tuple(measures))}"
                 )
         others = [name for name in measures if name not in self.names]
         if others:
@@ -189,7 +207,9 @@ class _Reading:
 
     def _add(self, subject: Named) -> None:
         """Add a subject and its trials."""
-        name, problems, source = subject.name, self.notes.problems, self.file.study.measures
+        name = subject.name
+        problems = self.notes.problems
+        source = self.file.study.measures
         model = None
         if source is not None:
             table, model = measured(subject, self.measures.get(name), source, self.notes)
@@ -201,7 +221,9 @@ class _Reading:
             check_settings(given, f"subject '{name}': ", problems)
         steps = tuple(step for step in study_steps() if step in subject.table.steps)
         trials = []
-        for trial, told in subject_trials(subject, model, self.common, self.exclusions.leaves_out, self.notes):
+        for trial, told in subject_trials(
+            subject, model, self.common, self.exclusions.leaves_out, self.notes
+        ):
             trials.append(trial)
             if given or told:
                 self.own[name, trial.name] = merged(whole, told)
@@ -221,7 +243,9 @@ class _Reading:
         return [step for trial, steps in each if trial.subject == subject for step in steps]
 
     def put_makers(self, steps: Mapping[str, Sequence[str]]) -> None:
-        """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
+        """Put who makes a model in the place of who is named, and the file that it began with in
+        that of none.
+        """
         makers = {name: plan_checks.maker_of(name, self.subjects, steps) for name in self.subjects}
         for name, maker in makers.items():
             if not maker:
@@ -230,34 +254,54 @@ class _Reading:
             while makers[first]:
                 first = makers[first]
             model = self.subjects[first].model
-            self.trials = [replace(trial, model=model) if trial.subject == name else trial for trial in self.trials]
+            self.trials = [
+                replace(trial, model=model) if trial.subject == name else trial
+                for trial in self.trials
+            ]
             own = tuple(trial for trial in self.trials if trial.subject == name)
-            self.subjects[name] = replace(self.subjects[name], model=model, model_of=maker, trials=own)
+            self.subjects[name] = replace(
+                self.subjects[name], model=model, model_of=maker, trials=own
+            )
 
     def groups(self) -> GroupPlan | None:
-        """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
-        file, problems, subjects = self.file, self.notes.problems, tuple(self.subjects)
-        trials = {name: [trial.name for trial in self.trials if trial.subject == name] for name in subjects}
+        """Which subjects are compared: by the table `[groups]`, or by the column of the table of
+        measures.
+        """
+        file = self.file
+        problems = self.notes.problems
+        subjects = tuple(self.subjects)
+        trials = {
+            name: [trial.name for trial in self.trials if trial.subject == name]
+            for name in subjects
+        }
         if file.groups and file.study.compare:
             problems.append("study: compare and [groups] both name groups: give one of them")
         if file.groups:
             left_out = [name for name in self.names if name not in self.subjects]
             members = group_members(file.groups, subjects, left_out, problems)
         else:
-            members = measured_groups(self.measures, subjects, file.study.compare, problems, self.notes.remarks)
+            members = measured_groups(
+                self.measures, subjects, file.study.compare, problems, self.notes.remarks
+            )
         return groups_of(members, file.strides, trials, problems)
 
 
 def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     """The tables of a file as a plan; worth nothing where the notes have problems."""
-    problems, read = notes.problems, _Reading(file, path.parent, notes)
+    problems = notes.problems
+    read = _Reading(file, path.parent, notes)
     excluded = read.exclusions.found
     read.exclusions.unused(read.names, read.trials, problems)
     if excluded and not read.trials and not problems:
-        problems.append(f"exclude: nothing is left: {len(excluded)} subjects or trials are excluded, all of them")
+        problems.append(
+            f"exclude: nothing is left: {len(excluded)} subjects or trials are excluded, all of"
+            " them"
+        )
     steps = {name: read.steps_of(name) for name in read.subjects}
     plan_checks.check_masses(read.subjects, problems)
-    plan_checks.check_names(read.trials, steps, [table.name for table in file.together], problems, file.study.flat)
+    plan_checks.check_names(
+        read.trials, steps, [table.name for table in file.together], problems, file.study.flat
+    )
     if file.study.flat and (len(read.subjects) != 1 or file.together or file.groups):
         problems.append("study: flat is for one subject, without [[together]] and [groups]")
     before = len(problems)
@@ -265,22 +309,28 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     if len(problems) == before:
         read.put_makers(steps)
     plan_checks.check_model_names(read.trials, problems)
-    own = {name: subject.table.conditions for name, subject in read.tables.items() if subject.table.conditions}
-    trials, conditions = with_conditions(read.trials, file.study.conditions, own, excluded, problems, notes.remarks)
+    own = {
+        name: subject.table.conditions
+        for name, subject in read.tables.items()
+        if subject.table.conditions
+    }
+    trials, conditions = with_conditions(
+        read.trials, file.study.conditions, own, excluded, problems, notes.remarks
+    )
     together = tuple(together_of(table, trials, path.parent, notes) for table in file.together)
     groups = read.groups()
     return Plan(
-        file.study.name,
-        path,
-        tuple(trials),
-        tuple(read.steps),
-        FrozenMap(read.settings),
-        tuple(dict.fromkeys((*notes.remarks, *notes.found))),
-        read.subjects,
-        together,
-        groups,
-        conditions,
-        tuple(excluded),
-        FrozenMap(read.own),
-        file.study.flat,
+        name=file.study.name,
+        path=path,
+        trials=tuple(trials),
+        steps=tuple(read.steps),
+        settings=FrozenMap(read.settings),
+        remarks=tuple(dict.fromkeys((*notes.remarks, *notes.found))),
+        subjects=read.subjects,
+        together=together,
+        groups=groups,
+        conditions=conditions,
+        excluded=tuple(excluded),
+        own=FrozenMap(read.own),
+        flat=file.study.flat,
     )

@@ -39,18 +39,26 @@ def filtered_steps() -> tuple[str, ...]:
 
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
-    """What a study file says to every step among its options: its settings, and keys of inputs that stand there."""
+    """What a study file says to every step among its options: its settings, and keys of inputs that
+    stand there.
+    """
     keys = [key for _, key in all_keys().values()]
     return {
         step: (
             *step_head(step).settings,
-            *(Setting(key.name, key.table, key.default, key.help) for key in keys if key.kind.option_of == step),
+            *(
+                Setting(name=key.name, kind=key.table, default=key.default, help=key.help)
+                for key in keys
+                if key.kind.option_of == step
+            ),
         )
         for step in study_steps()
     }
 
 
-def check_settings(settings: Mapping[str, Mapping[str, Any]], where: str, problems: list[str]) -> None:
+def check_settings(
+    settings: Mapping[str, Mapping[str, Any]], where: str, problems: list[str]
+) -> None:
     """Add to the problems what the option dataclasses refuse, as a filter below zero."""
     for step in study_steps():
         for options in step_head(step).options:
@@ -67,7 +75,8 @@ def merged(
 ) -> dict[str, dict[str, Any]]:
     """Settings with those of a subject or a trial over them.
 
-    A filter that these name for one of the steps that share it takes the place of all that were named before.
+    A filter that these name for one of the steps that share it takes the place of all that were
+    named before.
     """
     found = {step: dict(setting) for step, setting in settings.items()}
     filtered = filtered_steps()
@@ -80,9 +89,11 @@ def merged(
 
 
 class StudyHead(StudyTable):
-    """The table `[study]`: a name, a table of measures, conditions, and which two of its groups to compare.
+    """The table `[study]`: a name, a table of measures, conditions, and which two of its groups to
+    compare.
 
-    With `flat`, results of the only subject lie in the results' folder itself, without a folder of its own.
+    With `flat`, results of the only subject lie in the results' folder itself, without a folder of
+    its own.
     """
 
     measures: str | None = None
@@ -92,14 +103,18 @@ class StudyHead(StudyTable):
 
 
 class TrialTable(Strict):
-    """A trial given by a table, where its files do not follow the rule of names; `input_tables` adds keys of inputs."""
+    """A trial given by a table, where its files do not follow the rule of names; `input_tables`
+    adds keys of inputs.
+    """
 
     name: str = ""
     condition: str = ""
 
 
 class SubjectTable(Strict):
-    """A subject, or all whose folders a pattern matches, or that a list names; `input_tables` adds keys of inputs."""
+    """A subject, or all whose folders a pattern matches, or that a list names; `input_tables` adds
+    keys of inputs.
+    """
 
     name: str | None = None
     names: list[str] = Field(default_factory=list)
@@ -143,7 +158,9 @@ def trial_table() -> type[BaseModel]:
 
 
 def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
-    """Keys of inputs that the table of a subject or a trial has beside those of a base, as pydantic makes fields."""
+    """Keys of inputs that the table of a subject or a trial has beside those of a base, as pydantic
+    makes fields.
+    """
     return {
         name: (key.table, Field(default=None, validate_default=False))
         for name, (_, key) in all_keys().items()
@@ -152,11 +169,15 @@ def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
 
 
 @cache
-def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[type[BaseModel], type[BaseModel]]:
+def _tables(
+    steps: tuple[str, ...], inputs: tuple[str, ...]
+) -> tuple[type[BaseModel], type[BaseModel]]:
     """Those of a study file and of a trial, made once for the steps and inputs that there are."""
     options = options_table(step_settings())
     own: Any = (options, Field(default_factory=options))
-    trial = create_model("_Trial", __base__=TrialTable, options=own, **input_keys("trial", TrialTable))
+    trial = create_model(
+        "_Trial", __base__=TrialTable, options=own, **input_keys("trial", TrialTable)
+    )
     subject = create_model(
         "_Subject",
         __base__=SubjectTable,
@@ -179,12 +200,20 @@ def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[type[BaseM
 
 
 def given_options(table: Any) -> dict[str, dict[str, Any]]:
-    """What a table says of the steps, by step and setting; only what is written, without keys of inputs."""
+    """What a table says of the steps, by step and setting; only what is written, without keys of
+    inputs.
+    """
     given = getattr(table, "options", None)
-    by_step: Mapping[str, dict[str, Any]] = {} if given is None else given.model_dump(exclude_unset=True)
+    by_step: Mapping[str, dict[str, Any]] = (
+        {} if given is None else given.model_dump(exclude_unset=True)
+    )
     keys = all_keys()
     settings = {
-        step: {name: value for name, value in said.items() if name not in keys or keys[name][1].kind.option_of != step}
+        step: {
+            name: value
+            for name, value in said.items()
+            if name not in keys or keys[name][1].kind.option_of != step
+        }
         for step, said in by_step.items()
     }
     return {step: said for step, said in settings.items() if said}
@@ -192,7 +221,8 @@ def given_options(table: Any) -> dict[str, dict[str, Any]]:
 
 def lacking(raw: Mapping[str, Any]) -> list[str]:
     """What must be in a table or in another place, so that the tables themselves cannot ask for it."""
-    study, tables = raw.get("study"), raw.get("subject")
+    study = raw.get("study")
+    tables = raw.get("subject")
     elsewhere = isinstance(study, dict) and "measures" in study
     problems = []
     for number, table in enumerate(tables if isinstance(tables, list) else [], 1):
@@ -202,7 +232,9 @@ def lacking(raw: Mapping[str, Any]) -> list[str]:
         if not ways:
             problems.append(f"'subject.{number}.name' is missing (or 'names', or 'folders')")
         elif len(ways) > 1:
-            problems.append(f"'subject.{number}' has {' and '.join(map(repr, ways))}: expected one of them")
+            problems.append(
+                f"'subject.{number}' has {' and '.join(map(repr, ways))}: expected one of them"
+            )
         if "model" in table and "model_of" in table:
             problems.append(f"'subject.{number}' has 'model' and 'model_of': expected one of them")
         elif not elsewhere and not {"model", "model_of"} & set(table):
@@ -212,8 +244,8 @@ def lacking(raw: Mapping[str, Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Named:
-    """One subject, with its table. `folder`: that paths in its table are relative to; `matched`: it was found by a
-    pattern, so a table that names it goes before.
+    """One subject, with its table. `folder`: that paths in its table are relative to; `matched`: it
+    was found by a pattern, so a table that names it goes before.
     """
 
     name: str
@@ -231,10 +263,12 @@ def as_list(patterns: Patterns) -> list[str]:
     return [patterns] if isinstance(patterns, str) else list(patterns)
 
 
-def named_subjects(tables: Sequence[SubjectTable], home: Path, problems: list[str], remarks: list[str]) -> list[Named]:
-    """Every subject of a study file, its name put into the texts of its table. A subject that one table names is taken
-    by no pattern of another. `home`: folder of the study file; `problems`, `remarks`: take up what is wrong, and who
-    has a table of their own.
+def named_subjects(
+    tables: Sequence[SubjectTable], home: Path, problems: list[str], remarks: list[str]
+) -> list[Named]:
+    """Every subject of a study file, its name put into the texts of its table. A subject that one
+    table names is taken by no pattern of another. `home`: folder of the study file; `problems`,
+    `remarks`: take up what is wrong, and who has a table of their own.
     """
     found = [one for table in tables for one in _of(table, home, problems)]
     own = {one.name for one in found if not one.matched}
@@ -242,15 +276,21 @@ def named_subjects(tables: Sequence[SubjectTable], home: Path, problems: list[st
     for one in found:
         if one.matched and one.name in own:
             remarks.append(
-                f"subject '{one.name}' has a table of its own: the one for '{one.table.folders}' is not used"
+                f"subject '{one.name}' has a table of its own: the one for '{one.table.folders}' is"
+                " not used"
             )
         elif one.matched and any(other.name == one.name for other in kept):
             twice = next(other.folder for other in kept if other.name == one.name)
-            problems.append(f"subject '{one.name}' is there twice: folders {twice} and {one.folder}")
+            problems.append(
+                f"subject '{one.name}' is there twice: folders {twice} and {one.folder}"
+            )
         else:
             kept.append(one)
     filled = (_put(one.table.model_dump(exclude_unset=True), one.name) for one in kept)
-    return [replace(one, table=type(one.table).model_validate(table)) for one, table in zip(kept, filled, strict=True)]
+    return [
+        replace(one, table=type(one.table).model_validate(table))
+        for one, table in zip(kept, filled, strict=True)
+    ]
 
 
 def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]:
@@ -271,7 +311,7 @@ def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]
         for folder in folders:
             # A link is called as it is; "." and ".." have no name of their own.
             name = folder.name if folder.name not in ("", "..") else folder.resolve().name
-            yield Named(name, folder, table, matched)
+            yield Named(name=name, folder=folder, table=table, matched=matched)
 
 
 def _is_result(folder: Path) -> bool:

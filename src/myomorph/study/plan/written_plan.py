@@ -23,9 +23,9 @@ MARK = "# As it was written: "
 
 
 def study_text(plan: Plan, folder: Path, head: Sequence[str] = ()) -> str:
-    """The study file of one subject that begins with a model in a file; conditions are not written. What an input says
-    of all trials stands once, else in their tables. `folder`: that the file will lie in; paths are relative to it;
-    `head`: lines of comment at the top.
+    """The study file of one subject that begins with a model in a file; conditions are not written.
+    What an input says of all trials stands once, else in their tables. `folder`: that the file will
+    lie in; paths are relative to it; `head`: lines of comment at the top.
     """
     (files,) = plan.subjects.values()
     shared = _shared(files, plan.trials)
@@ -83,7 +83,9 @@ def _subject(plan: Plan, files: SubjectFiles, shared: Mapping[str, Any], folder:
 
 
 def _shared(files: SubjectFiles, trials: Sequence[TrialFiles]) -> dict[str, Any]:
-    """What inputs say of all trials, by key; which axis points up, of the static recording where there is one."""
+    """What inputs say of all trials, by key; which axis points up, of the static recording where
+    there is one.
+    """
     shared: dict[str, Any] = {}
     keys = all_keys()
     for name, first in _values(trials[0]).items():
@@ -108,7 +110,9 @@ def _values(trial: TrialFiles) -> dict[str, Any]:
     }
 
 
-def _put_options(table: Any, settings: Mapping[str, Any], values: Mapping[str, Any], folder: Path) -> None:
+def _put_options(
+    table: Any, settings: Mapping[str, Any], values: Mapping[str, Any], folder: Path
+) -> None:
     """Put settings of steps, and keys of inputs that stand among them, into the options of a table."""
     by_step = {step: dict(said) for step, said in settings.items()}
     for name, value in values.items():
@@ -122,9 +126,15 @@ def _put_options(table: Any, settings: Mapping[str, Any], values: Mapping[str, A
 
 
 def _put_inputs(table: Any, values: Mapping[str, Any], folder: Path) -> None:
-    """Put values of keys into a table: mappings, which become tables of their own, behind the others."""
+    """Put values of keys into a table: mappings, which become tables of their own, behind the
+    others.
+    """
     kinds = {name: all_keys()[name][1].kind for name in values}
-    written = {name: kinds[name].written(value, folder) for name, value in values.items() if not kinds[name].option_of}
+    written = {
+        name: kinds[name].written(value, folder)
+        for name, value in values.items()
+        if not kinds[name].option_of
+    }
     for name, value in sorted(written.items(), key=lambda item: isinstance(item[1], Mapping)):
         table[name] = value
         if kinds[name].adds:

@@ -1,4 +1,6 @@
-"""A Dask cluster: its address and connection, which of its processes are fit, and the job that one of them does."""
+"""A Dask cluster: its address and connection, which of its processes are fit, and the job that one
+of them does.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ START = "start one with 'dask scheduler' and give the address that it prints"
 
 @dataclass(frozen=True)
 class Fitness:
-    """What a process is, and whether it sees the folder of the results by the file that it is to read."""
+    """What a process is, and whether it sees the folder of the results by the file that it is to
+    read.
+    """
 
     version: str
     python: str
@@ -55,12 +59,17 @@ def fitness(path: str = "", content: str = "") -> Fitness:
         sees = not path or Path(path).read_text(encoding="utf-8") == content
     except OSError:
         sees = False
-    return Fitness(__version__, f"{sys.version_info.major}.{sys.version_info.minor}", platform.system(), sees)
+    return Fitness(
+        version=__version__,
+        python=f"{sys.version_info.major}.{sys.version_info.minor}",
+        system=platform.system(),
+        sees=sees,
+    )
 
 
 def do_job(work: bytes, model: bytes = b"", date: str = "") -> Outcome:
-    """Do what a packed job says, with its packed model. `date` is what results are to bear, as SOURCE_DATE_EPOCH says
-    it, "" for that of the clock.
+    """Do what a packed job says, with its packed model. `date` is what results are to bear, as
+    SOURCE_DATE_EPOCH says it, "" for that of the clock.
     """
     with _dated(date), _ends_when_unwanted():
         do: Callable[[Model | None], Outcome] = pickle.loads(work)
@@ -69,7 +78,9 @@ def do_job(work: bytes, model: bytes = b"", date: str = "") -> Outcome:
 
 @contextmanager
 def _dated(date: str) -> Iterator[None]:
-    """Work silently on one thread, and date results as the sender does; settings before hold again after."""
+    """Work silently on one thread, and date results as the sender does; settings before hold again
+    after.
+    """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date}
     before = {name: os.environ.pop(name) for name in wanted if name in os.environ}
@@ -87,15 +98,16 @@ def _dated(date: str) -> Iterator[None]:
 
 @contextmanager
 def _ends_when_unwanted() -> Iterator[None]:
-    """End this process where its job is given up: by the program that sent it, or because the cluster is out of reach.
-    Else the job would go on writing beside its successor. Only a process that a nanny starts again, and that does
-    nothing else at the same time, ends itself.
+    """End this process where its job is given up: by the program that sent it, or because the
+    cluster is out of reach. Else the job would go on writing beside its successor. Only a process
+    that a nanny starts again, and that does nothing else at the same time, ends itself.
     """
     try:
         from distributed import get_worker
         from distributed.worker import thread_state
 
-        worker, key = get_worker(), thread_state.key
+        worker = get_worker()
+        key = thread_state.key
     except (ImportError, ValueError, AttributeError):
         yield
         return
@@ -114,12 +126,16 @@ def _watch(worker: Any, key: Any, done: threading.Event) -> None:
     while not done.wait(WATCH):
         task = worker.state.tasks.get(key)
         given_up = task is None or task.state == "cancelled"
-        if (given_up or worker.status.name in ("closing", "closed", "failed")) and not done.is_set():
+        if (
+            given_up or worker.status.name in ("closing", "closed", "failed")
+        ) and not done.is_set():
             os._exit(FAILED)
 
 
 def scheduler_address(text: str) -> str:
-    """The address of a scheduler, from a text or from the file that `dask scheduler --scheduler-file` writes."""
+    """The address of a scheduler, from a text or from the file that `dask scheduler
+    --scheduler-file` writes.
+    """
     if text.lower().endswith(".json"):
         try:
             return str(json.loads(Path(text).read_text(encoding="utf-8"))["address"])
@@ -127,13 +143,20 @@ def scheduler_address(text: str) -> str:
             hint = "give the file that 'dask scheduler --scheduler-file' writes, once it is there"
             raise BadFile(text, f"cannot be read ({error.strerror or error})", hint) from None
         except (ValueError, KeyError, TypeError):
-            raise BadFile(text, "is no scheduler file", "give what 'dask scheduler --scheduler-file' writes") from None
+            raise BadFile(
+                text, "is no scheduler file", "give what 'dask scheduler --scheduler-file' writes"
+            ) from None
     scheme, separator, rest = text.rpartition("://")
     if separator and scheme not in SCHEMES:
-        raise BadData(f"--scheduler {text}: there is no protocol '{scheme}': Dask has {listing(scheme, SCHEMES)}")
+        raise BadData(
+            f"--scheduler {text}: there is no protocol '{scheme}': Dask has"
+            f" {listing(scheme, SCHEMES)}"
+        )
     name, _, port = rest.rpartition(":")
     if scheme != "inproc" and not (name and port.isdigit()):
-        raise BadData(f"--scheduler {text}: expected a machine and a port like tcp://10.0.0.1:8786: {START}")
+        raise BadData(
+            f"--scheduler {text}: expected a machine and a port like tcp://10.0.0.1:8786: {START}"
+        )
     return text if separator else f"tcp://{text}"
 
 
@@ -158,7 +181,8 @@ def connected(address: str, patience: float) -> Any:
     except OSError as error:
         reason = " ".join(str(error).split()) or "something takes the connection, but is silent"
         raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
-    except Exception:  # whatever the bytes of a program of another kind lead to, MemoryError among it
+    # whatever the bytes of a program of another kind lead to, MemoryError among it
+    except Exception:
         reason = "something is there that does not speak as a Dask scheduler does"
         raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
 
@@ -174,7 +198,9 @@ async def _greet(address: str, patience: float) -> None:
 
 
 def leave_mark(folder: Path) -> tuple[Path, str]:
-    """A file in the folder of the results, and what it holds: who reads the same sees the same folder."""
+    """A file in the folder of the results, and what it holds: who reads the same sees the same
+    folder.
+    """
     content = f"{socket.gethostname()} {os.getpid()} {uuid.uuid4().hex}"
     path = folder.resolve() / f"{MARK}{uuid.uuid4().hex[:8]}"
     try:
@@ -182,7 +208,9 @@ def leave_mark(folder: Path) -> tuple[Path, str]:
         path.write_text(content, encoding="utf-8")
     except OSError as error:
         reason = error.strerror or str(error)
-        raise BadFile(folder, f"cannot be written ({reason})", "give --out another folder") from None
+        raise BadFile(
+            folder, f"cannot be written ({reason})", "give --out another folder"
+        ) from None
     return path, content
 
 
@@ -190,11 +218,20 @@ def unfit(fit: Fitness, mark: tuple[Path, str] | None) -> str:
     """Why a process may not be given jobs, "" where it may."""
     here = fitness()
     if fit.version != here.version:
-        return f"has Myomorph {fit.version}, this program is {here.version}: install the same version on both"
+        return (
+            f"has Myomorph {fit.version}, this program is {here.version}: install the same version"
+            " on both"
+        )
     if fit.python != here.python:
-        return f"has Python {fit.python}, this program runs in {here.python}: use the same version on both"
+        return (
+            f"has Python {fit.python}, this program runs in {here.python}: use the same version on"
+            " both"
+        )
     if fit.system != here.system:
         return f"runs on {fit.system}, this program on {here.system}: use one operating system"
     if mark is not None and not fit.sees:
-        return f"does not see {mark[0].parent}: give --out a folder that all machines share under the same name"
+        return (
+            f"does not see {mark[0].parent}: give --out a folder that all machines share under the"
+            " same name"
+        )
     return ""

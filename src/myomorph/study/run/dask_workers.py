@@ -15,7 +15,15 @@ from typing import Any
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
-from myomorph.study.run.dask_cluster import KEPT, connected, do_job, fitness, leave_mark, scheduler_address, unfit
+from myomorph.study.run.dask_cluster import (
+    KEPT,
+    connected,
+    do_job,
+    fitness,
+    leave_mark,
+    scheduler_address,
+    unfit,
+)
 from myomorph.study.workers.jobs import Ended, Job, pack
 
 PATIENCE = 12.0  # How long a scheduler may take to answer, and its first worker to come [s].
@@ -29,9 +37,9 @@ FETCH = 10.0  # How long an outcome may take to come from its process [s].
 
 @dataclass
 class Process:
-    """A process of the cluster as seen from here. `memory` [bytes] it may take, 0 where nothing bounds it; `asked`:
-    future of its fitness, None once it was found fit; `takes`: it takes tasks now, one that is short of memory pauses;
-    `model`: packed, of its last job.
+    """A process of the cluster as seen from here. `memory` [bytes] it may take, 0 where nothing
+    bounds it; `asked`: future of its fitness, None once it was found fit; `takes`: it takes tasks
+    now, one that is short of memory pauses; `model`: packed, of its last job.
     """
 
     address: str
@@ -50,12 +58,12 @@ class Process:
 
 
 class DaskWorkers:
-    """The processes of a Dask cluster that run the same version as this one, and see the folder of the results under
-    the same name; `refused` says why others get no job.
+    """The processes of a Dask cluster that run the same version as this one, and see the folder of
+    the results under the same name; `refused` says why others get no job.
 
     A process is given one job at a time, however many threads it has. A job whose process is
-    lost is not repeated here: `ended` tells of it, and who started it may start it again. Processes that come later are
-    used, too; the scheduler and its first worker are waited for `patience` [s].
+    lost is not repeated here: `ended` tells of it, and who started it may start it again. Processes
+    that come later are used, too; the scheduler and its first worker are waited for `patience` [s].
     """
 
     def __init__(self, address: str, folder: Path | None = None, patience: float = PATIENCE):
@@ -65,7 +73,8 @@ class DaskWorkers:
         self._waiting: deque[tuple[Job, bytes]] = deque()
         self._packed: OrderedDict[int, tuple[Model, bytes]] = OrderedDict()
         self._woken: queue.SimpleQueue[None] = queue.SimpleQueue()
-        self._looked, self._last_useful = 0.0, time.monotonic()
+        self._looked = 0.0
+        self._last_useful = time.monotonic()
         self._client = connected(self._address, patience)
         self._mark: tuple[Path, str] | None = None
         try:
@@ -84,7 +93,12 @@ class DaskWorkers:
     def memory(self) -> int | None:
         """What the smallest of the processes may take [bytes], None where none is bounded."""
         return min(
-            (process.memory for process in self._processes.values() if process.useful and process.memory), default=None
+            (
+                process.memory
+                for process in self._processes.values()
+                if process.useful and process.memory
+            ),
+            default=None,
         )
 
     def start(self, job: Job, model: Model | None) -> None:
@@ -93,14 +107,18 @@ class DaskWorkers:
         self._place()
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended since, or whose process is lost; none after `timeout` [s]. Raises `BadData` where the
-        scheduler is gone, or there was no worker for `ALONE`.
+        """Jobs that have ended since, or whose process is lost; none after `timeout` [s]. Raises
+        `BadData` where the scheduler is gone, or there was no worker for `ALONE`.
         """
         until = time.monotonic() + timeout
         while True:
             if time.monotonic() - self._looked > LOOK:
                 self._look()
-            result = [one for process in list(self._processes.values()) if (one := self._end_of(process)) is not None]
+            result = [
+                one
+                for process in list(self._processes.values())
+                if (one := self._end_of(process)) is not None
+            ]
             self._place()
             left = until - time.monotonic()
             if result or left <= 0.0:
@@ -109,9 +127,13 @@ class DaskWorkers:
                 self._woken.get(timeout=min(left, LOOK))
 
     def close(self) -> None:
-        """Give all jobs up; a process that a nanny starts again ends at once when its job is given up."""
+        """Give all jobs up; a process that a nanny starts again ends at once when its job is given
+        up.
+        """
         with suppress(Exception):
-            busy = [process.future for process in self._processes.values() if process.future is not None]
+            busy = [
+                process.future for process in self._processes.values() if process.future is not None
+            ]
             self._client.cancel(busy, force=True)
         with suppress(Exception):
             self._client.close(timeout=3)
@@ -123,7 +145,9 @@ class DaskWorkers:
         until = time.monotonic() + patience
         while time.monotonic() < until:
             self._look()
-            if (self.count or self.refused) and all(process.asked is None for process in self._processes.values()):
+            if (self.count or self.refused) and all(
+                process.asked is None for process in self._processes.values()
+            ):
                 break
             time.sleep(0.05)
         if self.count:
@@ -146,7 +170,9 @@ class DaskWorkers:
             if address not in self._processes and address not in self.refused:
                 path, content = self._mark or ("", "")
                 asked = self._task(address, fitness, str(path), content)
-                self._processes[address] = Process(address, int(told.get("memory_limit") or 0), asked)
+                self._processes[address] = Process(
+                    address, int(told.get("memory_limit") or 0), asked
+                )
         for process in list(self._processes.values()):
             process.there = process.there and process.address in there
             process.takes = there.get(process.address, {}).get("status", "running") == "running"
@@ -158,17 +184,27 @@ class DaskWorkers:
             self._last_useful = time.monotonic()
         elif time.monotonic() - self._last_useful > ALONE:
             hint = "what is done is kept: start workers and run the same command again to go on"
-            raise BadData(f"--scheduler {self._address}: no worker was there for {ALONE / 60:.0f} min; {hint}")
+            raise BadData(
+                f"--scheduler {self._address}: no worker was there for {ALONE / 60:.0f} min; {hint}"
+            )
 
     def _identity(self) -> dict[str, dict[str, Any]] | None:
-        """What the scheduler knows of each process, by address; None while the connection is made again."""
+        """What the scheduler knows of each process, by address; None while the connection is made
+        again.
+        """
         if self._client.status not in ("closing", "closed"):
             try:
-                identity = self._client.sync(self._client.scheduler.identity, n_workers=-1, callback_timeout=FETCH)
-            except Exception:  # of several libraries, and what it was does not matter: the next look tells
+                identity = self._client.sync(
+                    self._client.scheduler.identity, n_workers=-1, callback_timeout=FETCH
+                )
+            # of several libraries, and what it was does not matter: the next look tells
+            except Exception:
                 return None
             return dict(identity["workers"])
-        hint = "what is done is kept: start it and its workers, and run the same command again to go on"
+        hint = (
+            "what is done is kept: start it and its workers, and run the same command again to"
+            " go on"
+        )
         raise BadData(f"--scheduler {self._address}: the scheduler is gone: {hint}")
 
     def _judge(self, process: Process) -> None:
@@ -184,17 +220,24 @@ class DaskWorkers:
 
     def _place(self) -> None:
         """Give jobs that wait to processes that do nothing, rather to one that has the model."""
-        free = [process for process in self._processes.values() if process.useful and process.job is None]
+        free = [
+            process
+            for process in self._processes.values()
+            if process.useful and process.job is None
+        ]
         while free and self._waiting:
             job, model = self._waiting.popleft()
             process = next((each for each in free if each.model is model), free[0])
             free.remove(process)
-            process.job, process.model = job, model
+            process.job = job
+            process.model = model
             date = os.environ.get("SOURCE_DATE_EPOCH", "")
             process.future = self._task(process.address, do_job, pack(job.work), model, date)
 
     def _task(self, address: str, function: Any, *values: Any) -> Any:
-        """A future of what a function gives in one process; the scheduler is never to repeat it elsewhere."""
+        """A future of what a function gives in one process; the scheduler is never to repeat it
+        elsewhere.
+        """
         future = self._client.submit(
             function,
             *values,
@@ -219,7 +262,9 @@ class DaskWorkers:
                 lost = f"{type(error).__name__}: {' '.join(str(error).split())}"
         elif process.there:
             return None
-        if outcome is None and (not process.there or process.future.status in ("cancelled", "lost")):
+        if outcome is None and (
+            not process.there or process.future.status in ("cancelled", "lost")
+        ):
             lost = f"worker {process.address} was lost ({self._reason(process)})"
         with suppress(Exception):
             process.future.cancel()

@@ -23,9 +23,10 @@ FRESH = "everything is asked for anew"
 
 @dataclass(frozen=True)
 class Row:
-    """One job of a dry run: how many frames of recordings it uses, None where files do not show it at once; by step,
-    why it would be computed, () where it would be reused; seconds that this machine has learned of the computed steps,
-    and those whose time is `unknown`; what keeps it from being looked at.
+    """One job of a dry run: how many frames of recordings it uses, None where files do not show it
+    at once; by step, why it would be computed, () where it would be reused; seconds that this
+    machine has learned of the computed steps, and those whose time is `unknown`; what keeps it from
+    being looked at.
     """
 
     work: Work
@@ -48,7 +49,9 @@ class Row:
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a run would do, job by job in the order of the study file; `workers` jobs run side by side."""
+    """What a run would do, job by job in the order of the study file; `workers` jobs run side by
+    side.
+    """
 
     name: str
     out: Path
@@ -63,7 +66,11 @@ class DryRun:
     @property
     def seconds(self) -> float:
         """Time of the steps whose time is known, as so many workers do them."""
-        return max(sum(row.seconds for row in self.rows) / self.side, *(row.seconds for row in self.rows), 0.0)
+        return max(
+            sum(row.seconds for row in self.rows) / self.side,
+            *(row.seconds for row in self.rows),
+            0.0,
+        )
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -77,9 +84,14 @@ class DryRun:
 
 
 def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
-    """Look at what a run would do; recordings are opened only where there are earlier results to hold against them."""
+    """Look at what a run would do; recordings are opened only where there are earlier results to
+    hold against them.
+    """
     check_age(read_mark(out))
-    count, times, awaited, rows = cache(count_frames), StepTimes(times_file()), set[Key](), []
+    count = cache(count_frames)
+    times = StepTimes(times_file())
+    awaited = set[Key]()
+    rows = []
 
     @cache
     def read(path: Path | None) -> Model | MyomorphError | None:
@@ -96,7 +108,7 @@ def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> D
             awaited |= {work.key} if row.computed else set()
             rows.append(row)
             advance(1)
-    return DryRun(graph.name, out, tuple(rows), workers)
+    return DryRun(name=graph.name, out=out, rows=tuple(rows), workers=workers)
 
 
 def _row(
@@ -108,9 +120,12 @@ def _row(
     times: StepTimes,
 ) -> Row:
     """What a run would do of one job."""
-    frames, problem = work.frames(count), ""
+    frames = work.frames(count)
+    problem = ""
     there = work.folder.is_dir() and any(work.folder.iterdir())
-    why: Mapping[str, tuple[str, ...]] = dict.fromkeys(work.steps, (AFTER_OTHERS if awaits else NEVER,))
+    why: Mapping[str, tuple[str, ...]] = dict.fromkeys(
+        work.steps, (AFTER_OTHERS if awaits else NEVER,)
+    )
     if fresh or not there:
         why = dict.fromkeys(work.steps, (FRESH if there else NEVER,))
     if isinstance(model, MyomorphError):
@@ -124,24 +139,44 @@ def _row(
     taken = dict.fromkeys(computed)
     if not isinstance(model, MyomorphError):
         muscles = 0 if model is None else len(model.muscles)
-        taken = {step: times.expected(step, work.settings.get(step, {}), muscles, frames) for step in computed}
+        taken = {
+            step: times.expected(step, work.settings.get(step, {}), muscles, frames)
+            for step in computed
+        }
     for recording in work.recordings:
         if recording.time is not None and count(recording.path).within(recording.time) == 0:
             start, end = recording.time
-            problem = problem or f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
+            problem = (
+                problem
+                or f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
+            )
     unknown = tuple(step for step, seconds in taken.items() if seconds is None)
-    return Row(work, frames, why, sum(seconds or 0.0 for seconds in taken.values()), unknown, problem)
+    return Row(
+        work=work,
+        frames=frames,
+        reasons=why,
+        seconds=sum(seconds or 0.0 for seconds in taken.values()),
+        unknown=unknown,
+        problem=problem,
+    )
 
 
 HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "time", "files")
 MAX_NAMES = 4
 
 
-def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions: Sequence[str] = ()) -> Iterator[str]:
-    """The lines that `--dry-run` prints, with what the study file leaves out and the conditions of its trials."""
+def dry_run_lines(
+    dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions: Sequence[str] = ()
+) -> Iterator[str]:
+    """The lines that `--dry-run` prints, with what the study file leaves out and the conditions of
+    its trials.
+    """
     outcomes = [row.work.outcome for row in dry_run.rows]
     subjects = dict.fromkeys(outcome.subject for outcome in outcomes)
-    counts = [counted(len(subjects), "subject"), counted(sum(1 for outcome in outcomes if outcome.trial), "trial")]
+    counts = [
+        counted(len(subjects), "subject"),
+        counted(sum(1 for outcome in outcomes if outcome.trial), "trial"),
+    ]
     counts += [f"conditions {', '.join(conditions)}"] if conditions else []
     yield f"{dry_run.name}: {', '.join(counts)}; results go to {dry_run.out}"
     yield ""
@@ -150,7 +185,9 @@ def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions
     if excluded:
         yield ""
         yield "left out:"
-        yield from (f"  {_name((trial.subject, trial.trial))}: {trial.reason}" for trial in excluded)
+        yield from (
+            f"  {_name((trial.subject, trial.trial))}: {trial.reason}" for trial in excluded
+        )
     if dry_run.problems:
         yield ""
         yield "cannot be looked at:"
@@ -209,10 +246,16 @@ def _time(dry_run: DryRun) -> Iterator[str]:
         return
     if dry_run.seconds:
         yield f"expected: {in_words(dry_run.seconds)} with {counted(dry_run.side, 'worker')}"
-        yield "  by what steps took before on this machine (step_times.csv in the user's cache folder)"
+        yield (
+            "  by what steps took before on this machine (step_times.csv in the user's cache"
+            " folder)"
+        )
     if dry_run.unknown:
         steps = ", ".join(dry_run.unknown)
-        yield f"time unknown: {steps}: not run before on this machine with such settings and so many muscles"
+        yield (
+            f"time unknown: {steps}: not run before on this machine with such settings and so many"
+            " muscles"
+        )
 
 
 def _name(key: Key) -> str:

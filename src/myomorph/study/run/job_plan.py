@@ -1,4 +1,6 @@
-"""A plan as a graph of jobs: subjects, trials, trials of several subjects that are solved as one, the study."""
+"""A plan as a graph of jobs: subjects, trials, trials of several subjects that are solved as one,
+the study.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,13 @@ from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
 from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, SubjectInputs, carried_trial, made_model
+from myomorph.study.subject.subject_files import (
+    MadeModel,
+    SubjectFiles,
+    SubjectInputs,
+    carried_trial,
+    made_model,
+)
 from myomorph.study.summary.study_inputs import StudyInputs
 from myomorph.study.trial.run_trial import TrialSteps
 from myomorph.study.trial.steps import ik
@@ -34,7 +42,8 @@ from myomorph.study.trial.together import Part, Together, join_trials, object_pa
 from myomorph.study.trial.trial_inputs import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_step import StepResults
 
-TABLES = "tables"  # The step of a study that gathers the values of its trials; it is not told of where it ends well.
+# The step of a study that gathers the values of its trials; it is not told of where it ends well.
+TABLES = "tables"
 
 
 def open_trial_steps(
@@ -54,11 +63,17 @@ def open_trial_steps(
 
 
 def open_subject_steps(
-    model: Model | None, read: str, fresh: bool, *, files: SubjectFiles, settings: Settings, folder: Path
+    model: Model | None,
+    read: str,
+    fresh: bool,
+    *,
+    files: SubjectFiles,
+    settings: Settings,
+    folder: Path,
 ) -> JobSteps:
     """A subject's own steps, which make the model of its trials."""
     assert model is not None
-    inputs = SubjectInputs(files, settings, files.model, model)
+    inputs = SubjectInputs(files=files, settings=settings, path=files.model, model=model)
     return FolderSteps("subject", inputs, Outcome(files.name, "", folder), fresh)
 
 
@@ -75,34 +90,48 @@ def open_pair_steps(
     common: Settings,
     folder: Path,
 ) -> JobSteps:
-    """The steps of several trials as one, from the coordinates that their own steps found. By the name of the part, its
-    recording and the folder of its results; `models` by file, those that a subject's own steps made; settings of the
-    steps for each part, and `common` ones of all as one.
+    """The steps of several trials as one, from the coordinates that their own steps found. By the
+    name of the part, its recording and the folder of its results; `models` by file, those that a
+    subject's own steps made; settings of the steps for each part, and `common` ones of all as one.
     """
     opened: dict[Path, Model] = {}
     joined: dict[str, Part] = {}
     for subject, files in parts.items():
         if files.model not in opened:
-            opened[files.model] = models[files.model].open() if files.model in models else open_model(files.model)
+            opened[files.model] = (
+                models[files.model].open() if files.model in models else open_model(files.model)
+            )
         path = homes[subject] / f"{file_name(files.name)}{STORED}"
-        trial, stored = open_trial(files, settings[subject], opened[files.model]), read_result(path, large_variables())
+        trial = open_trial(files, settings[subject], opened[files.model])
+        stored = read_result(path, large_variables())
         poses = ik.STEP.read(stored, trial.options)
         if poses is None:
-            raise BadData(f"{path}: holds no coordinates: run the step 'ik' of subject '{subject}' first")
+            raise BadData(
+                f"{path}: holds no coordinates: run the step 'ik' of subject '{subject}' first"
+            )
         recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
-        joined[subject] = Part(trial, recorded, str(files.model), stored.provenance["ik"].key)
+        joined[subject] = Part(
+            trial=trial,
+            recorded=recorded,
+            source=str(files.model),
+            made=stored.provenance["ik"].key,
+        )
     joined |= {table.name: object_part(table, path) for table, path in together.objects}
     trial, start = join_trials(together, joined, common)
     return TrialSteps(trial, (*STEPS["pair"], REPORT), folder, fresh, StepResults(start))
 
 
-def open_study_steps(model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key) -> JobSteps:
+def open_study_steps(
+    model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key
+) -> JobSteps:
     """What is done for the whole study."""
     return FolderSteps("study", inputs, Outcome(*key, inputs.out), fresh)
 
 
 def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
-    """What a study has to do, `fresh` whatever an earlier run left; `mark` is the run that the folder belongs to."""
+    """What a study has to do, `fresh` whatever an earlier run left; `mark` is the run that the
+    folder belongs to.
+    """
     works = _Works(plan, out)
     for files, steps in zip(plan.trials, plan.steps, strict=True):
         works.trial(files, steps)
@@ -117,12 +146,13 @@ def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = 
         return tuple(replace(work, fresh=fresh) for work in works.last(outcomes))
 
     jobs = tuple(replace(work, fresh=fresh, mark=mark) for work in works.works)
-    return Graph(plan.name, jobs, last, model_of)
+    return Graph(name=plan.name, works=jobs, last=last, open_model=model_of)
 
 
 def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings) -> TrialFiles:
-    """A trial with the model, the gains of EMG and the motion that the steps of the subject `maker` make. Electrodes
-    and recordings are one subject's: those of a subject whose model another begins with are not the other's.
+    """A trial with the model, the gains of EMG and the motion that the steps of the subject `maker`
+    make. Electrodes and recordings are one subject's: those of a subject whose model another begins
+    with are not the other's.
     """
     files = replace(files, model=made.path).having(ErrorSizeTables(made.sizes))
     if maker != files.subject:
@@ -135,12 +165,16 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
     refining = settings.get("refine", {})
     if "motions" in made.left and with_settings(TrialMotion(), refining).use_motions:
         cutoff = with_settings(RefineOptions(), refining).cutoff
-        return files.having(RefinedFile(made.left["motions"] / f"{file_name(files.name)}.mot", cutoff))
+        return files.having(
+            RefinedFile(made.left["motions"] / f"{file_name(files.name)}.mot", cutoff)
+        )
     return carried_trial(files, made.left.get("carried"))
 
 
 def _recordings(*trials: TrialFiles) -> tuple[Recording, ...]:
-    return tuple(Recording(trial.markers, trial.time) for trial in trials if trial.markers is not None)
+    return tuple(
+        Recording(trial.markers, trial.time) for trial in trials if trial.markers is not None
+    )
 
 
 @dataclass
@@ -154,7 +188,9 @@ class _Works:
     used: dict[Key, TrialFiles] = field(default_factory=dict)
 
     def maker(self, subject: str) -> str:
-        """The subject whose own steps make the model that trials use, its job among the jobs; "" for a file."""
+        """The subject whose own steps make the model that trials use, its job among the jobs; ""
+        for a file.
+        """
         maker = self.plan.maker(subject) if subject in self.plan.subjects else ""
         if maker and maker not in self.made:
             self._subject(maker)
@@ -167,15 +203,16 @@ class _Works:
             begin = self.made[self.maker(begins)]
             files = replace(files, model=begin.path, drawn=begin.drawn)
         steps = tuple(step for step in STEPS["subject"] if step in self.plan.steps_of(name))
-        home, settings = self.plan.home(self.out, name), self.plan.settings_of(name)
+        home = self.plan.home(self.out, name)
+        settings = self.plan.settings_of(name)
         self.made[name] = made_model(files, steps, home)
         read = (files.model, files.detailed, files.static, files.shape.skin, files.shape.landmarks)
         self.works.append(
             Work(
-                "subject",
-                Outcome(name, "", home),
-                steps,
-                partial(open_subject_steps, files=files, settings=settings, folder=home),
+                scope="subject",
+                outcome=Outcome(name, "", home),
+                steps=steps,
+                open=partial(open_subject_steps, files=files, settings=settings, folder=home),
                 needs=((self.plan.maker(begins), ""),) if begins else (),
                 model=files.model,
                 settings=settings,
@@ -186,18 +223,22 @@ class _Works:
 
     def trial(self, files: TrialFiles, steps: tuple[str, ...]) -> None:
         """Add a trial, and before the first of a subject its own steps."""
-        maker, key = self.maker(files.subject), (files.subject, files.name)
+        maker = self.maker(files.subject)
+        key = (files.subject, files.name)
         if maker:
             files = with_made(files, self.made[maker], maker, self.plan.settings_of(files.subject))
         self.used[key] = files
-        home, settings = self.plan.home(self.out, *key), self.plan.settings_of(*key)
+        home = self.plan.home(self.out, *key)
+        settings = self.plan.settings_of(*key)
         steps = tuple(step for step in (*STEPS["trial"], REPORT) if step in steps)
         self.works.append(
             Work(
-                "trial",
-                Outcome(*key, home, condition=files.condition),
-                steps,
-                partial(open_trial_steps, files=files, steps=steps, settings=settings, folder=home),
+                scope="trial",
+                outcome=Outcome(*key, home, condition=files.condition),
+                steps=steps,
+                open=partial(
+                    open_trial_steps, files=files, steps=steps, settings=settings, folder=home
+                ),
                 needs=((maker, ""),) if maker else (),
                 model=files.model,
                 settings=settings,
@@ -207,8 +248,8 @@ class _Works:
         )
 
     def pair(self, together: Together) -> None:
-        """Add trials that are solved as one, after these. Their coordinates are enough: their later steps may fail, but
-        their models must be there.
+        """Add trials that are solved as one, after these. Their coordinates are enough: their later
+        steps may fail, but their models must be there.
         """
         keys = tuple(together.trials.items())
         parts = {subject: self.used[subject, trial] for subject, trial in keys}
@@ -217,16 +258,24 @@ class _Works:
         home = self.out / file_name(together.name)
         self.works.append(
             Work(
-                "pair",
-                Outcome(together.name, together.name, home),
-                (*STEPS["pair"], REPORT),
-                partial(
+                scope="pair",
+                outcome=Outcome(together.name, together.name, home),
+                steps=(*STEPS["pair"], REPORT),
+                open=partial(
                     open_pair_steps,
                     together=together,
                     parts=parts,
-                    homes={subject: self.plan.home(self.out, subject, trial) for subject, trial in keys},
-                    models={files.model: made[files.model] for files in parts.values() if files.model in made},
-                    settings={subject: self.plan.settings_of(subject, trial) for subject, trial in keys},
+                    homes={
+                        subject: self.plan.home(self.out, subject, trial) for subject, trial in keys
+                    },
+                    models={
+                        files.model: made[files.model]
+                        for files in parts.values()
+                        if files.model in made
+                    },
+                    settings={
+                        subject: self.plan.settings_of(subject, trial) for subject, trial in keys
+                    },
                     common=self.plan.settings,
                     folder=home,
                 ),
@@ -246,5 +295,7 @@ class _Works:
             if step_of(step, "study").applies(inputs):
                 key = GATHERED if step == TABLES else (step, "")
                 opened = partial(open_study_steps, inputs=inputs, key=key)
-                works.append(Work("study", Outcome(*key, self.out), (step,), opened))
+                works.append(
+                    Work(scope="study", outcome=Outcome(*key, self.out), steps=(step,), open=opened)
+                )
         return tuple(works)

@@ -1,4 +1,6 @@
-"""Run a study: every trial through its steps; jobs in order on workers, what failed by name, the rest whole."""
+"""Run a study: every trial through its steps; jobs in order on workers, what failed by name, the
+rest whole.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ class _Models:
     """Models that jobs need, opened once and let go after the last of their jobs."""
 
     def __init__(self, works: Iterable[Work], read: Callable[[Path], tuple[Model, str]]):
-        self.read, self.open = read, dict[Path, tuple[Model, str]]()
+        self.read = read
+        self.open = dict[Path, tuple[Model, str]]()
         self.wanted = Counter(work.model for work in works)
 
     def of(self, path: Path | None) -> tuple[Model | None, str]:
@@ -50,7 +53,9 @@ class _Models:
 
 
 class Schedule:
-    """Jobs, each done once what it needs has ended well; `read` gives the model of a file, and its hash."""
+    """Jobs, each done once what it needs has ended well; `read` gives the model of a file, and its
+    hash.
+    """
 
     def __init__(
         self,
@@ -60,18 +65,24 @@ class Schedule:
         watcher: StudyWatcher,
     ):
         self.works = {work.key: work for work in works}
-        self.models, self.workers, self.watcher = _Models(works, read), workers, watcher
+        self.models = _Models(works, read)
+        self.workers = workers
+        self.watcher = watcher
         self.outcomes: dict[Key, Outcome] = {}
         self.losses: Counter[Key] = Counter()
-        self.running, self.full = 0, False
-        self.order = TopologicalSorter({work.key: {*work.needs, *work.after} & self.works.keys() for work in works})
+        self.running = 0
+        self.full = False
+        self.order = TopologicalSorter(
+            {work.key: {*work.needs, *work.after} & self.works.keys() for work in works}
+        )
         self.order.prepare()
         self.ready = deque(self.order.get_ready())
 
     def run(self) -> dict[Key, Outcome]:
         """Do all of them."""
         while self.ready or self.running:
-            until, free = time.monotonic() + PATIENCE, max(1, self.workers.count)
+            until = time.monotonic() + PATIENCE
+            free = max(1, self.workers.count)
             while self.ready and self.running < free and time.monotonic() < until:
                 self._start(self.works[self.ready.popleft()])
             if not self.running:
@@ -121,7 +132,11 @@ class Schedule:
         if again:
             self.ready.appendleft(work.key)
             return
-        text = f"its worker was lost twice: {ended.lost}" if self.losses[work.key] > 1 else f"not run: {FULL}"
+        text = (
+            f"its worker was lost twice: {ended.lost}"
+            if self.losses[work.key] > 1
+            else f"not run: {FULL}"
+        )
         self._end(work, Outcome(*work.key, work.folder, error=text))
 
     def _end(self, work: Work, outcome: Outcome) -> None:
@@ -183,9 +198,9 @@ def run_graph(
     workers: Workers | None = None,
     report: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
-    """Do all jobs of a study, then what is done for the whole study, which reports failures, too. Outcomes come in the
-    order of the study file, those of the whole study last; `graph_of` is from the run to what it has to do in its
-    folder.
+    """Do all jobs of a study, then what is done for the whole study, which reports failures, too.
+    Outcomes come in the order of the study file, those of the whole study last; `graph_of` is from
+    the run to what it has to do in its folder.
     """
     workers = workers or InProcess()
     try:

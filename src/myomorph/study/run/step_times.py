@@ -1,4 +1,6 @@
-"""What steps took on this machine, kept in the user's cache folder: a dry run reads how long a run takes."""
+"""What steps took on this machine, kept in the user's cache folder: a dry run reads how long a run
+takes.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ MAX_COUNTED = 9  # Samples that count, the latest.
 
 @dataclass(frozen=True)
 class Sample:
-    """What a step with settings (as `settings_key`) took once, of so many muscles, 0 without a model, and frames."""
+    """What a step with settings (as `settings_key`) took once, of so many muscles, 0 without a
+    model, and frames.
+    """
 
     step: str
     settings: str
@@ -62,11 +66,23 @@ def read_samples(path: Path | None) -> list[Sample]:
     """Lines of the file in their order; damaged ones are passed over."""
     samples: list[Sample] = []
     with suppress(OSError, UnicodeDecodeError, csv.Error):
-        for row in csv.DictReader("" if path is None else path.read_text(encoding="utf-8").splitlines()):
+        for row in csv.DictReader(
+            "" if path is None else path.read_text(encoding="utf-8").splitlines()
+        ):
             with suppress(KeyError, TypeError, ValueError):
-                muscles, frames, seconds = int(row["muscles"]), int(row["frames"]), float(row["seconds"])
+                muscles = int(row["muscles"])
+                frames = int(row["frames"])
+                seconds = float(row["seconds"])
                 if math.isfinite(seconds) and seconds >= 0.0:
-                    samples.append(Sample(row["step"], row["settings"], muscles, frames, seconds))
+                    samples.append(
+                        Sample(
+                            step=row["step"],
+                            settings=row["settings"],
+                            muscles=muscles,
+                            frames=frames,
+                            seconds=seconds,
+                        )
+                    )
     return samples
 
 
@@ -81,25 +97,35 @@ def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
 
 
 class StepTimes:
-    """Times of steps as this machine has learned them, in a table at `path`, None for no such table."""
+    """Times of steps as this machine has learned them, in a table at `path`, None for no such
+    table.
+    """
 
     def __init__(self, path: Path | None):
         samples = reversed(read_samples(path))
-        self._samples = grouped(((sample.step, sample.settings, sample.muscles), sample) for sample in samples)
+        self._samples = grouped(
+            ((sample.step, sample.settings, sample.muscles), sample) for sample in samples
+        )
 
-    def expected(self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None) -> float | None:
-        """Seconds that a step takes; None where it never ran here with such settings and muscles, or frames are
-        unknown.
+    def expected(
+        self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None
+    ) -> float | None:
+        """Seconds that a step takes; None where it never ran here with such settings and muscles,
+        or frames are unknown.
         """
         samples = self._samples.get((step, settings_key(settings), muscles), [])[:MAX_COUNTED]
         if not samples or frames is None:
             return None
-        return median_high(sample.seconds / max(sample.frames, 1) for sample in samples) * max(frames, 1)
+        return median_high(sample.seconds / max(sample.frames, 1) for sample in samples) * max(
+            frames, 1
+        )
 
 
 @dataclass
 class Learning:
-    """Hears what jobs took, and keeps it after a whole run, but for jobs during which kernels were compiled."""
+    """Hears what jobs took, and keeps it after a whole run, but for jobs during which kernels were
+    compiled.
+    """
 
     works: Mapping[Key, Work]
     muscles: dict[Path, int] = field(default_factory=dict)
@@ -119,7 +145,9 @@ class Learning:
         """Keep what the run took, all its jobs done."""
         outcomes = list(outcomes)
         if not any(outcome.error for outcome in outcomes):
-            keep_samples(times_file(), [sample for outcome in outcomes for sample in self._samples(outcome)])
+            keep_samples(
+                times_file(), [sample for outcome in outcomes for sample in self._samples(outcome)]
+            )
 
     def _samples(self, outcome: Outcome) -> list[Sample]:
         work = self.works.get(outcome.key)
@@ -130,7 +158,13 @@ class Learning:
             return []
         muscles = 0 if work.model is None else self.muscles.get(work.model, 0)
         return [
-            Sample(step, settings_key(work.settings.get(step, {})), muscles, frames, seconds)
+            Sample(
+                step=step,
+                settings=settings_key(work.settings.get(step, {})),
+                muscles=muscles,
+                frames=frames,
+                seconds=seconds,
+            )
             for step, seconds in outcome.timed
         ]
 

@@ -1,4 +1,6 @@
-"""A run as it is watched: its table of outcomes, `study.log` and `timings.csv`, the bar, and whoever called."""
+"""A run as it is watched: its table of outcomes, `study.log` and `timings.csv`, the bar, and
+whoever called.
+"""
 
 from __future__ import annotations
 
@@ -25,19 +27,26 @@ from myomorph.study.workers.jobs import Workers
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-LOG, TIMINGS = "study.log", "timings.csv"
+LOG = "study.log"
+TIMINGS = "timings.csv"
 HEADING = "subject,trial,step,frames,seconds,compiled"
 TABLE = "results.csv"
-RARELY = 1.0  # The table is not written more often than this, so that many short trials do not wait for it [s].
+# The table is not written more often than this, so that many short trials do not wait for it [s].
+RARELY = 1.0
 
 
 class StudyProgress:
-    """Counts the jobs of a study as they end, on a terminal with a bar in the place of those of single steps."""
+    """Counts the jobs of a study as they end, on a terminal with a bar in the place of those of
+    single steps.
+    """
 
     def __init__(self, title: str, total: int, count: int) -> None:
-        self.title, self.total, self.count = title, total, max(1, count)
+        self.title = title
+        self.total = total
+        self.count = max(1, count)
         self.done = self.failed = 0
-        self._computed, self._reused = [0, 0.0], [0, 0.0]
+        self._computed = [0, 0.0]
+        self._reused = [0, 0.0]
         self._started = time.monotonic()
         # A single recording is reported step by step.
         self._shown = total > 1 and sys.stderr.isatty()
@@ -55,11 +64,18 @@ class StudyProgress:
         self.look()
 
     def left(self) -> float | None:
-        """Time left [s], as if what remains took as long as what was computed; None where nothing has ended."""
+        """Time left [s], as if what remains took as long as what was computed; None where nothing
+        has ended.
+        """
         number, seconds = self._computed if self._computed[0] else self._reused
         if not number or not self.done:
             return None
-        return seconds / number * (self.total - self.done) / min(self.count, max(1, self.total - self.done))
+        return (
+            seconds
+            / number
+            * (self.total - self.done)
+            / min(self.count, max(1, self.total - self.done))
+        )
 
     def __str__(self) -> str:
         left = self.left()
@@ -73,7 +89,9 @@ class StudyProgress:
                 return
             self._bar = shown_bar(self.title, self.total)
         failed = f", {self.failed} failed" if self.failed else ""
-        self._bar.update(self._bar.task_ids[0], completed=self.done, description=f"{self.title}{failed}")
+        self._bar.update(
+            self._bar.task_ids[0], completed=self.done, description=f"{self.title}{failed}"
+        )
 
     def close(self) -> None:
         """Leave the bar as it is."""
@@ -84,7 +102,9 @@ class StudyProgress:
 
 
 def _add(path: Path, text: str, heading: str = "") -> None:
-    """Add lines to a file, after one in which an earlier run was cut off; that it cannot be written stops nothing."""
+    """Add lines to a file, after one in which an earlier run was cut off; that it cannot be written
+    stops nothing.
+    """
     with suppress(OSError), path.open("ab+") as file:
         if not file.seek(0, os.SEEK_END):
             text = heading + text
@@ -97,14 +117,23 @@ class StudyWatcher:
     """Keeps the outcomes of a study; `said` is called with each when its job ends."""
 
     def __init__(
-        self, graph: Graph, out: Path, workers: Workers, said: Callable[[Outcome], None], learning: Learning
+        self,
+        graph: Graph,
+        out: Path,
+        workers: Workers,
+        said: Callable[[Outcome], None],
+        learning: Learning,
     ) -> None:
-        self._out, self._said, self._learning = out, said, learning
+        self._out = out
+        self._said = said
+        self._learning = learning
         self._order: dict[Key, int] = {work.key: index for index, work in enumerate(graph.works)}
         self._found: dict[Key, Outcome] = {}
         self._written = time.monotonic()
         self._progress = StudyProgress(graph.name or "study", len(graph.works), workers.count)
-        memory = "" if workers.memory is None else f", {workers.memory / 2**30:.2f} GiB of memory each"
+        memory = (
+            "" if workers.memory is None else f", {workers.memory / 2**30:.2f} GiB of memory each"
+        )
         count = counted(workers.count, "worker")
         self._say(f"begin: Myomorph {__version__}, {len(graph.works)} jobs, {count}{memory}")
 
@@ -130,7 +159,10 @@ class StudyWatcher:
             self._progress.ended(outcome)
         self._say(f"{outcome_line(outcome)} ({self._progress})")
         compiled = int(outcome.key in self._learning.compiled)
-        rows = [(*outcome.key, step, outcome.frames, f"{took:.3f}", compiled) for step, took in outcome.timed]
+        rows = [
+            (*outcome.key, step, outcome.frames, f"{took:.3f}", compiled)
+            for step, took in outcome.timed
+        ]
         if rows:
             _add(self._out / TIMINGS, csv_text(rows[0], rows[1:]).rstrip(), f"{HEADING}\n")
         if outcome.key != GATHERED or outcome.error:
@@ -148,9 +180,13 @@ class StudyWatcher:
         self._say(f"interrupted: {type(error).__name__} {error}")
 
     def outcomes(self) -> list[Outcome]:
-        """Those that are known, in the order of the study file, and those of tables and groups after them."""
+        """Those that are known, in the order of the study file, and those of tables and groups
+        after them.
+        """
         last = len(self._order)
-        ordered = sorted(self._found.values(), key=lambda outcome: self._order.get(outcome.key, last))
+        ordered = sorted(
+            self._found.values(), key=lambda outcome: self._order.get(outcome.key, last)
+        )
         return [outcome for outcome in ordered if outcome.key != GATHERED or outcome.error]
 
     def _write(self) -> None:
@@ -166,7 +202,9 @@ class StudyWatcher:
             self._write()
         except OSError as error:
             problem = f"cannot be written ({error.strerror or error})"
-            lacking = len(self._order) - sum(1 for outcome in self._found.values() if not outcome.error)
+            lacking = len(self._order) - sum(
+                1 for outcome in self._found.values() if not outcome.error
+            )
             hint = f"make room, then run again: {lacking} of {len(self._order)} jobs are not done"
             raise BadFile(self._out / TABLE, problem, hint) from None
 
@@ -182,7 +220,10 @@ def outcome_line(outcome: Outcome) -> str:
         parts.append(f"because {', '.join(outcome.changed)}")
     if outcome.error:
         parts.append(outcome.error)
-    return f"{'failed' if outcome.error else 'done'} {name}: {'; '.join((*parts, f'{outcome.seconds:.2f} s'))}"
+    return (
+        f"{'failed' if outcome.error else 'done'} {name}:"
+        f" {'; '.join((*parts, f'{outcome.seconds:.2f} s'))}"
+    )
 
 
 def named(key: Key) -> str:
@@ -197,6 +238,18 @@ def write_table(outcomes: Sequence[Outcome], path: Path) -> None:
         # Results that are to be equal byte for byte cannot hold how long they took.
         seconds = f"{outcome.seconds:.2f}" if fixed_date() is None else ""
         numbers = (outcome.frames, outcome.rms, outcome.largest, seconds)
-        rows.append((*outcome.key, " ".join(outcome.done), *numbers, outcome.error, outcome.condition))
-    head = ("subject", "trial", "steps", "frames", "marker_rms_m", "marker_largest_m", "seconds", "error", "condition")
+        rows.append(
+            (*outcome.key, " ".join(outcome.done), *numbers, outcome.error, outcome.condition)
+        )
+    head = (
+        "subject",
+        "trial",
+        "steps",
+        "frames",
+        "marker_rms_m",
+        "marker_largest_m",
+        "seconds",
+        "error",
+        "condition",
+    )
     write_whole(path, csv_text(head, rows))

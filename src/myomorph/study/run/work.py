@@ -1,4 +1,6 @@
-"""What one process does of a study: the steps of one subject, trial, pair, specimen, or of the study itself."""
+"""What one process does of a study: the steps of one subject, trial, pair, specimen, or of the
+study itself.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,9 @@ from myomorph.study.step.step_table import REPORT, Scope
 from myomorph.study.trial.trial_inputs import Settings
 
 Open = Callable[[Model | None, str, bool], JobSteps]
-"""From the model that a job is given ("" or the hash of its file when it was read, whether all is computed anew) to its
-steps, with their inputs opened; a function of a module or a `partial` of one."""
+"""From the model that a job is given ("" or the hash of its file when it was read, whether all is
+computed anew) to its steps, with their inputs opened; a function of a module or a `partial` of one.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,10 +38,10 @@ class Recording:
 class Work:
     """The work of one job, which is sent to the process that does it.
 
-    `outcome` is that before the first step: whose it is, its condition, and the folder of its results; `open` gives its
-    inputs, where it is done; `needs` are jobs that end well before it may begin, `after` those that end before, well or
-    not; `model` is the file of the model that it is given; `files` are named in a dry run; `recordings` are those whose
-    frames it uses.
+    `outcome` is that before the first step: whose it is, its condition, and the folder of its
+    results; `open` gives its inputs, where it is done; `needs` are jobs that end well before it may
+    begin, `after` those that end before, well or not; `model` is the file of the model that it is
+    given; `files` are named in a dry run; `recordings` are those whose frames it uses.
     """
 
     scope: Scope
@@ -74,8 +77,8 @@ class Work:
         return min(known) if self.scope == "pair" else sum(known)
 
     def __call__(self, model: Model | None, read: str = "") -> Outcome:
-        """Do it alone in its folder; an error ends it, but not the study. `read`: hash of the model's file, "" if
-        unknown.
+        """Do it alone in its folder; an error ends it, but not the study. `read`: hash of the
+        model's file, "" if unknown.
         """
         started = time.monotonic()
         try:
@@ -88,8 +91,8 @@ class Work:
         return self._told(outcome, started)
 
     def reused(self, model: Model | None, read: str = "") -> Outcome | None:
-        """The outcome where nothing would be computed, asked before the job is given out; None where a worker must
-        look, which tells whatever is wrong.
+        """The outcome where nothing would be computed, asked before the job is given out; None
+        where a worker must look, which tells whatever is wrong.
         """
         if not self.folder.is_dir():
             return None
@@ -107,10 +110,16 @@ class Work:
 
     def _lock(self, patience: float = PATIENCE) -> AbstractContextManager[None]:
         # The folder of a study is this run's already.
-        return nullcontext() if self.scope in WHOLE_STUDY else folder_lock(self.folder, self.mark, patience)
+        return (
+            nullcontext()
+            if self.scope in WHOLE_STUDY
+            else folder_lock(self.folder, self.mark, patience)
+        )
 
     def _told(self, outcome: Outcome, started: float) -> Outcome:
-        subject, trial, condition = self.outcome.subject, self.outcome.trial, self.outcome.condition
+        subject = self.outcome.subject
+        trial = self.outcome.trial
+        condition = self.outcome.condition
         seconds = time.monotonic() - started
         return replace(outcome, subject=subject, trial=trial, condition=condition, seconds=seconds)
 
@@ -122,7 +131,9 @@ def not_run(work: Work, why: str, fault: bool = False) -> Outcome:
 
 @dataclass(frozen=True)
 class Graph:
-    """All that a study has to do, in the order of its file; `last` follows from the outcomes of all."""
+    """All that a study has to do, in the order of its file; `last` follows from the outcomes of
+    all.
+    """
 
     name: str
     works: tuple[Work, ...]

@@ -20,9 +20,12 @@ from myomorph.study.step.step import WHOLE_STUDY, Step, step_of
 from myomorph.study.step.step_table import Scope
 
 PROVENANCE = "provenance.json"
-NOTES = "notes.txt"  # What may not be believed of a step's result, one line each, in the folder of its tables.
+# What may not be believed of a step's result, one line each, in the folder of its tables.
+NOTES = "notes.txt"
 RESULT = "result"
-"""Role of a step's own files, where its folder holds others too: one that was altered makes the step run again."""
+"""Role of a step's own files, where its folder holds others too: one that was altered makes the
+step run again.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,21 +55,28 @@ def result_folder(
     tables: Path, made: Provenance, notes: Sequence[str] = (), step: Step[Any] | None = None
 ) -> Iterator[Path]:
     """The same where the result is not that of a job: a command made it."""
-    with whole_folder(tables) if step is None or step.tables else _shared_folder(tables, step.name) as folder:
+    with (
+        whole_folder(tables) if step is None or step.tables else _shared_folder(tables, step.name)
+    ) as folder:
         yield folder
         if notes:
             (folder / NOTES).write_text("".join(f"{text}\n" for text in notes), encoding="utf-8")
         if step is not None and not step.tables:
             files = (path for path in sorted(folder.rglob("*")) if path.is_file())
             results = (file_source(RESULT, path) for path in files)
-            named = (replace(result, name=Path(result.name).relative_to(folder).as_posix()) for result in results)
+            named = (
+                replace(result, name=Path(result.name).relative_to(folder).as_posix())
+                for result in results
+            )
             made = replace(made, sources=(*made.sources, *named))
         (folder / provenance_file(step)).write_text(made.to_json() + "\n", encoding="utf-8")
 
 
 @contextmanager
 def _shared_folder(home: Path, name: str) -> Iterator[Path]:
-    """A folder whose files are moved, all at the end, among those of others; what a killed process left is removed."""
+    """A folder whose files are moved, all at the end, among those of others; what a killed process
+    left is removed.
+    """
     for path in home.glob(f".{name}.*"):
         shutil.rmtree(path, ignore_errors=True)
     with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=home) as temporary:
@@ -76,16 +86,24 @@ def _shared_folder(home: Path, name: str) -> Iterator[Path]:
 
 
 def provenance_file(step: Step[Any] | None = None) -> str:
-    """Name of the file that tells what a result is derived from; those of a study lie beside each other."""
-    return PROVENANCE if step is None or step.scope not in WHOLE_STUDY else f"{step.name}_{PROVENANCE}"
+    """Name of the file that tells what a result is derived from; those of a study lie beside each
+    other.
+    """
+    return (
+        PROVENANCE if step is None or step.scope not in WHOLE_STUDY else f"{step.name}_{PROVENANCE}"
+    )
 
 
 def stored_provenance(tables: Path, step: Step[Any] | None = None) -> Provenance | None:
-    """What an earlier run made a step's result from; None where nothing tells, or a file of it was altered."""
+    """What an earlier run made a step's result from; None where nothing tells, or a file of it was
+    altered.
+    """
     try:
         made = Provenance.from_json((tables / provenance_file(step)).read_text(encoding="utf-8"))
         results = [source for source in made.sources if source.role == RESULT]
-        if any(file_source(RESULT, tables / result.name).sha256 != result.sha256 for result in results):
+        if any(
+            file_source(RESULT, tables / result.name).sha256 != result.sha256 for result in results
+        ):
             return None
     except (OSError, ValueError, BadFile):
         return None
@@ -109,7 +127,10 @@ class FolderSteps(JobSteps, Generic[Inputs]):
     linked = True
 
     def __init__(self, scope: Scope, inputs: Inputs, outcome: Outcome, fresh: bool = False):
-        self.scope, self.inputs, self.outcome, self.fresh = scope, inputs, outcome, fresh
+        self.scope = scope
+        self.inputs = inputs
+        self.outcome = outcome
+        self.fresh = fresh
         self._known: dict[str, Provenance] = {}
 
     def _step(self, name: str) -> Step[Any]:
@@ -125,14 +146,18 @@ class FolderSteps(JobSteps, Generic[Inputs]):
 
     def earlier(self, step: str) -> Provenance | None:
         """What an earlier run made a step's result from, None where a file of it is missing."""
-        value, home = self._step(step), self.outcome.folder
+        value = self._step(step)
+        home = self.outcome.folder
         if self.fresh or not all((home / name).exists() for name in value.leaves.values()):
             return None
         return stored_provenance(home / value.tables, value)
 
     def reasons(self, step: str) -> tuple[str, ...]:
-        """Why a step is computed; of a result of which only a file is missing, as an older version left it, which."""
-        value, home = self._step(step), self.outcome.folder
+        """Why a step is computed; of a result of which only a file is missing, as an older version
+        left it, which.
+        """
+        value = self._step(step)
+        home = self.outcome.folder
         missing = [name for name in value.leaves.values() if not (home / name).exists()]
         if missing and not self.fresh and stored_provenance(home / value.tables, value) is not None:
             return (f"{missing[0]} is missing",)
@@ -140,7 +165,8 @@ class FolderSteps(JobSteps, Generic[Inputs]):
 
     def compute(self, step: str) -> None:
         """Run a step, which writes its files."""
-        value, home = self._step(step), self.outcome.folder
+        value = self._step(step)
+        home = self.outcome.folder
         home.mkdir(parents=True, exist_ok=True)
         try:
             value.run(self.inputs, FolderOutput(value, home, self.provenance(step)))
@@ -156,10 +182,14 @@ class FolderSteps(JobSteps, Generic[Inputs]):
         self._known.clear()
 
     def end(self, outcome: Outcome) -> Outcome:
-        """The outcome with what the steps noted of their results, also of those that an earlier run made."""
+        """The outcome with what the steps noted of their results, also of those that an earlier run
+        made.
+        """
         findings: list[str] = []
         for step in outcome.done:
             path = outcome.folder / self._step(step).tables / NOTES
             if path.is_file():
-                findings += [f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()]
+                findings += [
+                    f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()
+                ]
         return replace(outcome, findings=(*outcome.findings, *findings))

@@ -1,4 +1,6 @@
-"""The steps of one job, in their order: what an earlier run left is reused unless something changed."""
+"""The steps of one job, in their order: what an earlier run left is reused unless something
+changed.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ AFTER_OTHERS = "what it begins with is made anew"
 
 
 class JobSteps(AbstractContextManager["JobSteps"]):
-    """The steps of a trial, a subject, a specimen or a study, with its inputs opened; `outcome` is that before the
-    first. `linked`: a step begins with files that those before it write, so that its own inputs are known only then.
+    """The steps of a trial, a subject, a specimen or a study, with its inputs opened; `outcome` is
+    that before the first. `linked`: a step begins with files that those before it write, so that
+    its own inputs are known only then.
     """
 
     outcome: Outcome
@@ -44,7 +47,9 @@ class JobSteps(AbstractContextManager["JobSteps"]):
         """Go on with what an earlier run found."""
 
     def end(self, outcome: Outcome) -> Outcome:
-        """What follows from all steps that were done: tables, a page, what the outcome tells of their results."""
+        """What follows from all steps that were done: tables, a page, what the outcome tells of
+        their results.
+        """
         return outcome
 
     def reasons(self, step: str) -> tuple[str, ...]:
@@ -71,12 +76,18 @@ class JobSteps(AbstractContextManager["JobSteps"]):
         return self.end(replace(self.outcome, done=tuple(steps), reused=tuple(steps)))
 
     def __exit__(self, *raised: object) -> None:
-        """Let go of what was only needed while steps run; an interrupted job keeps what it has found."""
+        """Let go of what was only needed while steps run; an interrupted job keeps what it has
+        found.
+        """
         return
 
 
-def run_steps(job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None) -> Outcome:
-    """Run steps in their order; where one fails, what is before it is kept. What `check` raises ends the job."""
+def run_steps(
+    job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None
+) -> Outcome:
+    """Run steps in their order; where one fails, what is before it is kept. What `check` raises
+    ends the job.
+    """
     outcome = job.outcome
     with job:
         for step in steps:
@@ -85,9 +96,13 @@ def run_steps(job: JobSteps, steps: Sequence[str], check: Callable[[], None] = l
                 reasons = job.reasons(step)
                 if not reasons:
                     job.reuse(step)
-                    outcome = replace(outcome, done=(*outcome.done, step), reused=(*outcome.reused, step))
+                    outcome = replace(
+                        outcome, done=(*outcome.done, step), reused=(*outcome.reused, step)
+                    )
                     continue
-                changed = dict.fromkeys((*outcome.changed, *(text for text in reasons if text != NEVER)))
+                changed = dict.fromkeys(
+                    (*outcome.changed, *(text for text in reasons if text != NEVER))
+                )
                 outcome = replace(outcome, changed=tuple(changed))
                 started = time.monotonic()
                 job.compute(step)
@@ -103,8 +118,9 @@ LONGEST = 60  # Longest value that is reported whole [characters].
 
 
 def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
-    """Why a result that was made one way would come out otherwise the other way, () where the keys are equal: "model
-    generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001", "version 1.0.0 -> 1.1.0".
+    """Why a result that was made one way would come out otherwise the other way, () where the keys
+    are equal: "model generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001", "version 1.0.0 ->
+    1.1.0".
     """
     if before.key == after.key:
         return ()
@@ -114,7 +130,8 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
     lines += _sources(before.sources, after.sources)
     names = sorted(before.options.keys() | after.options.keys())
     for name in names:
-        old, new = _option(before.options, name), _option(after.options, name)
+        old = _option(before.options, name)
+        new = _option(after.options, name)
         if old != new:
             short = max(len(old), len(new)) <= LONGEST
             lines.append(f"{name} {old} -> {new}" if short else f"{name} has changed")
@@ -124,13 +141,21 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
 def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
     """Inputs that came, went or hold something else; a file that only moved is the same input."""
     result = []
-    old, new = (grouped((source.role, source) for source in sources) for sources in (before, after))
+    old = grouped((source.role, source) for source in before)
+    new = grouped((source.role, source) for source in after)
     for role in dict.fromkeys((*old, *new)):
-        before_role, after_role = old.get(role, []), new.get(role, [])
-        gone, come = (
-            [source for source in some if source.sha256 not in {other.sha256 for other in others}]
-            for some, others in ((before_role, after_role), (after_role, before_role))
-        )
+        before_role = old.get(role, [])
+        after_role = new.get(role, [])
+        gone = [
+            source
+            for source in before_role
+            if source.sha256 not in {other.sha256 for other in after_role}
+        ]
+        come = [
+            source
+            for source in after_role
+            if source.sha256 not in {other.sha256 for other in before_role}
+        ]
         for source in come:
             same = next((other for other in gone if other.name == source.name), None)
             if same is None and len(gone) == len(come) == 1:
@@ -141,7 +166,9 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
             gone.remove(same)
             moved = _name(same) != _name(source)
             result.append(
-                f"{role} {_name(same)} -> {_name(source)}" if moved else f"{role} {_name(source)} has changed"
+                f"{role} {_name(same)} -> {_name(source)}"
+                if moved
+                else f"{role} {_name(source)} has changed"
             )
         result += [f"{role} {_name(source)} is no longer used" for source in gone]
     return result

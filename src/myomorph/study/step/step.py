@@ -1,7 +1,8 @@
-"""A step as one value: what it is done for, what it reads and gives, its options, how it is stored and shown.
+"""A step as one value: what it is done for, what it reads and gives, its options, how it is stored
+and shown.
 
-Everything that depends on which steps there are follows from `step_table.STEPS`: hashes, reuse, resuming, the dry run,
-settings of study files, `--help`, tables of values and the report.
+Everything that depends on which steps there are follows from `step_table.STEPS`: hashes, reuse,
+resuming, the dry run, settings of study files, `--help`, tables of values and the report.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, kw_only=True)
 class StepHead:
-    """A step or the report as files and commands name it: settings are the fields of its options but `not_settings`."""
+    """A step or the report as files and commands name it: settings are the fields of its options
+    but `not_settings`.
+    """
 
     name: str
     title: str
@@ -40,7 +43,10 @@ class StepHead:
     def settings(self) -> tuple[Setting, ...]:
         """What a study file or the command line can say to the step."""
         return tuple(
-            setting for kind in self.options for setting in settings_of(kind) if setting.name not in self.not_settings
+            setting
+            for kind in self.options
+            for setting in settings_of(kind)
+            if setting.name not in self.not_settings
         )
 
 
@@ -54,10 +60,10 @@ class StepOutput:
 
 @dataclass(frozen=True)
 class StepCommand:
-    """The command of a step of a trial. `line`: what it prints, from the trial and the results, None for the step's
-    title and its frames; `table`: which of the step's tables is the file that it writes, "" for a folder of all;
-    `draws`: it is computed anew with errors where asked for; `after`: earlier steps that it uses are run first, else it
-    does without them.
+    """The command of a step of a trial. `line`: what it prints, from the trial and the results,
+    None for the step's title and its frames; `table`: which of the step's tables is the file that
+    it writes, "" for a folder of all; `draws`: it is computed anew with errors where asked for;
+    `after`: earlier steps that it uses are run first, else it does without them.
     """
 
     line: Callable[[Any, Any], str] | None = None
@@ -70,16 +76,18 @@ class StepCommand:
 class Step(StepHead, Generic[Result]):
     """One step; docs/adding.md says what its fields are for.
 
-    What a step of a trial gives is a value with a type, kept among those of the trial's other steps in one result file;
-    it may have `notes`, what was done about questionable input, one line each. What a step of another scope gives is a
-    folder, with files that later steps and jobs read: `leaves`, as paths in the folder of the subject, specimen or
-    study; a result is there when they are. `tables` is in that folder, too, "" for it itself.
+    What a step of a trial gives is a value with a type, kept among those of the trial's other steps
+    in one result file; it may have `notes`, what was done about questionable input, one line each.
+    What a step of another scope gives is a folder, with files that later steps and jobs read:
+    `leaves`, as paths in the folder of the subject, specimen or study; a result is there when they
+    are. `tables` is in that folder, too, "" for it itself.
 
-    `inputs`: names of the trial's inputs that it reads (`study.inputs.table`), whose flags its command has; `signals`
-    take the mass [kg], `numbers` the strides, None where it is no walk; with `numbers_last` they come after the
-    statistics of the signals of all steps; `large`: variables that are not read back, since nothing needs them;
-    `outcome` adds what the result tells of a trial to its outcome, for which `outcome_variables` are read; `applies`:
-    whether there is anything to do, from the inputs of its scope.
+    `inputs`: names of the trial's inputs that it reads (`study.inputs.table`), whose flags its
+    command has; `signals` take the mass [kg], `numbers` the strides, None where it is no walk; with
+    `numbers_last` they come after the statistics of the signals of all steps; `large`: variables
+    that are not read back, since nothing needs them; `outcome` adds what the result tells of a
+    trial to its outcome, for which `outcome_variables` are read; `applies`: whether there is
+    anything to do, from the inputs of its scope.
     """
 
     run: Callable[..., Result]
@@ -107,7 +115,8 @@ class Step(StepHead, Generic[Result]):
     leaves: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
 
-WHOLE_STUDY: tuple[Scope, ...] = ("cohort", "study")  # Scopes whose results lie in the folder of the study itself.
+# Scopes whose results lie in the folder of the study itself.
+WHOLE_STUDY: tuple[Scope, ...] = ("cohort", "study")
 
 REPORT_STEP = StepHead(name=REPORT, title="report", options=(ReportOptions,))
 

@@ -1,12 +1,16 @@
-"""Which steps there are, by scope: one line each. This table imports nothing, so that the command line starts fast."""
+"""Which steps there are, by scope: one line each. This table imports nothing, so that the command
+line starts fast.
+"""
 
 from __future__ import annotations
 
 from typing import Literal
 
 Scope = Literal["subject", "trial", "pair", "specimen", "limb", "cohort", "study"]
-"""What a step is done once for: a subject, one of its trials, trials of several subjects that are solved as one, a
-specimen that swings, a relaxed limb that does, all of these of a study, a study of subjects."""
+"""What a step is done once for: a subject, one of its trials, trials of several subjects that are
+solved as one, a specimen that swings, a relaxed limb that does, all of these of a study, a study of
+subjects.
+"""
 
 STEPS: dict[Scope, dict[str, str]] = {
     "subject": {
@@ -25,18 +29,27 @@ STEPS: dict[Scope, dict[str, str]] = {
         "tension": "myomorph.study.trial.steps.tension",
         "uncertainty": "myomorph.study.trial.steps.uncertainty",
     },
-    "study": {"groups": "myomorph.study.summary.grouping", "tables": "myomorph.study.summary.study_tables"},
+    "study": {
+        "groups": "myomorph.study.summary.grouping",
+        "tables": "myomorph.study.summary.study_tables",
+    },
     "specimen": {"viscosity": "myomorph.viscosity.study.specimen_step"},
     "limb": {"relaxed": "myomorph.viscosity.study.limb_step"},
     "cohort": {"cohort": "myomorph.viscosity.study.cohort_step"},
-    "pair": {"id": "myomorph.study.trial.steps.id", "tension": "myomorph.study.trial.steps.tension"},
+    "pair": {
+        "id": "myomorph.study.trial.steps.id",
+        "tension": "myomorph.study.trial.steps.tension",
+    },
 }
-"""By scope, in the order in which they run: a step's name, and the module whose `STEP` it is, imported when first
-needed. Those of a pair are steps of a trial, whose recording is joined of several."""
+"""By scope, in the order in which they run: a step's name, and the module whose `STEP` it is,
+imported when first needed. Those of a pair are steps of a trial, whose recording is joined of
+several.
+"""
 
 ON_REQUEST = ("uncertainty",)  # Steps that run only where somebody names them.
 
-REPORT = "report"  # The last step of a trial; it reads what the others stored, and its page is no result.
+# The last step of a trial; it reads what the others stored, and its page is no result.
+REPORT = "report"
 
 
 def usual_steps() -> tuple[str, ...]:

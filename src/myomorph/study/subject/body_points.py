@@ -1,4 +1,6 @@
-"""Mass points of a subject from a skin mesh, from height and chest, or from envelopes of the model's own links."""
+"""Mass points of a subject from a skin mesh, from height and chest, or from envelopes of the
+model's own links.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ import scipy
 from myomorph.identify.body.envelope import own_points
 from myomorph.identify.body.points import Links, MassPoints, fill, links_of, reference_masses
 from myomorph.identify.body.skin import check_skin, inside
-from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
+from myomorph.identify.body.weights import (
+    bone_weights,
+    cog_weights,
+    links_with_mass,
+    nearest_weights,
+)
 from myomorph.identify.validation import Inside
 from myomorph.io.landmarks import read_landmarks
 from myomorph.io.mesh import read_mesh
@@ -41,7 +48,8 @@ def body_points(
     compare: bool = True,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
-    """Mass points by weight map, the one to use first; what tells what is inside the skin; and what there is to say.
+    """Mass points by weight map, the one to use first; what tells what is inside the skin; and what
+    there is to say.
 
     Parameters
     ----------
@@ -69,17 +77,28 @@ def body_points(
     (['own'], 4.0, None)
     """
     if not 0.0005 <= options.spacing <= 0.1:
-        raise BadData(f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as 0.005")
+        raise BadData(
+            f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as"
+            " 0.005"
+        )
     if shape.skin is not None or shape.height is not None or shape.chest is not None:
         return _in_skin(model, shape, mass, options, compare)
     points = own_points(model, DEFAULT_POSE, mass, options.spacing, surfaces)
     if options.weights is None:
         return {OWN: points}, None, ()
     weights = _weights(model, points.points, points.links, (options.weights,))
-    return _made(points.points, points.reference, weights, points.links, options.spacing, points.source), None, ()
+    return (
+        _made(
+            points.points, points.reference, weights, points.links, options.spacing, points.source
+        ),
+        None,
+        (),
+    )
 
 
-def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, scipy.sparse.csr_array]:
+def _weights(
+    model: Model, points: Array, links: Links, names: Sequence[str]
+) -> dict[str, scipy.sparse.csr_array]:
     """Weights of points by the maps' names, links without mass left out."""
     taking = links_with_mass(model)
     result: dict[str, scipy.sparse.csr_array] = {}
@@ -98,7 +117,17 @@ def _made(
     spacing: float,
     source: str,
 ) -> dict[str, MassPoints]:
-    return {name: MassPoints(points, reference, weight, links, spacing, source) for name, weight in weights.items()}
+    return {
+        name: MassPoints(
+            points=points,
+            reference=reference,
+            weights=weight,
+            links=links,
+            spacing=spacing,
+            source=source,
+        )
+        for name, weight in weights.items()
+    }
 
 
 def _in_skin(
@@ -113,12 +142,14 @@ def _in_skin(
         landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
         with about(shape.landmarks or shape.skin):
             fitted = pose_model_to_skin(model, skin, landmarks)
-        source, notes = f"the skin {shape.skin.name}", skin.notes
+        source = f"the skin {shape.skin.name}"
+        notes = skin.notes
     else:
         body = _statistical(shape, mass)
         fitted = pose_model_to_skin(model, body)
         reached = ", ".join(f"{name} {value:.4g}" for name, value in body.reached.items())
-        source, notes = f"a statistical body ({reached})", body.notes
+        source = f"a statistical body ({reached})"
+        notes = body.notes
     posed = fitted.skin
     with about(shape.skin or "the body"):
         points = fill(posed, options.spacing)
@@ -127,7 +158,9 @@ def _in_skin(
     names = (first, *(kind for kind in WEIGHT_MAPS if kind != first and compare))
     weights = _weights(model, points, links, names)
     regions = _regions(model, weights[first]) if options.density == "segments" else None
-    made = _made(points, reference_masses(points, mass, regions), weights, links, options.spacing, source)
+    made = _made(
+        points, reference_masses(points, mass, regions), weights, links, options.spacing, source
+    )
     return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
 
 
@@ -142,6 +175,10 @@ def _statistical(shape: BodyShape, mass: float) -> Shape:
     from myomorph.identify.body.shape import body_shape
 
     if shape.height is None or shape.chest is None:
-        lacking, provided = ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
-        raise BadData(f"{provided} needs {lacking} beside it: a body shape follows from both, in metres")
+        lacking, provided = (
+            ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
+        )
+        raise BadData(
+            f"{provided} needs {lacking} beside it: a body shape follows from both, in metres"
+        )
     return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)

@@ -1,4 +1,6 @@
-"""Kinematic calibration from files: a model and recordings of markers give the model of that body, and its page."""
+"""Kinematic calibration from files: a model and recordings of markers give the model of that body,
+and its page.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ FINDINGS = "findings.json"  # What checks of the markers found, in the folder of
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibrated(Made[Calibration]):
-    """A calibration, the names of its recordings in its order, and what checks of their markers found."""
+    """A calibration, the names of its recordings in its order, and what checks of their markers
+    found.
+    """
 
     recordings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
@@ -47,15 +51,20 @@ class Calibrated(Made[Calibration]):
 
 def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Provenance) -> Calibrated:
     """Lengths and marker positions of the body that all recordings of a subject show."""
-    files, model, trials = subject.files, subject.model, subject.trials()
+    files = subject.files
+    model = subject.model
+    trials = subject.trials()
     reading.check_labels(files.labels, model)
-    warnings, findings = [f"{files.model.name}: {text}" for text in model.warnings], list[Finding]()
+    warnings = [f"{files.model.name}: {text}" for text in model.warnings]
+    findings = list[Finding]()
     warnings += [text for trial in trials for text in trial.warnings]
     recordings = {}
     for trial in trials:
         markers = trial.recording.markers
         if markers is not None:
-            recordings[trial.name] = _checked(trial.name, used_markers(trial, markers), model, findings)
+            recordings[trial.name] = _checked(
+                trial.name, used_markers(trial, markers), model, findings
+            )
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
@@ -63,13 +72,22 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
         warnings += texts
         options = replace(options, static=_checked(files.static.name, standing, model, findings))
     if not recordings and options.static is None:
-        raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
-    with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
-        calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
+        raise BadData(
+            f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit"
+        )
+    with (
+        reading.about(files.model),
+        progress(f"{files.name}: calibration", options.iterations, "steps") as advance,
+    ):
+        calibration = calibrate(
+            model, list(recordings.values()), options, advance, default_path_lengths
+        )
     names = (*recordings, *((files.static.stem,) if files.static else ()))
     warned = tuple(dict.fromkeys(warnings))
     used = names[-len(calibration.frames) :]
-    return Calibrated(calibration, made, warned, recordings=used, findings=(*calibration.warnings, *findings))
+    return Calibrated(
+        calibration, made, warned, recordings=used, findings=(*calibration.warnings, *findings)
+    )
 
 
 def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Markers, list[str]]:
@@ -81,11 +99,15 @@ def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Mar
 
 
 def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
-    """A recording with exchanged labels put back, before a calibration moves markers after them; findings are added."""
+    """A recording with exchanged labels put back, before a calibration moves markers after them;
+    findings are added.
+    """
     markers, exchanged = mended_labels(model, markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
     known = {(finding.kind, finding.place) for finding in findings}
-    new = [finding for finding in (*exchanged, *beside) if (finding.kind, finding.place) not in known]
+    new = [
+        finding for finding in (*exchanged, *beside) if (finding.kind, finding.place) not in known
+    ]
     findings += [replace(finding, text=f"{name}: {finding.text}") for finding in new]
     return markers
 
@@ -97,12 +119,16 @@ def task_weights(path: Path, model: Model) -> dict[str, float]:
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
-    options = with_settings(CalibrationOptions(mass=subject.files.mass), subject.settings.get("calibrate", {}))
+    options = with_settings(
+        CalibrationOptions(mass=subject.files.mass), subject.settings.get("calibrate", {})
+    )
     write_calibrated(calibrated(subject, options, output.made), output.path("model"), output.tables)
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of tables, report and findings, whole or not at all; returns what is lost in it."""
+    """Write the model, and a folder of tables, report and findings, whole or not at all; returns
+    what is lost in it.
+    """
     calibration = calibrated.found
 
     def fill(folder: Path) -> None:
@@ -112,7 +138,9 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[s
         write_rows(marker_rows(calibration), folder / "markers.csv")
         write_rows(zero_rows(calibration), folder / "zero_angles.csv")
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
-        (folder / NOTES).write_text("".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8")
+        (folder / NOTES).write_text(
+            "".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8"
+        )
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
     return write_made_model(calibration.model, calibrated.provenance, out, tables, fill)
@@ -142,7 +170,10 @@ def marker_rows(calibration: Calibration) -> list[dict[str, object]]:
         {
             "marker": marker.name,
             "body": marker.body,
-            **{f"{axis}_m": float(value) for axis, value in zip("xyz", marker.location, strict=True)},
+            **{
+                f"{axis}_m": float(value)
+                for axis, value in zip("xyz", marker.location, strict=True)
+            },
             **{f"{axis}_sd_m": float(value) for axis, value in zip("xyz", marker.sd, strict=True)},
             "shift_m": float(np.linalg.norm(marker.shift)),
             "rms_before_m": marker.before,
@@ -153,7 +184,9 @@ def marker_rows(calibration: Calibration) -> list[dict[str, object]]:
 
 
 def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
-    """A row for every angle: its zero against the generic model's, a 90 % interval, and what fixes it."""
+    """A row for every angle: its zero against the generic model's, a 90 % interval, and what fixes
+    it.
+    """
     return [
         {
             "coordinate": angle.coordinate,
@@ -174,8 +207,9 @@ def summary(calibration: Calibration) -> Iterable[str]:
     for length in calibration.lengths:
         if length.length.along and length.length.between_joints:
             yield (
-                f"  {length.length.name:<16} {1e3 * length.generic:6.1f} -> {1e3 * length.value:6.1f} mm "
-                f"(factor {length.factor:.3f}, SD {1e3 * length.length.extent * length.sd:.1f} mm)"
+                f"  {length.length.name:<16} {1e3 * length.generic:6.1f} ->"
+                f" {1e3 * length.value:6.1f} mm (factor {length.factor:.3f}, SD"
+                f" {1e3 * length.length.extent * length.sd:.1f} mm)"
                 + ("" if length.shown else ", not shown by the recordings")
             )
 
@@ -195,7 +229,8 @@ STEP = Step(
 
 def calibration_page(calibrated: Calibrated) -> str:
     """Lengths and markers before and after as HTML text, see `report_page`."""
-    # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
+    # Workers calibrate many subjects and write their pages last: until then, nothing of the report
+    # is loaded.
     from myomorph.report.page.parts import Note, PageHead
     from myomorph.report.trial.report_input import IdentificationInput, ReportInput
     from myomorph.report.trial.trial_page import report_page
@@ -254,4 +289,6 @@ def with_marker_set(model: Model, path: str | Path) -> Model:
     with reading.about(path):
         new = read_marker_set(path, model)
     names = {marker.name for marker in new}
-    return replace(model, markers=(*(marker for marker in model.markers if marker.name not in names), *new))
+    return replace(
+        model, markers=(*(marker for marker in model.markers if marker.name not in names), *new)
+    )

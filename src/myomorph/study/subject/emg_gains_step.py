@@ -1,4 +1,6 @@
-"""The step `emg` of a study: gains, delay and shape of a subject's EMG channels over all trials of the subject."""
+"""The step `emg` of a study: gains, delay and shape of a subject's EMG channels over all trials of
+the subject.
+"""
 
 from __future__ import annotations
 
@@ -29,24 +31,31 @@ from myomorph.tension.task import added_reserves
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
 
-GAINS, TRIALS = "gains.json", "trials.csv"
+GAINS = "gains.json"
+TRIALS = "trials.csv"
 
 
 def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[str, str]]:
-    """Gains of a subject's channels over all trials, and why each trial that takes no part does not ("" for the rest).
-    Envelopes that were scaled to a recording's own largest value are brought to the largest of all recordings first.
+    """Gains of a subject's channels over all trials, and why each trial that takes no part does not
+    ("" for the rest). Envelopes that were scaled to a recording's own largest value are brought to
+    the largest of all recordings first.
     """
     parts = {trial.name: _left_out(trial) for trial in trials}
     used = [trial for trial in trials if not parts[trial.name]]
     if not used:
         reasons = "; ".join(f"{name}: {why}" for name, why in parts.items())
-        raise BadData(f"no trial determines EMG gains ({reasons}): leave the step 'emg' out, or give trials that do")
+        raise BadData(
+            f"no trial determines EMG gains ({reasons}): leave the step 'emg' out, or give trials"
+            " that do"
+        )
     muscles = _muscles(used)
     recorded_emg = {trial.name: trial.inputs[RecordedEmg] for trial in used}
     scale = common_scale([whole.scale for whole in recorded_emg.values()])
-    emg_trials, maxima = [], dict[str, float]()
+    emg_trials = []
+    maxima = dict[str, float]()
     for trial in used:
-        recorded_channels, motion = recorded_emg[trial.name], trial.get(RecordedMotion)
+        recorded_channels = recorded_emg[trial.name]
+        motion = trial.get(RecordedMotion)
         with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
             recorded = solve_kinematics(trial).fit.motion if motion is None else motion.motion
             dynamics = solve_dynamics(trial, recorded)
@@ -54,7 +63,9 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
             emg_trials.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
             for name, maximum in recorded_channels.maxima.items():
                 # Of the same contractions, in the units that all trials have now.
-                maxima[name] = maximum * recorded_channels.scale.get(name, 1.0) / scale.get(name, 1.0)
+                maxima[name] = (
+                    maximum * recorded_channels.scale.get(name, 1.0) / scale.get(name, 1.0)
+                )
             advance(1)
     first = used[0]
     tension = first.options[TensionOptions]
@@ -62,7 +73,9 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
     actuators = added_reserves(first.model, tension) if beside is None else beside.actuators
     largest = {name: maximum for name, maximum in maxima.items() if name in muscles}
     emg_options = first.options[EmgOptions]
-    calibration = calibrate_emg(first.model, emg_trials, muscles, emg_options, tension, actuators, largest)
+    calibration = calibrate_emg(
+        first.model, emg_trials, muscles, emg_options, tension, actuators, largest
+    )
     return SubjectGains(calibration, scale), parts
 
 
@@ -90,13 +103,17 @@ def _muscles(trials: Sequence[TrialInputs]) -> dict[str, tuple[str, ...]]:
         for channel, names in channels.items():
             if channel in common and tuple(common[channel]) != tuple(names):
                 raise BadData(
-                    f"EMG channel '{channel}' is of {', '.join(common[channel])} in '{first.name}', but of "
-                    f"{', '.join(names)} in '{trial.name}': gains of all trials need the same electrodes"
+                    f"EMG channel '{channel}' is of {', '.join(common[channel])} in '{first.name}',"
+                    f" but of {', '.join(names)} in '{trial.name}': gains of all trials need the"
+                    " same electrodes"
                 )
         common = {channel: names for channel, names in common.items() if channel in channels}
     if not common:
         listed = ", ".join(trial.name for trial in trials)
-        raise BadData(f"no EMG channel is in all of the trials {listed}: gains of all trials need the same electrodes")
+        raise BadData(
+            f"no EMG channel is in all of the trials {listed}: gains of all trials need the same"
+            " electrodes"
+        )
     return common
 
 
@@ -118,5 +135,7 @@ STEP = Step(
     tables="emg_gains",
     leaves=FrozenMap({"gains": f"emg_gains/{GAINS}"}),
     run=_run,
-    made_from=lambda subject: recordings_provenance("emg", subject, earlier=("ik", "id", "tension")),
+    made_from=lambda subject: recordings_provenance(
+        "emg", subject, earlier=("ik", "id", "tension")
+    ),
 )

@@ -1,4 +1,6 @@
-"""How far off a subject's model may be, as the steps that made it found: sizes of errors for limits of results."""
+"""How far off a subject's model may be, as the steps that made it found: sizes of errors for limits
+of results.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +19,15 @@ from myomorph.uncertainty.sources import ItemSize
 
 NINETY = 1.645  # Standard deviations of a 90 % interval.
 IN_SPACE = 2.5003
-"""Standard deviations of each axis within which 90 % of points of an isotropic normal distribution lie."""
+"""Standard deviations of each axis within which 90 % of points of an isotropic normal distribution
+lie.
+"""
 
 
 def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
-    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies, 10). What a first
-    moment or an inertia owes to the error of the mass is taken off, as masses are drawn themselves.
+    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies,
+    10). What a first moment or an inertia owes to the error of the mass is taken off, as masses are
+    drawn themselves.
     """
     for body, parameter, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
         if not (body.mass > 0.0 and error[0] > 0.0):
@@ -30,7 +35,10 @@ def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
         share = float(error[0]) / body.mass
         yield ItemSize("segment_mass", body.name, share)
         radius = np.sqrt(max(float(np.trace(body.inertia)), 0.0) / (2.0 * body.mass))
-        apart = np.sqrt(np.maximum(error[1:4] ** 2 - (body.mass_center * error[0]) ** 2, 0.0)) / body.mass
+        apart = (
+            np.sqrt(np.maximum(error[1:4] ** 2 - (body.mass_center * error[0]) ** 2, 0.0))
+            / body.mass
+        )
         if radius > 0.0:
             yield ItemSize("mass_center", body.name, float(np.sqrt(np.mean(apart**2))) / radius)
         trace = float(parameter[4:7].sum())
@@ -51,7 +59,9 @@ def refined_errors(refinement: Refinement) -> Iterator[ItemSize]:
 def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
     """Fiber and slack lengths of muscles; strengths, which muscles of a group share."""
     fibers = {muscle.name: muscle.optimal_fiber_length for muscle in personalized.model.muscles}
-    members = grouped(zip(personalized.strength_groups, personalized.model.muscle_names, strict=False))
+    members = grouped(
+        zip(personalized.strength_groups, personalized.model.muscle_names, strict=False)
+    )
     for estimate in personalized.estimates:
         if not (np.isfinite(estimate.low) and estimate.low > 0.0 and estimate.high > estimate.low):
             continue
@@ -60,11 +70,13 @@ def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
             yield ItemSize("fiber_length", estimate.of, ratio)
         elif estimate.parameter == SLACK:
             yield ItemSize(
-                "slack_length", estimate.of, (estimate.high - estimate.low) / (2.0 * NINETY) / fibers[estimate.of]
+                "slack_length",
+                estimate.of,
+                (estimate.high - estimate.low) / (2.0 * NINETY) / fibers[estimate.of],
             )
         elif estimate.parameter == FORCE:
             for muscle in members.get(estimate.of, ()):
-                yield ItemSize("strength", muscle, ratio, estimate.of)
+                yield ItemSize(source="strength", item=muscle, size=ratio, shared=estimate.of)
 
 
 def morphed_errors(morph: Morph) -> Iterator[ItemSize]:

@@ -1,4 +1,6 @@
-"""From the files of a subject's motions to an identified model: `myomorph identify` and the step of a study."""
+"""From the files of a subject's motions to an identified model: `myomorph identify` and the step of
+a study.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
+from myomorph.identify.subject import (
+    GENERIC,
+    SHAPE,
+    Identification,
+    IdentificationOptions,
+    identify,
+)
 from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -34,19 +42,27 @@ from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.found_errors import identified_errors
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape, SubjectInputs, recordings_provenance
+from myomorph.study.subject.subject_files import (
+    BodyOptions,
+    BodyShape,
+    SubjectInputs,
+    recordings_provenance,
+)
 from myomorph.study.subject.subjects import Made, write_made_model
 from myomorph.study.trial.steps.ik import trial_motion
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 """Weight maps as the command names them, and as [D] and the tables do."""
 
-LIGHTEST, HEAVIEST = 1e-3, 1e4  # Masses of a body that is not mistyped [kg]: from a mouse to an elephant.
+LIGHTEST = 1e-3
+HEAVIEST = 1e4  # Masses of a body that is not mistyped [kg]: from a mouse to an elephant.
 
 
 @dataclass(frozen=True)
 class CheckTrials:
-    """Names of trials, between commas, that masses are not fitted to; their forces are only predicted."""
+    """Names of trials, between commas, that masses are not fitted to; their forces are only
+    predicted.
+    """
 
     check: str = ""
 
@@ -63,7 +79,9 @@ class IdentifyOptions(SettingGroup):
 
 @dataclass(frozen=True, eq=False)
 class SubjectMotion:
-    """One motion of a subject and its forces, as recorded; held out, it is only compared afterwards."""
+    """One motion of a subject and its forces, as recorded; held out, it is only compared
+    afterwards.
+    """
 
     name: str
     motion: Motion
@@ -88,20 +106,32 @@ def open_motions(
     named: LoadsFile | None = None,
     forces: ForceOptions | None = None,
 ) -> list[SubjectMotion]:
-    """Motions and their forces, in pairs in the order given; `named` are bodies that forces act on, where they are not
-    the nearest feet, `forces` how forces are checked and mended, and their clock.
+    """Motions and their forces, in pairs in the order given; `named` are bodies that forces act on,
+    where they are not the nearest feet, `forces` how forces are checked and mended, and their
+    clock.
     """
     if len(motions) != len(loads):
         raise BadData(
-            f"{len(motions)} motions but {len(loads)} files of forces: give one of each for every recording, "
-            "in the same order"
+            f"{len(motions)} motions but {len(loads)} files of forces: give one of each for every"
+            " recording, in the same order"
         )
-    result, bodies = [], named or LoadsFile()
+    result = []
+    bodies = named or LoadsFile()
     for motion_path, loads_path in zip(motions, loads, strict=True):
         motion = reading.read_motion(motion_path, model)
         cut_to = reading.cut_to(time, motion, motion_path)
-        wrenches = read_loads(loads_path, model, motion, bodies.bodies, plates=bodies.plates, options=forces)
-        result.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
+        wrenches = read_loads(
+            loads_path, model, motion, bodies.bodies, plates=bodies.plates, options=forces
+        )
+        result.append(
+            SubjectMotion(
+                name=motion_path.name,
+                motion=motion,
+                wrenches=wrenches,
+                time=cut_to,
+                held_out=held_out,
+            )
+        )
     return result
 
 
@@ -114,8 +144,8 @@ def check_mass(model: Model, mass: float | None) -> float:
         raise BadData(f"--mass {mass:g}: expected the body's mass in kilograms, as 72.6")
     if not 0.4 <= mass / model.mass <= 2.5:
         raise BadData(
-            f"--mass {mass:g}: the model weighs {model.mass:.4g} kg; scale it to the subject first, or is the mass "
-            "in another unit than kilograms?"
+            f"--mass {mass:g}: the model weighs {model.mass:.4g} kg; scale it to the subject first,"
+            " or is the mass in another unit than kilograms?"
         )
     return mass
 
@@ -130,10 +160,17 @@ def identify_subject(
 ) -> Identified:
     """Identify the masses of a scaled model from a subject's motions."""
     mass = check_mass(model, mass)
-    used, unseen = list[Usable](), list[Usable]()
+    used = list[Usable]()
+    unseen = list[Usable]()
     for part in motions:
         recording = usable(
-            model, part.motion, part.wrenches, mass=mass, time=part.time, name=part.name, options=options.recording
+            model,
+            part.motion,
+            part.wrenches,
+            mass=mass,
+            time=part.time,
+            name=part.name,
+            options=options.recording,
         )
         (unseen if part.held_out else used).append(recording)
     if not used:
@@ -143,7 +180,10 @@ def identify_subject(
     )
     ways = len(points) + 1 if options.identification.compare else 1
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
-    with progress("identification", ways, "solutions") as advance, threadpool_limits(limits=1, user_api="blas"):
+    with (
+        progress("identification", ways, "solutions") as advance,
+        threadpool_limits(limits=1, user_api="blas"),
+    ):
         identification = identify(
             model,
             used,
@@ -157,8 +197,11 @@ def identify_subject(
         )
     force_notes = (f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
     unfiltered = (
-        "no low-pass filter: noise of markers grows with the square of frequency in accelerations; where the motion "
-        "is not filtered already, give a cutoff, as 6 Hz for walking",
+        (
+            "no low-pass filter: noise of markers grows with the square of frequency in"
+            " accelerations; where the motion is not filtered already, give a cutoff, as 6 Hz for"
+            " walking"
+        ),
     )
     # What identification says of itself comes first: whether its masses may be believed.
     notes = (*identification.notes, *force_notes, *notes_of_points)
@@ -170,12 +213,16 @@ def identify_subject(
     }
     tissue = identification.soft_tissue
     tissues = {} if tissue is None else {identification.identified: tissue, SHAPE: tissue}
-    validation = {recording.name: cross_validate(models, recording.recording, tissues) for recording in unseen}
+    validation = {
+        recording.name: cross_validate(models, recording.recording, tissues) for recording in unseen
+    }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
     return Identified(identification, made, validation=FrozenMap(validation))
 
 
-def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], shape: BodyShape) -> list[Source]:
+def input_sources(
+    model: Path, motions: Sequence[Path], loads: Sequence[Path], shape: BodyShape
+) -> list[Source]:
     """The files that an identification is made from."""
     sources = [*file_sources(("model", model), *(("motion", path) for path in motions))]
     for path in loads:
@@ -183,9 +230,14 @@ def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], s
     return [*sources, *file_sources(("skin", shape.skin), ("landmarks", shape.landmarks))]
 
 
-def write_identified(identified: Identified, out: Path, tables: Path, subject: str = "") -> tuple[str, ...]:
-    """Write the model, and a folder of tables and a report, whole or not at all; returns what is lost in the model."""
-    model, name = identified.found.model, subject or identified.found.model.name
+def write_identified(
+    identified: Identified, out: Path, tables: Path, subject: str = ""
+) -> tuple[str, ...]:
+    """Write the model, and a folder of tables and a report, whole or not at all; returns what is
+    lost in the model.
+    """
+    model = identified.found.model
+    name = subject or identified.found.model.name
 
     def fill(folder: Path) -> None:
         _write_tables(identified, folder, name)
@@ -209,13 +261,24 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
         notes.append(Note("assumed", f"Soft tissue: {tissue_line(identification.soft_tissue)}."))
     page = report_page(
         ReportInput(
-            PageHead.of(f"{subject}: identified body", identified.provenance, notes, identification.notes),
+            PageHead.of(
+                f"{subject}: identified body", identified.provenance, notes, identification.notes
+            ),
             recorded=Recorded(
-                subject, FrozenMap({"Body mass": f"{float(np.sum(identification.parameters[GENERIC][:, 0])):.4g} kg"})
+                subject,
+                FrozenMap(
+                    {
+                        "Body mass": (
+                            f"{float(np.sum(identification.parameters[GENERIC][:, 0])):.4g} kg"
+                        )
+                    }
+                ),
             ),
             model=identification.model,
             surfaces=surfaces,
-            identification=IdentificationInput(identification.model, identification, identified.validation),
+            identification=IdentificationInput(
+                identification.model, identification, identified.validation
+            ),
         )
     )
     (folder / REPORT).write_text(page, encoding="utf-8")
@@ -228,20 +291,24 @@ def _surfaces(model: Model) -> Mapping[str, Surface]:
 
 
 def summary(identified: Identified) -> list[str]:
-    """What the command says: frames, misfits, what the data did not show, and motions that were held out."""
+    """What the command says: frames, misfits, what the data did not show, and motions that were
+    held out.
+    """
     identification = identified.found
     used = sum(int(recording.use.sum()) for recording in identification.recordings)
     total = sum(recording.frames for recording in identification.recordings)
     lines = [
-        f"{used} of {total} frames used" + "".join(f"; {n} {reason}" for reason, n in identification.left_out.items())
+        f"{used} of {total} frames used"
+        + "".join(f"; {n} {reason}" for reason, n in identification.left_out.items())
     ]
     flight = sum(recording.flight for recording in identification.recordings)
     if flight:
         lines[0] += f"; {flight} of those used without contact"
-    generic, now = identification.residuals[GENERIC], identification.residuals[identification.identified]
+    generic = identification.residuals[GENERIC]
+    now = identification.residuals[identification.identified]
     lines.append(
-        f"misfit of the ground wrench: {now[1]:.1f} N, {now[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} "
-        "N m)"
+        f"misfit of the ground wrench: {now[1]:.1f} N, {now[0]:.1f} N m (generic {generic[1]:.1f}"
+        f" N, {generic[0]:.1f} N m)"
         + (
             f"; {identification.unseen.what}: {identification.unseen.words}"
             if len(identification.unseen.frames)
@@ -263,7 +330,8 @@ def summary(identified: Identified) -> list[str]:
         moment, force = validation.rms(identification.identified)
         generic = validation.rms(GENERIC)
         lines.append(
-            f"{name}, not used: {force:.1f} N, {moment:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)"
+            f"{name}, not used: {force:.1f} N, {moment:.1f} N m (generic {generic[1]:.1f} N,"
+            f" {generic[0]:.1f} N m)"
         )
     return lines
 
@@ -271,30 +339,42 @@ def summary(identified: Identified) -> list[str]:
 def tissue_line(tissue: SoftTissue) -> str:
     """What is printed of soft tissue."""
     return (
-        f"markers move more than the body's mass; alpha of 1 / (1 + alpha w^2): {tissue.words}; the masses are for the "
-        "motion without it"
+        f"markers move more than the body's mass; alpha of 1 / (1 + alpha w^2): {tissue.words}; the"
+        " masses are for the motion without it"
     )
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
-    files, motions = subject.files, []
-    shared = {name: value for step in ("id", "identify") for name, value in subject.settings.get(step, {}).items()}
+    files = subject.files
+    motions = []
+    shared = {
+        name: value
+        for step in ("id", "identify")
+        for name, value in subject.settings.get(step, {}).items()
+    }
     options = IdentifyOptions.of(shared)
     check = [name.strip() for name in options.trials.check.split(",") if name.strip()]
     for name in check:
-        index_of("trial", name, tuple(trial.name for trial in files.trials), f"subject '{files.name}'")
+        index_of(
+            "trial", name, tuple(trial.name for trial in files.trials), f"subject '{files.name}'"
+        )
     for trial in subject.trials():
         loads = trial.get(ExternalLoads)
         if loads is None:
             continue
         motion = trial_motion(trial)
-        motions.append(SubjectMotion(trial.name, motion, loads.of(motion), held_out=trial.name in check))
+        motions.append(
+            SubjectMotion(trial.name, motion, loads.of(motion), held_out=trial.name in check)
+        )
     if not motions:
         raise BadData(
-            f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"
+            f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to"
+            " hold masses against"
         )
     identified = identify_subject(subject.model, motions, files.shape, files.mass, options)
-    write_identified(replace(identified, provenance=output.made), output.path("model"), output.tables, files.name)
+    write_identified(
+        replace(identified, provenance=output.made), output.path("model"), output.tables, files.name
+    )
 
 
 def _made_from(subject: SubjectInputs) -> Provenance:

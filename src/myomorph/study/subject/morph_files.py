@@ -1,4 +1,6 @@
-"""The files of a morph: a source model with its bones, a folder of the target's bones, pairs of landmarks."""
+"""The files of a morph: a source model with its bones, a folder of the target's bones, pairs of
+landmarks.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +28,14 @@ METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 @dataclass(frozen=True)
 class MorphFiles:
-    """What a morph is made from: the model whose muscles are carried over; a folder of the target's bones,
-    `<body>.obj`, `.stl`, `.ply` or `.vtp`; pairs of points, CSV; the source's own meshes, by default beside the model;
-    a closed surface of the target's skin, for masses; the target's mass [kg].
+    """What a morph is made from: the model whose muscles are carried over; a folder of the target's
+    bones, `<body>.obj`, `.stl`, `.ply` or `.vtp`; pairs of points, CSV; the source's own meshes, by
+    default beside the model; a closed surface of the target's skin, for masses; the target's mass
+    [kg].
 
-    `together`: the bones lie as one scan shows them, in one frame; `mirror`: a body without a bone takes the mirrored
-    one of its other side, `across` the axis of ground; `links`: bodies without a bone on which muscles branch, with the
-    bones around each.
+    `together`: the bones lie as one scan shows them, in one frame; `mirror`: a body without a bone
+    takes the mirrored one of its other side, `across` the axis of ground; `links`: bodies without a
+    bone on which muscles branch, with the bones around each.
     """
 
     source: Path
@@ -50,12 +53,20 @@ class MorphFiles:
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
         bones = (("bone", path) for path in bone_files(self.bones).values())
-        return file_sources(("model", self.source), *bones, ("landmarks", self.landmarks), ("skin", self.skin))
+        return file_sources(
+            ("model", self.source), *bones, ("landmarks", self.landmarks), ("skin", self.skin)
+        )
 
     def options(self) -> dict[str, object]:
         """What is said of the files, for provenance."""
-        told = {name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")}
-        return told | ({"links": {name: list(around) for name, around in self.links.items()}} if self.links else {})
+        told = {
+            name: getattr(self, name) for name in ("unit", "mass", "together", "mirror", "across")
+        }
+        return told | (
+            {"links": {name: list(around) for name, around in self.links.items()}}
+            if self.links
+            else {}
+        )
 
 
 class BonesTable(Strict):
@@ -73,7 +84,12 @@ class BonesTable(Strict):
 
 
 def bones_of(
-    table: BonesTable, model: Path, mass: float | None, folder: Path, where: str, problems: list[str]
+    table: BonesTable,
+    model: Path,
+    mass: float | None,
+    folder: Path,
+    where: str,
+    problems: list[str],
 ) -> MorphFiles:
     """The files that a subject's table of bones names; what does not exist goes to `problems`."""
     for role, name in (("folder", table.folder), ("geometry", table.geometry)):
@@ -91,12 +107,18 @@ def bones_of(
 def bone_files(folder: Path) -> dict[str, Path]:
     """Mesh files of a folder by their stems."""
     if not folder.is_dir():
-        raise BadFile(folder, "is not a folder", f"give the folder of the target's bones, <body>{ENDINGS[1]} and so on")
+        raise BadFile(
+            folder,
+            "is not a folder",
+            f"give the folder of the target's bones, <body>{ENDINGS[1]} and so on",
+        )
     result: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() not in ENDINGS or not path.is_file():
             continue
-        twice = [earlier.name for stem, earlier in result.items() if stem.lower() == path.stem.lower()]
+        twice = [
+            earlier.name for stem, earlier in result.items() if stem.lower() == path.stem.lower()
+        ]
         if twice:
             raise BadFile(folder, f"holds both {twice[0]} and {path.name}", "keep one file a bone")
         result[path.stem] = path
@@ -105,17 +127,25 @@ def bone_files(folder: Path) -> dict[str, Path]:
     return result
 
 
-def read_bones(folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]) -> dict[str, Surface]:
-    """The target's bones [m] by the body of the model that each file is named after; notes take up files of no body."""
+def read_bones(
+    folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]
+) -> dict[str, Surface]:
+    """The target's bones [m] by the body of the model that each file is named after; notes take up
+    files of no body.
+    """
     files = bone_files(folder)
     by_name = {body.lower(): body for body in bodies}
     unknown = [path.name for stem, path in files.items() if stem.lower() not in by_name]
     if len(unknown) == len(files):
         raise BadFile(
-            folder, f"holds no bone named after a body: {listing('', unknown)}", f"bodies are {listing('', bodies)}"
+            folder,
+            f"holds no bone named after a body: {listing('', unknown)}",
+            f"bodies are {listing('', bodies)}",
         )
     if unknown:
-        notes.append(f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}")
+        notes.append(
+            f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}"
+        )
     result: dict[str, Surface] = {}
     for stem, path in files.items():
         body = by_name.get(stem.lower())
@@ -129,13 +159,16 @@ def resized(surface: Surface, unit: Unit) -> Surface:
     return surface if unit == "m" else Surface(surface.vertices * METERS[unit], surface.faces)
 
 
-def source_bones(model: Model, geometry: Path | None = None, notes: list[str] | None = None) -> dict[str, Surface]:
+def source_bones(
+    model: Model, geometry: Path | None = None, notes: list[str] | None = None
+) -> dict[str, Surface]:
     """The bones of a model in their bodies' frames, by body, as far as their meshes are found.
 
     Parameters
     ----------
     model : read from a file, or composed by `myo-sim`
-    geometry : folder that holds the meshes; None to look beside the model's file, and in `Geometry` there
+    geometry : folder that holds the meshes; None to look beside the model's file, and in `Geometry`
+        there
     notes : takes up what was not found, one line each
 
     Returns
@@ -159,7 +192,9 @@ def source_bones(model: Model, geometry: Path | None = None, notes: list[str] | 
     if geometry is not None and not geometry.is_dir():
         raise BadFile(geometry, "is not a folder", "give the folder of the source model's meshes")
     beside = Path(model.source).parent
-    folders = [geometry] if geometry is not None else [beside, beside / "Geometry", beside / "geometry"]
+    folders = (
+        [geometry] if geometry is not None else [beside, beside / "Geometry", beside / "geometry"]
+    )
     surfaces, warnings = read_surfaces(model, [folder for folder in folders if folder.is_dir()])
     if notes is not None:
         notes += warnings
@@ -169,7 +204,9 @@ def source_bones(model: Model, geometry: Path | None = None, notes: list[str] | 
             result[body.name] = bone_surface(body, surfaces)
     if not result:
         looked = ", ".join(str(folder) for folder in folders)
-        raise BadData(f"none of the bones' meshes is in {looked}: give the folder that holds them (geometry)")
+        raise BadData(
+            f"none of the bones' meshes is in {looked}: give the folder that holds them (geometry)"
+        )
     return result
 
 

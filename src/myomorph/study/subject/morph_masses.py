@@ -1,4 +1,6 @@
-"""Masses, mass centers and inertias of a morphed model: carried by its bones' maps, or of mass points inside a skin."""
+"""Masses, mass centers and inertias of a morphed model: carried by its bones' maps, or of mass
+points inside a skin.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ LIKE = 3.0  # A skin that holds so many times more or less than the body's mass 
 def with_morphed_masses(
     morph: Morph, mass: float | None = None, skin: Surface | None = None
 ) -> tuple[Model, tuple[str, ...]]:
-    """The morphed model with the masses of its new body, of `mass` [kg] as a whole: those that the bones' maps carried
-    over, in one proportion, or with a skin those of `with_skin_masses`.
+    """The morphed model with the masses of its new body, of `mass` [kg] as a whole: those that the
+    bones' maps carried over, in one proportion, or with a skin those of `with_skin_masses`.
     """
     model = morph.model
     if mass is not None and not (np.isfinite(mass) and mass > 0.0):
@@ -38,12 +40,16 @@ def with_morphed_masses(
         raise BadData(f"model '{model.name}' has no masses to carry over: give a skin")
     if mass is not None:
         model = with_inertial_parameters(model, inertial_parameters(model) * mass / model.mass)
-    return model, (f"masses are the source's, carried by the bones' maps, {model.mass:.4g} kg together",)
+    return model, (
+        f"masses are the source's, carried by the bones' maps, {model.mass:.4g} kg together",
+    )
 
 
-def with_skin_masses(model: Model, skin: Surface, mass: float | None = None) -> tuple[Model, tuple[str, ...]]:
-    """The model with masses of points that fill a skin, closed and in the ground, and belong to the nearest bones ([D]
-    eq. 3.5 to 3.8); by default volume times `DENSITY` [kg].
+def with_skin_masses(
+    model: Model, skin: Surface, mass: float | None = None
+) -> tuple[Model, tuple[str, ...]]:
+    """The model with masses of points that fill a skin, closed and in the ground, and belong to the
+    nearest bones ([D] eq. 3.5 to 3.8); by default volume times `DENSITY` [kg].
     """
     checked = check_skin(skin)
     fitted = pose_model_to_skin(model, checked)
@@ -55,17 +61,28 @@ def with_skin_masses(model: Model, skin: Surface, mass: float | None = None) -> 
     expected = mass if mass is not None else model.mass
     if expected > 0.0 and not 1.0 / LIKE < DENSITY * volume / expected < LIKE:
         raise BadData(
-            f"the skin holds {volume:.3g} m^3, {DENSITY * volume:.4g} kg at {DENSITY:g} kg/m^3, and "
-            f"{expected:.4g} kg are expected: is it this body's skin, closed and in meters?"
+            f"the skin holds {volume:.3g} m^3, {DENSITY * volume:.4g} kg at {DENSITY:g} kg/m^3, and"
+            f" {expected:.4g} kg are expected: is it this body's skin, closed and in meters?"
         )
     links = links_of(model, fitted.motion)
     shares = bone_weights(points, links, taking=links_with_mass(model))
-    mass_points = MassPoints(points, np.full(len(points), weight / len(points)), shares, links, spacing, "the skin")
+    mass_points = MassPoints(
+        points=points,
+        reference=np.full(len(points), weight / len(points)),
+        weights=shares,
+        links=links,
+        spacing=spacing,
+        source="the skin",
+    )
     notes.append(
         f"masses from {len(points)} mass points inside the skin, {weight:.4g} kg"
         + ("" if mass is not None else f" ({DENSITY:g} kg/m^3, no mass was given)")
     )
-    empty = [name for name, share in zip(model.body_names, shares.sum(axis=0), strict=True) if share <= 0.0]
+    empty = [
+        name
+        for name, share in zip(model.body_names, shares.sum(axis=0), strict=True)
+        if share <= 0.0
+    ]
     if empty:
         notes.append(f"no mass point belongs to {few(empty)}")
     parameters = mass_points.parameters(mass_points.reference)

@@ -1,4 +1,6 @@
-"""A model in other bones, from files: bones laid on bones, muscles carried over, and the model of that body."""
+"""A model in other bones, from files: bones laid on bones, muscles carried over, and the model of
+that body.
+"""
 
 from __future__ import annotations
 
@@ -43,12 +45,15 @@ from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, 
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
 
-POOR_AGREEMENT = 0.95  # Agreement of a bone's normals with the target's below which another bone is tried.
+# Agreement of a bone's normals with the target's below which another bone is tried.
+POOR_AGREEMENT = 0.95
 
 
 @dataclass(frozen=True)
 class MorphSettings(SettingGroup):
-    """What the steps of a morph are told: how bones are matched, how space is mapped, what is made of muscles."""
+    """What the steps of a morph are told: how bones are matched, how space is mapped, what is made
+    of muscles.
+    """
 
     match: MatchOptions = field(default_factory=MatchOptions)
     map: MapOptions = field(default_factory=MapOptions)
@@ -98,7 +103,9 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     checks = check_morph(morph)
     with progress("intervals", DRAWS, "models") as advance:
         checks = with_arm_intervals(morph, checks, advance)
-    return Morphed(morph, checks, made, tuple(dict.fromkeys(warnings)))
+    return Morphed(
+        morph=morph, checks=checks, provenance=made, warnings=tuple(dict.fromkeys(warnings))
+    )
 
 
 def map_bones(
@@ -109,9 +116,9 @@ def map_bones(
     settings: MorphSettings,
     together: bool = False,
 ) -> dict[str, BoneMap]:
-    """The map of every bone that the target has a surface or landmarks of, by body; the largest first. `ours` and
-    `theirs` are surfaces of source and target; `together` these share one frame, so that those found tell where the
-    next one lies.
+    """The map of every bone that the target has a surface or landmarks of, by body; the largest
+    first. `ours` and `theirs` are surfaces of source and target; `together` these share one frame,
+    so that those found tell where the next one lies.
     """
     wanted = [body for body in model.body_names if body in theirs or body in pairs]
     wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
@@ -121,10 +128,14 @@ def map_bones(
     maps: dict[str, BoneMap] = {}
     with progress("bones", len(wanted), "bones") as advance:
         for body in wanted:
-            source, target, points = ours.get(body), theirs.get(body), pairs.get(body)
+            source = ours.get(body)
+            target = theirs.get(body)
+            points = pairs.get(body)
             start = start_by_neighbors(model, body, maps, poses) if together else None
             with reading.about(body):
-                maps[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
+                maps[body] = map_bone(
+                    body, source, target, points, settings.map, settings.match, start=start
+                )
                 alike = maps[body].measures.get("agreement", 1.0)
                 if target is not None and points is None and alike < POOR_AGREEMENT:
                     check_exchange(body, target, ours)
@@ -145,25 +156,35 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
 def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
     """The step `morph` of a study: a subject's bones into its model and tables."""
     assert subject.files.bones is not None
-    morphed = morph_files(subject.files.bones, MorphSettings.of(subject.settings.get("morph", {})), subject.model)
+    morphed = morph_files(
+        subject.files.bones, MorphSettings.of(subject.settings.get("morph", {})), subject.model
+    )
     morphed = replace(morphed, provenance=output.made)
     write_morphed(morphed, output.path("model"), output.tables)
     return morphed
 
 
 def write_morphed(
-    morphed: Morphed, out: Path, tables: Path, bones: Mapping[str, Surface] | None = None, page: str = ""
+    morphed: Morphed,
+    out: Path,
+    tables: Path,
+    bones: Mapping[str, Surface] | None = None,
+    page: str = "",
 ) -> tuple[str, ...]:
-    """Write the model, and beside it a folder with its bones (by default those that the maps lead to), tables and
-    report (`page` where it tells more than the morph alone); whole or not at all. Returns what the model's file could
-    not hold.
+    """Write the model, and beside it a folder with its bones (by default those that the maps lead
+    to), tables and report (`page` where it tells more than the morph alone); whole or not at all.
+    Returns what the model's file could not hold.
     """
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.report.morph.tables import morphing_tables
     from myomorph.study.trial.reporting import REPORT
 
     if bones is None:
-        bones = {bone.target_body: bone.target for bone in morphed.morph.bones.values() if bone.target is not None}
+        bones = {
+            bone.target_body: bone.target
+            for bone in morphed.morph.bones.values()
+            if bone.target is not None
+        }
 
     files = _bone_files(bones)
 
@@ -173,26 +194,34 @@ def write_morphed(
         for name, sheet in morphing_tables(morphed.morph, morphed.checks).items():
             (folder / name).write_text(sheet.csv(digits=6), encoding="utf-8", newline="")
         write_error_sizes(folder, STEP.name, morphed_errors(morphed.morph))
-        text = page or morph_page(morphed.morph, morphed.checks, morphed.provenance, morphed.warnings)
+        text = page or morph_page(
+            morphed.morph, morphed.checks, morphed.provenance, morphed.warnings
+        )
         (folder / REPORT).write_text(text, encoding="utf-8")
 
-    drawn = with_bones(morphed.morph.model, {body: f"{tables.name}/{file}" for body, file in files.items()})
+    drawn = with_bones(
+        morphed.morph.model, {body: f"{tables.name}/{file}" for body, file in files.items()}
+    )
     return write_made_model(drawn, morphed.provenance, out, tables, fill)
 
 
 def with_bones(model: Model, files: Mapping[str, str]) -> Model:
     """The model with its bodies drawn by these files, which lie in the bodies' frames."""
     bodies = tuple(
-        replace(body, meshes=(Mesh(files[body.name], Transform.identity(), np.ones(3)),))
-        if body.name in files
-        else body
+        (
+            replace(body, meshes=(Mesh(files[body.name], Transform.identity(), np.ones(3)),))
+            if body.name in files
+            else body
+        )
         for body in model.bodies
     )
     return replace(model, bodies=bodies)
 
 
 def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
-    """A name of a file for each body, whose own name may hold anything; none twice, whatever the case."""
+    """A name of a file for each body, whose own name may hold anything; none twice, whatever the
+    case.
+    """
     result: dict[str, str] = {}
     for body in bodies:
         stem = name = re.sub(r"[^\w.-]", "_", body).lstrip(".") or "bone"
@@ -218,10 +247,18 @@ def summary(morphed: Morphed) -> Iterable[str]:
 
 
 def bone_notes(morphed: Morphed) -> tuple[str, ...]:
-    """What the maps of the bones that the target has had to say, one line each, with the bone's name."""
-    measured = {body: bone for body, bone in morphed.morph.bones.items() if bone.basis in ("bone", "landmarks")}
+    """What the maps of the bones that the target has had to say, one line each, with the bone's
+    name.
+    """
+    measured = {
+        body: bone
+        for body, bone in morphed.morph.bones.items()
+        if bone.basis in ("bone", "landmarks")
+    }
     return tuple(
-        note if f"'{body}'" in note else f"'{body}': {note}" for body, bone in measured.items() for note in bone.notes
+        note if f"'{body}'" in note else f"'{body}': {note}"
+        for body, bone in measured.items()
+        for note in bone.notes
     )
 
 
@@ -229,7 +266,9 @@ def _made_from(subject: SubjectInputs) -> Provenance:
     bones = subject.files.bones
     if bones is None:
         return recordings_provenance("morph", subject)
-    return provenance_of("morph", bones.sources(), bones.options() | dict(subject.settings.get("morph", {})))
+    return provenance_of(
+        "morph", bones.sources(), bones.options() | dict(subject.settings.get("morph", {}))
+    )
 
 
 STEP = Step(

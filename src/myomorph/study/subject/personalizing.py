@@ -1,4 +1,6 @@
-"""From a subject's recordings to a model with that person's muscles: `personalize` and the step of a study."""
+"""From a subject's recordings to a model with that person's muscles: `personalize` and the step of
+a study.
+"""
 
 from __future__ import annotations
 
@@ -43,13 +45,18 @@ from myomorph.tension.personal.personalize import Personalized, PersonalizeOptio
 from myomorph.tension.personal.recordings import PersonalTrial
 from myomorph.tension.terms.emg import EmgTarget
 
-TABLE, NOTES, HELD_OUT, FIBERS = "personalized_muscles.csv", "notes.txt", "held_out.csv", "fiber_lengths.csv"
+TABLE = "personalized_muscles.csv"
+NOTES = "notes.txt"
+HELD_OUT = "held_out.csv"
+FIBERS = "fiber_lengths.csv"
 REPORT = "report.html"
 
 
 @dataclass(frozen=True)
 class PersonalFiles:
-    """The files of a personalization, one a recording in the same order; `inputs` are settings of all recordings."""
+    """The files of a personalization, one a recording in the same order; `inputs` are settings of
+    all recordings.
+    """
 
     model: Path
     motion: tuple[Path, ...] = ()
@@ -68,8 +75,8 @@ class PersonalFiles:
             value = getattr(self, name)
             if value and len(value) != len(self.motion):
                 raise BadData(
-                    f"{len(self.motion)} motions but {len(value)} files of {name}: give one of each for every "
-                    "recording, in the same order"
+                    f"{len(self.motion)} motions but {len(value)} files of {name}: give one of each"
+                    " for every recording, in the same order"
                 )
         if self.motion and not (self.loads or self.torques):
             raise BadData("motions without torques: give --loads, or --torques of inverse dynamics")
@@ -83,10 +90,14 @@ def personalize_files(
     model = reading.open_model(files.model) if model is None else model
     options = with_settings(PersonalizeOptions(), settings)
     of_forces = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
-    cutoff = {name: value for name, value in settings.items() if name in of_forces and value is not None}
+    cutoff = {
+        name: value for name, value in settings.items() if name in of_forces and value is not None
+    }
     warnings = list(model.warnings)
-    sources, trials = [file_source("model", files.model)], []
-    named, channels = files.inputs.or_default(LoadsFile), files.inputs.or_default(EmgFiles)
+    sources = [file_source("model", files.model)]
+    trials = []
+    named = files.inputs.or_default(LoadsFile)
+    channels = files.inputs.or_default(EmgFiles)
     for index, motion in enumerate(files.motion):
         recorded = files.inputs.having(
             MotionFile(motion),
@@ -108,13 +119,16 @@ def personalize_files(
     return Made(personalized, provenance_of("personalize", sources, used), tuple(warnings))
 
 
-def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None) -> PersonalTrial:
+def _trial(
+    trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None
+) -> PersonalTrial:
     """A recording with its torques and EMG."""
     dynamics = solve_dynamics(trial, recorded)
-    motion, torques = dynamics.motion, dynamics.torques
+    motion = dynamics.motion
+    torques = dynamics.torques
     if table is not None:
         torques = _torques(table, motion)
-    return PersonalTrial(name, motion, torques, _emg(trial, motion))
+    return PersonalTrial(name=name, motion=motion, torques=torques, emg=_emg(trial, motion))
 
 
 def _torques(path: Path, motion: Motion) -> Series:
@@ -122,10 +136,14 @@ def _torques(path: Path, motion: Motion) -> Series:
     with reading.about(path):
         read = read_sto(path)
         names = tuple(_coordinate(name) for name in read.names)
-        start, stop = read.time[0], read.time[-1]
+        start = read.time[0]
+        stop = read.time[-1]
         inside = (motion.time >= start - 1e-6) & (motion.time <= stop + 1e-6)
         if not inside.any():
-            raise BadData(f"has times {start:g} to {stop:g} s, the motion {motion.time[0]:g} to {motion.time[-1]:g} s")
+            raise BadData(
+                f"has times {start:g} to {stop:g} s, the motion {motion.time[0]:g} to"
+                f" {motion.time[-1]:g} s"
+            )
         values = np.array([np.interp(motion.time, read.time, column) for column in read.values.T]).T
         values[~inside] = np.nan
         return Series(motion.time, names, values)
@@ -138,16 +156,18 @@ def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
     if not recorded.muscles:
         names = ", ".join(recorded.emg.names)
         raise BadData(
-            f"no EMG channel's name tells a muscle of the model ({names}): name channels as muscles, or give --emg-side"
+            f"no EMG channel's name tells a muscle of the model ({names}): name channels as"
+            " muscles, or give --emg-side"
         )
     options = replace(EmgOptions(), delay=USUAL)
     return emg_targets(recorded.emg, recorded.muscles, trial.model, motion.time, options)
 
 
 def read_passive(path: Path, model: Model) -> PersonalTrial:
-    """Torques of resting muscles, measured in poses: a table of a pose a row. Columns named as coordinates hold the
-    pose; columns named `COORDINATE_moment` (or `_force`) the torque that muscles and joints apply about the coordinate,
-    which turns it up where positive [N m or N], blank where it was not measured.
+    """Torques of resting muscles, measured in poses: a table of a pose a row. Columns named as
+    coordinates hold the pose; columns named `COORDINATE_moment` (or `_force`) the torque that
+    muscles and joints apply about the coordinate, which turns it up where positive [N m or N],
+    blank where it was not measured.
     """
     with reading.about(path):
         table = read_sto(path)
@@ -156,16 +176,26 @@ def read_passive(path: Path, model: Model) -> PersonalTrial:
         if missing.any():
             row, column = np.argwhere(missing)[0]
             raise BadData(
-                f"coordinate '{poses.names[column]}' has no value in row {row + 1}: a pose needs all coordinates that "
-                "have a column"
+                f"coordinate '{poses.names[column]}' has no value in row {row + 1}: a pose needs"
+                " all coordinates that have a column"
             )
-        names = {name: _coordinate(name) for name in table.names if _coordinate(name) in model.coordinate_names}
+        names = {
+            name: _coordinate(name)
+            for name in table.names
+            if _coordinate(name) in model.coordinate_names
+        }
         columns = [index for index, name in enumerate(table.names) if names.get(name, name) != name]
         if not columns:
             raise BadData(f"no column is a torque: name them as '{poses.names[0]}_moment'")
-        torques = Series(table.time, tuple(names[table.names[column]] for column in columns), table.values[:, columns])
+        torques = Series(
+            table.time,
+            tuple(names[table.names[column]] for column in columns),
+            table.values[:, columns],
+        )
         still = np.zeros_like(poses.values)
-        return PersonalTrial(path.stem, replace(poses, velocities=still, accelerations=still), torques, passive=True)
+        return PersonalTrial(
+            path.stem, replace(poses, velocities=still, accelerations=still), torques, passive=True
+        )
 
 
 def _coordinate(name: str) -> str:
@@ -174,8 +204,12 @@ def _coordinate(name: str) -> str:
 
 
 def write_personalized(made: Made[Personalized], out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
-    return write_made_model(made.found.model, made.provenance, out, tables, lambda folder: _write(made, folder))
+    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the
+    model's file.
+    """
+    return write_made_model(
+        made.found.model, made.provenance, out, tables, lambda folder: _write(made, folder)
+    )
 
 
 def _write(made: Made[Personalized], folder: Path) -> None:
@@ -186,7 +220,9 @@ def _write(made: Made[Personalized], folder: Path) -> None:
         _write_rows(fiber_rows(personalized), folder / FIBERS)
     if personalized.held_out is not None:
         _write_rows(held_out_rows(personalized), folder / HELD_OUT)
-    (folder / NOTES).write_text("\n".join((*personalized.notes, *made.warnings)) + "\n", encoding="utf-8")
+    (folder / NOTES).write_text(
+        "\n".join((*personalized.notes, *made.warnings)) + "\n", encoding="utf-8"
+    )
     (folder / REPORT).write_text(_page(made), encoding="utf-8")
 
 
@@ -232,12 +268,17 @@ def fiber_rows(personalized: Personalized) -> list[dict[str, object]]:
 
 
 def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
-    """A row for every coordinate: torque that generic and personal muscles leave in what was held out."""
+    """A row for every coordinate: torque that generic and personal muscles leave in what was held
+    out.
+    """
     assert personalized.held_out is not None
     return [
         {"coordinate": name, "left, generic [N m or N]": before, "left, person [N m or N]": after}
         for name, before, after in zip(
-            personalized.coordinates, personalized.held_out.left_generic, personalized.held_out.left, strict=True
+            personalized.coordinates,
+            personalized.held_out.left_generic,
+            personalized.held_out.left,
+            strict=True,
         )
     ]
 
@@ -245,7 +286,10 @@ def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
 def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
     """A table in which what is not known is empty."""
     known = (
-        {name: "" if isinstance(value, float) and np.isnan(value) else value for name, value in row.items()}
+        {
+            name: "" if isinstance(value, float) and np.isnan(value) else value
+            for name, value in row.items()
+        }
         for row in rows
     )
     write_rows(list(known), path)
@@ -254,9 +298,12 @@ def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     """The step of a study: trials with external forces or torques, and measured passive torques."""
     options = with_settings(PersonalizeOptions(), subject.settings.get("personalize", {}))
-    files, trials, warnings = subject.files, [], []
+    files = subject.files
+    trials = []
+    warnings = []
     for trial in subject.trials():
-        forces, angles = trial.get(ExternalLoads) or trial.get(RecordedTorques), trial.get(RecordedMotion)
+        forces = trial.get(ExternalLoads) or trial.get(RecordedTorques)
+        angles = trial.get(RecordedMotion)
         if forces is None:
             continue
         motion = solve_kinematics(trial).fit.motion if angles is None else angles.motion
@@ -265,8 +312,8 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     trials += [read_passive(path, subject.model) for path in files.passive]
     if not trials:
         raise BadData(
-            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques to hold muscles "
-            "to; give forces, or tables of measured passive torques ('passive')"
+            f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques"
+            " to hold muscles to; give forces, or tables of measured passive torques ('passive')"
         )
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
     scaled = "calibrate" in subject.done and "morph" not in subject.done and not files.model_of

@@ -1,4 +1,6 @@
-"""Muscles of one species on another's skeleton, from files: two models with their bones, and a species table."""
+"""Muscles of one species on another's skeleton, from files: two models with their bones, and a
+species table.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,21 @@ from myomorph.morph.checks.moment_arms import CoordinatePair
 from myomorph.morph.mirror.model import with_other_muscles
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species import masses
-from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
+from myomorph.morph.species.architecture import (
+    DENSITY,
+    SPECIFIC_TENSION,
+    ArchitectureTable,
+    MuscleRow,
+    ScalingLaw,
+)
 from myomorph.morph.species.attachments import RelativeBone
-from myomorph.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, BoneHomology, MuscleHomology, SpeciesTable
+from myomorph.morph.species.counterparts import (
+    DIRECTIONS,
+    AnatomicalFrame,
+    BoneHomology,
+    MuscleHomology,
+    SpeciesTable,
+)
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.store.progress import progress
 from myomorph.store.results import file_sources, provenance_of
@@ -39,7 +53,18 @@ Table = Mapping[str, Any]
 Row = TypeVar("Row")
 KEYS = frozenset(
     (
-        *("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle", "architecture", "scaling"),
+        *(
+            "name",
+            "frames",
+            "posture",
+            "missing",
+            "extra",
+            "bone",
+            "coordinate",
+            "muscle",
+            "architecture",
+            "scaling",
+        ),
         *("mass", "markers", "relative", "straight", "unlike"),
     )
 )
@@ -50,16 +75,30 @@ ROW_KEYS = frozenset(("name", "sources", "force", "mass", "fiber", "pennation"))
 def species_tables() -> tuple[str, ...]:
     """Names of the tables that come with Myomorph."""
     folder = files("myomorph.morph") / "data"
-    return tuple(sorted(path.name[:-5].replace("_", "-") for path in folder.iterdir() if path.name.endswith(".toml")))
+    return tuple(
+        sorted(
+            path.name[:-5].replace("_", "-")
+            for path in folder.iterdir()
+            if path.name.endswith(".toml")
+        )
+    )
 
 
 def read_species(table: str | Path) -> SpeciesTable:
     """The species table of a name, as `human-mouse`, or of a TOML file."""
     known = species_tables()
     is_known = str(table) in known
-    path = files("myomorph.morph") / "data" / f"{str(table).replace('-', '_')}.toml" if is_known else Path(table)
+    path = (
+        files("myomorph.morph") / "data" / f"{str(table).replace('-', '_')}.toml"
+        if is_known
+        else Path(table)
+    )
     if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not path.is_file()):
-        raise BadFile(table, "no such species table", f"there are {', '.join(known)}, or give a .toml file of your own")
+        raise BadFile(
+            table,
+            "no such species table",
+            f"there are {', '.join(known)}, or give a .toml file of your own",
+        )
     try:
         return _table(tomllib.loads(path.read_text("utf-8")), "" if is_known else Path(table).stem)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -74,29 +113,30 @@ def read_species(table: str | Path) -> SpeciesTable:
 
 def _table(table: Table, name: str) -> SpeciesTable:
     _known(table, KEYS, "the table")
-    frames, posture = table["frames"], table.get("posture", {})
+    frames = table["frames"]
+    posture = table.get("posture", {})
 
     def rows(kind: type[Row], key: str, what: str) -> tuple[Row, ...]:
         return tuple(_row(kind, entry, what) for entry in table.get(key, ()))
 
     return SpeciesTable(
-        table.get("name", name),
-        _frame(frames["source"]),
-        _frame(frames["target"]),
-        tuple(_row(BoneHomology, entry, "a bone") for entry in table["bone"]),
-        rows(CoordinatePair, "coordinate", "a coordinate"),
-        rows(MuscleHomology, "muscle", "a muscle"),
-        posture.get("source", {}),
-        posture.get("target", {}),
-        table.get("missing", {}),
-        table.get("extra", {}),
-        tuple(_architecture(entry) for entry in table.get("architecture", ())),
-        _row(ScalingLaw, table["scaling"], "the scaling") if "scaling" in table else None,
-        rows(masses.SegmentShare, "mass", "a mass"),
-        tuple(_markers(entry) for entry in table.get("markers", ())),
-        rows(RelativeBone, "relative", "a relative's bone"),
-        tuple(table.get("straight", {}).get("muscles", ())),
-        float(table.get("unlike", {}).get("attachments", 0.0)),
+        name=table.get("name", name),
+        source_frame=_frame(frames["source"]),
+        target_frame=_frame(frames["target"]),
+        bones=tuple(_row(BoneHomology, entry, "a bone") for entry in table["bone"]),
+        coordinates=rows(CoordinatePair, "coordinate", "a coordinate"),
+        muscles=rows(MuscleHomology, "muscle", "a muscle"),
+        posture=posture.get("source", {}),
+        target_posture=posture.get("target", {}),
+        missing=table.get("missing", {}),
+        extra=table.get("extra", {}),
+        architecture=tuple(_architecture(entry) for entry in table.get("architecture", ())),
+        scaling=_row(ScalingLaw, table["scaling"], "the scaling") if "scaling" in table else None,
+        masses=rows(masses.SegmentShare, "mass", "a mass"),
+        markers=tuple(_markers(entry) for entry in table.get("markers", ())),
+        relatives=rows(RelativeBone, "relative", "a relative's bone"),
+        straight=tuple(table.get("straight", {}).get("muscles", ())),
+        unlike=float(table.get("unlike", {}).get("attachments", 0.0)),
     )
 
 
@@ -107,7 +147,9 @@ def _known(table: Table, keys: Iterable[str], what: str) -> None:
 
 
 def _row(kind: type[Row], table: Table, what: str) -> Row:
-    """A value of a dataclass from a table that has its fields; raises `KeyError` where one is missing."""
+    """A value of a dataclass from a table that has its fields; raises `KeyError` where one is
+    missing.
+    """
     kinds = get_type_hints(kind)
     _known(table, kinds, what)
     for name, parameter in signature(kind).parameters.items():
@@ -117,7 +159,9 @@ def _row(kind: type[Row], table: Table, what: str) -> Row:
 
 
 def _value(kind: Any, value: Any) -> Any:
-    """What a table holds as a field has it: lists as tuples, numbers as `float`, tables as the field's dataclasses."""
+    """What a table holds as a field has it: lists as tuples, numbers as `float`, tables as the
+    field's dataclasses.
+    """
     kinds = get_args(kind)
     if get_origin(kind) in (Union, UnionType):
         return _value(kinds[0], value)
@@ -147,9 +191,17 @@ def _muscle(table: Table) -> MuscleRow:
     if ("force" in table) == ("mass" in table):
         raise BadData(f"architecture of '{table['name']}': expected either force or mass")
     fiber = float(table["fiber"])
-    strength = table["force"] * fiber if "force" in table else table["mass"] / DENSITY * SPECIFIC_TENSION
+    strength = (
+        table["force"] * fiber if "force" in table else table["mass"] / DENSITY * SPECIFIC_TENSION
+    )
     pennation = float(np.deg2rad(table["pennation"])) if "pennation" in table else None
-    return MuscleRow(table["name"], tuple(table["sources"]), fiber, float(strength), pennation)
+    return MuscleRow(
+        name=table["name"],
+        sources=tuple(table["sources"]),
+        fiber=fiber,
+        strength=float(strength),
+        pennation=pennation,
+    )
 
 
 def _markers(table: Table) -> masses.MarkerTable:
@@ -177,12 +229,14 @@ def _frame(table: Table) -> AnatomicalFrame:
 
 @dataclass(frozen=True)
 class SpeciesFiles:
-    """What a morph to another species is made from: the model whose muscles are carried over, that of the skeleton
-    whose joints stay, and the name or file of a species table; folders of their meshes, by default beside them.
+    """What a morph to another species is made from: the model whose muscles are carried over, that
+    of the skeleton whose joints stay, and the name or file of a species table; folders of their
+    meshes, by default beside them.
 
-    `beside`: keep the target's own muscles too; `mirror`: the other side gets the mirror images of the muscles;
-    segments get the species table's shares of `mass` [kg], or masses from `skin`, closed, in the skeleton's default
-    pose; `protocol`: a table of markers of the species, whose recordings the model shall follow.
+    `beside`: keep the target's own muscles too; `mirror`: the other side gets the mirror images of
+    the muscles; segments get the species table's shares of `mass` [kg], or masses from `skin`,
+    closed, in the skeleton's default pose; `protocol`: a table of markers of the species, whose
+    recordings the model shall follow.
     """
 
     source: Path
@@ -201,17 +255,27 @@ class SpeciesFiles:
         """The files by their hashes."""
         species = Path(self.species) if Path(self.species).is_file() else None
         return file_sources(
-            ("model", self.source), ("skeleton", self.target), ("species", species), ("skin", self.skin)
+            ("model", self.source),
+            ("skeleton", self.target),
+            ("species", species),
+            ("skin", self.skin),
         )
 
 
-def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed, Mapping[str, Surface]]:
-    """The source's muscles on the target's skeleton, and the target's bones by body, to be written beside the model."""
+def species_files(
+    files: SpeciesFiles, settings: MorphSettings
+) -> tuple[Morphed, Mapping[str, Surface]]:
+    """The source's muscles on the target's skeleton, and the target's bones by body, to be written
+    beside the model.
+    """
     if files.target.suffix.lower() not in (".xml", ".mjcf", ".osim"):
-        raise BadFile(files.target, "is no model", "give the skeleton of the other species as .osim or .xml")
+        raise BadFile(
+            files.target, "is no model", "give the skeleton of the other species as .osim or .xml"
+        )
     table = read_species(files.species)
     warnings: list[str] = []
-    models, bones = [], []
+    models = []
+    bones = []
     for path, folder in ((files.source, files.geometry), (files.target, files.target_geometry)):
         models.append(reading.open_model(path))
         warnings += models[-1].warnings
@@ -235,26 +299,36 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
             beside=files.beside,
             progress=lambda _: advance(1.0),
         )
-    fields = {"species": table.name, "beside": files.beside, "mirror": files.mirror, "unit": files.unit}
+    fields = {
+        "species": table.name,
+        "beside": files.beside,
+        "mirror": files.mirror,
+        "unit": files.unit,
+    }
     fields |= {"mass": files.mass, "protocol": files.protocol}
     made = provenance_of("morph", files.sources(), settings.plain() | fields)
     checks = check_morph(morph, coordinates=coordinate_table(table, source, target))
     with progress("intervals", DRAWS, "models") as advance:
         checks = with_arm_intervals(morph, checks, advance)
     morph = _whole_animal(morph, files, table)
-    return Morphed(morph, checks, made, tuple(dict.fromkeys(warnings))), bones[1]
+    return Morphed(
+        morph=morph, checks=checks, provenance=made, warnings=tuple(dict.fromkeys(warnings))
+    ), bones[1]
 
 
 def _whole_animal(morph: Morph, files: SpeciesFiles, table: SpeciesTable) -> Morph:
     """The morph with its other side, its masses and the markers of a protocol."""
-    model, notes = morph.model, list(morph.notes)
+    model = morph.model
+    notes = list(morph.notes)
     if files.mirror:
         axis = np.zeros(3)
         axis[int(np.argmax(np.abs(table.target_frame.axes[2])))] = 1.0
         model, added = with_other_muscles(model, axis)
         notes += added
     if files.skin is not None:
-        model, added = with_skin_masses(model, resized(read_mesh(files.skin), files.unit), files.mass)
+        model, added = with_skin_masses(
+            model, resized(read_mesh(files.skin), files.unit), files.mass
+        )
         notes += [*added, *masses.share_notes(model, table.masses)]
     else:
         notes += masses.share_notes(model, table.masses)

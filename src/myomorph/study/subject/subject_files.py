@@ -1,4 +1,6 @@
-"""One subject of a study: its files, the shape of its body, the steps on it, and the model that they make."""
+"""One subject of a study: its files, the shape of its body, the steps on it, and the model that
+they make.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,11 @@ class BodyOptions:
     Attributes
     ----------
     spacing : of the grid of mass points [m]
-    weights : which links a mass point belongs to: by its distance to the bones, to the links' mass centers ([D] eq.
-        3.14), or to the nearest mass center only (3.15); by default to the bones in a skin, and each link's own
-        points where only its envelope is known
-    density : inside a skin, the same everywhere ([D]), or that of each segment, the trunk light with its lungs
-        (Dempster 1955)
+    weights : which links a mass point belongs to: by its distance to the bones, to the links' mass
+        centers ([D] eq. 3.14), or to the nearest mass center only (3.15); by default to the bones
+        in a skin, and each link's own points where only its envelope is known
+    density : inside a skin, the same everywhere ([D]), or that of each segment, the trunk light
+        with its lungs (Dempster 1955)
     """
 
     spacing: float = 0.005
@@ -79,7 +81,8 @@ class SubjectFiles:
     labels : what the model calls markers that the recordings call otherwise
     static_laboratory : how the axes of the static recording stand to the model's
     passive : tables of measured passive torques, for personalization
-    generic : the model that was scaled, for personalization; None for the one before calibration, where there is one
+    generic : the model that was scaled, for personalization; None for the one before calibration,
+        where there is one
     detailed : model with more joints, for a transfer
     """
 
@@ -101,10 +104,11 @@ class SubjectFiles:
 
 @dataclass(frozen=True)
 class MadeModel:
-    """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie.
-    `left`: what they leave, by use (`Step.leaves`): gains of EMG channels, folders with refined coordinates of trials
-    and with those carried to a model of more joints, table of how much more markers move than the mass (no file where
-    they do not). `sizes` are tables of how far off the model may be; where a step finds none it is not there.
+    """Where a subject's own steps leave the model that the trials use, and the file beside which
+    its meshes lie. `left`: what they leave, by use (`Step.leaves`): gains of EMG channels, folders
+    with refined coordinates of trials and with those carried to a model of more joints, table of
+    how much more markers move than the mass (no file where they do not). `sizes` are tables of how
+    far off the model may be; where a step finds none it is not there.
     """
 
     path: Path
@@ -115,15 +119,16 @@ class MadeModel:
     def open(self) -> Model:
         """The model; raises `BadFile` or `BadModel`."""
         model = open_model(self.path)
-        # A morph brings its own bones; the others are drawn by the meshes of the model they began with.
+        # A morph brings its own bones; the others are drawn by the meshes of the model they began
+        # with.
         return model if self.drawn == self.path else replace(model, source=str(self.drawn))
 
 
 @dataclass(frozen=True)
 class SubjectInputs:
-    """What a step on a subject begins with: its files, all steps' settings, and the model (with its file) that the
-    steps `done` have made; the model's source is the file beside which its meshes lie. `carried`: folder of the motions
-    that a transfer carried to it.
+    """What a step on a subject begins with: its files, all steps' settings, and the model (with its
+    file) that the steps `done` have made; the model's source is the file beside which its meshes
+    lie. `carried`: folder of the motions that a transfer carried to it.
     """
 
     files: SubjectFiles
@@ -135,47 +140,66 @@ class SubjectInputs:
 
     def trials(self) -> list[TrialInputs]:
         """The subject's recordings with this model."""
-        files = [carried_trial(replace(trial, model=self.path), self.carried) for trial in self.files.trials]
+        files = [
+            carried_trial(replace(trial, model=self.path), self.carried)
+            for trial in self.files.trials
+        ]
         return [open_trial(trial, self.settings, self.model) for trial in files]
 
     def after(self, step: Step[Any], home: Path) -> SubjectInputs:
         """The same with the model that a step has left."""
         done = (*self.done, step.name)
         made = made_model(self.files, done, home)
-        return replace(self, path=made.path, model=made.open(), done=done, carried=made.left.get("carried"))
+        return replace(
+            self, path=made.path, model=made.open(), done=done, carried=made.left.get("carried")
+        )
 
 
 def carried_trial(trial: TrialFiles, carried: Path | None) -> TrialFiles:
     """A trial that goes on with the motion of a folder where one was carried for it."""
-    return trial if carried is None else trial.having(MotionFile(carried / f"{file_name(trial.name)}.mot"))
+    return (
+        trial
+        if carried is None
+        else trial.having(MotionFile(carried / f"{file_name(trial.name)}.mot"))
+    )
 
 
 def recordings_provenance(
-    step: str, subject: SubjectInputs, more: Mapping[str, object] = FrozenMap({}), earlier: Sequence[str] = ()
+    step: str,
+    subject: SubjectInputs,
+    more: Mapping[str, object] = FrozenMap({}),
+    earlier: Sequence[str] = (),
 ) -> Provenance:
-    """What a step makes of all recordings of a subject is derived from: the model so far, the recordings, its options
-    and `more`, the settings of `earlier` steps of trials.
+    """What a step makes of all recordings of a subject is derived from: the model so far, the
+    recordings, its options and `more`, the settings of `earlier` steps of trials.
     """
     files = subject.files
     sources = list(dict.fromkeys(source for trial in subject.trials() for source in trial.sources))
     shape = files.shape
-    sources += file_sources(("static", files.static), ("skin", shape.skin), ("landmarks", shape.landmarks))
+    sources += file_sources(
+        ("static", files.static), ("skin", shape.skin), ("landmarks", shape.landmarks)
+    )
     if files.static is not None and (files.static_laboratory or files.labels):
         values = (files.static_laboratory, sorted(files.labels.items()))
         sources.append(value_source("static", "axes and labels of the static recording", *values))
     options: dict[str, object] = {"mass": files.mass}
     options["times"] = [None if trial.time is None else list(trial.time) for trial in files.trials]
     for name in (step, *earlier):
-        options |= {f"{name}.{setting}": value for setting, value in subject.settings.get(name, {}).items()}
+        options |= {
+            f"{name}.{setting}": value for setting, value in subject.settings.get(name, {}).items()
+        }
     return provenance_of(step, sources, options | dict(more))
 
 
 def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
     """The model that a subject's trials use once its own steps are done."""
-    left, sizes = {"model": files.model, "meshes": files.drawn or files.model}, list[Path]()
+    left = {"model": files.model, "meshes": files.drawn or files.model}
+    sizes = list[Path]()
     for step in [step_of(name, "subject") for name in STEPS["subject"] if name in steps]:
         if "carried" in step.leaves and files.detailed is not None:
             left["meshes"] = files.detailed
         left |= {use: folder / name for use, name in step.leaves.items()}
         sizes.append(folder / step.tables / ERROR_SIZES)
-    return MadeModel(left["model"], left["meshes"], FrozenMap(left), tuple(sizes))
+    return MadeModel(
+        path=left["model"], drawn=left["meshes"], left=FrozenMap(left), sizes=tuple(sizes)
+    )

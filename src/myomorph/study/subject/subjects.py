@@ -1,4 +1,6 @@
-"""Steps on a subject rather than a trial: the model that they make for its trials, written whole or not at all."""
+"""Steps on a subject rather than a trial: the model that they make for its trials, written whole or
+not at all.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, eq=False)
 class Made(Generic[Found]):
-    """What a step on a subject found, what it was made from, and what its files had to say, one line each."""
+    """What a step on a subject found, what it was made from, and what its files had to say, one
+    line each.
+    """
 
     found: Found
     provenance: Provenance
@@ -29,8 +33,8 @@ class Made(Generic[Found]):
 
 
 def tables_folder(out: Path, tables: str, read: Iterable[Path | None] = ()) -> Path:
-    """Where the tables and the report of a model go that a command makes: beside it. Raises `BadFile` as
-    `check_out_model`.
+    """Where the tables and the report of a model go that a command makes: beside it. Raises
+    `BadFile` as `check_out_model`.
     """
     folder = out.with_name(f"{out.stem}_{tables}")
     check_out_model(out, folder, read)
@@ -44,22 +48,43 @@ def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
 
 
 def check_out_model(out: Path, tables: Path, read: Iterable[Path | None] = ()) -> None:
-    """Raise `BadFile` where a model cannot be written so, or it or its folder would replace what is `read`."""
+    """Raise `BadFile` where a model cannot be written so, or it or its folder would replace what is
+    `read`.
+    """
     if out.suffix.lower() != ".osim":
-        raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
+        raise BadFile(
+            out,
+            f"is no name for a model: it ends in '{out.suffix}'",
+            "give a name that ends in .osim",
+        )
     if out.is_dir():
-        raise BadFile(out, "is a folder, but the result is a file", "give a name that ends in .osim")
+        raise BadFile(
+            out, "is a folder, but the result is a file", "give a name that ends in .osim"
+        )
     if not out.parent.is_dir():
-        raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
+        raise BadFile(
+            out, f"cannot be written: folder '{out.parent}' does not exist", "make it first"
+        )
     for path in read:
         if path is not None and path.resolve() in (out.resolve(), tables.resolve()):
-            raise BadFile(out, f"would be written over '{path}', which it is made from", "give --out another name")
+            raise BadFile(
+                out,
+                f"would be written over '{path}', which it is made from",
+                "give --out another name",
+            )
 
 
 def write_made_model(
-    model: Model, made: Provenance, out: Path, tables: Path, fill: Callable[[Path], None], notes: Sequence[str] = ()
+    model: Model,
+    made: Provenance,
+    out: Path,
+    tables: Path,
+    fill: Callable[[Path], None],
+    notes: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is lost in its file."""
+    """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is
+    lost in its file.
+    """
     check_out_model(out, tables)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
         path = Path(temporary) / out.name

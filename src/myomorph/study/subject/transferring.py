@@ -1,4 +1,6 @@
-"""A subject's lengths, markers, masses and motions for a model with more joints: `myomorph transfer` and the step."""
+"""A subject's lengths, markers, masses and motions for a model with more joints: `myomorph
+transfer` and the step.
+"""
 
 from __future__ import annotations
 
@@ -35,10 +37,15 @@ class Transferred(Made[Transfer]):
 
 
 def transfer_files(
-    lower: Path, higher: Path, pose: Path | None, options: TransferOptions, motions: Sequence[Path] = ()
+    lower: Path,
+    higher: Path,
+    pose: Path | None,
+    options: TransferOptions,
+    motions: Sequence[Path] = (),
 ) -> Transferred:
-    """Give a model with more joints the lengths, markers and masses of a subject's calibrated and identified one, in a
-    pose of this: the first frame of a file, its default without; and carry motions of the subject's to it.
+    """Give a model with more joints the lengths, markers and masses of a subject's calibrated and
+    identified one, in a pose of this: the first frame of a file, its default without; and carry
+    motions of the subject's to it.
     """
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
@@ -46,12 +53,17 @@ def transfer_files(
     moved = (("motion", path) for path in motions)
     sources = file_sources(("model", lower), ("model to", higher), ("pose", pose), *moved)
     made = provenance_of("transfer", sources, plain_settings(options))
-    carried = {path.stem: carry_motion(subject, read_motion(path, subject), result, options) for path in motions}
+    carried = {
+        path.stem: carry_motion(subject, read_motion(path, subject), result, options)
+        for path in motions
+    }
     return Transferred(result, made, motions=carried)
 
 
 def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tuple[str, ...]:
-    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
+    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the
+    model's file.
+    """
     result = transferred.found
 
     def fill(folder: Path) -> None:
@@ -62,18 +74,26 @@ def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tupl
         write_sto(table_from_motion(result.higher_pose, result.model), folder / "pose.mot")
         (folder / MOTIONS).mkdir()
         for name, carried in transferred.motions.items():
-            write_sto(table_from_motion(carried.motion, result.model), folder / MOTIONS / f"{file_name(name)}.mot")
+            write_sto(
+                table_from_motion(carried.motion, result.model),
+                folder / MOTIONS / f"{file_name(name)}.mot",
+            )
         # How far each motion's points determine a coordinate; near 0 it is held.
         known = {trial: carried.known for trial, carried in transferred.motions.items()}
         names = dict.fromkeys(name for shares in known.values() for name in shares)
-        rows = [{"coordinate": name} | {trial: shares[name] for trial, shares in known.items()} for name in names]
+        rows = [
+            {"coordinate": name} | {trial: shares[name] for trial, shares in known.items()}
+            for name in names
+        ]
         write_rows(rows, folder / "coordinates.csv")
 
     return write_made_model(result.model, transferred.provenance, out, tables, fill, result.notes)
 
 
 def joint_rows(transfer: Transfer) -> Rows:
-    """A row for each joint center that both models have: how far apart it is left, and how far its joint was moved."""
+    """A row for each joint center that both models have: how far apart it is left, and how far its
+    joint was moved.
+    """
     return [
         {"joint_center": name, "error_m": error, "shift_m": transfer.joint_shifts.get(name, 0.0)}
         for name, error in transfer.joint_errors.items()
@@ -128,25 +148,31 @@ def summary(transferred: Transferred) -> list[str]:
     for name, carried in transferred.motions.items():
         held = sum(share < 0.5 for share in carried.known.values())
         lines.append(
-            f"{name}: carried, its points {1e3 * np.sqrt(np.nanmean(carried.errors**2)):.1f} mm apart (RMS); "
-            f"{len(carried.known) - held} coordinates follow the subject's, {held} are mostly held"
+            f"{name}: carried, its points {1e3 * np.sqrt(np.nanmean(carried.errors**2)):.1f} mm"
+            f" apart (RMS); {len(carried.known) - held} coordinates follow the subject's, {held}"
+            " are mostly held"
         )
     return lines
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
-    options, higher = with_settings(TransferOptions(), subject.settings.get("transfer", {})), subject.files.detailed
+    options = with_settings(TransferOptions(), subject.settings.get("transfer", {}))
+    higher = subject.files.detailed
     assert higher is not None
     with about(higher):
         result = transfer(subject.model, open_model(higher), options)
     motions = {
-        trial.name: carry_motion(subject.model, trial_motion(trial), result, options) for trial in subject.trials()
+        trial.name: carry_motion(subject.model, trial_motion(trial), result, options)
+        for trial in subject.trials()
     }
-    write_transferred(Transferred(result, output.made, motions=motions), output.path("model"), output.tables)
+    write_transferred(
+        Transferred(result, output.made, motions=motions), output.path("model"), output.tables
+    )
 
 
 def _made_from(subject: SubjectInputs) -> Provenance:
-    made, higher = recordings_provenance("transfer", subject, earlier=("ik",)), subject.files.detailed
+    made = recordings_provenance("transfer", subject, earlier=("ik",))
+    higher = subject.files.detailed
     return replace(made, sources=(*made.sources, *file_sources(("model to", higher))))
 
 

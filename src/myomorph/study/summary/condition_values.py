@@ -1,4 +1,5 @@
-"""What the trials of each condition have in common, as tables, and which trials lie far from the others.
+"""What the trials of each condition have in common, as tables, and which trials lie far from the
+others.
 
 Gathered trial by trial, in memory that does not grow with them.
 """
@@ -12,7 +13,13 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from myomorph.analysis.conditions import OUTLIER_SCORE, Condition, MeanCurves, mean_curves, modified_z
+from myomorph.analysis.conditions import (
+    OUTLIER_SCORE,
+    Condition,
+    MeanCurves,
+    mean_curves,
+    modified_z,
+)
 from myomorph.analysis.cycles import SAMPLES, Cycles
 from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
@@ -26,15 +33,19 @@ from myomorph.study.trial.trial_strides import PARAMETERS
 Curve = tuple[str, str]  # Family and name.
 Name = TypeVar("Name", bound=Hashable)
 PER_STRIDE = tuple(name for name, *_ in PARAMETERS)
-COMPARED = ("joint angle", "joint torque")  # Curves whose distance to the mean of the condition is looked at.
+# Curves whose distance to the mean of the condition is looked at.
+COMPARED = ("joint angle", "joint torque")
 DISTANCE = "distance of its curve from the mean, RMS"
 _Key = tuple[str, str, str]  # Condition, quantity and unit.
 Row = tuple[str, ...]
-EFFECT = attrgetter("difference", "low", "high", "g", "g_low", "g_high")  # Of a parameter or a curve in two conditions.
+# Of a parameter or a curve in two conditions.
+EFFECT = attrgetter("difference", "low", "high", "g", "g_low", "g_high")
 
 
 class RunningMeans(Generic[Name]):
-    """Number, mean and sum of squared deviations (samples, columns), one after the other (Welford 1962)."""
+    """Number, mean and sum of squared deviations (samples, columns), one after the other (Welford
+    1962).
+    """
 
     def __init__(self, samples: int) -> None:
         self.columns: dict[Name, int] = {}
@@ -61,7 +72,8 @@ class RunningMeans(Generic[Name]):
         away = np.where(known, values - self.mean[:, columns], 0.0)
         mean = self.mean[:, columns] + away / np.maximum(count, 1.0)
         self.squares[:, columns] += away * np.where(known, values - mean, 0.0)
-        self.count[:, columns], self.mean[:, columns] = count, mean
+        self.count[:, columns] = count
+        self.mean[:, columns] = mean
 
     def means(self) -> Array:
         """(samples, columns), NaN where nothing is known."""
@@ -96,15 +108,23 @@ class GrowingCondition:
         self._subjects: dict[str, _Subject] = {}
         self._alone: tuple[str, str] | None = None
 
-    def add(self, subject: str, trial: str, values: Sequence[Value], cycle: str, curves: Mapping[str, Series]) -> None:
-        """One more trial. Only curves over strides are averaged: whole trials are not aligned with each other, and
-        their mean would be that of different parts of the motion. The curves of an only trial without strides are kept
-        as they are.
+    def add(
+        self,
+        subject: str,
+        trial: str,
+        values: Sequence[Value],
+        cycle: str,
+        curves: Mapping[str, Series],
+    ) -> None:
+        """One more trial. Only curves over strides are averaged: whole trials are not aligned with
+        each other, and their mean would be that of different parts of the motion. The curves of an
+        only trial without strides are kept as they are.
         """
         self.trials += 1
         subject_means = self._subjects.setdefault(subject, _Subject())
         self.units |= {value.quantity: value.unit for value in values}
-        quantities, numbers = tuple(value.quantity for value in values), np.array([[value.value for value in values]])
+        quantities = tuple(value.quantity for value in values)
+        numbers = np.array([[value.value for value in values]])
         for sums in (subject_means.values, self._values):
             sums.add(quantities, numbers)
         subject_means.strides += max(
@@ -125,7 +145,8 @@ class GrowingCondition:
 
     def _left_out(self, subject: str, trial: str) -> None:
         self.notes.append(
-            f"{subject}, {trial}: has no stride, so its curves are aligned with no other's and are left out"
+            f"{subject}, {trial}: has no stride, so its curves are aligned with no other's and are"
+            " left out"
         )
 
     def without_whole_trials(self) -> None:
@@ -134,7 +155,8 @@ class GrowingCondition:
             return
         if self._alone:
             self._left_out(*self._alone)
-        self._alone, self.each = None, RunningMeans(SAMPLES)
+        self._alone = None
+        self.each = RunningMeans(SAMPLES)
         for subject in self._subjects.values():
             subject.curves = RunningMeans(SAMPLES)
 
@@ -144,41 +166,56 @@ class GrowingCondition:
         return tuple(self._subjects)
 
     def described(self, of_subjects: bool) -> dict[str, tuple[float, float, int]]:
-        """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, or of trials."""
+        """Mean, standard deviation (ddof = 1) and number by quantity: of subjects' means, or of
+        trials.
+        """
         whole = self._values
         if of_subjects:
             whole = RunningMeans(1)
             for subject in self._subjects.values():
                 whole.add(tuple(subject.values.columns), subject.values.means())
         count = whole.count[0]
-        spread = np.where(count > 1, np.sqrt(whole.squares[0] / np.maximum(count - 1.0, 1.0)), np.nan)
+        spread = np.where(
+            count > 1, np.sqrt(whole.squares[0] / np.maximum(count - 1.0, 1.0)), np.nan
+        )
         return {
             quantity: (float(whole.mean[0, column]), float(spread[column]), int(count[column]))
             for quantity, column in whole.columns.items()
         }
 
     def finished(self, of_subjects: bool) -> Condition:
-        """The condition as it is compared and drawn: the spread is that of subjects' means, or of trials."""
+        """The condition as it is compared and drawn: the spread is that of subjects' means, or of
+        trials.
+        """
         spread: RunningMeans[Curve] = RunningMeans(SAMPLES)
         for subject in self._subjects.values() if of_subjects else ():
             if subject.curves.columns:
                 spread.add(tuple(subject.curves.columns), subject.curves.means())
         drawn = spread if of_subjects else self.each
-        families = {family: _family(drawn, family, names) for family, names in families_of(drawn).items()}
+        families = {
+            family: _family(drawn, family, names) for family, names in families_of(drawn).items()
+        }
         moving = {(family, name) for family, curves in families.items() for name in curves.names}
         return Condition(
-            self.name,
-            tuple(self._animal(name, subject, moving) for name, subject in self._subjects.items()),
-            self.trials,
-            "stride" if self.cycle == OF_STRIDE else "trial",
-            "subjects" if of_subjects else "trials",
-            families,
+            name=self.name,
+            subjects=tuple(
+                self._animal(name, subject, moving) for name, subject in self._subjects.items()
+            ),
+            trials=self.trials,
+            cycle="stride" if self.cycle == OF_STRIDE else "trial",
+            unit="subjects" if of_subjects else "trials",
+            curves=families,
         )
 
     def _animal(self, name: str, subject: _Subject, moving: set[Curve]) -> Animal:
-        """A subject: parameters of strides (else of the trial) and the means of its curves that move."""
+        """A subject: parameters of strides (else of the trial) and the means of its curves that
+        move.
+        """
         scalars = {
-            quantity + ("" if (unit := self.units[quantity]) == "1" else f" [{unit}]"): subject.values.mean[:, column]
+            quantity
+            + ("" if (unit := self.units[quantity]) == "1" else f" [{unit}]"): subject.values.mean[
+                :, column
+            ]
             for quantity, column in subject.values.columns.items()
             if quantity.rpartition(", ")[0] in PER_STRIDE
         }
@@ -189,9 +226,10 @@ class GrowingCondition:
         for family, names in families_of(subject.curves).items():
             kept = [each for each in names if (family, each) in moving]
             curves[family] = Cycles(
-                tuple(kept), means[None][:, :, [subject.curves.columns[family, each] for each in kept]]
+                tuple(kept),
+                means[None][:, :, [subject.curves.columns[family, each] for each in kept]],
             )
-        return Animal(name, scalars, curves, int(subject.strides))
+        return Animal(name=name, scalars=scalars, curves=curves, strides=int(subject.strides))
 
 
 def joined_curves(curves: Mapping[str, Series]) -> tuple[tuple[Curve, ...], Array]:
@@ -210,11 +248,15 @@ def _family(running: RunningMeans[Curve], family: str, names: Sequence[str]) -> 
         if np.nanmax(np.abs(running.mean[:, column] - running.mean[0, column]), initial=0.0) > 1e-9
     ]
     kept = [name for column, name in zip(columns, names, strict=True) if column in set(moving)]
-    return mean_curves(kept, running.count[:, moving], running.mean[:, moving], running.squares[:, moving])
+    return mean_curves(
+        kept, running.count[:, moving], running.mean[:, moving], running.squares[:, moving]
+    )
 
 
 def of_subjects(conditions: Sequence[GrowingCondition]) -> bool:
-    """Whether subjects are the unit, in all conditions alike; where there is one only, its trials are."""
+    """Whether subjects are the unit, in all conditions alike; where there is one only, its trials
+    are.
+    """
     return len({name for condition in conditions for name in condition.subjects}) > 1
 
 
@@ -241,9 +283,15 @@ class OutlierSearch:
                 )
 
     def add_curves(
-        self, whose: tuple[str, str, str], condition: GrowingCondition, cycle: str, curves: Mapping[str, Series]
+        self,
+        whose: tuple[str, str, str],
+        condition: GrowingCondition,
+        cycle: str,
+        curves: Mapping[str, Series],
     ) -> None:
-        """How far curves of a trial are from the mean of its condition, root mean square over the cycle."""
+        """How far curves of a trial are from the mean of its condition, root mean square over the
+        cycle.
+        """
         if cycle != condition.cycle or not condition.each.columns:
             # Of another cycle, or dropped because beside conditions with strides it is not shown.
             return
@@ -255,22 +303,39 @@ class OutlierSearch:
         counts = known.sum(axis=0)
         squares = np.where(known, away, 0.0) ** 2
         distances = np.sqrt(squares.sum(axis=0) / np.maximum(counts, 1))
-        for (family, name), distance, count in zip(names, distances.tolist(), counts.tolist(), strict=True):
+        for (family, name), distance, count in zip(
+            names, distances.tolist(), counts.tolist(), strict=True
+        ):
             if count:
                 unit = family.partition(" [")[2].removesuffix("]")
                 key = (whose[1], f"{name}, {DISTANCE}", unit)
                 self._values.setdefault(key, []).append((whose[0], whose[2], distance))
 
     def found(self) -> list[Outlier]:
-        """All values whose modified z-score is beyond the limit; of distances only those that are large."""
+        """All values whose modified z-score is beyond the limit; of distances only those that are
+        large.
+        """
         outliers = []
         for (condition, quantity, unit), rows in self._values.items():
             values = np.array([value for *_, value in rows])
             scores = modified_z(values)
             middle = float(np.median(values))
             for (subject, trial, value), score in zip(rows, scores.tolist(), strict=True):
-                if score > OUTLIER_SCORE or (score < -OUTLIER_SCORE and not quantity.endswith(DISTANCE)):
-                    outliers.append(Outlier(subject, trial, condition, quantity, value, unit, middle, score))
+                if score > OUTLIER_SCORE or (
+                    score < -OUTLIER_SCORE and not quantity.endswith(DISTANCE)
+                ):
+                    outliers.append(
+                        Outlier(
+                            subject=subject,
+                            trial=trial,
+                            condition=condition,
+                            quantity=quantity,
+                            value=value,
+                            unit=unit,
+                            middle=middle,
+                            score=score,
+                        )
+                    )
         return outliers
 
 
@@ -278,22 +343,34 @@ def outlier_rows(outliers: Sequence[Outlier]) -> Iterator[tuple[str, ...]]:
     """One row an outlier; the heading first."""
     yield ("subject", "condition", "trial", "quantity", "value", "unit", "median", "score")
     for outlier in outliers:
-        numbers = f"{outlier.value:.9g}", outlier.unit, f"{outlier.middle:.9g}", f"{outlier.score:.4g}"
+        numbers = (
+            f"{outlier.value:.9g}",
+            outlier.unit,
+            f"{outlier.middle:.9g}",
+            f"{outlier.score:.4g}",
+        )
         yield (outlier.subject, outlier.condition, outlier.trial, outlier.quantity, *numbers)
 
 
 def _is_telling(value: Value) -> bool:
-    """Whether a value says something of a trial as a whole: of strides, ranges of angles, peaks of torques, errors."""
+    """Whether a value says something of a trial as a whole: of strides, ranges of angles, peaks of
+    torques, errors.
+    """
     what = value.quantity.removesuffix(f" {IN_STRIDE}")
     if value.unit == "deg":
         return what.endswith(", range")
     if value.unit == "N m" and what.endswith((", maximum", ", minimum")):
         return True
-    return what in ("marker error, RMS", "residual force, RMS") or what.rpartition(", ")[0] in PER_STRIDE
+    return (
+        what in ("marker error, RMS", "residual force, RMS")
+        or what.rpartition(", ")[0] in PER_STRIDE
+    )
 
 
 def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
-    """Every quantity in every condition: of subjects, each the mean of its trials; of one subject, of its trials."""
+    """Every quantity in every condition: of subjects, each the mean of its trials; of one subject,
+    of its trials.
+    """
     by_quantity: dict[str, list[tuple[float, float, int]]] = {}
     units: dict[str, str] = {}
     subjects = of_subjects(growing)
@@ -302,10 +379,14 @@ def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
             units.setdefault(quantity, condition.units[quantity])
             rows = by_quantity.setdefault(quantity, [(np.nan, np.nan, 0)] * len(growing))
             rows[index] = mean, deviation, count
-    return tuple(Described(quantity, units[quantity], tuple(rows)) for quantity, rows in by_quantity.items())
+    return tuple(
+        Described(quantity, units[quantity], tuple(rows)) for quantity, rows in by_quantity.items()
+    )
 
 
-def described_rows(quantities: Sequence[Described], conditions: Sequence[Condition]) -> Iterator[Row]:
+def described_rows(
+    quantities: Sequence[Described], conditions: Sequence[Condition]
+) -> Iterator[Row]:
     """One row a quantity and condition; the heading first."""
     yield ("condition", "quantity", "unit", "mean", "sd", "n", "of")
     for index, condition in enumerate(conditions):
@@ -323,7 +404,10 @@ def curve_rows(conditions: Sequence[Condition]) -> Iterator[Row]:
         for family, curves in condition.curves.items():
             for index, name in enumerate(curves.names):
                 for i, percent in enumerate(np.linspace(0.0, 100.0, len(curves.mean))):
-                    values = (part[i, index] for part in (curves.mean, curves.deviation, curves.low, curves.high))
+                    values = (
+                        part[i, index]
+                        for part in (curves.mean, curves.deviation, curves.low, curves.high)
+                    )
                     yield (
                         *(condition.name, family, name, condition.cycle, f"{percent:g}"),
                         *(_number_text(value) for value in values),
@@ -334,8 +418,28 @@ def curve_rows(conditions: Sequence[Condition]) -> Iterator[Row]:
 def pair_rows(comparisons: Sequence[Comparison]) -> Iterator[Row]:
     """One row a parameter, and one a curve where its effect is largest; the heading first."""
     yield (
-        *("first", "second", "paired", "kind", "name", "percent", "first_mean", "second_mean", "difference", "low"),
-        *("high", "effect_size", "effect_low", "effect_high", "p", "p_corrected", "below", "differs_percent"),
+        *(
+            "first",
+            "second",
+            "paired",
+            "kind",
+            "name",
+            "percent",
+            "first_mean",
+            "second_mean",
+            "difference",
+            "low",
+        ),
+        *(
+            "high",
+            "effect_size",
+            "effect_low",
+            "effect_high",
+            "p",
+            "p_corrected",
+            "below",
+            "differs_percent",
+        ),
     )
     for comparison in comparisons:
         whose = (*comparison.names, "yes" if comparison.paired else "no")
@@ -351,7 +455,17 @@ def pair_rows(comparisons: Sequence[Comparison]) -> Iterator[Row]:
             where = " ".join(f"{start:.0f}-{stop:.0f}" for start, stop in each.regions)
             percent = f"{100.0 * at / max(len(each.g) - 1, 1):g}"
             p = _number_text(each.least_p)
-            yield (*whose, each.family, each.name, percent, *map(_number_text, peaks), "", p, level, where)
+            yield (
+                *whose,
+                each.family,
+                each.name,
+                percent,
+                *map(_number_text, peaks),
+                "",
+                p,
+                level,
+                where,
+            )
 
 
 def _number_text(value: float) -> str:

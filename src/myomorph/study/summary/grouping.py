@@ -31,26 +31,41 @@ from myomorph.study.trial.tidy import VALUES as TRIAL_VALUES
 from myomorph.study.trial.tidy import read_values
 from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_turn, trial_strides
 
-PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
+PAGE = "groups.html"
+PARAMETERS = "group_parameters.csv"
+CURVES = "group_curves.csv"
+STRIDES = "group_strides.csv"
 VALUES = "group_values.csv"
 Row = tuple[object, ...]
-STRIDE = attrgetter("start", "lift", "stop", "length", "duration", "speed", "duty", "width", "seen", "source")
+STRIDE = attrgetter(
+    "start", "lift", "stop", "length", "duration", "speed", "duty", "width", "seen", "source"
+)
 
 
 def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> Comparison:
-    """Compare the groups by results in `out/subject/trial`: a page and four tables, which name trials left out."""
+    """Compare the groups by results in `out/subject/trial`: a page and four tables, which name
+    trials left out.
+    """
     notes: list[str] = []
     rows: list[tuple[str, str, TrialStrides]] = []
     groups = [_group(members, plan, out, notes, rows) for members in (plan.first, plan.second)]
     for group in groups:
         if not group.animals:
-            raise BadData(f"group '{group.name}' has no subject with strides: {'; '.join(notes) or 'no trials'}")
+            raise BadData(
+                f"group '{group.name}' has no subject with strides:"
+                f" {'; '.join(notes) or 'no trials'}"
+            )
     animals = in_one_turn([*groups[0].animals, *groups[1].animals])
     count = len(groups[0].animals)
-    first, second = replace(groups[0], animals=animals[:count]), replace(groups[1], animals=animals[count:])
+    first = replace(groups[0], animals=animals[:count])
+    second = replace(groups[1], animals=animals[count:])
     result = compare_groups(first, second)
     page_head = PageHead(
-        title=f"{name}: {plan.first[0]} and {plan.second[0]}" if name else f"{plan.first[0]} and {plan.second[0]}",
+        title=(
+            f"{name}: {plan.first[0]} and {plan.second[0]}"
+            if name
+            else f"{plan.first[0]} and {plan.second[0]}"
+        ),
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         version=__version__,
         notes=tuple(Note("warning", note) for note in notes),
@@ -113,7 +128,9 @@ def _group(
         if results:
             animals.append(animal_of(subject, results))
         else:
-            notes.append(f"{subject} is left out of group '{members[0]}': no trial of it has strides")
+            notes.append(
+                f"{subject} is left out of group '{members[0]}': no trial of it has strides"
+            )
     return Group(members[0], tuple(animals))
 
 
@@ -125,7 +142,15 @@ def _parameter_rows(comparison: Comparison) -> Iterator[Row]:
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p", "p_holm", "q"),
     )
     for scalar in comparison.scalars:
-        yield (scalar.name, *scalar.first, *scalar.second, *EFFECT(scalar), scalar.p, scalar.holm, scalar.q)
+        yield (
+            scalar.name,
+            *scalar.first,
+            *scalar.second,
+            *EFFECT(scalar),
+            scalar.p,
+            scalar.holm,
+            scalar.q,
+        )
 
 
 def _curve_rows(comparison: Comparison) -> Iterator[Row]:
@@ -136,7 +161,9 @@ def _curve_rows(comparison: Comparison) -> Iterator[Row]:
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p_corrected"),
     )
     for each in comparison.curves:
-        bands = (part for band in (each.first, each.second) for part in (band.mean, band.low, band.high))
+        bands = (
+            part for band in (each.first, each.second) for part in (band.mean, band.low, band.high)
+        )
         percents = np.linspace(0.0, 100.0, len(each.difference))
         for numbers in zip(percents, *bands, *EFFECT(each), each.p, strict=True):
             yield (each.family, each.name, *map(float, numbers))
@@ -145,9 +172,21 @@ def _curve_rows(comparison: Comparison) -> Iterator[Row]:
 def _stride_rows(trials: Sequence[tuple[str, str, TrialStrides]]) -> Iterator[Row]:
     """One row a stride; the heading first."""
     yield (
-        "group", "subject", "trial", "limb", "start_s", "lift_s", "stop_s", "length_m", "duration_s", "speed_m_per_s",
-        "duty_factor", "width_m", "seen", "source",
-    )  # fmt: skip
+        "group",
+        "subject",
+        "trial",
+        "limb",
+        "start_s",
+        "lift_s",
+        "stop_s",
+        "length_m",
+        "duration_s",
+        "speed_m_per_s",
+        "duty_factor",
+        "width_m",
+        "seen",
+        "source",
+    )
     for group, subject, strides in trials:
         for limb in strides.limbs:
             for stride in strides.of(limb):

@@ -1,4 +1,6 @@
-"""What the steps of a whole study begin with: its plan, what became of its jobs, and the results in its folder."""
+"""What the steps of a whole study begin with: its plan, what became of its jobs, and the results in
+its folder.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,15 @@ from typing import Any
 from myomorph.model.provenance import Provenance
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.outcome import Outcome
-from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, provenance_of, value_source
+from myomorph.store.results import (
+    DAMAGED,
+    STORED,
+    file_name,
+    file_source,
+    made_from,
+    provenance_of,
+    value_source,
+)
 from myomorph.study.plan.plan import Plan
 from myomorph.study.step.step import Step
 from myomorph.study.trial.trial_step import KEY
@@ -36,7 +46,9 @@ def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance
         told = (outcome.condition, outcome.done, outcome.error, outcome.frames, outcome.changed)
         paths = [outcome.folder / name for name in tables]
         hashes = [file_source("", path).sha256 if path.is_file() else "" for path in paths]
-        sources.append(value_source("trial", "/".join(name for name in outcome.key if name), *told, hashes))
+        sources.append(
+            value_source("trial", "/".join(name for name in outcome.key if name), *told, hashes)
+        )
     options = {
         "name": plan.name,
         "trials": [(trial.subject, trial.name, trial.condition) for trial in plan.trials],
@@ -49,10 +61,16 @@ def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance
 
 
 def groups_provenance(study: StudyInputs) -> Provenance:
-    """What the comparison of two groups is derived from: what the results of their trials were made of."""
+    """What the comparison of two groups is derived from: what the results of their trials were made
+    of.
+    """
     groups = study.plan.groups
     assert groups is not None
-    options = {"name": study.plan.name, "groups": [groups.first, groups.second], "strides": repr(groups.strides)}
+    options = {
+        "name": study.plan.name,
+        "groups": [groups.first, groups.second],
+        "strides": repr(groups.strides),
+    }
     sources = []
     for subject in (*groups.first[1], *groups.second[1]):
         for trial in groups.trials[subject]:
@@ -65,6 +83,8 @@ def _result_key(path: Path) -> tuple[object, ...]:
     try:
         with open_netcdf(path) as file:
             attributes = file.attributes
-        return attributes.get(KEY, ""), sorted((step, made.key) for step, made in made_from(attributes).items())
+        return attributes.get(KEY, ""), sorted(
+            (step, made.key) for step, made in made_from(attributes).items()
+        )
     except DAMAGED:
         return ()

@@ -1,4 +1,6 @@
-"""The tables of a study: values of all trials, their quality, conditions, and angles that models count differently."""
+"""The tables of a study: values of all trials, their quality, conditions, and angles that models
+count differently.
+"""
 
 from __future__ import annotations
 
@@ -45,26 +47,49 @@ from myomorph.study.trial.reporting import REPORT
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.spread import ValueErrors
 
-SMALL, LARGE = 10.0, 25.0
-"""An angle that stays within the first on one side of zero and passes the second on the other bends one way [deg]."""
+SMALL = 10.0
+LARGE = 25.0
+"""An angle that stays within the first on one side of zero and passes the second on the other bends
+one way [deg].
+"""
 
 MAX_NAMED = 4
-PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
-TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
-CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
+PAGE = "study.html"
+TIDY = "results_tidy.csv"
+PARQUET = "results.parquet"
+TRIAL_QUALITY = "quality.csv"
+OUTLIERS = "outliers.csv"
+DIFFERENCES = "differences.csv"
+CONDITION_VALUES = "condition_values.csv"
+CONDITION_CURVES = "condition_curves.csv"
 VALUE_DIFFERENCES = "value_differences.csv"
-OF_TRIALS = (tidy.VALUES, tidy.CURVES, tidy.QUALITY)  # Tables of each trial from which these are made.
+# Tables of each trial from which these are made.
+OF_TRIALS = (tidy.VALUES, tidy.CURVES, tidy.QUALITY)
 WHOSE = ("subject", "condition", "trial")
-BLOCK = 1 << 23  # Of the Parquet file [bytes]: the memory that gathering takes grows with it, not with the trials.
-PERMUTATIONS = 4000  # Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs.
+# Of the Parquet file [bytes]: the memory that gathering takes grows with it, not with the trials.
+BLOCK = 1 << 23
+# Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs.
+PERMUTATIONS = 4000
 FILES = (
     (TIDY, "every value of every trial"),
     (PARQUET, "the same as Parquet"),
-    (TRIAL_QUALITY, "of every trial what is held against a limit, warnings, what failed and what was left out"),
-    (CONDITION_VALUES, "every value in every condition: mean, standard deviation, number of subjects"),
+    (
+        TRIAL_QUALITY,
+        "of every trial what is held against a limit, warnings, what failed and what was left out",
+    ),
+    (
+        CONDITION_VALUES,
+        "every value in every condition: mean, standard deviation, number of subjects",
+    ),
     (CONDITION_CURVES, "mean curves of every condition with standard deviation and interval"),
     (DIFFERENCES, "every pair of conditions: differences, effect sizes, corrected p"),
-    (VALUE_DIFFERENCES, "every value in every pair of conditions: difference, and its interval with the draws' errors"),
+    (
+        VALUE_DIFFERENCES,
+        (
+            "every value in every pair of conditions: difference, and its interval with the draws'"
+            " errors"
+        ),
+    ),
     (OUTLIERS, "values far from those of the other trials"),
 )
 
@@ -93,7 +118,9 @@ class SignSearch:
         """One line for all angles that bend one way in some subjects and the other way in others."""
         both = self._above.keys() & self._below.keys()
         sides = grouped(
-            ((tuple(above), tuple(self._below[name])), name) for name, above in self._above.items() if name in both
+            ((tuple(above), tuple(self._below[name])), name)
+            for name, above in self._above.items()
+            if name in both
         )
         return [
             f"{few(names, MAX_NAMED)}: above zero in {few(above, MAX_NAMED)}, "
@@ -123,13 +150,16 @@ class _Trial:
 
     @property
     def has_values(self) -> bool:
-        return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / tidy.VALUES).is_file()
+        return (
+            bool(self.outcome.trial and self.outcome.done)
+            and (self.outcome.folder / tidy.VALUES).is_file()
+        )
 
 
 def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Path) -> None:
-    """Write the tables of a study and its page, `study.html`, into a folder, from what trials wrote beside their
-    results. Trials stand in the order of the study file, whenever they ended. One that failed has the values of the
-    steps that ended well.
+    """Write the tables of a study and its page, `study.html`, into a folder, from what trials wrote
+    beside their results. Trials stand in the order of the study file, whenever they ended. One that
+    failed has the values of the steps that ended well.
     """
     if not has_parquet():
         # What an earlier run has left would hold other values than the tables beside it.
@@ -137,16 +167,27 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
     trials = _in_order(plan, outcomes)
     lines = _write_quality(plan, trials, out, folder)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
-    search, signs, measured = OutlierSearch(), SignSearch(), MeasuredValues()
+    search = OutlierSearch()
+    signs = SignSearch()
+    measured = MeasuredValues()
     with (folder / TIDY).open("w", encoding="utf-8", newline="") as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow((*WHOSE, *tidy.VALUE_COLUMNS))
         for trial in (trial for trial in trials if trial.has_values):
             outcome = trial.outcome
-            values = [each for each in tidy.read_values(outcome.folder / tidy.VALUES) if each.step in outcome.done]
+            values = [
+                each
+                for each in tidy.read_values(outcome.folder / tidy.VALUES)
+                if each.step in outcome.done
+            ]
             table.writerows((*trial.whose, *tidy.value_row(each)) for each in values)
             condition = growing.setdefault(trial.condition, GrowingCondition(trial.condition))
-            condition.add(outcome.subject, outcome.trial, values, *tidy.read_curves(outcome.folder / tidy.CURVES))
+            condition.add(
+                outcome.subject,
+                outcome.trial,
+                values,
+                *tidy.read_curves(outcome.folder / tidy.CURVES),
+            )
             search.add(trial.whose, values)
             measured.add(trial.whose, values, trial.drawn)
             signs.add(outcome.subject, values)
@@ -174,22 +215,33 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
     ):
         write_csv(folder / name, next(rows), rows)
     shown = shown_quantities([quantity.quantity for quantity in quantities])
-    groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
-    named = [(f"{condition.name}: " if condition.name else "", condition.notes) for condition in seen]
+    groups = (
+        ()
+        if plan.groups is None
+        else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
+    )
+    named = [
+        (f"{condition.name}: " if condition.name else "", condition.notes) for condition in seen
+    ]
     texts = [f"{prefix}{text}" for prefix, condition_notes in named for text in condition_notes]
     study_input = StudyInput(
-        plan.name,
-        made_at(),
-        __version__,
-        tuple(lines),
-        conditions,
-        comparisons,
-        tuple(outliers),
-        tuple(quantity for quantity in quantities if quantity.quantity in shown),
-        tuple(each for each in compared if each.quantity in shown and np.isfinite(each.measured_sd)),
-        _changes(trials),
-        (*signs.notes(), *texts),
-        (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
+        name=plan.name,
+        date=made_at(),
+        version=__version__,
+        trials=tuple(lines),
+        conditions=conditions,
+        comparisons=comparisons,
+        outliers=tuple(outliers),
+        described=tuple(quantity for quantity in quantities if quantity.quantity in shown),
+        differences=tuple(
+            each for each in compared if each.quantity in shown and np.isfinite(each.measured_sd)
+        ),
+        changes=_changes(trials),
+        notes=(*signs.notes(), *texts),
+        files=(
+            *groups,
+            *((name, text) for name, text in FILES if name != PARQUET or has_parquet()),
+        ),
     )
     (folder / PAGE).write_text(study_page(study_input), encoding="utf-8")
 
@@ -200,28 +252,64 @@ def _run(study: StudyInputs, output: FolderOutput) -> None:
 
 
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
-    """Outcomes with their conditions in the order of the study file, a subject's own steps before its trials."""
+    """Outcomes with their conditions in the order of the study file, a subject's own steps before
+    its trials.
+    """
     by_key = {outcome.key: outcome for outcome in outcomes}
-    keys = [key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))]
+    keys = [
+        key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))
+    ]
     keys += [(together.name, together.name) for together in plan.together]
-    conditions = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
+    conditions = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(
+        plan.conditions.trials
+    )
     outcomes = [by_key[key] for key in dict.fromkeys(keys) if key in by_key]
-    return [_Trial(outcome, outcome.condition or conditions.get(outcome.key, "")) for outcome in outcomes]
+    return [
+        _Trial(outcome, outcome.condition or conditions.get(outcome.key, ""))
+        for outcome in outcomes
+    ]
 
 
-def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path) -> list[TrialLine]:
+def _write_quality(
+    plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path
+) -> list[TrialLine]:
     """The table of quality of all trials; also each trial as a line of the page."""
-    lines, cells = list[TrialLine](), list[tuple[str, ...]]()
+    lines = list[TrialLine]()
+    cells = list[tuple[str, ...]]()
     for trial in trials:
         rows = tidy.read_quality(trial.outcome.folder / tidy.QUALITY) if trial.has_values else []
         cells += [(*trial.whose, *(row[name] for name in tidy.QUALITY_COLUMNS)) for row in rows]
         if trial.outcome.error:
-            cells.append((*trial.whose, "failed", "", "", "", "failed", "", "", trial.outcome.error))
+            cells.append(
+                (*trial.whose, "failed", "", "", "", "failed", "", "", trial.outcome.error)
+            )
         lines.append(_line(trial, rows, out))
     for left in plan.excluded:
         condition = plan.conditions.trials.get((left.subject, left.trial), "")
-        cells.append((left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason))
-        lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
+        cells.append(
+            (
+                left.subject,
+                condition,
+                left.trial,
+                "left out",
+                "",
+                "",
+                "",
+                "left out",
+                "",
+                "",
+                left.reason,
+            )
+        )
+        lines.append(
+            TrialLine(
+                subject=left.subject,
+                trial=left.trial,
+                condition=condition,
+                state="left out",
+                reason=left.reason,
+            )
+        )
     write_csv(folder / TRIAL_QUALITY, (*WHOSE, *tidy.QUALITY_COLUMNS), cells)
     return lines
 
@@ -231,29 +319,38 @@ def _line(trial: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialL
     page = outcome.folder / REPORT
     judged = {
         row["quantity"]: Judged(
-            float(row["value"]), row["unit"], float(row["limit"]) if row["limit"] else None, row["state"]
+            value=float(row["value"]),
+            unit=row["unit"],
+            limit=float(row["limit"]) if row["limit"] else None,
+            state=row["state"],
         )
         for row in rows
         if row["value"]
     }
     return TrialLine(
-        outcome.subject,
-        outcome.trial,
-        trial.condition,
-        "failed" if outcome.error else "done",
-        Path(os.path.relpath(page, out)).as_posix() if "report" in outcome.done or not outcome.trial else "",
-        outcome.done,
-        outcome.frames,
-        outcome.error,
-        judged,
-        sum(1 for row in rows if row["quantity"] == "warning"),
+        subject=outcome.subject,
+        trial=outcome.trial,
+        condition=trial.condition,
+        state="failed" if outcome.error else "done",
+        report=(
+            Path(os.path.relpath(page, out)).as_posix()
+            if "report" in outcome.done or not outcome.trial
+            else ""
+        ),
+        steps=outcome.done,
+        frames=outcome.frames,
+        reason=outcome.error,
+        judged=judged,
+        warnings=sum(1 for row in rows if row["quantity"] == "warning"),
     )
 
 
 def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """What made steps be computed again, each with the trials it concerns."""
     trials_by_text = grouped(
-        (text, ", ".join(filter(None, trial.outcome.key))) for trial in trials for text in trial.outcome.changed
+        (text, ", ".join(filter(None, trial.outcome.key)))
+        for trial in trials
+        for text in trial.outcome.changed
     )
     return tuple((text, tuple(names)) for text, names in trials_by_text.items())
 
@@ -274,7 +371,11 @@ def _write_parquet(folder: Path) -> None:
 
     columns = (*WHOSE, *tidy.VALUE_COLUMNS)
     kinds = {name: pa.float64() if name in tidy.NUMBERS else pa.string() for name in columns}
-    options = arrow_csv.ReadOptions(block_size=BLOCK), None, arrow_csv.ConvertOptions(column_types=kinds)
+    options = (
+        arrow_csv.ReadOptions(block_size=BLOCK),
+        None,
+        arrow_csv.ConvertOptions(column_types=kinds),
+    )
     with (
         arrow_csv.open_csv(folder / TIDY, *options) as rows,
         parquet.ParquetWriter(folder / PARQUET, rows.schema) as table,

@@ -1,4 +1,6 @@
-"""Differences of values between conditions or groups, with what draws of errors leave open in their intervals."""
+"""Differences of values between conditions or groups, with what draws of errors leave open in their
+intervals.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ from myomorph.uncertainty.spread import ValueErrors, of_subject
 
 CONFIDENCE = 0.95  # Of the intervals, as of those of curves and of parameters of strides.
 KEPT_DRAWS = 100
-"""Of each trial so many draws at most are kept for differences, which know their deviation to 7 % by them."""
+"""Of each trial so many draws at most are kept for differences, which know their deviation to 7 %
+by them.
+"""
 Row = tuple[str, ...]
 NAMES = attrgetter("first", "second", "step", "quantity", "unit")
 NUMBERS = attrgetter("difference", "low", "high", "measured_sd", "low_all", "high_all")
@@ -30,9 +34,9 @@ _Name = tuple[str, str]  # Step and quantity.
 @read_only
 @dataclass(frozen=True)
 class _Own:
-    """A quantity of one subject in one condition: mean over its trials and, of two or more, squared standard error,
-    else NaN; (draws,) errors of the mean, None where not all trials were drawn; mean over the draws of the squared
-    standard error by which errors of trials differ.
+    """A quantity of one subject in one condition: mean over its trials and, of two or more, squared
+    standard error, else NaN; (draws,) errors of the mean, None where not all trials were drawn;
+    mean over the draws of the squared standard error by which errors of trials differ.
     """
 
     mean: float
@@ -43,13 +47,17 @@ class _Own:
 
 
 class _Trials:
-    """Values of a subject's trials in one condition, and their errors, summed without keeping the trials."""
+    """Values of a subject's trials in one condition, and their errors, summed without keeping the
+    trials.
+    """
 
     def __init__(self) -> None:
         self.values: RunningMeans[_Name] = RunningMeans(1)
         self._columns: dict[_Name, int] = {}
-        # By quantity: trials that were drawn, sum of their errors by draw, sum of their mean squares.
-        self._drawn, self._squares = np.zeros(0), np.zeros(0)
+        # By quantity: trials that were drawn, sum of their errors by draw, sum of their mean
+        # squares.
+        self._drawn = np.zeros(0)
+        self._squares = np.zeros(0)
         self._sum = np.zeros((0, 0), np.float32)
 
     def add(self, values: Sequence[Value], drawn: ValueErrors | None, subject: str) -> None:
@@ -61,11 +69,16 @@ class _Trials:
         errors = of_subject(drawn.errors, subject)[:KEPT_DRAWS].astype(np.float32)
         if not self._columns:
             self._columns = {name: index for index, name in enumerate(drawn.names)}
-            self._drawn, self._squares = np.zeros(len(drawn.names)), np.zeros(len(drawn.names))
+            self._drawn = np.zeros(len(drawn.names))
+            self._squares = np.zeros(len(drawn.names))
             self._sum = np.zeros(errors.shape, np.float32)
         if len(errors) != len(self._sum):
             return
-        pairs = [(index, self._columns[name]) for index, name in enumerate(drawn.names) if name in self._columns]
+        pairs = [
+            (index, self._columns[name])
+            for index, name in enumerate(drawn.names)
+            if name in self._columns
+        ]
         here, there = np.array(pairs, np.int64).reshape(-1, 2).T
         self._drawn[there] += 1.0
         self._sum[:, there] += errors[:, here]
@@ -76,9 +89,11 @@ class _Trials:
         column = self.values.columns.get(name)
         if column is None:
             return None
-        count, squares = self.values.count[0, column], self.values.squares[0, column]
+        count = self.values.count[0, column]
+        squares = self.values.squares[0, column]
         square = float(squares / (count - 1.0) / count) if count > 1 else float("nan")
-        error, scatter = None, float("nan")
+        error = None
+        scatter = float("nan")
         at = self._columns.get(name)
         if at is not None and self._drawn[at] == count:
             # A draw that has no solution in one of the trials counts in none.
@@ -96,15 +111,21 @@ class MeasuredValues:
         self.units: dict[_Name, str] = {}
         self._trials: dict[str, dict[str, _Trials]] = {}
 
-    def add(self, whose: tuple[str, str, str], values: Sequence[Value], drawn: ValueErrors | None) -> None:
+    def add(
+        self, whose: tuple[str, str, str], values: Sequence[Value], drawn: ValueErrors | None
+    ) -> None:
         """One more trial: subject, condition and trial."""
         subject, condition, _ = whose
         self.units |= {(value.step, value.quantity): value.unit for value in values}
-        self._trials.setdefault(condition, {}).setdefault(subject, _Trials()).add(values, drawn, subject)
+        self._trials.setdefault(condition, {}).setdefault(subject, _Trials()).add(
+            values, drawn, subject
+        )
 
     def of(self, condition: str, name: _Name) -> dict[str, _Own]:
         """A quantity by subject."""
-        trial_means = {subject: trials.of(name) for subject, trials in self._trials.get(condition, {}).items()}
+        trial_means = {
+            subject: trials.of(name) for subject, trials in self._trials.get(condition, {}).items()
+        }
         return {subject: mean for subject, mean in trial_means.items() if mean is not None}
 
     @property
@@ -114,18 +135,21 @@ class MeasuredValues:
 
 
 def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[ValueDifference]:
-    """Every quantity in every pair of conditions, the first less the second as in `differences.csv`.
+    """Every quantity in every pair of conditions, the first less the second as in
+    `differences.csv`.
 
-    Of several subjects, those with both conditions are compared within themselves; where nobody has both, as groups by
-    Welch. Of one subject, trials are. Spreads between subjects hold errors that are each subject's own, so the draws
-    only keep the interval from being narrower than they are; errors that all trials of an only subject share do not
-    show in the spread of these, and add to it.
+    Of several subjects, those with both conditions are compared within themselves; where nobody has
+    both, as groups by Welch. Of one subject, trials are. Spreads between subjects hold errors that
+    are each subject's own, so the draws only keep the interval from being narrower than they are;
+    errors that all trials of an only subject share do not show in the spread of these, and add to
+    it.
     """
     alone = len(values.subjects) < 2
     result = []
     for first, second in itertools.combinations(conditions, 2):
         for name, unit in values.units.items():
-            one, other = values.of(first, name), values.of(second, name)
+            one = values.of(first, name)
+            other = values.of(second, name)
             if one and other:
                 pair = _of_one(one, other) if alone else _of_many(one, other)
                 if pair is not None:
@@ -138,23 +162,32 @@ def _of_many(first: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     if len(shared) >= 2:
         d = np.array([first[name].mean - other[name].mean for name in shared])
         errors = [_less(first[name].error, other[name].error) for name in shared]
-        means = [float(np.mean([subjects[name].mean for name in shared])) for subjects in (first, other)]
+        means = [
+            float(np.mean([subjects[name].mean for name in shared])) for subjects in (first, other)
+        ]
         square = float(d.var(ddof=1)) / len(d)
-        interval = _intervals(means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True)
+        interval = _intervals(
+            means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True
+        )
         return True, "subjects", (len(d), len(d)), (means[0], means[1]), *interval
     if shared:
         return None
     groups = [np.array([each.mean for each in subjects.values()]) for subjects in (first, other)]
     means = [float(group.mean()) for group in groups]
-    squares = [float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups]
+    squares = [
+        float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups
+    ]
     counts = (len(groups[0]), len(groups[1]))
-    drawn = sum(_mean_variance([each.error for each in subjects.values()]) for subjects in (first, other))
+    drawn = sum(
+        _mean_variance([each.error for each in subjects.values()]) for subjects in (first, other)
+    )
     interval = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
     return False, "subjects", counts, (means[0], means[1]), *interval
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
-    first, second = (next(iter(subjects.values())) for subjects in (one, other))
+    first = next(iter(one.values()))
+    second = next(iter(other.values()))
     counts = (first.count, second.count)
     square, freedom = _welch((first.square, second.square), counts)
     drawn = _mean_variance([_less(first.error, second.error)])
@@ -166,15 +199,23 @@ def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
 
 
 def _less(first: Array | None, other: Array | None) -> Array | None:
-    return None if first is None or other is None or len(first) != len(other) else np.asarray(first - other)
+    return (
+        None
+        if first is None or other is None or len(first) != len(other)
+        else np.asarray(first - other)
+    )
 
 
 def _welch(squares: Sequence[float], counts: Sequence[int]) -> tuple[float, float]:
-    """Squared standard error of the difference of two means, NaN with fewer than two in one, and its freedom."""
+    """Squared standard error of the difference of two means, NaN with fewer than two in one, and
+    its freedom.
+    """
     square = float(sum(squares))
     if not square > 0.0:
         return square, 1.0
-    return square, square**2 / sum(part**2 / (count - 1) for part, count in zip(squares, counts, strict=True))
+    return square, square**2 / sum(
+        part**2 / (count - 1) for part, count in zip(squares, counts, strict=True)
+    )
 
 
 def _mean_variance(errors: Sequence[Array | None]) -> float:
@@ -188,10 +229,15 @@ def _mean_variance(errors: Sequence[Array | None]) -> float:
 def _intervals(
     difference: float, square: float, freedom: float, drawn: float, held: bool
 ) -> tuple[float, float, float, float, float]:
-    """Interval by the spread (squared standard error, NaN for none), standard deviation by draws (their variance, NaN
-    for none), and interval with both: held, the spread holds the errors of the draws, else they add to it.
+    """Interval by the spread (squared standard error, NaN for none), standard deviation by draws
+    (their variance, NaN for none), and interval with both: held, the spread holds the errors of the
+    draws, else they add to it.
     """
-    student = float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)) if np.isfinite(square) else np.nan
+    student = (
+        float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
+        if np.isfinite(square)
+        else np.nan
+    )
     normal = float(scipy.special.ndtri(0.5 + 0.5 * CONFIDENCE))
     half = student * np.sqrt(square)
     open_ = normal * np.sqrt(drawn)
@@ -199,13 +245,30 @@ def _intervals(
         whole = open_ if np.isnan(half) else half
     else:
         whole = max(half, open_) if held else float(np.hypot(half, open_))
-    return difference - half, difference + half, float(np.sqrt(drawn)), difference - whole, difference + whole
+    return (
+        difference - half,
+        difference + half,
+        float(np.sqrt(drawn)),
+        difference - whole,
+        difference + whole,
+    )
 
 
 def difference_rows(value_differences: Sequence[ValueDifference]) -> Iterator[Row]:
     """One row a pair and quantity; the heading first."""
     yield (
-        *("first", "second", "step", "quantity", "unit", "paired", "of", "n_first", "n_second", "first_mean"),
+        *(
+            "first",
+            "second",
+            "step",
+            "quantity",
+            "unit",
+            "paired",
+            "of",
+            "n_first",
+            "n_second",
+            "first_mean",
+        ),
         *("second_mean", "difference", "low", "high", "measured_sd", "low_all", "high_all"),
     )
     for difference in value_differences:

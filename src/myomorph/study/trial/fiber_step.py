@@ -1,4 +1,6 @@
-"""Fibers and tendons as part of the step `tension`: written, and reported in notes, signals and numbers."""
+"""Fibers and tendons as part of the step `tension`: written, and reported in notes, signals and
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +26,29 @@ from myomorph.tension.elastic.windows import FASTEST, solved_every
 from myomorph.tension.tension import Fibers, Tension
 
 WORK = "fiber_work.csv"
-UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "returned": "J", "stored": "J"}
+UNITS = {
+    "start": "s",
+    "stop": "s",
+    "peak": "W",
+    "done": "J",
+    "absorbed": "J",
+    "returned": "J",
+    "stored": "J",
+}
 """Of the columns of the table of work, by the last word of their names."""
 
-LARGE_STRAIN = 0.1  # Strain at which tendons tear: where it is passed, the model's tendon does not fit.
+# Strain at which tendons tear: where it is passed, the model's tendon does not fit.
+LARGE_STRAIN = 0.1
 
 MAX_NAMED = 8  # Muscles that a note names one by one.
 
 
 @dataclass(frozen=True)
 class FiberWork:
-    """What fibers and tendon of one muscle do in one stride (1, 2, ... of the muscle's own leg; 0 for the whole
-    recording), from `start` to `stop` [s]. Positive work, and negative as a positive number, of the fibers and of the
-    tendon [J], greatest powers [W], the tendon's strain, fiber length over optimal.
+    """What fibers and tendon of one muscle do in one stride (1, 2, ... of the muscle's own leg; 0
+    for the whole recording), from `start` to `stop` [s]. Positive work, and negative as a positive
+    number, of the fibers and of the tendon [J], greatest powers [W], the tendon's strain, fiber
+    length over optimal.
     """
 
     muscle: str
@@ -55,28 +67,40 @@ class FiberWork:
 
 
 def fiber_work(
-    time: Array, muscles: tuple[str, ...], fibers: Fibers, optimal: Mapping[str, float], strides: Strides | None
+    time: Array,
+    muscles: tuple[str, ...],
+    fibers: Fibers,
+    optimal: Mapping[str, float],
+    strides: Strides | None,
 ) -> tuple[FiberWork, ...]:
-    """Work, powers, strains and lengths of every muscle in every stride of its own leg, or in the whole recording.
-    Frames near an end of the recording (`Fibers.transient`) and unsolved ones are left out; a stride with less than two
-    others is left out itself.
+    """Work, powers, strains and lengths of every muscle in every stride of its own leg, or in the
+    whole recording. Frames near an end of the recording (`Fibers.transient`) and unsolved ones are
+    left out; a stride with less than two others is left out itself.
     """
     result = []
     for m, name in enumerate(muscles):
-        spans = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
+        spans = [
+            (index, stride.start, stride.stop)
+            for index, stride in enumerate(own_strides(name, strides), 1)
+        ]
         for number, start, stop in spans or [(0, float(time[0]), float(time[-1]))]:
             inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & ~fibers.transient
             known = np.flatnonzero(inside & np.isfinite(fibers.fiber_powers[:, m]))
             if len(known) < 2:
                 continue
-            fiber, tendon = fibers.fiber_powers[known, m], fibers.tendon_powers[known, m]
+            fiber = fibers.fiber_powers[known, m]
+            tendon = fibers.tendon_powers[known, m]
             lengths = fibers.lengths[known, m] / optimal[name]
             result.append(
                 FiberWork(
                     *(name, number, start, stop),
                     *_work(time[known], fiber),
                     *_work(time[known], tendon),
-                    *(float(fiber.max()), float(tendon.max()), float(fibers.tendon_strains[known, m].max())),
+                    *(
+                        float(fiber.max()),
+                        float(tendon.max()),
+                        float(fibers.tendon_strains[known, m].max()),
+                    ),
                     *(float(lengths.min()), float(lengths.max())),
                 )
             )
@@ -90,8 +114,12 @@ def _work(time: Array, power: Array) -> tuple[float, float]:
     return done, absorbed
 
 
-def write_fibers(tension: Tension, model: Model, strides: Strides | None, output: StepOutput) -> tuple[str, ...]:
-    """Write fibers and tendons, their work over strides or the whole; returns notes. None for rigid tendons."""
+def write_fibers(
+    tension: Tension, model: Model, strides: Strides | None, output: StepOutput
+) -> tuple[str, ...]:
+    """Write fibers and tendons, their work over strides or the whole; returns notes. None for rigid
+    tendons.
+    """
     fibers = tension.fibers
     if fibers is None:
         return ()
@@ -105,7 +133,9 @@ def write_fibers(tension: Tension, model: Model, strides: Strides | None, output
     )
     for name, title, values in tables:
         facts = FrozenMap({"name": f"Muscle tensions: {title}"})
-        write_sto(Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto")
+        write_sto(
+            Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto"
+        )
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
     names = [field.name for field in fields(FiberWork)]
@@ -116,7 +146,9 @@ def write_fibers(tension: Tension, model: Model, strides: Strides | None, output
 
 
 def fiber_notes(tension: Tension) -> tuple[str, ...]:
-    """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons strained too far."""
+    """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons
+    strained too far.
+    """
     fibers = tension.fibers
     if fibers is None:
         return ()
@@ -125,9 +157,9 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
     if len(stalled):
         first, last = tension.time[stalled[[0, -1]]]
         notes.append(
-            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between {first:.3f} and "
-            f"{last:.3f} s (residual {fibers.certificate.residual:.2g}): forces and fibers there are not to be "
-            "believed; try frames at 100 Hz, or rigid tendons"
+            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between"
+            f" {first:.3f} and {last:.3f} s (residual {fibers.certificate.residual:.2g}): forces"
+            " and fibers there are not to be believed; try frames at 100 Hz, or rigid tendons"
         )
     for fiber in fibers.unreachable[:MAX_NAMED]:
         too_long = f"fibers would be {fiber.worst:.2f} optimal lengths long"
@@ -136,18 +168,23 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
         notes.append(f"{fiber.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
     left = [fiber.muscle for fiber in fibers.unreachable[MAX_NAMED:]]
     if left:
-        notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
+        notes.append(
+            f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons:"
+            f" {', '.join(left)}"
+        )
     every = solved_every(tension.time)
     if every > 1 and tension.contacts is None:
         notes.append(
-            f"one in {every} frames was solved ({FASTEST:.0f} a second at most); activations between them are "
-            "interpolated, and forces so too, changed as little as balances the torques"
+            f"one in {every} frames was solved ({FASTEST:.0f} a second at most); activations"
+            " between them are interpolated, and forces so too, changed as little as balances the"
+            " torques"
         )
     if fibers.bridged.any():
         first, last = tension.time[np.flatnonzero(fibers.bridged)[[0, -1]]]
         notes.append(
-            f"torques or coordinates are missing in {int(fibers.bridged.sum())} frames between {first:.3f} and "
-            f"{last:.3f} s: interpolated for the tendons' dynamics, without results there"
+            f"torques or coordinates are missing in {int(fibers.bridged.sum())} frames between"
+            f" {first:.3f} and {last:.3f} s: interpolated for the tendons' dynamics, without"
+            " results there"
         )
     inside = np.where(fibers.transient[:, None], np.nan, fibers.tendon_strains)
     most = np.max(np.nan_to_num(inside, nan=-np.inf), axis=0, initial=-np.inf)
@@ -156,8 +193,9 @@ def fiber_notes(tension: Tension) -> tuple[str, ...]:
         worst = int(torn[np.argmax(most[torn])])
         at = tension.time[int(np.nanargmax(inside[:, worst]))]
         notes.append(
-            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %, where tendons tear; "
-            f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
+            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %,"
+            f" where tendons tear; most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at"
+            f" {at:.3f} s: its slack length does not fit"
         )
     return tuple(notes)
 
@@ -168,7 +206,9 @@ def inside_ends(fibers: Fibers, values: Array) -> Array:
 
 
 def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
-    """Normalized fiber length, tendon strain and powers for tables of values and curves, ends left out."""
+    """Normalized fiber length, tendon strain and powers for tables of values and curves, ends left
+    out.
+    """
     fibers = get_fibers(stored)
     if fibers is None:
         return ()
@@ -177,15 +217,25 @@ def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
 
     def signals(
-        values: Array, ending: str, unit: str, statistics: tuple[str, ...], curve: str, factor: float = 1.0
+        values: Array,
+        ending: str,
+        unit: str,
+        statistics: tuple[str, ...],
+        curve: str,
+        factor: float = 1.0,
     ) -> Signals:
         series = Series(stored.time, muscles, inside_ends(fibers, values))
         return all_drawn("tension", series, ending, unit, statistics, curve, factor)
 
-    ends, mean = ("minimum", "maximum"), ("minimum", "maximum", "mean")
+    ends = ("minimum", "maximum")
+    mean = ("minimum", "maximum", "mean")
     return (
-        signals(normal, "_normalized_fiber_length", "1", (*ends, "range"), "normalized fiber length"),
-        signals(fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0),
+        signals(
+            normal, "_normalized_fiber_length", "1", (*ends, "range"), "normalized fiber length"
+        ),
+        signals(
+            fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0
+        ),
         signals(fibers.fiber_powers, "_fiber_power", "W", mean, "fiber power [W]"),
         signals(fibers.tendon_powers, "_tendon_power", "W", mean, "tendon power [W]"),
     )
@@ -198,8 +248,30 @@ def fiber_numbers(stored: Stored) -> Iterator[Value]:
         return
     strains = inside_ends(fibers, fibers.tendon_strains)
     if np.isfinite(strains).any():
-        yield Value("tension", "tendon strain, largest", float(np.nanmax(strains)), "1")
-    yield Value("tension", "muscles on rigid tendons", float(len(fibers.rigid)), "1")
-    yield Value("tension", "muscles whose fibers cannot reach", float(len(fibers.unreachable)), "1")
-    yield Value("tension", "frames bridged", float(fibers.bridged.sum()), "1")
-    yield Value("tension", "elastic tendons, residual", fibers.certificate.residual, "1")
+        yield Value(
+            step="tension",
+            quantity="tendon strain, largest",
+            value=float(np.nanmax(strains)),
+            unit="1",
+        )
+    yield Value(
+        step="tension",
+        quantity="muscles on rigid tendons",
+        value=float(len(fibers.rigid)),
+        unit="1",
+    )
+    yield Value(
+        step="tension",
+        quantity="muscles whose fibers cannot reach",
+        value=float(len(fibers.unreachable)),
+        unit="1",
+    )
+    yield Value(
+        step="tension", quantity="frames bridged", value=float(fibers.bridged.sum()), unit="1"
+    )
+    yield Value(
+        step="tension",
+        quantity="elastic tendons, residual",
+        value=fibers.certificate.residual,
+        unit="1",
+    )

@@ -1,4 +1,6 @@
-"""Which norm a walk is held against: the adults that come along, or the control group of the user's own results."""
+"""Which norm a walk is held against: the adults that come along, or the control group of the user's
+own results.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +19,25 @@ from myomorph.model.errors import BadFile, listing
 from myomorph.model.model import Model
 from myomorph.rigid.kinematics import standing_poses
 
-ADULTS, NO_NORM = "adults", "none"
+ADULTS = "adults"
+NO_NORM = "none"
 SOURCE = (
-    "healthy men and women of 30 to 39 years at comfortable speed on a treadmill (Normative 3D gait data of healthy "
-    "adults, Maastricht UMC+, doi 10.17605/OSF.IO/T72CW, CC BY 4.0; both sexes as one group by Myomorph)"
+    "healthy men and women of 30 to 39 years at comfortable speed on a treadmill (Normative 3D gait"
+    " data of healthy adults, Maastricht UMC+, doi 10.17605/OSF.IO/T72CW, CC BY 4.0; both sexes as"
+    " one group by Myomorph)"
 )
-LEG, ADULT = 0.491, 1.5
-"""Thigh and shank as a share of stature (Drillis and Contini 1966); below this stature [m] adults are no norm."""
+LEG = 0.491
+ADULT = 1.5
+"""Thigh and shank as a share of stature (Drillis and Contini 1966); below this stature [m] adults
+are no norm.
+"""
 
 
 @cache
 def adult_norm() -> GaitNorm:
-    """Mean and deviation of adults' curves and parameters; variables that are not in its source are NaN."""
+    """Mean and deviation of adults' curves and parameters; variables that are not in its source are
+    NaN.
+    """
     mean, deviation = np.full((2, SAMPLES, len(KEYS)), np.nan)
     parameters = {}
     text = (files("myomorph.study.trial") / "data" / "gait_norm_adults.csv").read_text("utf-8")
@@ -40,7 +49,14 @@ def adult_norm() -> GaitNorm:
         else:
             at = int(row["percent"]) // 2, KEYS.index(row["variable"])
             mean[at], deviation[at] = numbers
-    return GaitNorm(mean, deviation, 0, SOURCE, parameters=parameters, same_definitions=False)
+    return GaitNorm(
+        mean=mean,
+        deviation=deviation,
+        persons=0,
+        source=SOURCE,
+        parameters=parameters,
+        same_definitions=False,
+    )
 
 
 def checked_norms(norms: Sequence[str]) -> tuple[str, ...]:
@@ -50,7 +66,10 @@ def checked_norms(norms: Sequence[str]) -> tuple[str, ...]:
     for name in norms:
         if not Path(name).is_dir():
             raise BadFile(
-                name, "is no norm", f"give folders of results of a control group, or {listing(name, (ADULTS, NO_NORM))}"
+                name,
+                "is no norm",
+                "give folders of results of a control group, or"
+                f" {listing(name, (ADULTS, NO_NORM))}",
             )
     return tuple(norms)
 
@@ -58,25 +77,43 @@ def checked_norms(norms: Sequence[str]) -> tuple[str, ...]:
 def norm_of(
     norms: Sequence[str], model: Model, person: str, controls: Mapping[str, Sequence[GaitCurves]]
 ) -> tuple[GaitNorm | None, str]:
-    """The norm for a person, and a note where there is none. Controls are by person; nobody is the own control."""
+    """The norm for a person, and a note where there is none. Controls are by person; nobody is the
+    own control.
+    """
     if norms == (NO_NORM,):
         return None, "No norm was asked for."
     if norms and norms != (ADULTS,):
         others = [joined_curves(parts) for name, parts in controls.items() if name != person]
-        return control_norm(others, f"own control group, {', '.join(Path(name).name for name in norms)}"), ""
+        return (
+            control_norm(
+                others, f"own control group, {', '.join(Path(name).name for name in norms)}"
+            ),
+            "",
+        )
     stature = _leg(model) / LEG
     if not norms and stature < ADULT:
-        return None, (
-            f"No norm: legs of a body of about {stature:.2f} m, and the norm that comes along is of adults. "
-            "myomorph report --norms FOLDER takes the results of a control group; --norms adults draws adults."
+        return (
+            None,
+            (
+                f"No norm: legs of a body of about {stature:.2f} m, and the norm that comes along"
+                " is of adults. myomorph report --norms FOLDER takes the results of a control"
+                " group; --norms adults draws adults."
+            ),
         )
     return adult_norm(), ""
 
 
 def _leg(model: Model) -> float:
-    """Length of thigh and shank, from hip to ankle [m]; the length of an adult's where the model has no such joints."""
-    poses, places = standing_poses(model), []
+    """Length of thigh and shank, from hip to ankle [m]; the length of an adult's where the model
+    has no such joints.
+    """
+    poses = standing_poses(model)
+    places = []
     for beginning in ("ankle_", "hip_flexion"):
-        moved = (joint.child for joint in model.joints if any(name.startswith(beginning) for name in joint.coordinates))
+        moved = (
+            joint.child
+            for joint in model.joints
+            if any(name.startswith(beginning) for name in joint.coordinates)
+        )
         places += [poses[child].translation for child in list(moved)[:1]]
     return float(np.linalg.norm(places[1] - places[0])) if len(places) == 2 else LEG * ADULT

@@ -1,4 +1,6 @@
-"""Forces at contact points of joints as part of the step `tension`: written, and reported in notes and numbers."""
+"""Forces at contact points of joints as part of the step `tension`: written, and reported in notes
+and numbers.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,21 @@ from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.tension.joint_contact import JointContactForces, JointPoints
 
-TABLE, STRIDES = "joint_contact_forces.sto", "joint_contact_strides.csv"
-COLUMNS = ("load", "stride", "start_s", "stop_s", "peak_N", "peak_body_weights", "peak_percent", "impulse_N_s")
+TABLE = "joint_contact_forces.sto"
+STRIDES = "joint_contact_strides.csv"
+COLUMNS = (
+    "load",
+    "stride",
+    "start_s",
+    "stop_s",
+    "peak_N",
+    "peak_body_weights",
+    "peak_percent",
+    "impulse_N_s",
+)
 
-LOADED = 0.25  # Of body weight: a joint that bears less may rest on any of its points without a word.
+# Of body weight: a joint that bears less may rest on any of its points without a word.
+LOADED = 0.25
 LEFT = 0.25  # Of the force times half the distance of the points: a moment left that is said.
 ENDING = " contact force"
 
@@ -40,16 +53,21 @@ def _half_distances(points: JointPoints) -> dict[str, float]:
     """Of each joint's points from their middle, the mean of squares [m]."""
     result = {}
     for joint in dict.fromkeys(point.joint for point in points.points):
-        places = np.array([point.point for point in points.points if point.joint == joint], dtype=np.float64)
+        places = np.array(
+            [point.point for point in points.points if point.joint == joint], dtype=np.float64
+        )
         result[joint] = float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean()))
     return result
 
 
 def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
-    """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are pulled apart."""
+    """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are
+    pulled apart.
+    """
     notes = []
     for j, joint in enumerate(contacts.joints):
-        force, moment = contacts.totals[:, j], contacts.unbalanced_moments[:, j]
+        force = contacts.totals[:, j]
+        moment = contacts.unbalanced_moments[:, j]
         pull = contacts.unbalanced_forces[:, j]
         loaded = force > LOADED * contacts.weight
         bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
@@ -57,31 +75,41 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
             worst = int(np.argmax(np.where(bad, moment, -1.0)))
             columns = [column for column, name in enumerate(contacts.joint_of) if name == joint]
             up = ", ".join(
-                contacts.points[column] for column in columns if contacts.forces[worst, column] <= 1e-6 * force[worst]
+                contacts.points[column]
+                for column in columns
+                if contacts.forces[worst, column] <= 1e-6 * force[worst]
             )
             notes.append(
-                f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded joint would have "
-                f"to pull; it lifts off, and a moment of up to {moment[worst]:.1f} N m is left (at "
-                f"{contacts.time[worst]:.2f} s, {up or 'none'} off)"
+                f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded"
+                " joint would have to pull; it lifts off, and a moment of up to"
+                f" {moment[worst]:.1f} N m is left (at {contacts.time[worst]:.2f} s, {up or 'none'}"
+                " off)"
             )
         pulled = pull > LOADED * contacts.weight
         if pulled.any():
             worst = int(np.argmax(np.where(pulled, pull, -1.0)))
             notes.append(
-                f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled apart, which its contact "
-                f"points cannot carry, by up to {pull[worst]:.0f} N (at {contacts.time[worst]:.2f} "
-                f"s); do the normals "
-                "point towards the child?"
+                f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled"
+                f" apart, which its contact points cannot carry, by up to {pull[worst]:.0f} N (at"
+                f" {contacts.time[worst]:.2f} s); do the normals point towards the child?"
             )
     return tuple(notes)
 
 
-def _stride_rows(contacts: JointContactForces, strides: Strides | None) -> Iterator[tuple[str, ...]]:
+def _stride_rows(
+    contacts: JointContactForces, strides: Strides | None
+) -> Iterator[tuple[str, ...]]:
     """One row a load and stride; the whole recording as one row where it has no strides."""
     for load in stride_loads(contacts.loads(), strides):
         numbers = (load.peak, load.peak / contacts.weight, load.peak_percent, load.impulse)
         label = str(load.stride) if load.stride else "recording"
-        yield (load.load, label, f"{load.start:.4f}", f"{load.stop:.4f}", *(f"{value:.6g}" for value in numbers))
+        yield (
+            load.load,
+            label,
+            f"{load.start:.4f}",
+            f"{load.stop:.4f}",
+            *(f"{value:.6g}" for value in numbers),
+        )
 
 
 def joint_contact_signals(stored: Stored) -> tuple[Signals, ...]:
@@ -90,27 +118,38 @@ def joint_contact_signals(stored: Stored) -> tuple[Signals, ...]:
     if joint_contacts is None:
         return ()
     loads: Series = joint_contacts.loads()
-    return (all_drawn("tension", loads, ENDING, "N", ("maximum", "mean"), "joint contact force [N]"),)
+    return (
+        all_drawn("tension", loads, ENDING, "N", ("maximum", "mean"), "joint contact force [N]"),
+    )
 
 
 def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Iterator[Value]:
-    """Peak in body weights and impulse of every load: means over the strides, or of the whole recording."""
+    """Peak in body weights and impulse of every load: means over the strides, or of the whole
+    recording.
+    """
     joint_contacts = get_joint_contacts(stored)
     if joint_contacts is None or not len(joint_contacts):
         return
     parts = () if strides is None else strides.parts
-    each = [load for part in parts for load in stride_loads(joint_contacts.loads(), part)] or stride_loads(
-        joint_contacts.loads(), None
-    )
+    each = [
+        load for part in parts for load in stride_loads(joint_contacts.loads(), part)
+    ] or stride_loads(joint_contacts.loads(), None)
     for name in joint_contacts.loads().names:
         strides_of_load = [stride for stride in each if stride.load == name]
         ending = ", mean of strides" if any(stride.stride for stride in strides_of_load) else ""
         if strides_of_load:
-            peak = float(np.mean([stride.peak for stride in strides_of_load])) / joint_contacts.weight
-            yield Value("tension", f"{name}{ENDING}, peak{ending}", peak, "body weight")
+            peak = (
+                float(np.mean([stride.peak for stride in strides_of_load])) / joint_contacts.weight
+            )
             yield Value(
-                "tension",
-                f"{name}{ENDING}, impulse{ending}",
-                float(np.mean([stride.impulse for stride in strides_of_load])),
-                "N s",
+                step="tension",
+                quantity=f"{name}{ENDING}, peak{ending}",
+                value=peak,
+                unit="body weight",
+            )
+            yield Value(
+                step="tension",
+                quantity=f"{name}{ENDING}, impulse{ending}",
+                value=float(np.mean([stride.impulse for stride in strides_of_load])),
+                unit="N s",
             )

@@ -96,7 +96,8 @@ class TrialResult:
             where xarray is not installed
         """
         # Only here: it brings pandas, which takes longer to import than most steps take to run.
-        xarray, _ = from_extra("xarray", "xarray"), from_extra("xarray", "h5netcdf")
+        xarray = from_extra("xarray", "xarray")
+        _ = from_extra("xarray", "h5netcdf")
         return xarray.load_dataset(self.path, engine="h5netcdf")
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -110,7 +111,9 @@ class TrialResult:
         dataset = self.to_xarray()
         pandas = from_extra("xarray", "pandas")
         parts = {
-            str(name): variable.to_pandas() if variable.ndim == 2 else variable.to_pandas().to_frame("")
+            str(name): variable.to_pandas()
+            if variable.ndim == 2
+            else variable.to_pandas().to_frame("")
             for name, variable in dataset.data_vars.items()
             if variable.dims[:1] == ("time",) and variable.ndim <= 2
         }
@@ -128,7 +131,8 @@ def load(folder: str | Path) -> Mapping[str, TrialResult]:
 
     Returns
     -------
-    by name: the place of the result below the folder, e.g. "s01/walk1", or the trial's name in a folder of one trial
+    by name: the place of the result below the folder, e.g. "s01/walk1", or the trial's name in a
+    folder of one trial
 
     Raises
     ------
@@ -149,6 +153,12 @@ def load(folder: str | Path) -> Mapping[str, TrialResult]:
     for path in result_files(folder):
         stored = read_result(path, leave_out=("moment_arm",))
         home = path.parent.relative_to(folder if folder.is_dir() else folder.parent)
-        name = path.stem if home == Path() else (home if home.name == path.stem else home / path.stem).as_posix()
-        results[name] = TrialResult(path, stored.provenance, stored.facts, stored)
+        name = (
+            path.stem
+            if home == Path()
+            else (home if home.name == path.stem else home / path.stem).as_posix()
+        )
+        results[name] = TrialResult(
+            path=path, provenance=stored.provenance, facts=stored.facts, stored=stored
+        )
     return FrozenMap(results)

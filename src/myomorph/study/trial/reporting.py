@@ -1,4 +1,6 @@
-"""From results to `report.html`: what was found, what it was made from, what is real and what is assumed."""
+"""From results to `report.html`: what was found, what it was made from, what is real and what is
+assumed.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,8 @@ ModelMaker = Callable[[str], Model]  # Makes a model by a name.
 
 NOT_IN_TABLES = ("coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
 """Variables of results that no table of values comes from."""
-LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
+LENGTH_CURVES = "length_strides.csv"
+LENGTH_RANGES = "length_ranges.csv"
 
 
 def report_folder(
@@ -64,8 +67,8 @@ def report_folder(
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
     demo_model : makes the model of a demo by its name; without it results of demos are refused
-    norms : what the gait page holds a walk against: folders of results of a control group, ("adults",) or ("none",);
-        by default adults, for a body of their size
+    norms : what the gait page holds a walk against: folders of results of a control group,
+        ("adults",) or ("none",); by default adults, for a body of their size
 
     Returns
     -------
@@ -86,12 +89,16 @@ def report_folder(
         preset_of(preset)
     folder = Path(folder)
     if not folder.is_dir():
-        raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
+        raise BadFile(
+            folder, "is not a folder of results", "give the --out of run, muscles or tension"
+        )
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in result_files(folder)})
     model = partial(model_of, demo_model=demo_model)
     walks = GaitNorms.of(norms, model)
-    return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times, model, walks) for home in homes]
+    return [
+        _write(home, sorted(home.glob(f"*{STORED}")), preset, times, model, walks) for home in homes
+    ]
 
 
 def _write(
@@ -110,8 +117,8 @@ def _write(
 
 
 def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None) -> Path:
-    """Write `report.html`, whole or not at all, and where the motion is a walk the page on its gait and muscle lengths
-    of every stride.
+    """Write `report.html`, whole or not at all, and where the motion is a walk the page on its gait
+    and muscle lengths of every stride.
     """
     texts = {REPORT: prepared_page(prepared)}
     if prepared.gait is not None and prepared.results.model is not None:
@@ -140,21 +147,29 @@ class GaitNorms:
     @classmethod
     def of(cls, norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNorms:
         """Names are checked, and folders read."""
-        names, controls = checked_norms(norms), dict[str, list[GaitCurves]]()
+        names = checked_norms(norms)
+        controls = dict[str, list[GaitCurves]]()
         folders = () if names in ((ADULTS,), (NO_NORM,)) else names
         for path in (path for folder in folders for path in result_files(Path(folder))):
             stored = read_result(path, leave_out=large_variables())
             results = TrialResults(path, model(stored), stored, page=False)
             if results.prepared.gait is not None:
-                controls.setdefault(stored.facts.get("subject", path.stem), []).append(results.prepared.gait)
+                controls.setdefault(stored.facts.get("subject", path.stem), []).append(
+                    results.prepared.gait
+                )
         return cls(names, FrozenMap({person: tuple(parts) for person, parts in controls.items()}))
 
 
 class TrialResults:
-    """The results of a trial, read and prepared once, when first wanted; a page needs more than tables of values."""
+    """The results of a trial, read and prepared once, when first wanted; a page needs more than
+    tables of values.
+    """
 
     def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
-        self.path, self.model, self._stored, self._page = path, model, stored, page
+        self.path = path
+        self.model = model
+        self._stored = stored
+        self._page = page
         self._leave_out = (*large_variables(), *(() if page else NOT_IN_TABLES))
 
     @cached_property
@@ -171,33 +186,51 @@ class TrialResults:
 def joined(parts: Sequence[Stored]) -> Stored:
     """Several results of one recording as one."""
     first = parts[0]
-    values, names, made, facts = dict(first.values), dict(first.names), dict(first.provenance), dict(first.facts)
+    values = dict(first.values)
+    names = dict(first.names)
+    made = dict(first.provenance)
+    facts = dict(first.facts)
     for part in parts[1:]:
-        if len(part.time) != len(first.time) or np.max(np.abs(part.time - first.time), initial=0.0) > 1e-6:
+        if (
+            len(part.time) != len(first.time)
+            or np.max(np.abs(part.time - first.time), initial=0.0) > 1e-6
+        ):
             raise BadData(
-                f"{part.path}: has {len(part.time)} frames from {part.time[:1]} s, but {first.path.name} "
-                f"{len(first.time)} from {first.time[:1]} s; keep the results of one recording in a folder of their own"
+                f"{part.path}: has {len(part.time)} frames from {part.time[:1]} s, but"
+                f" {first.path.name} {len(first.time)} from {first.time[:1]} s; keep the results of"
+                " one recording in a folder of their own"
             )
-        values, names = values | dict(part.values), names | dict(part.names)
-        made, facts = made | dict(part.provenance), facts | dict(part.facts)
-    return Stored(first.path, values, names, made, facts)
+        values = values | dict(part.values)
+        names = names | dict(part.names)
+        made = made | dict(part.provenance)
+        facts = facts | dict(part.facts)
+    return Stored(path=first.path, values=values, names=names, provenance=made, facts=facts)
 
 
 def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
     """The model that results were made with, read again; a demo's by its name."""
     sources = list(
         dict.fromkeys(
-            source for made in stored.provenance.values() for source in made.sources if source.role == "model"
+            source
+            for made in stored.provenance.values()
+            for source in made.sources
+            if source.role == "model"
         )
     )
     if not sources:
-        raise BadFile(stored.path, "does not show which model it was made with", "run the steps again")
+        raise BadFile(
+            stored.path, "does not show which model it was made with", "run the steps again"
+        )
     parts = json.loads(stored.facts.get("parts", "{}"))
     if not parts:
         return _source_model(sources[0], stored, demo_model)
     by_name = {source.name: source for source in sources}
     models = {
-        name: object_model(source) if isinstance(source, dict) else _source_model(by_name[source], stored, demo_model)
+        name: (
+            object_model(source)
+            if isinstance(source, dict)
+            else _source_model(by_name[source], stored, demo_model)
+        )
         for name, source in parts.items()
     }
     return join_models(models, stored.facts["trial"])
@@ -212,44 +245,73 @@ def _source_model(source: Source, stored: Stored, demo_model: ModelMaker | None)
 def source_file(source: Source, stored: Stored) -> Path:
     """The file that results were made from, as it was then; raises `BadFile`."""
     # A name that was given relative to a folder is looked for from the results upwards too.
-    places = dict.fromkeys([Path(source.name), *(parent / source.name for parent in stored.path.resolve().parents)])
+    places = dict.fromkeys(
+        [Path(source.name), *(parent / source.name for parent in stored.path.resolve().parents)]
+    )
     there = [place for place in places if place.is_file()]
     if not there:
-        raise BadFile(source.name, f"is gone, but the {source.role} is needed", f"{stored.path} was made with it")
-    same = next((place for place in there if file_source(source.role, place).sha256 == source.sha256), None)
+        raise BadFile(
+            source.name,
+            f"is gone, but the {source.role} is needed",
+            f"{stored.path} was made with it",
+        )
+    same = next(
+        (place for place in there if file_source(source.role, place).sha256 == source.sha256), None
+    )
     if same is None:
         raise BadFile(there[0], "has changed since the results were made", "run the steps again")
     return same
 
 
 def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInput:
-    """What a report is made of, from results and their model; `drawn`: with the meshes that lie beside the model's
-    file, which tables of values need not.
+    """What a report is made of, from results and their model; `drawn`: with the meshes that lie
+    beside the model's file, which tables of values need not.
     """
-    facts, mass = stored.facts, stored.facts.get("mass", "")
-    notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(stored)
+    facts = stored.facts
+    mass = stored.facts.get("mass", "")
+    notes = json.loads(facts.get("notes", "{}"))
+    truth = store.get_truth(stored)
     head = PageHead(
-        title=": ".join(part for part in (facts.get("subject", ""), facts.get("trial", "")) if part) or model.name,
+        title=": ".join(part for part in (facts.get("subject", ""), facts.get("trial", "")) if part)
+        or model.name,
         date=max((made.date for made in stored.provenance.values()), default=""),
         version=__version__,
-        notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
+        notes=tuple(
+            Note(kind, text)
+            for kind in ("real", "simulated", "assumed")
+            for text in notes.get(kind, ())
+        ),
         sources=_sources(stored.provenance),
-        steps=tuple(_shown_step(step, stored) for step in STEPS["trial"] if step in stored.provenance),
+        steps=tuple(
+            _shown_step(step, stored) for step in STEPS["trial"] if step in stored.provenance
+        ),
         warnings=(*json.loads(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
     )
     recorded = Recorded(
         subject=facts.get("subject", ""),
         facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
         emg=store.get_emg(stored),
-        emg_muscles={name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()},
+        emg_muscles={
+            name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()
+        },
         plates=store.get_plates(stored),
         events=store.get_events(stored) or None,
-        truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
+        truth=(
+            Truth(truth.get("motion"), truth.get("torques"), truth.get("activations"))
+            if truth
+            else None
+        ),
     )
-    phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
-    choice = AnalysisChoice(facts.get("preset", ""), phases, muscles=tuple(json.loads(facts.get("muscles", "[]"))))
-    meshes: Mapping[str, Surface] = reduced_for_pictures(surfaces_of(model)) if drawn else FrozenMap({})
-    shown = ReportInput(head, model, meshes, recorded, analysis=choice)
+    phases = tuple(
+        Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items()
+    )
+    choice = AnalysisChoice(
+        facts.get("preset", ""), phases, muscles=tuple(json.loads(facts.get("muscles", "[]")))
+    )
+    meshes: Mapping[str, Surface] = (
+        reduced_for_pictures(surfaces_of(model)) if drawn else FrozenMap({})
+    )
+    shown = ReportInput(head=head, model=model, surfaces=meshes, recorded=recorded, analysis=choice)
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
     return shown
@@ -274,13 +336,19 @@ def reduced_for_pictures(surfaces: Mapping[str, Surface]) -> Mapping[str, Surfac
     sizes = [float(np.ptp(surface.vertices, axis=0).max()) for surface in surfaces.values()]
     # A body is about four times as tall as its longest bone.
     return dict(
-        zip(surfaces, reduced(list(surfaces.values()), 4.0 * max(sizes, default=0.0), MAX_TRIANGLES), strict=True)
+        zip(
+            surfaces,
+            reduced(list(surfaces.values()), 4.0 * max(sizes, default=0.0), MAX_TRIANGLES),
+            strict=True,
+        )
     )
 
 
 def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
     unique = dict.fromkeys(
-        (source.role, Path(source.name).name, source.sha256) for each in made.values() for source in each.sources
+        (source.role, Path(source.name).name, source.sha256)
+        for each in made.values()
+        for source in each.sources
     )
     return tuple(SourceFile(*source) for source in unique)
 
@@ -288,12 +356,18 @@ def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
 def _shown_step(step: str, stored: Stored) -> PageStep:
     made = stored.provenance[step]
     prefix = f"{step}."
-    told = {name.removeprefix(prefix): value for name, value in made.options.items() if name.startswith(prefix)}
+    told = {
+        name.removeprefix(prefix): value
+        for name, value in made.options.items()
+        if name.startswith(prefix)
+    }
     options = {name: option_text(value) for name, value in told.items()}
     time = made.options.get("time")
     if isinstance(time, list):
         options["time"] = f"{time[0]:g} to {time[1]:g} s"
-    return PageStep(step_of(step).title, options, None, len(stored.time))
+    return PageStep(
+        name=step_of(step).title, options=options, seconds=None, frames=len(stored.time)
+    )
 
 
 def _mass_warning(mass: str, model: Model) -> list[str]:
@@ -301,5 +375,6 @@ def _mass_warning(mass: str, model: Model) -> list[str]:
     if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
         return []
     return [
-        f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong to the model's mass"
+        f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong"
+        " to the model's mass"
     ]

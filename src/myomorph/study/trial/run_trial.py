@@ -1,4 +1,6 @@
-"""The steps of one recording and their results in its folder: one file, tables of values and a report."""
+"""The steps of one recording and their results in its folder: one file, tables of values and a
+report.
+"""
 
 from __future__ import annotations
 
@@ -30,14 +32,19 @@ PARTS = ".steps"
 PART = f"step{store.STORED}"
 VALUES = "values.csv"
 HELD_FRAMES = 1000
-"""Steps of longer recordings go to disk as they are computed, however fast that is: they may not fit in memory."""
-HELD_SECONDS = 1.0  # Steps that took longer go to disk at once, so that a process that is killed leaves them.
+"""Steps of longer recordings go to disk as they are computed, however fast that is: they may not
+fit in memory.
+"""
+# Steps that took longer go to disk at once, so that a process that is killed leaves them.
+HELD_SECONDS = 1.0
 
 _LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
 
 
 class TrialSteps(JobSteps):
-    """Steps of one recording, whose results go into one file in its folder; `results` are known before the first."""
+    """Steps of one recording, whose results go into one file in its folder; `results` are known
+    before the first.
+    """
 
     def __init__(
         self,
@@ -47,7 +54,9 @@ class TrialSteps(JobSteps):
         fresh: bool = False,
         results: trial_step.StepResults | None = None,
     ):
-        self.trial, self.folder, self.fresh = trial, folder, fresh
+        self.trial = trial
+        self.folder = folder
+        self.fresh = fresh
         self.outcome = Outcome(trial.subject, trial.name, folder)
         self.steps = tuple(step for step in STEPS["trial"] if step in asked)
         self.reports = REPORT in asked
@@ -70,7 +79,8 @@ class TrialSteps(JobSteps):
             part = self.parts / step / PART
             provenance = store.stored_provenance(part).get(step)
             if provenance is not None:
-                made[step], files[step] = provenance, part
+                made[step] = provenance
+                files[step] = part
         return files, made
 
     def provenance(self, step: str) -> Provenance:
@@ -87,14 +97,20 @@ class TrialSteps(JobSteps):
         if REPORT in steps:
             computed = any(reasons.values())
             reason = ("its results are new",) if computed else ("what it contains has changed",)
-            made = not computed and trial_step.report_is_made(self.folder, self.trial, tuple(reasons))
+            made = not computed and trial_step.report_is_made(
+                self.folder, self.trial, tuple(reasons)
+            )
             reasons[REPORT] = () if made else reason
         return reasons
 
     def unchanged(self, steps: Sequence[str]) -> Outcome | None:
-        """The outcome of a trial whose folder is what a run would leave it as; its file is opened once."""
+        """The outcome of a trial whose folder is what a run would leave it as; its file is opened
+        once.
+        """
         expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
-        if self.parts.exists() or not all((self.folder / name).is_file() for name in (self.stored.name, *expected)):
+        if self.parts.exists() or not all(
+            (self.folder / name).is_file() for name in (self.stored.name, *expected)
+        ):
             return None
         values = [step_of(step) for step in self.steps]
         with open_netcdf(self.stored) as file:
@@ -107,11 +123,15 @@ class TrialSteps(JobSteps):
                 return None
             telling = [step for step in values if step.outcome is not None]
             stored = store.stored_values(
-                self.stored, file, only=[name for step in telling for name in step.outcome_variables]
+                self.stored,
+                file,
+                only=[name for step in telling for name in step.outcome_variables],
             )
         clear_leftovers(self.folder)
         done = (*self.steps, REPORT) if self.reports else self.steps
-        results = trial_step.StepResults(*(step.read(stored, self.trial.options) for step in telling))
+        results = trial_step.StepResults(
+            *(step.read(stored, self.trial.options) for step in telling)
+        )
         return with_results(replace(self.outcome, done=done, reused=done), results)
 
     def __enter__(self) -> Self:
@@ -130,13 +150,20 @@ class TrialSteps(JobSteps):
     def compute(self, step: str) -> None:
         """Run a step with the results before it."""
         if self._ahead is None:
-            self._ahead = compile_ahead(self.steps[self.steps.index(step) :], wraps_of(self.trial.model))
+            self._ahead = compile_ahead(
+                self.steps[self.steps.index(step) :], wraps_of(self.trial.model)
+            )
         self._ahead.wait(step)
         shutil.rmtree(self.parts / step, ignore_errors=True)
         value = step_of(step)
-        with store.whole_folder(self.parts / step) as temporary, self._held.writer(step, temporary) as writer:
+        with (
+            store.whole_folder(self.parts / step) as temporary,
+            self._held.writer(step, temporary) as writer,
+        ):
             known = self._having(*value.needs, *value.uses)
-            self.results = trial_step.run_step(value, self.trial, known, StepOutput(writer, temporary))
+            self.results = trial_step.run_step(
+                value, self.trial, known, StepOutput(writer, temporary)
+            )
 
     def reuse(self, step: str) -> None:
         """Use what an earlier run found; it is read where a later step needs it."""
@@ -172,15 +199,18 @@ class TrialSteps(JobSteps):
         return _report(self.trial, outcome, shown) if self.reports else outcome
 
     def _gather(self, outcome: Outcome) -> store.Stored | None:
-        """Move the steps' tables up and put their values, and those reused, into one file; returns what it holds, where
-        all was in memory.
+        """Move the steps' tables up and put their values, and those reused, into one file; returns
+        what it holds, where all was in memory.
 
-        Results of steps that nobody asks for now stay as long as they would come out the same. The order is that of the
-        steps, whichever of them were reused, so that the file is the same either way. The tables of muscle paths, of
-        which there are many, get a folder of their own.
+        Results of steps that nobody asks for now stay as long as they would come out the same. The
+        order is that of the steps, whichever of them were reused, so that the file is the same
+        either way. The tables of muscle paths, of which there are many, get a folder of their own.
         """
-        held, parts = self._held, self.parts
-        fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
+        held = self._held
+        parts = self.parts
+        fresh = [
+            step for step in outcome.done if step in held.files or (parts / step / PART).is_file()
+        ]
         others = [step for step in self._files if step not in self.steps and not self.reasons(step)]
         lost = [step for step in self._files if step not in outcome.done and step not in others]
         if not fresh and not lost and trial_step.same_report(self.folder, self.trial, outcome.done):
@@ -196,7 +226,9 @@ class TrialSteps(JobSteps):
                 if step in held.files:
                     gathered.take(held.files[step], (step,))
                 else:
-                    gathered.copy(parts / step / PART if step in fresh else self._files[step], (step,))
+                    gathered.copy(
+                        parts / step / PART if step in fresh else self._files[step], (step,)
+                    )
             gathered.gather_remarks(every, self.trial.warnings)
             if whole is not None:
                 writer.take(whole, every)
@@ -215,20 +247,25 @@ class TrialSteps(JobSteps):
         return None if whole is None else store.stored_values(self.stored, whole)
 
 
-def run_trial(trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False) -> Outcome:
-    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`. A step whose
-    inputs, options and version are those of an earlier run is reused. Where a step fails, what the steps before it
-    found is kept.
+def run_trial(
+    trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False
+) -> Outcome:
+    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and
+    `report.html`. A step whose inputs, options and version are those of an earlier run is reused.
+    Where a step fails, what the steps before it found is kept.
     """
     job = TrialSteps(trial, steps, folder, fresh)
     return run_steps(job, job.steps)
 
 
 class _Held:
-    """Values of quick steps in memory until they are put into one file, where no earlier run left anything to lose."""
+    """Values of quick steps in memory until they are put into one file, where no earlier run left
+    anything to lose.
+    """
 
     def __init__(self, parts: Path, allowed: bool):
-        self.parts, self.allowed = parts, allowed
+        self.parts = parts
+        self.allowed = allowed
         self.files: dict[str, HeldFile] = {}
 
     @contextmanager
@@ -238,7 +275,8 @@ class _Held:
             with store.new_result(folder / PART, step) as writer:
                 yield writer
             return
-        file, started = HeldFile(), time.monotonic()
+        file = HeldFile()
+        started = time.monotonic()
         yield store.ResultWriter(file, step)
         self.files[step] = file
         if time.monotonic() - started > HELD_SECONDS:
@@ -258,12 +296,16 @@ class _Held:
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Steps that are nowhere but here, although they were to be kept: nothing more can be written."""
+        """Steps that are nowhere but here, although they were to be kept: nothing more can be
+        written.
+        """
         return tuple(step for step in self.files if not (self.parts / step / PART).is_file())
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Remove what a process that was killed had not finished: files and folders with temporary names."""
+    """Remove what a process that was killed had not finished: files and folders with temporary
+    names.
+    """
     for home in (folder, folder / PARTS):
         for path in home.iterdir() if home.is_dir() else ():
             if not _LEFTOVER.match(path.name):

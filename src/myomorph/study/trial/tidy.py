@@ -1,4 +1,6 @@
-"""What one trial comes to in numbers: a value a row, mean curves over the cycle, and how good it is."""
+"""What one trial comes to in numbers: a value a row, mean curves over the cycle, and how good it
+is.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,11 @@ from myomorph.study.trial.reporting import TrialResults
 from myomorph.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
 from myomorph.study.trial.trial_strides import TrialStrides, by_side
 
-VALUES, CURVES, QUALITY = "values.csv", "curves.csv", "quality.csv"
-OF_STRIDE, OF_TRIAL = "percent_of_stride", "percent_of_trial"
+VALUES = "values.csv"
+CURVES = "curves.csv"
+QUALITY = "quality.csv"
+OF_STRIDE = "percent_of_stride"
+OF_TRIAL = "percent_of_trial"
 VALUE_COLUMNS = ("step", "quantity", "value", "unit", "low", "high", "sd")
 NUMBERS = ("value", "low", "high", "sd")
 """Columns of `VALUE_COLUMNS` that are numbers; those of draws are empty where nothing was drawn."""
@@ -33,14 +38,18 @@ QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time
 
 
 def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
-    """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone. Where every step
-    was reused from an earlier run and the files are there, they stay.
+    """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these
+    alone. Where every step was reused from an earlier run and the files are there, they stay.
     """
     names = (VALUES, CURVES, QUALITY)
     steps = [step for step in outcome.done if step != REPORT]
-    if set(steps) <= set(outcome.reused) and all((outcome.folder / name).is_file() for name in names):
+    if set(steps) <= set(outcome.reused) and all(
+        (outcome.folder / name).is_file() for name in names
+    ):
         return
-    stored, model, prepared = results.stored, results.model, results.prepared
+    stored = results.stored
+    model = results.model
+    prepared = results.prepared
     strides = TrialStrides.whole(stored.facts.get("trial", ""), prepared.strides)
     mass = float(stored.facts.get("mass") or 0.0) or model.mass
     signals = [signal for step in trial_steps() for signal in step.signals(stored, model, mass)]
@@ -48,7 +57,9 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     limits = get_value_limits(stored)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
     write_csv(
-        outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.results.head.warnings)
+        outcome.folder / QUALITY,
+        QUALITY_COLUMNS,
+        quality_rows(prepared.verdicts, prepared.results.head.warnings),
     )
     # Last, so that where there are values there is everything.
     write_csv(
@@ -64,11 +75,16 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
 
 def value_row(value: Value) -> tuple[str, ...]:
     """A row of `VALUE_COLUMNS`."""
-    drawn = (f"{number:.6g}" if np.isfinite(number) else "" for number in (value.low, value.high, value.sd))
+    drawn = (
+        f"{number:.6g}" if np.isfinite(number) else ""
+        for number in (value.low, value.high, value.sd)
+    )
     return (value.step, value.quantity, f"{value.value:.9g}", value.unit, *drawn)
 
 
-def _with_limits(value: Value, limits: Mapping[tuple[str, str], tuple[float, float, float]]) -> Value:
+def _with_limits(
+    value: Value, limits: Mapping[tuple[str, str], tuple[float, float, float]]
+) -> Value:
     known = limits.get((value.step, value.quantity))
     if known is None:
         return value
@@ -83,8 +99,8 @@ def trial_values(
     signals: Sequence[Signals],
     cycles: Sequence[Cycles | None],
 ) -> Iterator[Value]:
-    """All numbers of a trial, one after the other. Of every signal its extremes and mean over the trial; where there
-    are strides also those of each stride, as the mean over the strides.
+    """All numbers of a trial, one after the other. Of every signal its extremes and mean over the
+    trial; where there are strides also those of each stride, as the mean over the strides.
     """
     steps = trial_steps()
     for step in steps:
@@ -94,24 +110,42 @@ def trial_values(
         tables = {"": statistics_of(signal.series.values)}
         if cycle is not None and strides is not None:
             each = statistics_of(cycle.values, axis=1)
-            tables[f" {IN_STRIDE}"] = {name: statistics_of(values)["mean"] for name, values in each.items()}
+            tables[f" {IN_STRIDE}"] = {
+                name: statistics_of(values)["mean"] for name, values in each.items()
+            }
         for index, name in enumerate(signal.series.names):
             for where, numbers in tables.items():
                 for what in signal.statistics:
                     quantity = f"{name}{signal.endings[index]}, {what}{where}"
-                    yield Value(signal.step, quantity, float(numbers[what][index]), signal.units[index])
+                    yield Value(
+                        step=signal.step,
+                        quantity=quantity,
+                        value=float(numbers[what][index]),
+                        unit=signal.units[index],
+                    )
     for step in steps:
         if step.numbers_last:
             yield from step.numbers(stored, model, strides)
 
 
 def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of quality: what is held against a limit, then what files and steps had to say."""
+    """Rows of the table of quality: what is held against a limit, then what files and steps had to
+    say.
+    """
     for verdict in verdicts:
         limit = "" if verdict.limit is None else f"{verdict.limit:.6g}"
         time = "" if verdict.time is None else f"{verdict.time:.6g}"
         value = f"{verdict.value:.6g}"
-        yield (verdict.quantity, value, verdict.unit, limit, verdict.state, verdict.worst, time, verdict.detail)
+        yield (
+            verdict.quantity,
+            value,
+            verdict.unit,
+            limit,
+            verdict.state,
+            verdict.worst,
+            time,
+            verdict.detail,
+        )
     for text in warnings:
         yield ("warning", "", "", "", "note", "", "", " ".join(text.split()))
 
@@ -121,7 +155,8 @@ def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
     if strides is not None:
         result = by_side(signal.series, strides)
         if signal.curve.startswith("vertical force") and result is not None:
-            # Cycles in which a foot never carries anything are not known: it stood beside the plates.
+            # Cycles in which a foot never carries anything are not known: it stood beside the
+            # plates.
             values = np.array(result.values)
             peaks = statistics_of(values, axis=1)["maximum"] * signal.factor
             values[np.broadcast_to(~(peaks > LOADED)[:, None], values.shape)] = np.nan
@@ -129,11 +164,16 @@ def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
         return result
     if len(signal.series) < 2:
         return None
-    return over_cycles(signal.series, [(float(signal.series.time[0]), float(signal.series.time[-1]))])
+    return over_cycles(
+        signal.series, [(float(signal.series.time[0]), float(signal.series.time[-1]))]
+    )
 
 
 def _write_curves(
-    path: Path, strides: TrialStrides | None, signals: Sequence[Signals], cycles: Sequence[Cycles | None]
+    path: Path,
+    strides: TrialStrides | None,
+    signals: Sequence[Signals],
+    cycles: Sequence[Cycles | None],
 ) -> None:
     """Mean over the strides of every drawn signal, one row a percent; nan where it is not known."""
     head = [OF_STRIDE if strides is not None else OF_TRIAL]
@@ -148,7 +188,9 @@ def _write_curves(
 
 
 def curve_name(family: str, name: str) -> str:
-    """Heading of a curve: the family "joint angle [°]" and "knee_angle_r" are "joint angle: knee_angle_r [°]"."""
+    """Heading of a curve: the family "joint angle [°]" and "knee_angle_r" are "joint angle:
+    knee_angle_r [°]".
+    """
     what, _, unit = family.partition(" [")
     return f"{what}: {name}" + (f" [{unit}" if unit else "")
 
@@ -160,20 +202,25 @@ def _family_and_name(heading: str) -> tuple[str, str]:
 
 
 def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, Series]]:
-    """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family (whose names begin
-    with one of `only`, () for all) over percents.
+    """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family
+    (whose names begin with one of `only`, () for all) over percents.
     """
     with path.open(newline="", encoding="utf-8") as stream:
         head = next(csv.reader(stream), [])
         if not head or head[0] not in (OF_STRIDE, OF_TRIAL):
             raise BadData(f"{path}: holds no curves over a cycle: run the trial again")
-        columns = [0, *(index for index, name in enumerate(head) if index and name.startswith(only or ""))]
+        columns = [
+            0,
+            *(index for index, name in enumerate(head) if index and name.startswith(only or "")),
+        ]
         values = np.loadtxt(stream, delimiter=",", usecols=columns, ndmin=2)
     names = [_family_and_name(head[column]) for column in columns[1:]]
     families = grouped((family, place) for place, (family, _) in enumerate(names))
     return head[0], {
         family: Series(
-            values[:, 0], tuple(names[column][1] for column in columns), values[:, [column + 1 for column in columns]]
+            values[:, 0],
+            tuple(names[column][1] for column in columns),
+            values[:, [column + 1 for column in columns]],
         )
         for family, columns in families.items()
     }

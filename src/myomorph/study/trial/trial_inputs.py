@@ -1,4 +1,6 @@
-"""One trial: its files, and what its steps take, opened from them: the recording, the options, named columns."""
+"""One trial: its files, and what its steps take, opened from them: the recording, the options,
+named columns.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,8 @@ from myomorph.study.step.step_table import REPORT, STEPS
 
 Held = TypeVar("Held")
 Settings = Mapping[str, Mapping[str, Any]]  # The settings of each step, by step and setting.
-IN_STRIDE = "in a stride"  # With which quantities end that are the mean over strides of each stride's own.
+# With which quantities end that are the mean over strides of each stride's own.
+IN_STRIDE = "in a stride"
 NO_FACTS = {"mass": "", "phases": "{}", "parts": "{}", "emg_muscles": "{}"}
 """Facts of a recording without these inputs, as result files of every version have them."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
@@ -42,8 +45,9 @@ LOADED = 0.05  # Of body weight: a foot that never carries more in a cycle did n
 
 @dataclass(frozen=True)
 class TrialFiles:
-    """The files of one recording of one subject: its model, its name ("" for that of its recording), whose it is, the
-    condition that it was recorded in, and settings of its inputs (`study.inputs.table`).
+    """The files of one recording of one subject: its model, its name ("" for that of its
+    recording), whose it is, the condition that it was recorded in, and settings of its inputs
+    (`study.inputs.table`).
     """
 
     model: Path
@@ -89,7 +93,9 @@ class TrialFiles:
 
 @dataclass(frozen=True)
 class TrialNotes:
-    """Sentences for the first lines of the report; `root` says what forces at the root are, see `Dynamics`."""
+    """Sentences for the first lines of the report; `root` says what forces at the root are, see
+    `Dynamics`.
+    """
 
     real: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
@@ -111,9 +117,10 @@ class JoinedParts(Recorded):
 
 @dataclass(frozen=True, eq=False)
 class TrialInputs:
-    """One recording of one subject with all that the steps need, whatever files or programs it came from. `inputs` are
-    opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`, `RecordedEmg`, ...; `sources`
-    are inputs by their hashes; `warnings` come from the readers of the files.
+    """One recording of one subject with all that the steps need, whatever files or programs it came
+    from. `inputs` are opened and fitted to the model, found by their types: `Recording`,
+    `ExternalLoads`, `RecordedEmg`, ...; `sources` are inputs by their hashes; `warnings` come from
+    the readers of the files.
     """
 
     name: str
@@ -158,7 +165,9 @@ class TrialInputs:
             "trial": self.name,
             "subject": self.subject,
             "root_note": notes.root,
-            "notes": json.dumps({"real": notes.real, "assumed": notes.assumed, "simulated": notes.simulated}),
+            "notes": json.dumps(
+                {"real": notes.real, "assumed": notes.assumed, "simulated": notes.simulated}
+            ),
             "warnings": json.dumps(self.warnings),
             "preset": self.options[ReportOptions].preset,
             "muscles": json.dumps(self.options[ReportOptions].muscles),
@@ -172,7 +181,9 @@ class TrialInputs:
         return tuple(value for value in self.inputs if isinstance(value, Recorded))
 
     def put(self, writer: ResultWriter) -> None:
-        """Write what every result file holds of the recording, so that a report can be made of it alone."""
+        """Write what every result file holds of the recording, so that a report can be made of it
+        alone.
+        """
         for value in self._recorded:
             value.put(writer)
         for name, text in self.facts.items():
@@ -180,7 +191,9 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial, its step and unit; limits of 90 % and standard deviation of draws, NaN for none."""
+    """One number of a trial, its step and unit; limits of 90 % and standard deviation of draws, NaN
+    for none.
+    """
 
     step: str
     quantity: str
@@ -193,12 +206,12 @@ class Value(NamedTuple):
 
 @read_only
 class Signals:
-    """Columns of one kind that a step made, named as the model names coordinates, bodies and muscles, so that sides can
-    be told.
+    """Columns of one kind that a step made, named as the model names coordinates, bodies and
+    muscles, so that sides can be told.
 
-    In tables of values each name gets its ending, unit, and statistics, some of `EXTREMES`; `curve` is what the curves
-    over the cycle of the columns `drawn` are called, with their unit ("" where none are), `factor` (names,) from the
-    columns to these.
+    In tables of values each name gets its ending, unit, and statistics, some of `EXTREMES`; `curve`
+    is what the curves over the cycle of the columns `drawn` are called, with their unit ("" where
+    none are), `factor` (names,) from the columns to these.
     """
 
     step: str
@@ -212,12 +225,25 @@ class Signals:
 
 
 def all_drawn(
-    step: str, series: Series, ending: str, unit: str, statistics: tuple[str, ...], curve: str, factor: float = 1.0
+    step: str,
+    series: Series,
+    ending: str,
+    unit: str,
+    statistics: tuple[str, ...],
+    curve: str,
+    factor: float = 1.0,
 ) -> Signals:
     """Columns of one unit that are all drawn."""
     count = len(series.names)
     return Signals(
-        step, series, (ending,) * count, (unit,) * count, statistics, curve, np.full(count, factor), tuple(range(count))
+        step=step,
+        series=series,
+        endings=(ending,) * count,
+        units=(unit,) * count,
+        statistics=statistics,
+        curve=curve,
+        factor=np.full(count, factor),
+        drawn=tuple(range(count)),
     )
 
 
@@ -227,30 +253,46 @@ def statistics_of(values: Array, axis: int = 0) -> dict[str, Array]:
     with warnings.catch_warnings():
         # Of columns in which nothing is known.
         warnings.simplefilter("ignore", RuntimeWarning)
-        low, high, mean = (of(values, axis=axis) for of in (np.nanmin, np.nanmax, np.nanmean))
+        low = np.nanmin(values, axis=axis)
+        high = np.nanmax(values, axis=axis)
+        mean = np.nanmean(values, axis=axis)
     return {"minimum": low, "maximum": high, "range": high - low, "mean": mean}
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
-    """Read the files of a recording, in the order of the inputs' table, and make of them what the steps take."""
+    """Read the files of a recording, in the order of the inputs' table, and make of them what the
+    steps take.
+    """
     model = open_model(files.model) if model is None else model
-    opening = Opening(files.model, model, options_of(settings), files.inputs, ByType())
-    wanted, parts = inputs_of(files.inputs), list[Opened]()
+    opening = Opening(
+        model_file=files.model,
+        model=model,
+        options=options_of(settings),
+        settings=files.inputs,
+        values=ByType(),
+    )
+    wanted = inputs_of(files.inputs)
+    parts = list[Opened]()
     for name in INPUTS:
         if name not in wanted:
             continue
         declared = input_of(name)
-        opened = declared.open(declared.settings() if wanted[name] is None else wanted[name], opening)
+        opened = declared.open(
+            declared.settings() if wanted[name] is None else wanted[name], opening
+        )
         parts.append(opened)
         if opened.values:
             wanted = dict.fromkeys(declared.holds) | wanted
-        options, values = opening.options.having(*opened.options), opening.values.having(*opened.values)
+        options = opening.options.having(*opened.options)
+        values = opening.values.having(*opened.values)
         opening = replace(opening, options=options, values=values)
     real = ", ".join(part.real for part in parts if part.real)
-    assumed, simulated = (
-        tuple(text for part in parts for text in getattr(part, kind)) for kind in ("assumed", "simulated")
+    assumed = tuple(text for part in parts for text in part.assumed)
+    simulated = tuple(text for part in parts for text in part.simulated)
+    texts = (
+        *(f"{files.model.name}: {text}" for text in model.warnings),
+        *(t for part in parts for t in part.warnings),
     )
-    texts = (*(f"{files.model.name}: {text}" for text in model.warnings), *(t for part in parts for t in part.warnings))
     return TrialInputs(
         name=files.name or (files.recording or files.model).stem,
         subject=files.subject or model.name,
@@ -258,15 +300,19 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         options=opening.options,
         inputs=opening.values,
         notes=TrialNotes((f"{real[0].upper()}{real[1:]}.",) if real else (), assumed, simulated),
-        sources=(file_source("model", files.model), *(source for part in parts for source in part.sources)),
+        sources=(
+            file_source("model", files.model),
+            *(source for part in parts for source in part.sources),
+        ),
         warnings=texts,
     )
 
 
 def options_of(settings: Settings) -> OptionSet:
-    """What a study file or a command says to the steps, as values of their options. Options that several steps have, as
-    the low-pass filter, are one for all: the last step that names one counts. Steps to which nothing is said are not
-    looked at, so that commands without them start faster.
+    """What a study file or a command says to the steps, as values of their options. Options that
+    several steps have, as the low-pass filter, are one for all: the last step that names one
+    counts. Steps to which nothing is said are not looked at, so that commands without them start
+    faster.
     """
     result = OptionSet()
     for name in (*STEPS["trial"], REPORT):

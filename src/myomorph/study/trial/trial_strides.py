@@ -12,7 +12,14 @@ from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.analysis.foot_events import Limb
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Stride, Strides, find_strides
-from myomorph.analysis.walking import facing_of, feet_move, ground_speed, running_events, walking_limbs, walking_points
+from myomorph.analysis.walking import (
+    facing_of,
+    feet_move,
+    ground_speed,
+    running_events,
+    walking_limbs,
+    walking_points,
+)
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
@@ -26,7 +33,10 @@ from myomorph.store import stored as store
 from myomorph.store.results import Stored
 from myomorph.study.trial.trial_inputs import Value
 
-ANGLES, TORQUES, LENGTHS, TENSIONS = "joint angle [°]", "joint torque [N·m]", "muscle length [mm]", "muscle tension [N]"
+ANGLES = "joint angle [°]"
+TORQUES = "joint torque [N·m]"
+LENGTHS = "muscle length [mm]"
+TENSIONS = "muscle tension [N]"
 PHASE = "phase, "  # With which the names of parameters begin that are shares of a turn.
 
 LONGEST_HIDDEN = 0.25  # A recording in which the body is not seen for longer is cut there [s].
@@ -43,7 +53,9 @@ PARAMETERS = (
 
 @dataclass(frozen=True, eq=False)
 class TrialStrides:
-    """Strides of one trial, its parts in order of time, the limbs they are of, and what was left out."""
+    """Strides of one trial, its parts in order of time, the limbs they are of, and what was left
+    out.
+    """
 
     trial: str
     limbs: tuple[str, ...]
@@ -53,7 +65,13 @@ class TrialStrides:
     @staticmethod
     def whole(trial: str, strides: Strides | None) -> TrialStrides | None:
         """Those of a trial in one part, None where it is no walk."""
-        return None if strides is None else TrialStrides(trial, tuple(strides.strikes), (strides,), strides.notes)
+        return (
+            None
+            if strides is None
+            else TrialStrides(
+                trial=trial, limbs=tuple(strides.strikes), parts=(strides,), notes=strides.notes
+            )
+        )
 
     def of(self, limb: str) -> tuple[Stride, ...]:
         """Strides of one limb in all parts."""
@@ -68,26 +86,36 @@ class TrialStrides:
         """How many there are of each limb, and the means of their parameters, as found by a step."""
         for limb in self.limbs:
             strides = self.of(limb)
-            yield Value(step, f"strides, {limb}", float(len(strides)), "1")
+            yield Value(step=step, quantity=f"strides, {limb}", value=float(len(strides)), unit="1")
             for name, unit, attribute in PARAMETERS:
                 values = np.array([getattr(stride, attribute) for stride in strides])
                 if np.isfinite(values).any():
-                    yield Value(step, f"{name}, {limb}", float(np.nanmean(values)), unit or "1")
+                    yield Value(
+                        step=step,
+                        quantity=f"{name}, {limb}",
+                        value=float(np.nanmean(values)),
+                        unit=unit or "1",
+                    )
 
 
 def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
     """Limbs and trunk of a model, as points named by bodies."""
     children = {joint.parent: joint.child for joint in reversed(model.joints)}
-    limbs_bodies = dict(plan.limbs) or {foot: (foot, children.get(foot, foot)) for foot in feet_of(model)}
+    limbs_bodies = dict(plan.limbs) or {
+        foot: (foot, children.get(foot, foot)) for foot in feet_of(model)
+    }
     if not limbs_bodies:
-        raise BadData(f"model '{model.name}' has no body named as a foot: name 'limbs' in the table 'strides'")
+        raise BadData(
+            f"model '{model.name}' has no body named as a foot: name 'limbs' in the table 'strides'"
+        )
     for name in (
         *(body for bodies in limbs_bodies.values() for body in bodies),
         *((plan.trunk,) if plan.trunk else ()),
     ):
         check_name("body", name, model.body_names)
     trunk = plan.trunk or _common_ancestor(model, [bodies[0] for bodies in limbs_bodies.values()])
-    tree, limbs = compile_tree(model), []
+    tree = compile_tree(model)
+    limbs = []
     for name, bodies in limbs_bodies.items():
         hanging = itertools.compress(model.body_names, tree.hanging(bodies[0])[1:])
         limbs.append(Limb(name, (bodies[0],), bodies[1:2], bodies=tuple(hanging)))
@@ -105,14 +133,16 @@ def _common_ancestor(model: Model, bodies: Sequence[str]) -> str:
     shared = [body for body in chains[0] if all(body in chain for chain in chains)]
     if not shared:
         raise BadData(
-            f"no body of model '{model.name}' carries all of {', '.join(bodies)}: name the 'trunk' of 'strides'"
+            f"no body of model '{model.name}' carries all of {', '.join(bodies)}: name the 'trunk'"
+            " of 'strides'"
         )
     return shared[0]
 
 
 def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStrides:
-    """Strides of a result in every stretch of time in which the body was seen: by plates, else events, else motion. As
-    `walking_strides` finds them, but for what the plan names, and for a body that is out of sight in between.
+    """Strides of a result in every stretch of time in which the body was seen: by plates, else
+    events, else motion. As `walking_strides` finds them, but for what the plan names, and for a
+    body that is out of sight in between.
     """
     limbs, points, trunk = _points(stored, model, plan)
     names = tuple(limb.name for limb in limbs)
@@ -120,9 +150,11 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
     by_feet = _by_feet(model, plan)
     if by_feet and not feet_move(points):
         note = "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
-        return TrialStrides(trial, names, (), (note,))
+        return TrialStrides(trial=trial, limbs=names, parts=(), notes=(note,))
     wrenches = store.get_wrenches(stored)
-    if wrenches is not None and not set(wrenches.bodies) & {body for limb in limbs for body in limb.bodies}:
+    if wrenches is not None and not set(wrenches.bodies) & {
+        body for limb in limbs for body in limb.bodies
+    }:
         wrenches = None
     motion = store.get_motion(stored)
     running = running_events(model, motion, limbs) if by_feet else ()
@@ -149,7 +181,9 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
         except BadData as error:
             notes.append(f"{part.time[0]:.2f} to {part.time[-1]:.2f} s: {error}")
     notes += [note for part in parts for note in part.notes]
-    return TrialStrides(trial, names, tuple(parts), tuple(dict.fromkeys(notes)))
+    return TrialStrides(
+        trial=trial, limbs=names, parts=tuple(parts), notes=tuple(dict.fromkeys(notes))
+    )
 
 
 def _by_feet(model: Model, plan: StridePlan) -> bool:
@@ -164,7 +198,9 @@ def _points(stored: Stored, model: Model, plan: StridePlan) -> tuple[tuple[Limb,
         points = walking_points(model, motion, store.get_fit(stored))
         return walking_limbs(model), points, points.names[-1]
     limbs, trunk = limbs_of(model, plan)
-    bodies = list(dict.fromkeys([trunk, *(name for limb in limbs for name in (*limb.points, *limb.lifting))]))
+    bodies = list(
+        dict.fromkeys([trunk, *(name for limb in limbs for name in (*limb.points, *limb.lifting))])
+    )
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     places = poses.origins[:, [tree.body_index[name] for name in bodies]]
@@ -186,8 +222,9 @@ def _parts(points: Series, trunk: str) -> list[Series]:
 
 
 def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) -> Animal:
-    """All strides of a subject's trials: parameters of every limb, and curves over the cycle. What belongs to a side is
-    cut at the strikes of that side's limb, everything else at those of the first limb.
+    """All strides of a subject's trials: parameters of every limb, and curves over the cycle. What
+    belongs to a side is cut at the strikes of that side's limb, everything else at those of the
+    first limb.
     """
     scalars: dict[str, list[Array]] = {}
     curves: dict[str, list[Cycles]] = {}
@@ -202,7 +239,9 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
                     label = f"{parameter}, {limb}" + (f" [{unit}]" if unit else "")
                     scalars.setdefault(label, []).append(values)
             if limb != strides.limbs[0]:
-                phase = np.concatenate([part.phases.get(limb, np.zeros(0)) for part in strides.parts] or [np.zeros(0)])
+                phase = np.concatenate(
+                    [part.phases.get(limb, np.zeros(0)) for part in strides.parts] or [np.zeros(0)]
+                )
                 if np.isfinite(phase).any():
                     scalars.setdefault(f"{PHASE}{limb} after {strides.limbs[0]}", []).append(phase)
         for family, series in _signals(stored, model).items():
@@ -210,28 +249,35 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
             if cycles is not None:
                 curves.setdefault(family, []).append(cycles)
     return Animal(
-        name,
-        {label: np.concatenate(parts) for label, parts in scalars.items()},
-        {family: _joined(parts) for family, parts in curves.items()},
-        count,
+        name=name,
+        scalars={label: np.concatenate(parts) for label, parts in scalars.items()},
+        curves={family: _joined(parts) for family, parts in curves.items()},
+        strides=count,
     )
 
 
 def in_one_turn(animals: Sequence[Animal]) -> tuple[Animal, ...]:
-    """The animals with every phase in the turn in which it is nearest to the others: 0.02 and 0.98 are 0.04 apart. The
-    middle of all animals, each by the direction of its own mean, is put between -0.25 and 0.75; the phases of an animal
-    are within half a turn of its own mean, and that within half a turn of the middle.
+    """The animals with every phase in the turn in which it is nearest to the others: 0.02 and 0.98
+    are 0.04 apart. The middle of all animals, each by the direction of its own mean, is put between
+    -0.25 and 0.75; the phases of an animal are within half a turn of its own mean, and that within
+    half a turn of the middle.
     """
     tables = [dict(animal.scalars) for animal in animals]
     for name in dict.fromkeys(name for table in tables for name in table if name.startswith(PHASE)):
         means = {
-            index: _direction(np.exp(2j * np.pi * table[name])) for index, table in enumerate(tables) if name in table
+            index: _direction(np.exp(2j * np.pi * table[name]))
+            for index, table in enumerate(tables)
+            if name in table
         }
-        middle = (_direction(np.exp(2j * np.pi * np.array(list(means.values())))) + 0.25) % 1.0 - 0.25
+        middle = (
+            _direction(np.exp(2j * np.pi * np.array(list(means.values())))) + 0.25
+        ) % 1.0 - 0.25
         for index, mean in means.items():
             nearest = mean - np.round(mean - middle)
             tables[index][name] = tables[index][name] - np.round(tables[index][name] - nearest)
-    return tuple(replace(animal, scalars=table) for animal, table in zip(animals, tables, strict=True))
+    return tuple(
+        replace(animal, scalars=table) for animal, table in zip(animals, tables, strict=True)
+    )
 
 
 def _direction(turns: np.ndarray) -> float:
@@ -243,7 +289,11 @@ def _direction(turns: np.ndarray) -> float:
 def _signals(stored: Stored, model: Model) -> dict[str, Series]:
     """What a result has over time, by family, in the units of its name."""
     motion = store.get_motion(stored)
-    turning = [index for index, name in enumerate(motion.names) if model.coordinate(name).motion == "rotational"]
+    turning = [
+        index
+        for index, name in enumerate(motion.names)
+        if model.coordinate(name).motion == "rotational"
+    ]
     angles = motion.columns(turning)
     signals = {ANGLES: Series(motion.time, angles.names, np.degrees(angles.values))}
     torques = store.get_torques(stored)
@@ -251,9 +301,13 @@ def _signals(stored: Stored, model: Model) -> dict[str, Series]:
         columns = [index for index, name in enumerate(torques.names) if name in angles.names]
         signals[TORQUES] = torques.columns(columns)
     if "muscle_length" in stored.values:
-        signals[LENGTHS] = Series(stored.time, stored.names["muscle"], 1000.0 * stored.values["muscle_length"])
+        signals[LENGTHS] = Series(
+            stored.time, stored.names["muscle"], 1000.0 * stored.values["muscle_length"]
+        )
     if "muscle_force" in stored.values:
-        signals[TENSIONS] = Series(stored.time, stored.names["muscle"], stored.values["muscle_force"])
+        signals[TENSIONS] = Series(
+            stored.time, stored.names["muscle"], stored.values["muscle_force"]
+        )
     moving = {family: _moving(series) for family, series in signals.items()}
     return {family: series for family, series in moving.items() if len(series.names)}
 
@@ -261,13 +315,19 @@ def _signals(stored: Stored, model: Model) -> dict[str, Series]:
 def _moving(series: Series) -> Series:
     """Columns that are known and change."""
     count = len(series.names) if len(series) else 0
-    return series.columns([index for index in range(count) if np.nanstd(series.values[:, index]) > 1e-9])
+    return series.columns(
+        [index for index in range(count) if np.nanstd(series.values[:, index]) > 1e-9]
+    )
 
 
 def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
-    """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the others NaN."""
+    """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the
+    others NaN.
+    """
     sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
-    spans = {limb: [(stride.start, stride.stop) for stride in strides.of(limb)] for limb in strides.limbs}
+    spans = {
+        limb: [(stride.start, stride.stop) for stride in strides.of(limb)] for limb in strides.limbs
+    }
     most = max((len(span) for span in spans.values()), default=0)
     if not most:
         return None
@@ -275,7 +335,9 @@ def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
     values = np.full((most, SAMPLES, len(series.names)), np.nan)
     for limb in dict.fromkeys(limbs):
         indices = [index for index, other in enumerate(limbs) if other == limb]
-        values[: len(spans[limb]), :, indices] = over_cycles(series.columns(indices), spans[limb]).values
+        values[: len(spans[limb]), :, indices] = over_cycles(
+            series.columns(indices), spans[limb]
+        ).values
     return Cycles(series.names, values)
 
 
@@ -288,9 +350,10 @@ def _joined(parts: Sequence[Cycles]) -> Cycles:
 
 @dataclass(frozen=True)
 class StridePlan:
-    """How strides of a trial are found where neither plates nor events show them: the body that feet are seen from (""
-    for the last that carries all feet); by limb, the body that tells strikes and, where given, the one that tells
-    lifts, () for the model's feet; direction of travel in ground and speed of a treadmill [m/s], None to find them.
+    """How strides of a trial are found where neither plates nor events show them: the body that
+    feet are seen from ("" for the last that carries all feet); by limb, the body that tells strikes
+    and, where given, the one that tells lifts, () for the model's feet; direction of travel in
+    ground and speed of a treadmill [m/s], None to find them.
     """
 
     trunk: str = ""

@@ -18,20 +18,26 @@ from myomorph.tension.tension import Tension
 def without_unmeasured_limbs(
     tension: Tension, model: Model, wrenches: Wrenches | None, driven: Mapping[str, str]
 ) -> Tension:
-    """Tensions without those of muscles of a limb at times at which the load on its foot is not determined.
-    There activations, forces, torques and reserves are NaN; a frame in which none is left is "not determined". Limbs do
-    not share a joint, so what is left is as solved. `driven`: reserve to the coordinate it drives, "" for none.
+    """Tensions without those of muscles of a limb at times at which the load on its foot is not
+    determined. There activations, forces, torques and reserves are NaN; a frame in which none is
+    left is "not determined". Limbs do not share a joint, so what is left is as solved. `driven`:
+    reserve to the coordinate it drives, "" for none.
     """
     findings = () if wrenches is None else wrenches.findings
-    limbs, joints = chains(model, walking_limbs(model)), {joint.child: joint.coordinates for joint in model.joints}
+    limbs = chains(model, walking_limbs(model))
+    joints = {joint.child: joint.coordinates for joint in model.joints}
     paths = [{point.body for point in model.muscle(name).path.points} for name in tension.muscles]
-    muscles, coordinates = np.zeros(tension.forces.shape, bool), np.zeros(tension.torques.shape, bool)
+    muscles = np.zeros(tension.forces.shape, bool)
+    coordinates = np.zeros(tension.torques.shape, bool)
     reserves = np.zeros(tension.reserves.shape, bool)
     for finding in findings:
         if finding.kind == UNDETERMINED and finding.place in limbs:
             bodies = limbs[finding.place]
             own = {name for body in bodies for name in joints[body]}
-            at = np.any([(tension.time >= start) & (tension.time <= stop) for start, stop in finding.times], axis=0)
+            at = np.any(
+                [(tension.time >= start) & (tension.time <= stop) for start, stop in finding.times],
+                axis=0,
+            )
             muscles[np.ix_(at, [bool(path & bodies) for path in paths])] = True
             coordinates[np.ix_(at, [name in own for name in tension.coordinates])] = True
             reserves[np.ix_(at, [driven.get(name) in own for name in tension.reserve_names])] = True

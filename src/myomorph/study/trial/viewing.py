@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from myomorph.study.trial.reporting import ModelMaker
     from myomorph.viewer.replay import Replay
 
-MOTIONS = ("coordinate_value", "coordinate_filtered")  # Variables of result files that hold a motion.
+# Variables of result files that hold a motion.
+MOTIONS = ("coordinate_value", "coordinate_filtered")
 
 LARGE = ("moment_arm",)  # Variables that a page does not show.
 
@@ -31,9 +32,9 @@ def open_replay(
     demo_model: ModelMaker | None = None,
     swings: Callable[[Path], Recordings] = lambda folder: {},
 ) -> Replay:
-    """A page, on a free port by default, that shows the results (with a motion) of one folder or file, or of several in
-    one scene; `served` is called with the port once the page can be opened, before the results are read; `swings`:
-    finds those of a swinging limb.
+    """A page, on a free port by default, that shows the results (with a motion) of one folder or
+    file, or of several in one scene; `served` is called with the port once the page can be opened,
+    before the results are read; `swings`: finds those of a swinging limb.
     """
     choices = [swings(Path(folder)) or recordings(folder, demo_model) for folder in folders]
     from myomorph.viewer.replay import Replay
@@ -42,8 +43,8 @@ def open_replay(
 
 
 def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Recordings:
-    """The recordings of a folder of results by name, each opened when it is called; those with a motion. Files in one
-    folder belong together where they tell of the same trial at the same times.
+    """The recordings of a folder of results by name, each opened when it is called; those with a
+    motion. Files in one folder belong together where they tell of the same trial at the same times.
     """
     folder = Path(folder)
     groups: dict[tuple[object, ...], list[Path]] = {}
@@ -55,11 +56,19 @@ def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Reco
             moving |= {key} if has_motion else set()
     shown = {key: files for key, files in groups.items() if key in moving}
     if not shown:
-        raise BadFile(folder, "holds results, but none with a motion", "give the --out of ik, run, muscles or tension")
+        raise BadFile(
+            folder,
+            "holds results, but none with a motion",
+            "give the --out of ik, run, muscles or tension",
+        )
     result: dict[str, Callable[[], ReportInput]] = {}
     for (home, trial, *_), files in shown.items():
         place = Path(str(home)).relative_to(folder if folder.is_dir() else folder.parent)
-        name = str(place) if len(place.parts) and place.name == trial else str(place / str(trial or files[0].stem))
+        name = (
+            str(place)
+            if len(place.parts) and place.name == trial
+            else str(place / str(trial or files[0].stem))
+        )
         while name in result:
             name += "'"
         result[name] = partial(_open, tuple(files), demo_model)
@@ -75,7 +84,9 @@ def _open(files: Sequence[Path], demo_model: ModelMaker | None) -> ReportInput:
 
 
 def _what_is_in(path: Path) -> tuple[tuple[object, ...] | None, bool]:
-    """Folder, trial, number of frames and ends of a result's time, or None; and whether it holds a motion."""
+    """Folder, trial, number of frames and ends of a result's time, or None; and whether it holds a
+    motion.
+    """
     try:
         with open_netcdf(path) as file:
             variables = dict(file.data())
@@ -84,6 +95,10 @@ def _what_is_in(path: Path) -> tuple[tuple[object, ...] | None, bool]:
             time = variables["time"]
             ends = (float(time[0]), float(time[-1])) if time.shape[0] else ()
             trial = file.attributes.get("trial", "")
-            return (path.parent, trial, time.shape[0], *ends), any(name in variables for name in MOTIONS)
+            return (path.parent, trial, time.shape[0], *ends), any(
+                name in variables for name in MOTIONS
+            )
     except DAMAGED as error:
-        raise BadFile(path, f"is not a result of Myomorph ({error})", "give a folder that a step wrote") from None
+        raise BadFile(
+            path, f"is not a result of Myomorph ({error})", "give a folder that a step wrote"
+        ) from None

@@ -1,8 +1,8 @@
 """Kernels compiled in two processes at once: what a new machine waits for before its first result.
 
 Compilation takes most of the first command's time and uses one core. This process compiles inverse
-kinematics and what its first steps use; a child meanwhile compiles muscle paths and the tension solver, and leaves
-them in the kernels' cache on disk.
+kinematics and what its first steps use; a child meanwhile compiles muscle paths and the tension
+solver, and leaves them in the kernels' cache on disk.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from myomorph.rigid.kernels import kernel_folder, signatures_on_disk
 from myomorph.store.progress import progress
 
 MUSCLE_STEPS = ("muscles", "tension")
-SURFACES, TENDONS = "surfaces", "tendons"
+SURFACES = "surfaces"
+TENDONS = "tendons"
 """By whose rules muscle paths wrap, OpenSim's or MuJoCo's: each is a kernel of its own."""
 KERNELS = 86  # About how many files the kernels of all steps have, for the bar.
 PERIOD = 0.3  # Between two looks at those files [s].
@@ -47,7 +48,9 @@ class Ahead:
         return self._child is not None and self._child.poll() is None
 
     def wait(self, step: str) -> None:
-        """Return when the kernels of a step are compiled; where the child has failed, they compile here."""
+        """Return when the kernels of a step are compiled; where the child has failed, they compile
+        here.
+        """
         if step in MUSCLE_STEPS and self.works:
             with compiling():
                 self.join()
@@ -64,7 +67,9 @@ class Ahead:
 
 
 def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> Ahead:
-    """Compile the muscle kernels in a child where steps after the first need them and they are not cached."""
+    """Compile the muscle kernels in a child where steps after the first need them and they are not
+    cached.
+    """
     child = None
     if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
         command = [sys.executable, "-m", "myomorph.study.workers.ahead", *sorted(wraps)]
@@ -84,7 +89,10 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
 
     wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
     signatures = signatures_on_disk(path_frames)
-    return any([not isinstance(part, types.NoneType) for part in signature[2:4]] == wanted for signature in signatures)
+    return any(
+        [not isinstance(part, types.NoneType) for part in signature[2:4]] == wanted
+        for signature in signatures
+    )
 
 
 def motion_cached() -> bool:
@@ -97,7 +105,8 @@ def motion_cached() -> bool:
 @contextmanager
 def compiling() -> Iterator[None]:
     """A bar while this process or a child compiles, by the files that appear in the cache."""
-    folder, ended = kernel_folder(), threading.Event()
+    folder = kernel_folder()
+    ended = threading.Event()
 
     def watch() -> None:
         with progress("compiling, once on this machine", KERNELS, "kernels") as advance:
@@ -118,28 +127,61 @@ def compiling() -> Iterator[None]:
 
 
 def two_links(wraps: frozenset[str] = frozenset()) -> Model:
-    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second; one more a wrap."""
-    still, z = Transform.identity(), np.array([0.0, 0.0, 1.0])
-    bodies, joints = [], []
+    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second;
+    one more a wrap.
+    """
+    still = Transform.identity()
+    z = np.array([0.0, 0.0, 1.0])
+    bodies = []
+    joints = []
     for name, parent in (("first", GROUND), ("second", "first")):
-        bodies.append(Body(name, 1.0, np.zeros(3), np.eye(3)))
-        axes = (Axis("rotation", z, linear(1.0), (f"{name}_angle",)),)
-        joints.append(Joint(f"{name}_joint", "PinJoint", parent, name, still, still, axes, (f"{name}_angle",)))
+        bodies.append(Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3)))
+        axes = (
+            Axis(kind="rotation", vector=z, function=linear(1.0), coordinates=(f"{name}_angle",)),
+        )
+        joints.append(
+            Joint(
+                name=f"{name}_joint",
+                kind="PinJoint",
+                parent=parent,
+                child=name,
+                parent_frame=still,
+                child_frame=still,
+                axes=axes,
+                coordinates=(f"{name}_angle",),
+            )
+        )
     points = (
         PathPoint("origin", "first", np.array([0.1, 0.3, 0.0])),
         PathPoint("end", "second", np.array([0.0, -0.3, 0.0])),
     )
-    ball = WrapObject("ball", "second", "sphere", still, (0.01,))
+    ball = WrapObject(name="ball", body="second", kind="sphere", pose=still, size=(0.01,))
     paths = [MusclePath(points)]
     if SURFACES in wraps:
         paths.append(MusclePath(points, (PathWrap(ball.name),)))
     if TENDONS in wraps:
         paths.append(MusclePath(points, (TendonWrap(ball.name, 0),)))
     kind = "Millard2012EquilibriumMuscle"
-    muscles = tuple(Muscle(f"muscle_{index}", kind, path, 100.0, 0.3, 0.3) for index, path in enumerate(paths))
+    muscles = tuple(
+        Muscle(
+            name=f"muscle_{index}",
+            kind=kind,
+            path=path,
+            max_isometric_force=100.0,
+            optimal_fiber_length=0.3,
+            tendon_slack_length=0.3,
+        )
+        for index, path in enumerate(paths)
+    )
     coordinates = tuple(Coordinate(f"{body.name}_angle") for body in bodies)
     return Model(
-        "two links", tuple(bodies), tuple(joints), coordinates, np.zeros(3), muscles=muscles, wrap_objects=(ball,)
+        name="two links",
+        bodies=tuple(bodies),
+        joints=tuple(joints),
+        coordinates=coordinates,
+        gravity=np.zeros(3),
+        muscles=muscles,
+        wrap_objects=(ball,),
     )
 
 
@@ -163,7 +205,9 @@ def compile_motion() -> None:
     places = ((0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.1))
     model = bare.with_markers(
         tuple(
-            Marker(f"{body.name}_{i}", body.name, np.array(at)) for body in bare.bodies for i, at in enumerate(places)
+            Marker(f"{body.name}_{i}", body.name, np.array(at))
+            for body in bare.bodies
+            for i, at in enumerate(places)
         )
     )
     time = np.linspace(0.0, 0.07, 8)
@@ -187,9 +231,13 @@ def compile_muscles(wraps: frozenset[str] = frozenset()) -> None:
     from myomorph.tension.solve import solve_tension
 
     model = two_links(wraps)
-    residual = Actuator("residual", "torque", 1.0, body="first", direction=np.array([0.0, 0.0, 1.0]))
+    residual = Actuator(
+        "residual", "torque", 1.0, body="first", direction=np.array([0.0, 0.0, 1.0])
+    )
     time = np.linspace(0.0, 0.07, 8)
-    motion = differentiate(Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time])))
+    motion = differentiate(
+        Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time]))
+    )
     muscle_kinematics(model, motion)
     still = Series(time, model.coordinate_names, np.zeros((len(time), len(model.coordinates))))
     solve_tension(model, motion, still, actuators=(residual,))

@@ -11,13 +11,16 @@ from myomorph.model.model import Model
 from myomorph.store.outcome import Key, Outcome
 
 PROTOCOL = 5
-"""Of pickle: from this one on, arrays that are read-only stay so, and kernels are not compiled for both kinds."""
+"""Of pickle: from this one on, arrays that are read-only stay so, and kernels are not compiled for
+both kinds.
+"""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work that a process does alone: from the model of a file, None where it needs none, to the outcome,
-    which has its own errors. `work` can be sent to another process or machine: a function of a module, or a `partial`.
+    """One piece of work that a process does alone: from the model of a file, None where it needs
+    none, to the outcome, which has its own errors. `work` can be sent to another process or
+    machine: a function of a module, or a `partial`.
     """
 
     key: Key
@@ -26,7 +29,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Ended:
-    """A job that no longer runs; without outcome, why its process was lost: killed, out of memory, out of reach."""
+    """A job that no longer runs; without outcome, why its process was lost: killed, out of memory,
+    out of reach.
+    """
 
     job: Job
     outcome: Outcome | None
@@ -45,10 +50,14 @@ class Workers(Protocol):
         """That one worker may take [bytes], None where nothing bounds it."""
 
     def start(self, job: Job, model: Model | None) -> None:
-        """Take a job, with its model as a value; a process gets each model once, however many jobs use it."""
+        """Take a job, with its model as a value; a process gets each model once, however many jobs
+        use it.
+        """
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended since, as soon as there is one; none after `timeout` [s]. A lost worker is replaced."""
+        """Jobs that have ended since, as soon as there is one; none after `timeout` [s]. A lost
+        worker is replaced.
+        """
 
     def close(self) -> None:
         """End all processes at once, whatever they do."""
@@ -81,6 +90,8 @@ def pack(value: object) -> bytes:
 
 
 def send(stream: IO[bytes], message: object) -> None:
-    """Write a message into a pipe; raises `OSError` where nobody reads it any more. `pickle.load` takes it out."""
+    """Write a message into a pipe; raises `OSError` where nobody reads it any more. `pickle.load`
+    takes it out.
+    """
     stream.write(pack(message))
     stream.flush()

@@ -24,13 +24,15 @@ from myomorph.model.model import Model
 from myomorph.study.workers.ahead import motion_cached
 from myomorph.study.workers.jobs import Do, Done, Ended, Job, Stop, Workers, pack, send
 
-GROUP = Path("/sys/fs/cgroup")  # Where Linux tells what a group of processes may take; absent elsewhere.
+# Where Linux tells what a group of processes may take; absent elsewhere.
+GROUP = Path("/sys/fs/cgroup")
 LOOK = 0.25  # How often the memory of the processes is looked at [s].
 GRACE = 5.0  # How long processes may tidy up when they are asked to end [s].
 NEEDED = 1 << 30  # Memory below which a process is not begun unless asked for [bytes].
 SHARE = 0.8  # Part of the free memory that the processes may take together.
 GIB = 2.0**30
-FIRST = 90.0  # How long the others wait, on a new machine, for the first process to compile what all use [s].
+# How long the others wait, on a new machine, for the first process to compile what all use [s].
+FIRST = 90.0
 NOTHING = object()  # In the place of a model, None among them, before the first job.
 ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 
@@ -49,7 +51,8 @@ def free_memory() -> int:
         ("memory.max", "memory.current"),
         ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
     ):
-        granted, taken = _number(GROUP / limit), _number(GROUP / used)
+        granted = _number(GROUP / limit)
+        taken = _number(GROUP / used)
         if granted is not None:
             free = min(free, max(0, granted - (taken or 0)))
     return free
@@ -90,8 +93,8 @@ class InProcess:
 
 @dataclass(eq=False)
 class _Process:
-    """A process beside this one: what it writes on its standard error, for the reason where it is lost; the model of
-    its last job; why it was ended from here.
+    """A process beside this one: what it writes on its standard error, for the reason where it is
+    lost; the model of its last job; why it was ended from here.
     """
 
     child: subprocess.Popen[bytes]
@@ -109,12 +112,16 @@ class _Process:
 
 
 class LocalWorkers:
-    """Processes of this machine, replaced where they are lost; one that takes more than `memory` [bytes] is ended."""
+    """Processes of this machine, replaced where they are lost; one that takes more than `memory`
+    [bytes] is ended.
+    """
 
     def __init__(self, count: int, memory: int | None = None, threads: int = 1) -> None:
         if count < 1:
             raise BadData(f"workers {count}: expected 1 or more")
-        self.count, self.memory, self.threads = count, memory, threads
+        self.count = count
+        self.memory = memory
+        self.threads = threads
         self._all: list[_Process] = []
         self._answers: queue.SimpleQueue[tuple[_Process, Any]] = queue.SimpleQueue()
         self._packed: tuple[object, bytes] = NOTHING, b""
@@ -128,24 +135,30 @@ class LocalWorkers:
         return tuple(process.child.pid for process in self._all)
 
     def start(self, job: Job, model: Model | None) -> None:
-        """Give a job to a process that has none; the model is sent where it does not hold it yet. On a new machine the
-        first job is alone until it has ended, so that not all processes compile the same kernels.
+        """Give a job to a process that has none; the model is sent where it does not hold it yet.
+        On a new machine the first job is alone until it has ended, so that not all processes
+        compile the same kernels.
         """
         if self._compiles_until is None:
-            self._compiles_until = 0.0 if self.count == 1 or motion_cached() else time.monotonic() + FIRST
+            self._compiles_until = (
+                0.0 if self.count == 1 or motion_cached() else time.monotonic() + FIRST
+            )
         elif self._compiles_until:
             self._later.append((job, model))
             return
         self._give(job, model)
 
     def _give(self, job: Job, model: Model | None) -> None:
-        idle = [process for process in self._all if process.job is None and process.child.poll() is None]
+        idle = [
+            process for process in self._all if process.job is None and process.child.poll() is None
+        ]
         holding = [process for process in idle if process.model is model]
         process = (holding or idle or [self._begin()])[0]
         if self._packed[0] is not model:
             self._packed = model, pack(model)
         packed = None if process.model is model else self._packed[1]
-        process.job, process.model = job, model
+        process.job = job
+        process.model = model
         # Where it has just ended, its reader tells so.
         with contextlib.suppress(OSError):
             send(process.given, Do(pack(job.work), packed))
@@ -153,7 +166,10 @@ class LocalWorkers:
     def _begin(self) -> _Process:
         environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in ONE_THREAD}
         # Modules are found where this process finds them.
-        environment |= {"MYOMORPH_THREADS": str(self.threads), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        environment |= {
+            "MYOMORPH_THREADS": str(self.threads),
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        }
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
         child = subprocess.Popen(
             [sys.executable, "-m", "myomorph.study.workers.worker_process"],
@@ -182,7 +198,9 @@ class LocalWorkers:
             process.child.stdout.close()
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended, as soon as there is one; also looks after the memory of the processes."""
+        """Jobs that have ended, as soon as there is one; also looks after the memory of the
+        processes.
+        """
         until = time.monotonic() + timeout
         result: list[Ended] = []
         while not result:
@@ -209,11 +227,18 @@ class LocalWorkers:
             self._give(*self._later.popleft())
 
     def _take(self, process: _Process, answer: Any) -> list[Ended]:
-        job, process.job = process.job, None
+        job = process.job
+        process.job = None
         if isinstance(answer, Done):
             if job is None:
                 return []
-            return [Ended(job, answer.outcome, answer.broken and f"it could not be done there: {answer.broken}")]
+            return [
+                Ended(
+                    job,
+                    answer.outcome,
+                    answer.broken and f"it could not be done there: {answer.broken}",
+                )
+            ]
         if process in self._all:
             self._all.remove(process)
         why = process.over or _why(process)
@@ -236,7 +261,8 @@ class LocalWorkers:
 
     def close(self) -> None:
         """Let all processes tidy up and end; those that do not are ended after a few seconds."""
-        ending, self._all = self._all, []
+        ending = self._all
+        self._all = []
         self._later.clear()
         for process in ending:
             # Where a pipe is full, the process would not read this either: it is ended below.
@@ -247,7 +273,9 @@ class LocalWorkers:
 
 
 def _taken(process: psutil.Process) -> int:
-    """Memory that a process takes [bytes]; in an environment on Windows the interpreter is a child of what is begun."""
+    """Memory that a process takes [bytes]; in an environment on Windows the interpreter is a child
+    of what is begun.
+    """
     resident = int(process.memory_info().rss)
     if sys.platform == "win32":
         resident += sum(int(child.memory_info().rss) for child in process.children(recursive=True))
@@ -260,7 +288,9 @@ def _ask_to_stop(process: _Process) -> None:
 
 
 def _bury(process: _Process, patience: float = GRACE) -> None:
-    """Close what belonged to a process that has ended, or is ended where it has not after `patience` [s]."""
+    """Close what belonged to a process that has ended, or is ended where it has not after
+    `patience` [s].
+    """
     try:
         process.child.wait(patience)
     except subprocess.TimeoutExpired:
@@ -293,12 +323,16 @@ def _why(process: _Process) -> str:
 def local_workers(
     count: int | None = None, memory: int | None = None, jobs: int = 0, threads: int | None = None
 ) -> Workers:
-    """Workers of this machine: the process itself where there is one job, else others beside it. By default one for
-    each core, as far as memory reaches, but no more than `jobs` (0 where not known); each with one thread and its share
-    of the free `memory` [bytes], or all cores where there is one job.
+    """Workers of this machine: the process itself where there is one job, else others beside it. By
+    default one for each core, as far as memory reaches, but no more than `jobs` (0 where not
+    known); each with one thread and its share of the free `memory` [bytes], or all cores where
+    there is one job.
     """
     if memory is not None and memory < NEEDED // 4:
-        raise BadData(f"memory {memory / 1e9:g} GB: expected {NEEDED / 4e9:.2f} GB or more: less holds no model")
+        raise BadData(
+            f"memory {memory / 1e9:g} GB: expected {NEEDED / 4e9:.2f} GB or more: less holds no"
+            " model"
+        )
     if count is None and jobs == 1 and memory is None:
         return InProcess()
     free = free_memory()

@@ -1,7 +1,8 @@
-"""A process that does jobs for another: models and jobs come in on its input, outcomes go out on its output.
+"""A process that does jobs for another: models and jobs come in on its input, outcomes go out on
+its output.
 
-It is started with `python -m myomorph.study.workers.worker_process` and ends at once when the other process does,
-because its input then ends.
+It is started with `python -m myomorph.study.workers.worker_process` and ends at once when the other
+process does, because its input then ends.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ class _Stopping:
         signal.signal(signal.SIGINT, self._interrupted)
 
     def _interrupted(self, number: int, frame: FrameType | None) -> None:
-        # Ctrl-C reaches all processes of a terminal; what becomes of this one is for the other process to say.
+        # Ctrl-C reaches all processes of a terminal; what becomes of this one is for the other
+        # process to say.
         if self.asked:
             raise KeyboardInterrupt
 
@@ -46,7 +48,9 @@ class _Stopping:
 
 
 def _read(stream: IO[bytes], messages: queue.SimpleQueue[Any], stopping: _Stopping) -> None:
-    """Take messages as they come; runs in a thread, so that the end of the other process is seen at any time."""
+    """Take messages as they come; runs in a thread, so that the end of the other process is seen at
+    any time.
+    """
     while True:
         try:
             message = pickle.load(stream)
@@ -71,7 +75,8 @@ def main() -> None:
     """Do jobs until the other process asks for the end, or ends."""
     faulthandler.enable()
     warnings.simplefilter("ignore")
-    messages_in, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    messages_in = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
     # Whatever else reads or prints must not meddle with the messages.
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

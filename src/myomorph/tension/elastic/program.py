@@ -1,22 +1,25 @@
 """The elastic problem of some muscles over some frames, as arrays.
 
     minimise    sum_j w_j psi(a_j) + sum_k w_k psi(x_k) + SMOOTH sum_k |f_k+1 - f_k|^2
-    subject to  G(f_k, f_k+1, a_j) = 0                      equilibrium of fibers and tendon between two frames
+    subject to  G(f_k, f_k+1, a_j) = 0                      equilibrium of fibers and tendon between
+    two frames
                 B_k f_k + A_k x_k = b_k                     balance of torques at the frames
                 a_j + dt lowest(a) <= a_j+1 <= a_j + dt highest(a)
                 bounds of a, f and x
 
-with f normalized tendon forces at the frames, a activations between frames and x whatever else the tension problem
-has: controls of actuators, amplitudes of contacts, activations of muscles on rigid tendons, unknowns of rows. psi is
-the cost of the tension problem, w |.|^p + k dist(., [l, h])^2. The solver begins at activations whose rates are
-possible, and the forces that they lead to. Equilibrium is that of
+with f normalized tendon forces at the frames, a activations between frames and x whatever else the
+tension problem has: controls of actuators, amplitudes of contacts, activations of muscles on rigid
+tendons, unknowns of rows. psi is the cost of the tension problem, w |.|^p + k dist(., [l, h])^2.
+The solver begins at activations whose rates are possible, and the forces that they lead to.
+Equilibrium is that of
 
     G(f_k, f_k+1, a) = (f_k + f_k+1) / 2 - P(x, u, a)
     x = L - L_S (s(f_k) + s(f_k+1)) / 2          u = V - L_S (s(f_k+1) - s(f_k)) / dt
 
-with L and V length and velocity of the path between the frames, s(f) the tendon's stretch and P what the fibers pull
-with (`muscles.fiber_jets`). The tendon's velocity is the difference of its own lengths, so that over any time it is as
-long as its speeds say. Linear systems are banded over frames and dense in the muscles of a frame.
+with L and V length and velocity of the path between the frames, s(f) the tendon's stretch and P
+what the fibers pull with (`muscles.fiber_jets`). The tendon's velocity is the difference of its own
+lengths, so that over any time it is as long as its speeds say. Linear systems are banded over
+frames and dense in the muscles of a frame.
 """
 
 from __future__ import annotations
@@ -32,16 +35,20 @@ from myomorph.muscles.fiber_jets import fiber_jet, tendon_jet
 from myomorph.muscles.hill import ElasticArrays
 from myomorph.rigid.kernels import kernel
 
-VALUE, FIRST, SECOND, BY_A = 0, 1, 2, 3
+VALUE = 0
+FIRST = 1
+SECOND = 2
+BY_A = 3
 """Places in `elements`: G, its slopes over f_k, f_k+1 and a; then kk, kn, nn, ka, na, aa."""
 
 
 @kernel
 def elements(E, own, f, a, lengths, speeds, steps, out):
     """Fill G and its derivatives of all elements.
-    `E`, `own`: `ElasticArrays`, (muscles,) the numbers in it of the muscles of the columns; `f`, `a` (frames, muscles),
-    (frames - 1, muscles); `lengths`, `speeds` (frames - 1, muscles) of the paths between frames [m], [m/s]; `steps`
-    (frames - 1,) time between frames [s]; `out` (frames - 1, muscles, 10) filled.
+    `E`, `own`: `ElasticArrays`, (muscles,) the numbers in it of the muscles of the columns; `f`,
+    `a` (frames, muscles), (frames - 1, muscles); `lengths`, `speeds` (frames - 1, muscles) of the
+    paths between frames [m], [m/s]; `steps` (frames - 1,) time between frames [s]; `out` (frames -
+    1, muscles, 10) filled.
     """
     P = np.empty(10)
     for m in range(own.shape[0]):
@@ -54,7 +61,10 @@ def elements(E, own, f, a, lengths, speeds, steps, out):
             x = lengths[index, m] - 0.5 * slack * (s0 + n0)
             u = speeds[index, m] - slack * (n0 - s0) / dt
             fiber_jet(E, i, x, u, a[index, m], P)
-            xk, xn, uk, un = -0.5 * slack * s1, -0.5 * slack * n1, slack * s1 / dt, -slack * n1 / dt
+            xk = -0.5 * slack * s1
+            xn = -0.5 * slack * n1
+            uk = slack * s1 / dt
+            un = -slack * n1 / dt
             g = out[index, m]
             g[0] = 0.5 * (f[index, m] + f[index + 1, m]) - P[0]
             g[1] = 0.5 - P[1] * xk - P[2] * uk
@@ -68,27 +78,39 @@ def elements(E, own, f, a, lengths, speeds, steps, out):
             g[7] = -(P[7] * xk + P[8] * uk)
             g[8] = -(P[7] * xn + P[8] * un)
             g[9] = -P[9]
-            s0, s1, s2 = n0, n1, n2
+            s0 = n0
+            s1 = n1
+            s2 = n2
 
 
 @kernel
 def integrate(E, own, a, lengths, speeds, steps, least, most, f):
-    """Normalized tendon forces of muscles with given activations, by implicit Euler steps: a start for the solver.
-    `a`, `lengths`, `speeds`, `steps`: as of `elements`; `least`, `most`: bounds of the force; `f` (frames, muscles)
-    filled; the first frame is in equilibrium with a tendon at rest.
+    """Normalized tendon forces of muscles with given activations, by implicit Euler steps: a start
+    for the solver. `a`, `lengths`, `speeds`, `steps`: as of `elements`; `least`, `most`: bounds of
+    the force; `f` (frames, muscles) filled; the first frame is in equilibrium with a tendon at
+    rest.
     """
     P = np.empty(10)
     for m in range(own.shape[0]):
         i = own[m]
         slack = E.hill.tendon[i]
-        force, s0 = 0.2, 0.0
+        force = 0.2
+        s0 = 0.0
         for index in range(-1, a.shape[0]):
             j = max(index, 0)
             rate = 0.0 if index < 0 else 1.0 / steps[j]
-            low, high = least, most
+            low = least
+            high = most
             for _ in range(30):
                 s, s1, _ = tendon_jet(E, i, force)
-                fiber_jet(E, i, lengths[j, m] - slack * s, speeds[j, m] - slack * (s - s0) * rate, a[j, m], P)
+                fiber_jet(
+                    E,
+                    i,
+                    lengths[j, m] - slack * s,
+                    speeds[j, m] - slack * (s - s0) * rate,
+                    a[j, m],
+                    P,
+                )
                 left = force - P[0]
                 if left > 0.0:
                     high = force
@@ -106,14 +128,19 @@ def integrate(E, own, a, lengths, speeds, steps, least, most, f):
             s0, _, _ = tendon_jet(E, i, force)
 
 
-MIN_FORCE, MAX_FORCE = 2.5e-4, 4.0  # Bounds of the normalized tendon force
+MIN_FORCE = 2.5e-4
+MAX_FORCE = 4.0  # Bounds of the normalized tendon force
 SMOOTH = 1e-4
-"""Cost of a squared change of the normalized tendon force from frame to frame; it keeps forces from alternating."""
+"""Cost of a squared change of the normalized tendon force from frame to frame; it keeps forces from
+alternating.
+"""
 
 
 @dataclass(eq=False)
 class Costs:
-    """sum w |v|^p + k dist(v, [l, h])^2 of unknowns (columns) over points of time (rows), and bounds."""
+    """sum w |v|^p + k dist(v, [l, h])^2 of unknowns (columns) over points of time (rows), and
+    bounds.
+    """
 
     # weight, exponent, lower, upper: (columns,)
     weight: Array
@@ -129,12 +156,17 @@ class Costs:
         low, high, pull = self.penalty
         over = v - np.clip(v, low, high)
         if np.all(self.exponent == 2.0):
-            cost, slope, bend = self.weight * v * v, 2.0 * self.weight * v, np.broadcast_to(2.0 * self.weight, v.shape)
+            cost = self.weight * v * v
+            slope = 2.0 * self.weight * v
+            bend = np.broadcast_to(2.0 * self.weight, v.shape)
         else:
-            p, w = self.exponent, self.weight
-            cost, slope = w * size**p, p * w * np.sign(v) * size ** (p - 1.0)
+            p = self.exponent
+            w = self.weight
+            cost = w * size**p
+            slope = p * w * np.sign(v) * size ** (p - 1.0)
             bend = p * (p - 1.0) * w * np.maximum(size, 1e-3) ** (p - 2.0)
-        cost, slope = cost + pull * over * over, slope + 2.0 * pull * over
+        cost = cost + pull * over * over
+        slope = slope + 2.0 * pull * over
         bend = bend + 2.0 * pull * (over != 0.0)
         return float((self.share * cost).sum()), self.share * slope, self.share * bend
 
@@ -142,8 +174,9 @@ class Costs:
 @dataclass(eq=False)
 class Rates:
     """Bounds of the rate of activation [1/s], and how the class of each muscle makes them.
-    Excitation from 0 to 1 lets activation change by -low(a) to high(a): (1 - a) / (tau_a (0.5 + 1.5 a)) and
-    a (0.5 + 1.5 a) / tau_d (Thelen 2003 after Winters 1995); smoothly switched by De Groote's class between the two.
+    Excitation from 0 to 1 lets activation change by -low(a) to high(a): (1 - a) / (tau_a (0.5 + 1.5
+    a)) and a (0.5 + 1.5 a) / tau_d (Thelen 2003 after Winters 1995); smoothly switched by De
+    Groote's class between the two.
     """
 
     rise: Array
@@ -151,10 +184,14 @@ class Rates:
     smooth: NDArray[np.bool_]
 
     def bounds(self, a: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Highest rate, its slope and curvature over a; lowest rate (below 0), its slope and curvature."""
+        """Highest rate, its slope and curvature over a; lowest rate (below 0), its slope and
+        curvature.
+        """
         slow = 0.5 + 1.5 * a
-        up, down = 1.0 / (self.rise * slow), slow / self.fall
-        up1, down1 = -1.5 * up / slow, 1.5 / self.fall
+        up = 1.0 / (self.rise * slow)
+        down = slow / self.fall
+        up1 = -1.5 * up / slow
+        down1 = 1.5 / self.fall
         up2 = 4.5 * up / slow**2
         at_one = np.where(self.smooth, 0.5 * np.tanh(10.0 * (1.0 - a)), 0.5)
         at_zero = np.where(self.smooth, -0.5 * np.tanh(10.0 * a), -0.5)
@@ -192,19 +229,23 @@ class Program:
 
 @dataclass(eq=False)
 class Point:
-    """Where the solver stands: forces (frames, muscles), activations (frames - 1, muscles), others (frames, others)."""
+    """Where the solver stands: forces (frames, muscles), activations (frames - 1, muscles), others
+    (frames, others).
+    """
 
     f: Array
     a: Array
     x: Array
 
 
-START_ROOM = 0.02  # How far from its bounds an activation begins at least, in shares of their distance
+# How far from its bounds an activation begins at least, in shares of their distance
+START_ROOM = 0.02
 
 
 def possible(program: Program, a: Array) -> Array:
     """Activations (frames - 1, muscles) well inside their bounds, and with rates that are possible."""
-    low, high = program.activation.lower, program.activation.upper
+    low = program.activation.lower
+    high = program.activation.upper
     room = START_ROOM * (high - low)
     a = np.clip(a, low + room, high - room)
     if program.rates is None:
@@ -234,12 +275,13 @@ NEAR = 1e-2  # How far from its bounds, in shares of their distance, an unknown 
 
 class Box:
     """Unknowns between bounds, which may be infinite, with multipliers.
-    `low`, `high`: broadcast to the unknowns; `z`, `w`: multipliers of the lower and the upper bound, 0 of an infinite
-    one.
+    `low`, `high`: broadcast to the unknowns; `z`, `w`: multipliers of the lower and the upper
+    bound, 0 of an infinite one.
     """
 
     def __init__(self, low: Array, high: Array, v: Array, mu: float):
-        self.low, self.high = np.broadcast_to(low, v.shape), np.broadcast_to(high, v.shape)
+        self.low = np.broadcast_to(low, v.shape)
+        self.high = np.broadcast_to(high, v.shape)
         self.below, self.above = np.isfinite(self.low), np.isfinite(self.high)
         self._both = bool(self.below.all() and self.above.all())
         self._known: list[tuple[Array, Array, Array]] = []
@@ -253,9 +295,11 @@ class Box:
             if value is v:
                 return down, up
         if self._both:
-            down, up = v - self.low, self.high - v
+            down = v - self.low
+            up = self.high - v
         else:
-            down, up = np.where(self.below, v - self.low, 1.0), np.where(self.above, self.high - v, 1.0)
+            down = np.where(self.below, v - self.low, 1.0)
+            up = np.where(self.above, self.high - v, 1.0)
         self._known = [*self._known[-1:], (v, down, up)]
         return down, up
 
@@ -286,30 +330,41 @@ class Box:
     def complementarity(self, v: Array, mu: float) -> float:
         """Greatest difference of a multiplier times its distance from the barrier parameter."""
         down, up = self._distances(v)
-        one, other = np.abs(self.z * down - mu), np.abs(self.w * up - mu)
+        one = np.abs(self.z * down - mu)
+        other = np.abs(self.w * up - mu)
         if not self._both:
-            one, other = one * self.below, other * self.above
+            one = one * self.below
+            other = other * self.above
         return float(max(one.max(initial=0.0), other.max(initial=0.0)))
 
     def changes(self, v: Array, dv: Array, mu: float) -> tuple[Array, Array]:
         """Steps of the multipliers."""
         down, up = self._distances(v)
-        dz, dw = (mu - self.z * dv) / down - self.z, (mu + self.w * dv) / up - self.w
-        return (dz, dw) if self._both else (np.where(self.below, dz, 0.0), np.where(self.above, dw, 0.0))
+        dz = (mu - self.z * dv) / down - self.z
+        dw = (mu + self.w * dv) / up - self.w
+        return (
+            (dz, dw)
+            if self._both
+            else (np.where(self.below, dz, 0.0), np.where(self.above, dw, 0.0))
+        )
 
     def reach(self, v: Array, dv: Array, share: float) -> float:
         """Longest step that keeps a share of the distance to the bounds."""
         down, up = self._distances(v)
-        one, other = dv / down, dv / up
+        one = dv / down
+        other = dv / up
         if not self._both:
-            one, other = one * self.below, other * self.above
+            one = one * self.below
+            other = other * self.above
         worst = max(-float(one.min(initial=0.0)), float(other.max(initial=0.0)))
         return min(1.0, share / worst) if worst > 0.0 else 1.0
 
     def dual_reach(self, dz: Array, dw: Array, share: float) -> float:
         """Longest step that keeps a share of the multipliers."""
         if self._both:
-            worst = -min(float((dz / self.z).min(initial=0.0)), float((dw / self.w).min(initial=0.0)))
+            worst = -min(
+                float((dz / self.z).min(initial=0.0)), float((dw / self.w).min(initial=0.0))
+            )
         else:
             worst = max(
                 float((-dz / np.where(self.z > 0.0, self.z, 1.0)).max(initial=0.0)),
@@ -320,13 +375,18 @@ class Box:
     def keep_near(self, v: Array, mu: float) -> None:
         """Multipliers within a wide corridor of the barrier's own."""
         down, up = (mu / distance for distance in self._distances(v))
-        z, w = np.clip(self.z, down / 1e10, down * 1e10), np.clip(self.w, up / 1e10, up * 1e10)
-        self.z, self.w = (z, w) if self._both else (np.where(self.below, z, 0.0), np.where(self.above, w, 0.0))
+        z = np.clip(self.z, down / 1e10, down * 1e10)
+        w = np.clip(self.w, up / 1e10, up * 1e10)
+        self.z, self.w = (
+            (z, w) if self._both else (np.where(self.below, z, 0.0), np.where(self.above, w, 0.0))
+        )
 
 
 @kernel
 def _fill(d, e, g, C, band):
-    """Lower band (width + 1, unknowns) of the matrix; band is filled as its transpose, (unknowns, width + 1)."""
+    """Lower band (width + 1, unknowns) of the matrix; band is filled as its transpose, (unknowns,
+    width + 1).
+    """
     frames, count = d.shape
     rows = C.shape[1]
     for index in range(frames):

@@ -1,9 +1,11 @@
-"""One window of frames: gaps bridged, a start on rigid tendons, the programs of its parts, and what they found.
+"""One window of frames: gaps bridged, a start on rigid tendons, the programs of its parts, and what
+they found.
 
-Parts of the problem that share nothing are solved apart. Of fast recordings some of the frames are solved, and those
-between follow them and balance their own torques: a step of 1 ms is far shorter than a tendon takes to answer, so
-equilibrium hardly says anything about the force at its end, the system is stiff and the solver does not end. What
-muscles do has no part that 200 frames a second miss.
+Parts of the problem that share nothing are solved apart. Of fast recordings some of the frames are
+solved, and those between follow them and balance their own torques: a step of 1 ms is far shorter
+than a tendon takes to answer, so equilibrium hardly says anything about the force at its end, the
+system is stiff and the solver does not end. What muscles do has no part that 200 frames a second
+miss.
 """
 
 from __future__ import annotations
@@ -18,11 +20,26 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array
 from myomorph.model.arrays import runs as unbroken
 from myomorph.muscles.fiber_jets import tendon_jet
-from myomorph.muscles.hill import activation_times, compile_elastic, fill_hill_forces, has_elastic_tendon, muscle_models
+from myomorph.muscles.hill import (
+    activation_times,
+    compile_elastic,
+    fill_hill_forces,
+    has_elastic_tendon,
+    muscle_models,
+)
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.tree import Tree
 from myomorph.tension.elastic.interior import Outcome, Solver
-from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, Costs, Point, Program, Rates, integrated, possible
+from myomorph.tension.elastic.program import (
+    MAX_FORCE,
+    MIN_FORCE,
+    Costs,
+    Point,
+    Program,
+    Rates,
+    integrated,
+    possible,
+)
 from myomorph.tension.separable import Links, Separable
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.muscles import MuscleForces, MuscleTerm
@@ -30,18 +47,22 @@ from myomorph.tension.terms.term import Frames as TermFrames
 
 
 class ElasticMuscleTerm(MuscleTerm):
-    """A muscle's column is that of its maximum isometric force, by which tendon forces are normalized.
-    `arrays`: curves of fibers and tendons; `elastic` (muscles,) which muscles have an elastic tendon; a muscle whose
-    fibers cannot reach is taken off.
+    """A muscle's column is that of its maximum isometric force, by which tendon forces are
+    normalized. `arrays`: curves of fibers and tendons; `elastic` (muscles,) which muscles have an
+    elastic tendon; a muscle whose fibers cannot reach is taken off.
     """
 
     def __init__(self, tree: Tree, options: TensionOptions):
         super().__init__(tree, options)
         muscles = tree.model.muscles
         self.arrays = compile_elastic(tree.model, options.passive)
-        self.elastic = np.array([has_elastic_tendon(muscle) for muscle in muscles], np.bool_) & (self.upper > 0.0)
+        self.elastic = np.array([has_elastic_tendon(muscle) for muscle in muscles], np.bool_) & (
+            self.upper > 0.0
+        )
         rise, fall = activation_times(tree.model)
-        self.rates = Rates(rise, fall, np.array([kind.smooth for kind in muscle_models(tree.model)], np.bool_))
+        self.rates = Rates(
+            rise, fall, np.array([kind.smooth for kind in muscle_models(tree.model)], np.bool_)
+        )
 
     def paths_of(self, coordinates: Array, rates: Array) -> tuple[Array, Array]:
         """Lengths and lengthening velocities (frames, muscles) of the paths [m], [m/s]."""
@@ -49,36 +70,47 @@ class ElasticMuscleTerm(MuscleTerm):
         return lengths, speeds
 
     def rigid_forces(self, lengths: Array, speeds: Array) -> tuple[Array, Array]:
-        """Active force per unit activation and passive force (frames, muscles) on rigid tendons [N]."""
-        active, passive = np.empty_like(lengths), np.empty_like(lengths)
+        """Active force per unit activation and passive force (frames, muscles) on rigid tendons
+        [N].
+        """
+        active = np.empty_like(lengths)
+        passive = np.empty_like(lengths)
         fill_hill_forces(self.arrays.hill, lengths, speeds, self._options.passive, active, passive)
         return active * self._enabled, passive * self._enabled
 
     def _forces(self, frames: TermFrames) -> MuscleForces:
         lengths, speeds, arms = self._paths.evaluate(frames.coordinates, frames.rates)
         active, passive = self.rigid_forces(lengths, speeds)
-        active[:, self.elastic] = np.where(np.isnan(lengths), np.nan, self.strength)[:, self.elastic]
+        active[:, self.elastic] = np.where(np.isnan(lengths), np.nan, self.strength)[
+            :, self.elastic
+        ]
         passive[:, self.elastic] = 0.0
-        return MuscleForces(arms, active, passive, self._viscosity * speeds)
+        return MuscleForces(
+            arms=arms, active=active, passive=passive, viscous=self._viscosity * speeds
+        )
 
 
 @kernel(counted=False)
 def _stretches(E, elastic, f, out):
-    """Tendon length over slack length (frames, muscles) at normalized forces f, 1 of a rigid tendon."""
+    """Tendon length over slack length (frames, muscles) at normalized forces f, 1 of a rigid
+    tendon.
+    """
     for m in range(f.shape[1]):
         for index in range(f.shape[0]):
             out[index, m] = 1.0
             if elastic[m]:
-                out[index, m] = tendon_jet(E, m, f[index, m])[0] if f[index, m] == f[index, m] else np.nan
+                out[index, m] = (
+                    tendon_jet(E, m, f[index, m])[0] if f[index, m] == f[index, m] else np.nan
+                )
 
 
 def fibers_at(
     term: ElasticMuscleTerm, time: Array, lengths: Array, speeds: Array, f: Array, forces: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Lengths and velocities of fibers, strains of tendons, powers of fibers and of tendons: fields of `Fibers`.
-    A tendon's speed at a frame is the mean of those before and after it.
-    `lengths`, `speeds` (frames, muscles) of the paths [m], [m/s]; `f` (frames, muscles) normalized tendon forces, not
-    read of rigid tendons; `forces` (frames, muscles) [N].
+    """Lengths and velocities of fibers, strains of tendons, powers of fibers and of tendons: fields
+    of `Fibers`. A tendon's speed at a frame is the mean of those before and after it. `lengths`,
+    `speeds` (frames, muscles) of the paths [m], [m/s]; `f` (frames, muscles) normalized tendon
+    forces, not read of rigid tendons; `forces` (frames, muscles) [N].
     """
     H = term.arrays.hill
     stretch = np.empty_like(f)
@@ -92,11 +124,14 @@ def fibers_at(
         both = np.stack([np.concatenate([ends, each]), np.concatenate([each, ends])])
         known = np.isfinite(both)
         count = known.sum(axis=0)
-        speed = np.where(count > 0, np.where(known, both, 0.0).sum(axis=0) / np.maximum(count, 1), 0.0)
+        speed = np.where(
+            count > 0, np.where(known, both, 0.0).sum(axis=0) / np.maximum(count, 1), 0.0
+        )
     along = lengths - tendon
     fiber = np.sqrt(along**2 + H.height**2)
     velocity = (speeds - speed) * along / fiber
-    of_path, of_tendon = -forces * speeds, -forces * speed
+    of_path = -forces * speeds
+    of_tendon = -forces * speed
     return fiber, velocity, stretch - 1.0, of_path - of_tendon, of_tendon
 
 
@@ -109,8 +144,11 @@ class Part(NamedTuple):
 
 
 def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
-    """The parts with a muscle on an elastic tendon, the largest first; `elastic` (muscles,) of first unknowns."""
-    unknowns, rows = len(separable.weight), len(separable.first)
+    """The parts with a muscle on an elastic tendon, the largest first; `elastic` (muscles,) of
+    first unknowns.
+    """
+    unknowns = len(separable.weight)
+    rows = len(separable.first)
     column = separable.column
     places = column, unknowns + separable.row
     links = scipy.sparse.coo_array((np.ones(len(column)), places), shape=(unknowns + rows,) * 2)
@@ -149,7 +187,12 @@ class Frames:
     def at(self, keep: NDArray[np.int64]) -> Frames:
         """Some of the frames."""
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
-        return Frames(**{name: part[keep] if len(part) == len(self.time) else part for name, part in parts.items()})
+        return Frames(
+            **{
+                name: part[keep] if len(part) == len(self.time) else part
+                for name, part in parts.items()
+            }
+        )
 
 
 def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -168,22 +211,33 @@ def filled(time: Array, values: Array, good: NDArray[np.bool_]) -> Array:
         return values
     known = np.flatnonzero(good)
     after = np.clip(np.searchsorted(known, np.arange(len(good))), 1, max(len(known) - 1, 1))
-    one, other = known[after - 1], known[np.minimum(after, len(known) - 1)]
-    share = np.where(other > one, (time - time[one]) / np.maximum(time[other] - time[one], 1e-12), 0.0)
+    one = known[after - 1]
+    other = known[np.minimum(after, len(known) - 1)]
+    share = np.where(
+        other > one, (time - time[one]) / np.maximum(time[other] - time[one], 1e-12), 0.0
+    )
     share = share.reshape(-1, *([1] * (values.ndim - 1)))
-    return np.where(good.reshape(share.shape), values, (1.0 - share) * values[one] + share * values[other])
+    return np.where(
+        good.reshape(share.shape), values, (1.0 - share) * values[one] + share * values[other]
+    )
 
 
 def between(frames: Frames) -> tuple[Array, Array, Array]:
-    """Times between frames [s], and lengths and velocities of the paths there, by cubics through both frames."""
+    """Times between frames [s], and lengths and velocities of the paths there, by cubics through
+    both frames.
+    """
     steps = np.diff(frames.time)
-    dt, L, V = steps[:, None], frames.lengths, frames.speeds
+    dt = steps[:, None]
+    L = frames.lengths
+    V = frames.speeds
     lengths = 0.5 * (L[1:] + L[:-1]) + 0.125 * dt * (V[:-1] - V[1:])
     return steps, lengths, 1.5 * np.diff(L, axis=0) / dt - 0.25 * (V[1:] + V[:-1])
 
 
 def _penalties_between(penalties: Array, frames: int) -> Array:
-    """Interval penalties (3, frames - 1, unknowns) of activations between frames from those at the frames."""
+    """Interval penalties (3, frames - 1, unknowns) of activations between frames from those at the
+    frames.
+    """
     all_ = np.broadcast_to(penalties, (frames, *penalties.shape[1:]))
     low, high, pull = np.moveaxis(all_, 1, 0)
     share = np.stack([pull[:-1] > 0.0, pull[1:] > 0.0]).astype(np.float64)
@@ -195,14 +249,17 @@ def _penalties_between(penalties: Array, frames: int) -> Array:
 
 
 def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
-    """Interval penalties (frames, 3, unknowns) with those that draw linked unknowns to the amounts of frames beside.
-    `penalties` (1 or frames, 3, unknowns) without; `x` (frames, unknowns) whose amounts the frames beside have.
+    """Interval penalties (frames, 3, unknowns) with those that draw linked unknowns to the amounts
+    of frames beside. `penalties` (1 or frames, 3, unknowns) without; `x` (frames, unknowns) whose
+    amounts the frames beside have.
     """
     result = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
     place = slice(links.first, links.first + links.scale.shape[1])
-    pull, total = np.zeros_like(links.scale), np.zeros_like(links.scale)
+    pull = np.zeros_like(links.scale)
+    total = np.zeros_like(links.scale)
     stiff = links.stiffness[:, None] * shared.weight[place]
-    amount, touches = links.scale * x[:, place], links.scale > 0.0
+    amount = links.scale * x[:, place]
+    touches = links.scale > 0.0
     both = touches[1:] & touches[:-1]
     for here, beside in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
         pull[here] += stiff * both
@@ -215,13 +272,17 @@ def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
     return result
 
 
-def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscleTerm, dynamics: bool) -> Program:
+def program_of(
+    part: Part, frames: Frames, shared: Separable, term: ElasticMuscleTerm, dynamics: bool
+) -> Program:
     """The program of one part over the frames."""
     count = len(frames.time)
     steps, lengths, speeds = between(frames)
     mean = float(steps.mean())
     share = steps[:, None] / mean
-    share_x = 0.5 * (np.concatenate([share[:1] * 0.0, share]) + np.concatenate([share, share[:1] * 0.0]))
+    share_x = 0.5 * (
+        np.concatenate([share[:1] * 0.0, share]) + np.concatenate([share, share[:1] * 0.0])
+    )
     column = shared.column
     rank = np.full(len(shared.first), -1)
     rank[part.rows] = np.arange(len(part.rows))
@@ -235,24 +296,43 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
         return result
 
     def costs(unknowns: NDArray[np.int64], penalty: Array, weight: Array) -> Costs:
-        lower, upper = shared.lower[unknowns], shared.upper[unknowns]
+        lower = shared.lower[unknowns]
+        upper = shared.upper[unknowns]
         held = np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns])
-        return Costs(shared.weight[unknowns], shared.exponent[unknowns], lower, upper, held, weight)
+        return Costs(
+            weight=shared.weight[unknowns],
+            exponent=shared.exponent[unknowns],
+            lower=lower,
+            upper=upper,
+            penalty=held,
+            share=weight,
+        )
 
-    at_frames = np.moveaxis(np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0)
-    m, times = part.muscles, term.rates
+    at_frames = np.moveaxis(
+        np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0
+    )
+    m = part.muscles
+    times = term.rates
     return Program(
-        term.arrays, m, steps, np.ascontiguousarray(lengths[:, m]), np.ascontiguousarray(speeds[:, m]), dense(m),
-        dense(part.others), np.ascontiguousarray(frames.right[:, part.rows]),
-        costs(m, _penalties_between(frames.penalties, count), share), costs(part.others, at_frames, share_x),
-        Rates(times.rise[m], times.fall[m], times.smooth[m]) if dynamics else None,
-    )  # fmt: skip
+        arrays=term.arrays,
+        own=m,
+        steps=steps,
+        lengths=np.ascontiguousarray(lengths[:, m]),
+        speeds=np.ascontiguousarray(speeds[:, m]),
+        pulls=dense(m),
+        columns=dense(part.others),
+        right=np.ascontiguousarray(frames.right[:, part.rows]),
+        activation=costs(m, _penalties_between(frames.penalties, count), share),
+        other=costs(part.others, at_frames, share_x),
+        rates=Rates(times.rise[m], times.fall[m], times.smooth[m]) if dynamics else None,
+    )
 
 
 def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array]:
     """A start near the solution with rigid tendons, and its multipliers.
-    Its activations, as far as their rates are possible, and the forces that muscles on elastic tendons have with these:
-    forces on rigid tendons may jump, and elastic tendons could then not be in equilibrium.
+    Its activations, as far as their rates are possible, and the forces that muscles on elastic
+    tendons have with these: forces on rigid tendons may jump, and elastic tendons could then not be
+    in equilibrium.
     """
     a = frames.x[:, part.muscles]
     a = possible(program, 0.5 * (a[1:] + a[:-1]))
@@ -261,13 +341,18 @@ def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array
 
 
 def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Point, Outcome]:
-    """The solution, or that from another start where this alone is solved; `again`: whether there is another start."""
+    """The solution, or that from another start where this alone is solved; `again`: whether there
+    is another start.
+    """
     point, outcome = Solver(program, start, y).solve()
     if not again:
         return point, outcome
     flat = np.full_like(start.a, SECOND_START)
-    other, second = Solver(program, replace(start, f=integrated(program, flat), a=flat), np.zeros_like(y)).solve()
-    activations, forces = (float(np.sqrt(np.mean(apart**2))) for apart in (other.a - point.a, other.f - point.f))
+    other, second = Solver(
+        program, replace(start, f=integrated(program, flat), a=flat), np.zeros_like(y)
+    ).solve()
+    activations = float(np.sqrt(np.mean((other.a - point.a) ** 2)))
+    forces = float(np.sqrt(np.mean((other.f - point.f) ** 2)))
     point, outcome = (other, second) if second.solved and not outcome.solved else (point, outcome)
     return point, outcome._replace(far=(activations, forces))
 
@@ -277,32 +362,42 @@ PROJECTIONS = 3  # Steps towards balance; more than one only where a force meets
 
 
 def solved_every(time: Array) -> int:
-    """How many frames apart those are that are solved; 1 where frames come no faster than `FASTEST`."""
+    """How many frames apart those are that are solved; 1 where frames come no faster than
+    `FASTEST`.
+    """
     if len(time) < 3:
         return 1
     return max(1, int(np.ceil(1.0 / (FASTEST * float(np.median(np.diff(time)))) - 1e-3)))
 
 
 def picked(frames: int, every: int) -> NDArray[np.int64]:
-    """Numbers of the frames that are solved: the first, the last, and evenly between them at most `every` apart."""
+    """Numbers of the frames that are solved: the first, the last, and evenly between them at most
+    `every` apart.
+    """
     count = int(np.ceil((frames - 1) / every)) + 1
     return np.unique(np.round(np.linspace(0, frames - 1, count)).astype(np.int64))
 
 
 def along(time: Array, known: NDArray[np.int64], values: Array) -> Array:
-    """Values (frames, ...) at all times from those at some, by cubics that leave their range nowhere."""
+    """Values (frames, ...) at all times from those at some, by cubics that leave their range
+    nowhere.
+    """
     if len(known) < 2:
         return np.repeat(values, len(time), axis=0)
     return np.asarray(scipy.interpolate.PchipInterpolator(time[known], values, axis=0)(time))
 
 
-def balanced(shared: Separable, values: Array, right: Array, held: Array, muscles: NDArray[np.bool_]) -> Array:
+def balanced(
+    shared: Separable, values: Array, right: Array, held: Array, muscles: NDArray[np.bool_]
+) -> Array:
     """Unknowns near `held` that balance the torques.
-    The change is the least relative to what a muscle pulls with and to what the cost lets other unknowns have.
-    `values`, `right` (frames, entries) and (frames, rows) of the balance; `held` (frames, unknowns) with normalized
-    forces in the columns of muscles on elastic tendons; `muscles` (unknowns,) which columns those are.
+    The change is the least relative to what a muscle pulls with and to what the cost lets other
+    unknowns have. `values`, `right` (frames, entries) and (frames, rows) of the balance; `held`
+    (frames, unknowns) with normalized forces in the columns of muscles on elastic tendons;
+    `muscles` (unknowns,) which columns those are.
     """
-    low, high = np.where(muscles, MIN_FORCE, shared.lower), np.where(muscles, MAX_FORCE, shared.upper)
+    low = np.where(muscles, MIN_FORCE, shared.lower)
+    high = np.where(muscles, MAX_FORCE, shared.upper)
     A = shared.dense(values)
     result = held.copy()
     for _ in range(PROJECTIONS):

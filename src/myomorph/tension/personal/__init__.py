@@ -1,1 +1,3 @@
-"""Muscles fitted to a person: optimal fiber lengths, tendon slack lengths, strengths and passive strain."""
+"""Muscles fitted to a person: optimal fiber lengths, tendon slack lengths, strengths and passive
+strain.
+"""

@@ -1,11 +1,13 @@
-"""What is known of a person's muscles before any recording: parameters, their spread and bounds, and groups.
+"""What is known of a person's muscles before any recording: parameters, their spread and bounds,
+and groups.
 
-Of every muscle the logarithm of the optimal fiber length and the shift of the normalized fiber length at the mean
-pose of the recordings are estimated; the tendon slack length follows from both. Spreads are those between people.
-Measured: fiber lengths normalized to the sarcomere vary by 11 to 27 %, sarcomere lengths in a pose by 0.04 to 0.17
-optimal lengths, median 0.09 (Ward et al. 2009, 28 muscles of 21 bodies, sizes of bodies not taken out; Chen et al.
-2016 and Cromie et al. 2013 in the living), strengths by 17 to 39 % (Tedla et al. 2022, men of one age). Assumed:
-passive strains, gains of EMG, mean activations without EMG, and how alike both sides are.
+Of every muscle the logarithm of the optimal fiber length and the shift of the normalized fiber
+length at the mean pose of the recordings are estimated; the tendon slack length follows from both.
+Spreads are those between people. Measured: fiber lengths normalized to the sarcomere vary by 11 to
+27 %, sarcomere lengths in a pose by 0.04 to 0.17 optimal lengths, median 0.09 (Ward et al. 2009, 28
+muscles of 21 bodies, sizes of bodies not taken out; Chen et al. 2016 and Cromie et al. 2013 in the
+living), strengths by 17 to 39 % (Tedla et al. 2022, men of one age). Assumed: passive strains,
+gains of EMG, mean activations without EMG, and how alike both sides are.
 """
 
 from __future__ import annotations
@@ -26,14 +28,21 @@ from myomorph.muscles.hill import MODELS, compile_hill, muscle_model
 from myomorph.tension.personal.fibers import MuscleShapes, MuscleSizes
 from myomorph.tension.personal.recordings import Windows
 
-FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = (
-    np.log(1.6), 0.5, np.log(3.0), np.log(2.0), np.log(5.0),
-)  # fmt: skip
-"""Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain, and of the shift."""
+FIBER_BOUND = np.log(1.6)
+POINT_BOUND = 0.5
+FORCE_BOUND = np.log(3.0)
+STRAIN_BOUND = np.log(2.0)
+GAIN_BOUND = np.log(5.0)
+"""Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain,
+and of the shift.
+"""
 LEAST_SLACK = 0.3  # Of the tendon slack length of the model that personalization begins with
 PHYSIOLOGICAL = (0.5, 1.4)
-"""Normalized fiber lengths that a recording is expected to stay in (Arnold and Delp 2011; Modenese et al. 2016)."""
-LEVEL_SPREAD = 0.7  # Standard deviation of the logarithm of the mean activation of a muscle without EMG; an assumption
+"""Normalized fiber lengths that a recording is expected to stay in (Arnold and Delp 2011; Modenese
+et al. 2016).
+"""
+# Standard deviation of the logarithm of the mean activation of a muscle without EMG; an assumption
+LEVEL_SPREAD = 0.7
 OUTSIDE = 0.05  # Standard deviation of how far a muscle passes them, or the range it had before
 
 
@@ -59,7 +68,13 @@ class PriorOptions:
     sides: float = 0.8
 
     def __post_init__(self) -> None:
-        for name in ("fiber_spread", "point_spread", "strength_spread", "passive_spread", "gain_spread"):
+        for name in (
+            "fiber_spread",
+            "point_spread",
+            "strength_spread",
+            "passive_spread",
+            "gain_spread",
+        ):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise BadData(f"{name} is {getattr(self, name):g}: expected 0 to 1")
         if not 0.0 <= self.sides < 1.0:
@@ -68,28 +83,35 @@ class PriorOptions:
 
 @read_only
 class Prior:
-    """Parameters p = (log fiber, shift of operating point, log strength, log passive strain, log gains and levels)."""
+    """Parameters p = (log fiber, shift of operating point, log strength, log passive strain, log
+    gains and levels).
+    """
 
     names: tuple[str, ...]  # (muscles,)
     start: MuscleSizes  # of the model that personalization begins with
-    point: Array  # (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack length
+    # (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack length
+    point: Array
     reference: Array  # (muscles,) path length there [m]
     groups: tuple[str, ...]  # names of muscle groups
     group: NDArray[np.int64]  # (muscles,) each muscle's
-    # (muscles,) number of the gain of each muscle's EMG, and after these of its level, where it has no EMG
+    # (muscles,) number of the gain of each muscle's EMG, and after these of its level, where it has
+    # no EMG
     gain: NDArray[np.int64]
     gains: tuple[str, ...]  # names of the muscles that share each gain
-    # number of muscles without EMG, whose mean activation is a parameter; none without a recording in motion
+    # number of muscles without EMG, whose mean activation is a parameter; none without a recording
+    # in motion
     levels: int
     deviation: Array  # (parameters,) prior standard deviation
-    # (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed parameter
+    # (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed
+    # parameter
     precision: Array
     bound: Array  # (parameters,) farthest from 0
 
     @property
     def parts(self) -> tuple[slice, slice, slice, slice, slice]:
         """Where the five kinds of parameters lie."""
-        muscles, groups = len(self.names), len(self.groups)
+        muscles = len(self.names)
+        groups = len(self.groups)
         sizes = (muscles, muscles, groups, groups, len(self.gains) + self.levels)
         ends = np.cumsum([0, *sizes]).tolist()
         return tuple(slice(*pair) for pair in pairwise(ends))  # type: ignore[return-value]
@@ -100,10 +122,17 @@ class Prior:
         lo = self.start.fiber * np.exp(p[fiber])
         slack = self.reference - (self.point + p[point]) * lo
         rise = np.exp(p[force])[self.group]
-        return MuscleSizes(lo, slack, self.start.force * rise, self.start.strain * np.exp(p[strain])[self.group])
+        return MuscleSizes(
+            fiber=lo,
+            slack=slack,
+            force=self.start.force * rise,
+            strain=self.start.strain * np.exp(p[strain])[self.group],
+        )
 
     def gains_of(self, p: Array) -> Array:
-        """(muscles,) gain of each muscle's EMG, of a muscle without it the factor on its mean activation."""
+        """(muscles,) gain of each muscle's EMG, of a muscle without it the factor on its mean
+        activation.
+        """
         every = np.append(np.exp(p[self.parts[4]]), 1.0)
         return every[self.gain]
 
@@ -120,7 +149,7 @@ class Prior:
 def sizes_of(model: Model) -> MuscleSizes:
     """A model's own muscles."""
     H = compile_hill(model)
-    return MuscleSizes(H.fiber, H.tendon, H.force, np.ones(len(H.fiber)))
+    return MuscleSizes(fiber=H.fiber, slack=H.tendon, force=H.force, strain=np.ones(len(H.fiber)))
 
 
 def prior_of(
@@ -132,38 +161,62 @@ def prior_of(
     fixed: np.ndarray,
 ) -> Prior:
     """The prior of a model's muscles.
-    `rows`: names of the coordinates compared; `fixed` (muscles,) muscles that keep their lengths, as those that are
-    switched off or cannot reach.
+    `rows`: names of the coordinates compared; `fixed` (muscles,) muscles that keep their lengths,
+    as those that are switched off or cannot reach.
     """
     start = sizes_of(model)
     mean = np.mean(np.concatenate([window.lengths[window.counted] for window in windows]), axis=0)
     point = np.clip((mean - start.slack) / start.fiber, PHYSIOLOGICAL[0], PHYSIOLOGICAL[1])
-    # The reference path length belongs to the point: where the point was moved into range, so is the path.
+    # The reference path length belongs to the point: where the point was moved into range, so is
+    # the path.
     reference = start.slack + point * start.fiber
     groups, group = muscle_groups(model, windows, rows)
     gains, gain = _shared_emg(model.muscle_names, windows)
     muscles = len(model.muscles)
-    # The mean activation of a muscle without EMG lasts: as an error of each frame it would look known.
-    levels = np.flatnonzero(gain < 0) if any(np.isfinite(window.step) for window in windows) else np.zeros(0, np.int64)
+    # The mean activation of a muscle without EMG lasts: as an error of each frame it would look
+    # known.
+    levels = (
+        np.flatnonzero(gain < 0)
+        if any(np.isfinite(window.step) for window in windows)
+        else np.zeros(0, np.int64)
+    )
     gain[levels] = len(gains) + np.arange(len(levels))
     counts = (muscles, muscles, len(groups), len(groups), len(gains), len(levels))
     spreads = (
-        options.fiber_spread, options.point_spread, options.strength_spread, options.passive_spread,
-        options.gain_spread, LEVEL_SPREAD,
-    )  # fmt: skip
+        options.fiber_spread,
+        options.point_spread,
+        options.strength_spread,
+        options.passive_spread,
+        options.gain_spread,
+        LEVEL_SPREAD,
+    )
     bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND, GAIN_BOUND)
     deviation = np.repeat(spreads, counts)
     for part in range(2):
         deviation[part * muscles : (part + 1) * muscles][fixed] = 0.0
     precision = _precision(deviation, _pairs(model.muscle_names), muscles, options.sides)
     return Prior(
-        model.muscle_names, start, point, reference, groups, group, gain, gains, len(levels), deviation, precision,
-        np.repeat(bounds, counts),
-    )  # fmt: skip
+        names=model.muscle_names,
+        start=start,
+        point=point,
+        reference=reference,
+        groups=groups,
+        group=group,
+        gain=gain,
+        gains=gains,
+        levels=len(levels),
+        deviation=deviation,
+        precision=precision,
+        bound=np.repeat(bounds, counts),
+    )
 
 
-def _precision(deviation: Array, pairs: Sequence[tuple[int, int]], muscles: int, correlation: float) -> Array:
-    """Inverse of the prior covariance; a parameter without spread has a variance of its own that holds it."""
+def _precision(
+    deviation: Array, pairs: Sequence[tuple[int, int]], muscles: int, correlation: float
+) -> Array:
+    """Inverse of the prior covariance; a parameter without spread has a variance of its own that
+    holds it.
+    """
     covariance = np.diag(np.maximum(deviation, 1e-6) ** 2)
     for i, j in pairs:
         for first in (0, muscles):
@@ -185,8 +238,8 @@ def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
 def muscle_groups(
     model: Model, windows: Sequence[Windows], rows: Sequence[str]
 ) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Groups by what a muscle does most: the coordinate and sense of its largest mean moment arm, both sides together.
-    Returns names, as "knee_angle +"; and the group of each muscle, (muscles,).
+    """Groups by what a muscle does most: the coordinate and sense of its largest mean moment arm,
+    both sides together. Returns names, as "knee_angle +"; and the group of each muscle, (muscles,).
     """
     mean = np.mean(np.concatenate([window.arms[window.counted] for window in windows]), axis=0)
     labels = []
@@ -200,12 +253,19 @@ def muscle_groups(
     return names, np.array([names.index(label) for label in labels], np.int64)
 
 
-def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+def _shared_emg(
+    names: Sequence[str], windows: Sequence[Windows]
+) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Muscles whose EMG is the same all along share a gain; recordings at rest know none."""
-    count, gain = len(names), np.full(len(names), -1, np.int64)
+    count = len(names)
+    gain = np.full(len(names), -1, np.int64)
     targets = [window.emg.reshape(-1, count) for window in windows if np.isfinite(window.step)]
     columns = enumerate(np.concatenate([np.zeros((0, count)), *targets]).T)
-    known = ((np.nan_to_num(column, nan=-1.0).tobytes(), m) for m, column in columns if np.isfinite(column).any())
+    known = (
+        (np.nan_to_num(column, nan=-1.0).tobytes(), m)
+        for m, column in columns
+        if np.isfinite(column).any()
+    )
     members = list(grouped(known).values())
     for number, muscles in enumerate(members):
         gain[muscles] = number
@@ -213,7 +273,9 @@ def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple
 
 
 def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
-    """The model with other optimal fiber lengths, tendon slack lengths, strengths and passive strains."""
+    """The model with other optimal fiber lengths, tendon slack lengths, strengths and passive
+    strains.
+    """
     muscles = []
     for m, muscle in enumerate(model.muscles):
         factor = float(sizes.strain[m] / before.strain[m])
@@ -221,7 +283,9 @@ def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
         if muscle.kind in MODELS and abs(factor - 1.0) >= 1e-12:
             parameters = muscle_model(muscle).stretched_passive(parameters, factor)
         if "default_fiber_length" in parameters:
-            parameters["default_fiber_length"] *= float(sizes.fiber[m]) / muscle.optimal_fiber_length
+            parameters["default_fiber_length"] *= (
+                float(sizes.fiber[m]) / muscle.optimal_fiber_length
+            )
         muscles.append(
             replace(
                 muscle,

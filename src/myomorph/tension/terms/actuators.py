@@ -1,4 +1,6 @@
-"""Ideal actuators as a term: controls, generalized forces of unit controls, and reserves where none are given."""
+"""Ideal actuators as a term: controls, generalized forces of unit controls, and reserves where none
+are given.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from myomorph.rigid.vectors import along, cross, dot, matrix, minus, norm, plus,
 from myomorph.tension.tension import RESERVE, RESIDUAL
 from myomorph.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
 
-TORQUE, POINT, POINT_TO_POINT = 0, 1, 2
+TORQUE = 0
+POINT = 1
+POINT_TO_POINT = 2
 _KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
 
 
@@ -38,28 +42,38 @@ class BodyActuators(NamedTuple):
     # global_point, global_direction: (actuators,)
     global_point: NDArray[np.bool_]
     global_direction: NDArray[np.bool_]
-    start: NDArray[np.int64]  # (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    # (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    start: NDArray[np.int64]
     coordinate: NDArray[np.int64]  # (entries,) the coordinates it can have a part in
     supports: NDArray[np.bool_]  # (bodies, axes) whether an axis lies between the ground and a body
 
 
 def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
     """Torque, point and point-to-point actuators as flat arrays, in the order given."""
-    bodies, others, coordinates, start = [], [], [], [0]
+    bodies = []
+    others = []
+    coordinates = []
+    start = [0]
     for actuator in actuators:
         where = f"actuator '{actuator.name}': the model"
         bodies.append(tree.body_number(actuator.body, where))
         others.append(tree.body_number(actuator.other_body, where) if actuator.other_body else -1)
         if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
             raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
-        # What both bodies hang on moves them alike, but need not cancel: a force pair has two points.
-        supported = tree.supports[[number for number in (bodies[-1], others[-1]) if number >= 0]].any(axis=0)
+        # What both bodies hang on moves them alike, but need not cancel: a force pair has two
+        # points.
+        supported = tree.supports[
+            [number for number in (bodies[-1], others[-1]) if number >= 0]
+        ].any(axis=0)
         touched = np.unique(tree.arrays.axis_coordinate[supported])
         coordinates.extend(touched[touched >= 0].tolist())
         start.append(len(coordinates))
-    point, other_point, direction = (
-        np.array([getattr(actuator, name) for actuator in actuators], dtype=np.float64).reshape(-1, 3)
-        for name in ("point", "other_point", "direction")
+    point = np.array([actuator.point for actuator in actuators], dtype=np.float64).reshape(-1, 3)
+    other_point = np.array(
+        [actuator.other_point for actuator in actuators], dtype=np.float64
+    ).reshape(-1, 3)
+    direction = np.array([actuator.direction for actuator in actuators], dtype=np.float64).reshape(
+        -1, 3
     )
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     return BodyActuators(
@@ -70,7 +84,9 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
         other_point=other_point,
         direction=direction / np.where(length > 0.0, length, 1.0),
         global_point=np.array([actuator.point_is_global for actuator in actuators], np.bool_),
-        global_direction=np.array([actuator.direction_is_global for actuator in actuators], np.bool_),
+        global_direction=np.array(
+            [actuator.direction_is_global for actuator in actuators], np.bool_
+        ),
         start=np.array(start, np.int64),
         coordinate=np.array(coordinates, np.int64),
         supports=np.ascontiguousarray(tree.supports),
@@ -80,16 +96,22 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
 @kernel
 def body_directions(T, P, coordinates, out):
     """Generalized force per unit of force or torque of every body actuator."""
-    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
-    column, zero = np.empty(coordinates.shape[1]), (0.0, 0.0, 0.0)
+    bodies = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    R = np.empty((bodies, 3, 3))
+    p = np.empty((bodies, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
+    column = np.empty(coordinates.shape[1])
+    zero = (0.0, 0.0, 0.0)
     for frame in range(coordinates.shape[0]):
         body_poses(T, coordinates[frame], R, p, w, o, dphi)
         for a in range(P.kind.shape[0]):
             for e in range(P.start[a], P.start[a + 1]):
                 column[P.coordinate[e]] = 0.0
-            b, other = P.body[a], P.other[a]
+            b = P.body[a]
+            other = P.other[a]
             d = vector(P.direction, a)
             if not P.global_direction[a]:
                 d = turned(matrix(R, b), d)
@@ -119,7 +141,9 @@ def _place(P, a, R, p, point, body):
 
 @inner
 def _add_work(T, P, w, o, dphi, body, force, moment, column):
-    """Add what a force and its moment about the ground's origin do along the axes that carry a body."""
+    """Add what a force and its moment about the ground's origin do along the axes that carry a
+    body.
+    """
     for index in range(w.shape[0]):
         if P.supports[body, index]:
             acts = force
@@ -132,7 +156,9 @@ def _add_work(T, P, w, o, dphi, body, force, moment, column):
 
 
 def free_coordinates(model: Model) -> tuple[str, ...]:
-    """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a coupler."""
+    """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a
+    coupler.
+    """
     return tuple(
         coordinate.name
         for coordinate in model.coordinates
@@ -142,26 +168,33 @@ def free_coordinates(model: Model) -> tuple[str, ...]:
     )
 
 
-RESERVE_FORCE, RESIDUAL_FORCE = 1.0, 10.0
+RESERVE_FORCE = 1.0
+RESIDUAL_FORCE = 10.0
 """Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
 ROTATOR_FORCE = 5.0
-"""Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent thigh outward [N m].
+"""Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent
+thigh outward [N m].
 
-Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings must straighten the
-hip alone, against quadriceps.
+Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings
+must straighten the hip alone, against quadriceps.
 """
 ROTATORS = ("quadfem", "quadratus", "obturator", "obtur", "gem")
-"""How names of those muscles begin, lower case without underscores: quadratus femoris, obturators, gemelli."""
+"""How names of those muscles begin, lower case without underscores: quadratus femoris, obturators,
+gemelli.
+"""
 
 
-def default_reserves(model: Model, reserve: float | None = None, residual: float | None = None) -> tuple[Actuator, ...]:
+def default_reserves(
+    model: Model, reserve: float | None = None, residual: float | None = None
+) -> tuple[Actuator, ...]:
     """A weak actuator for every free coordinate, and force and torque on a body that floats.
-    What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and torques with the
-    fourth power of the body's `length_unit`, as weights and their moments do. `ROTATOR_FORCE` stands in for muscles
-    that many models of the leg leave out.
-    `reserve`: optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]; `residual`: optimal
-    force of what holds a body that is joined to the ground by six free coordinates: "residual_FX" ... "residual_FZ" at
-    its mass center and "residual_MX" ... "residual_MZ", along the ground's axes [N], [N m].
+    What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and
+    torques with the fourth power of the body's `length_unit`, as weights and their moments do.
+    `ROTATOR_FORCE` stands in for muscles that many models of the leg leave out. `reserve`: optimal
+    force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]; `residual`:
+    optimal force of what holds a body that is joined to the ground by six free coordinates:
+    "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ... "residual_MZ", along
+    the ground's axes [N], [N m].
     """
     unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
     actuators: list[Actuator] = []
@@ -170,12 +203,17 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
     for joint in floating:
         ending = "" if len(floating) == 1 else f"_{joint.child}"
         center = model.body(joint.child).mass_center
-        kinds: tuple[tuple[Literal["point", "torque"], str, int], ...] = (("point", "F", 3), ("torque", "M", 4))
+        kinds: tuple[tuple[Literal["point", "torque"], str, int], ...] = (
+            ("point", "F", 3),
+            ("torque", "M", 4),
+        )
         for kind, letter, power in kinds:
             strength = RESIDUAL_FORCE * unit**power if residual is None else residual
             for axis, direction in zip("XYZ", np.eye(3), strict=True):
                 name = f"{RESIDUAL}{letter}{axis}{ending}"
-                push = Actuator(name, kind, strength, body=joint.child, point=center, direction=direction)
+                push = Actuator(
+                    name, kind, strength, body=joint.child, point=center, direction=direction
+                )
                 actuators.append(push)
     weak = _without_rotators(model)
     for name in free_coordinates(model):
@@ -188,7 +226,9 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
 
 
 def _without_rotators(model: Model) -> set[str]:
-    """Coordinates of the hips' axial rotation, by name; none where the model has muscles and rotators among them."""
+    """Coordinates of the hips' axial rotation, by name; none where the model has muscles and
+    rotators among them.
+    """
     plain = [muscle.name.lower().replace("_", "") for muscle in model.muscles]
     if not plain or any(name.startswith(ROTATORS) for name in plain):
         return set()
@@ -197,7 +237,9 @@ def _without_rotators(model: Model) -> set[str]:
 
 
 def floating_joints(model: Model) -> tuple[Joint, ...]:
-    """Joints to the ground with six free coordinates: each holds a subject or an object that floats."""
+    """Joints to the ground with six free coordinates: each holds a subject or an object that
+    floats.
+    """
     free = set(free_coordinates(model))
     return tuple(joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free))
 
@@ -206,36 +248,60 @@ def _floats(joint: Joint, free: set[str]) -> bool:
     moving = [axis for axis in joint.axes if axis.function.arity]
     used = {name for axis in moving for name in axis.coordinates}
     rotations = sum(axis.kind == "rotation" for axis in moving)
-    return len(moving) == 6 and rotations == 3 and used == set(joint.coordinates) and len(used) == 6 and used <= free
+    return (
+        len(moving) == 6
+        and rotations == 3
+        and used == set(joint.coordinates)
+        and len(used) == 6
+        and used <= free
+    )
 
 
 NEAR_ZERO_COST = 1e-6
-"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no curvature to step by."""
+"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no
+curvature to step by.
+"""
 
 
 class ActuatorTerm(Term):
-    """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's own actuators.
-    `actuators`: in the order of their controls; `optimal_forces` (actuators,) [N or N m].
+    """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's
+    own actuators. `actuators`: in the order of their controls; `optimal_forces` (actuators,) [N or
+    N m].
     """
 
     def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):
         self.actuators = tuple(actuators)
-        self.optimal_forces = np.array([actuator.optimal_force for actuator in actuators], dtype=np.float64)
-        self._tree, self._exponent = tree, exponent
-        self._on_bodies = [i for i, actuator in enumerate(actuators) if actuator.kind != "coordinate"]
+        self.optimal_forces = np.array(
+            [actuator.optimal_force for actuator in actuators], dtype=np.float64
+        )
+        self._tree = tree
+        self._exponent = exponent
+        self._on_bodies = [
+            i for i, actuator in enumerate(actuators) if actuator.kind != "coordinate"
+        ]
         self._bodies = compile_body_actuators(tree, [actuators[i] for i in self._on_bodies])
 
     def variables(self) -> Variables:
         """Controls, with their effort."""
-        count, names = len(self.actuators), tuple(actuator.name for actuator in self.actuators)
+        count = len(self.actuators)
+        names = tuple(actuator.name for actuator in self.actuators)
         lower, upper = (
-            np.array([[actuator.min_control, actuator.max_control] for actuator in self.actuators]).reshape(-1, 2).T
+            np.array([[actuator.min_control, actuator.max_control] for actuator in self.actuators])
+            .reshape(-1, 2)
+            .T
         )
-        return Variables(names, np.ones(count), np.full(count, self._exponent), lower, upper)
+        return Variables(
+            names=names,
+            weight=np.ones(count),
+            exponent=np.full(count, self._exponent),
+            lower=lower,
+            upper=upper,
+        )
 
     def entries(self) -> Sequence[tuple[int, int]]:
         """Of actuators on bodies first, then one of each actuator on a coordinate."""
-        names, bodies = self._tree.model.coordinate_names, self._bodies
+        names = self._tree.model.coordinate_names
+        bodies = self._bodies
         owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
         result = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
         return result + [
@@ -257,5 +323,11 @@ class ActuatorTerm(Term):
         """A curvature at 0 where the exponent leaves none."""
         if self._exponent <= 2.0:
             return None
-        columns, zero = unknowns.of(self), np.zeros((1, len(self.actuators)))
-        return Penalties(range(columns.start, columns.stop), zero, zero, np.full_like(zero, NEAR_ZERO_COST))
+        columns = unknowns.of(self)
+        zero = np.zeros((1, len(self.actuators)))
+        return Penalties(
+            columns=range(columns.start, columns.stop),
+            low=zero,
+            high=zero,
+            weight=np.full_like(zero, NEAR_ZERO_COST),
+        )

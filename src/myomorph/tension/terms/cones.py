@@ -1,8 +1,10 @@
-"""Friction cones by their generators, and the generalized forces of every generator of every contact.
+"""Friction cones by their generators, and the generalized forces of every generator of every
+contact.
 
-A linearised cone is kept by its generators: a force inside it is a sum of generators with amplitudes
-z >= 0, so that a cone is no more than a bound. The column of a generator is J^T (f; m) at a point of a body, less the
-same on what it touches where that is a body: force and reaction act at one place.
+A linearised cone is kept by its generators: a force inside it is a sum of generators with
+amplitudes z >= 0, so that a cone is no more than a bound. The column of a generator is J^T (f; m)
+at a point of a body, less the same on what it touches where that is a body: force and reaction act
+at one place.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ class ConeArrays(NamedTuple):
 
     body: NDArray[np.int64]  # (points,) numbers in the tree
     place: Array  # (points, 3) in the body's frame [m]
-    start: NDArray[np.int64]  # (points + 1,) generators of point i are start[i] ... start[i + 1] - 1
+    # (points + 1,) generators of point i are start[i] ... start[i + 1] - 1
+    start: NDArray[np.int64]
     frame: NDArray[np.int64]  # (generators,) body whose axes a generator is given in
     push: Array  # (generators, 3) force and moment of one unit of a generator [1]
     turn: Array  # (generators, 3) force and moment of one unit of a generator [m]
@@ -37,8 +40,10 @@ class ConeArrays(NamedTuple):
     # axis, sign: (reached,) number of the axis; 1 below the body, -1 below what it touches
     axis: NDArray[np.int64]
     sign: Array
-    slot: NDArray[np.int64]  # (reached, 2) which of a generator's entries the axis's coordinates are, -1 for none
-    first: NDArray[np.int64]  # (generators + 1,) entries of generator g are first[g] ... first[g + 1] - 1
+    # (reached, 2) which of a generator's entries the axis's coordinates are, -1 for none
+    slot: NDArray[np.int64]
+    # (generators + 1,) entries of generator g are first[g] ... first[g + 1] - 1
+    first: NDArray[np.int64]
     coordinate: NDArray[np.int64]  # (entries,)
 
 
@@ -53,8 +58,10 @@ class ConeGenerators:
     site: NDArray[np.int64]
     point: NDArray[np.int64]
     normal: Array  # (generators,) force along the cone's direction of one unit of the generator
-    lower: Array  # (generators,) least amplitude: 0, or -inf where the opposite generator is allowed too
-    cost: Array  # (generators,) of amplitude^2, so that one unit of force along the direction costs 1 in all
+    # (generators,) least amplitude: 0, or -inf where the opposite generator is allowed too
+    lower: Array
+    # (generators,) of amplitude^2, so that one unit of force along the direction costs 1 in all
+    cost: Array
     names: tuple[str, ...]  # (generators,) such as "heel_r point 0 generator 3"
     weight: Array  # (sites,) of the body that the site belongs to, unit of its amplitudes [N]
 
@@ -63,15 +70,26 @@ class ConeGenerators:
 
     def evaluate(self, coordinates: Array) -> tuple[Array, Array, Array, Array]:
         """Columns of all generators, and where and how they push.
-        `coordinates` (frames, coordinates) in the model's order, dependent ones consistent. Returns `entries` (frames,
-        entries) generalized forces of one unit of force, on `arrays.coordinate`; `places` (frames, points, 3) in ground
-        [m]; `pushes`, `turns` (frames, generators, 3) force and moment about the place, in ground [1], [m].
+        `coordinates` (frames, coordinates) in the model's order, dependent ones consistent. Returns
+        `entries` (frames, entries) generalized forces of one unit of force, on `arrays.coordinate`;
+        `places` (frames, points, 3) in ground [m]; `pushes`, `turns` (frames, generators, 3) force
+        and moment about the place, in ground [1], [m].
         """
-        frames, arrays = len(coordinates), self.arrays
+        frames = len(coordinates)
+        arrays = self.arrays
         entries = np.empty((frames, len(arrays.coordinate)))
         places = np.empty((frames, len(arrays.body), 3))
-        pushes, turns = np.empty((frames, len(self), 3)), np.empty((frames, len(self), 3))
-        contact_columns(self.tree.arrays, arrays, np.array(coordinates, order="C"), entries, places, pushes, turns)
+        pushes = np.empty((frames, len(self), 3))
+        turns = np.empty((frames, len(self), 3))
+        contact_columns(
+            self.tree.arrays,
+            arrays,
+            np.array(coordinates, order="C"),
+            entries,
+            places,
+            pushes,
+            turns,
+        )
         return entries, places, pushes, turns
 
 
@@ -81,7 +99,9 @@ def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
     for name in names:
         if names.count(name) > 1:
             raise BadModel(f"two contact sites are named '{name}': give one of them another name")
-    points: list[_Point] = [point for number, site in enumerate(sites) for point in _points(tree, number, site)]
+    points: list[_Point] = [
+        point for number, site in enumerate(sites) for point in _points(tree, number, site)
+    ]
     rows = [(i, point, e) for i, point in enumerate(points) for e in range(len(point.push))]
     arrays = ConeArrays(
         body=np.array([point.body for point in points], np.int64),
@@ -107,7 +127,9 @@ def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
         lower=np.array([point.lower[e] for _, point, e in rows], dtype=np.float64),
         cost=np.array([point.cost[e] for _, point, e in rows], dtype=np.float64),
         names=tuple(f"{point.label} generator {e}" for _, point, e in rows),
-        weight=np.array([subject_weight(tree, site.body, site.against) for site in sites], dtype=np.float64),
+        weight=np.array(
+            [subject_weight(tree, site.body, site.against) for site in sites], dtype=np.float64
+        ),
     )
 
 
@@ -132,22 +154,41 @@ class _Point(NamedTuple):
 
 def _points(tree: Tree, number: int, site: Site) -> list[_Point]:
     where = f"contact site '{site.name}': the model"
-    body, frame = tree.body_number(site.body, where), tree.body_number(site.cone.frame, where)
+    body = tree.body_number(site.body, where)
+    frame = tree.body_number(site.cone.frame, where)
     axes, signs, coordinates, slots = _reached(tree, site)
     result = []
     for j, place in enumerate(site.points):
         push, turn, lower, cost = site.cone.generators()
-        # What one unit of force along the direction costs does not depend on how many points share it.
+        # What one unit of force along the direction costs does not depend on how many points share
+        # it.
         cost = cost * len(site.points)
         if j == 0 and site.cone.grip > 0.0:
-            push, turn = np.vstack([push, np.zeros((3, 3))]), np.vstack([turn, site.cone.grip * np.eye(3)])
-            lower, cost = np.append(lower, np.full(3, -np.inf)), np.append(cost, np.ones(3))
+            push = np.vstack([push, np.zeros((3, 3))])
+            turn = np.vstack([turn, site.cone.grip * np.eye(3)])
+            lower = np.append(lower, np.full(3, -np.inf))
+            cost = np.append(cost, np.ones(3))
         normal = np.zeros(len(push)) if site.cone.direction is None else push @ site.cone.direction
         # Tangents are across the direction but for rounding.
         normal[np.abs(normal) < 1e-12] = 0.0
         label = f"{site.name} point {j}"
         result.append(
-            _Point(number, label, body, frame, place, push, turn, normal, lower, cost, axes, signs, coordinates, slots)
+            _Point(
+                number,
+                label,
+                body,
+                frame,
+                place,
+                push,
+                turn,
+                normal,
+                lower,
+                cost,
+                axes,
+                signs,
+                coordinates,
+                slots,
+            )
         )
     return result
 
@@ -161,8 +202,8 @@ def _ends(counts: list[int]) -> NDArray[np.int64]:
 
 
 def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int], list[list[int]]]:
-    """Axes between the two bodies of a contact with their signs, the coordinates, and which of them each axis has.
-    What both bodies hang on feels a force and its reaction at one place not at all.
+    """Axes between the two bodies of a contact with their signs, the coordinates, and which of them
+    each axis has. What both bodies hang on feels a force and its reaction at one place not at all.
     """
     supports = tree.supports[tree.body_index[site.body]]
     other = tree.supports[tree.body_number(site.against, f"contact site '{site.name}': the model")]
@@ -174,8 +215,11 @@ def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int],
 
 
 def subject_weight(tree: Tree, *bodies: str) -> float:
-    """Weight of the heaviest subject or object that bodies belong to: all that hangs on one joint to the ground [N]."""
-    root, mass = tree.roots, tree.arrays.mass
+    """Weight of the heaviest subject or object that bodies belong to: all that hangs on one joint
+    to the ground [N].
+    """
+    root = tree.roots
+    mass = tree.arrays.mass
     gravity = float(np.linalg.norm(tree.arrays.gravity)) or STANDARD_GRAVITY
     ends = {int(root[tree.body_index[name]]) for name in bodies} - {0}
     heaviest = max((float(mass[root == end].sum()) for end in ends), default=0.0)
@@ -185,12 +229,18 @@ def subject_weight(tree: Tree, *bodies: str) -> float:
 @kernel
 def contact_columns(T, P, coordinates, entries, places, pushes, turns):
     """Fill what `ConeGenerators.evaluate` returns, frame by frame."""
-    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    bodies = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    R = np.empty((bodies, 3, 3))
+    p = np.empty((bodies, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
     for frame in range(coordinates.shape[0]):
         body_poses(T, coordinates[frame], R, p, w, o, dphi)
-        push, turn, out = pushes[frame], turns[frame], entries[frame]
+        push = pushes[frame]
+        turn = turns[frame]
+        out = entries[frame]
         for e in range(out.shape[0]):
             out[e] = 0.0
         for i in range(P.body.shape[0]):

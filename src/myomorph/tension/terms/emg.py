@@ -13,7 +13,9 @@ from myomorph.model.series import Series
 from myomorph.tension.terms.term import Penalties, Term, Unknowns
 
 STIFFNESS = 1e4
-"""Cost of passing the slack of driven muscles, of the excess squared, in units of the effort a^2 of one muscle."""
+"""Cost of passing the slack of driven muscles, of the excess squared, in units of the effort a^2 of
+one muscle.
+"""
 
 
 @read_only
@@ -24,8 +26,9 @@ class EmgTarget(Term):
     ----------
     muscles : names of the muscles that are known of
     activations : (frames, muscles) in 0..1, NaN where unknown
-    mode : "soft": in place of the effort, the cost has weight (a - activation)^2; "driven": a may differ by `slack`
-        only, beyond which a stiff cost of the same form gives way, so that the problem always has a solution
+    mode : "soft": in place of the effort, the cost has weight (a - activation)^2; "driven": a may
+        differ by `slack` only, beyond which a stiff cost of the same form gives way, so that the
+        problem always has a solution
     weight : of the soft target, in units of the effort a^2 of one muscle; 0 for none
     slack : [activation]
     others : (frames, muscles) what synergies say of further muscles, drawn softly; None for nothing
@@ -51,9 +54,10 @@ class EmgTarget(Term):
     def penalties(self, unknowns: Unknowns) -> Penalties:
         """L = h near EMG with a soft target, EMG -+ slack with driven muscles.
 
-        Beside a firm target the effort says nothing more of a muscle: w a^p + k (a - t)^2 is least at the EMG where
-        t = EMG + w p EMG^(p-1) / (2 k), so that co-contraction costs nothing. The share k / (1 + k) of that is added:
-        all of it to a firm target, nothing to one that is hardly there.
+        Beside a firm target the effort says nothing more of a muscle: w a^p + k (a - t)^2 is least
+        at the EMG where t = EMG + w p EMG^(p-1) / (2 k), so that co-contraction costs nothing. The
+        share k / (1 + k) of that is added: all of it to a firm target, nothing to one that is
+        hardly there.
 
         Raises
         ------
@@ -61,22 +65,32 @@ class EmgTarget(Term):
         UnknownName : where it knows of a muscle that the model does not have
         """
         frames = len(unknowns.time)
-        names, values = self.muscles, self.activations
+        names = self.muscles
+        values = self.activations
         if self.others is not None:
-            names, values = (*names, *self.others.names), np.hstack([values, self.others.values])
+            names = (*names, *self.others.names)
+            values = np.hstack([values, self.others.values])
         if len(values) != frames:
-            raise BadData(f"EMG has {len(values)} frames, the motion {frames}: both must have the same times")
-        columns = [index_of("muscle", name, unknowns.muscles, "the model, for EMG,") for name in names]
+            raise BadData(
+                f"EMG has {len(values)} frames, the motion {frames}: both must have the same times"
+            )
+        columns = [
+            index_of("muscle", name, unknowns.muscles, "the model, for EMG,") for name in names
+        ]
         if len(set(columns)) != len(columns):
             twice = next(name for name in names if names.count(name) > 1)
             raise BadData(f"EMG is given for muscle '{twice}' twice: combine its channels first")
         measured = np.arange(len(names)) < len(self.muscles)
         soft = ~measured | (self.mode == "soft")
-        weight = np.where(measured, self.weight if self.mode == "soft" else STIFFNESS, self.others_weight)
-        effort, held = unknowns.muscle_term.variables(), np.clip(values, 0.0, 1.0)
-        factors, exponents = effort.weight[columns], effort.exponent[columns]
+        weight = np.where(
+            measured, self.weight if self.mode == "soft" else STIFFNESS, self.others_weight
+        )
+        effort = unknowns.muscle_term.variables()
+        held = np.clip(values, 0.0, 1.0)
+        factors = effort.weight[columns]
+        exponents = effort.exponent[columns]
         firm = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
         goals = np.where(soft, firm, values)
         slack = np.where(soft, 0.0, self.slack)
         stiffness = np.where(np.isfinite(values), weight, 0.0)
-        return Penalties(columns, goals - slack, goals + slack, stiffness)
+        return Penalties(columns=columns, low=goals - slack, high=goals + slack, weight=stiffness)

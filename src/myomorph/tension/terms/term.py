@@ -99,7 +99,8 @@ class Unknowns:
             if each_term is term:
                 return place
         raise BadData(
-            f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the problem"
+            f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the"
+            " problem"
         )
 
     def row(self, factors: Mapping[str, float]) -> Array:

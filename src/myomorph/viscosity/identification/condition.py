@@ -60,7 +60,8 @@ class Influences:
         """(estimates,) whether trials differ more than their blocks tell (a test of variances)."""
         if len(self.trials) < 2:
             return np.zeros(len(self.values), bool)
-        inner, outer = (np.square(parts).sum(axis=0) for parts in (self.blocks, self.trials))
+        inner = np.square(self.blocks).sum(axis=0)
+        outer = np.square(self.trials).sum(axis=0)
         inner = inner / self.parted
         ratio = np.divide(outer, inner, out=np.zeros_like(outer), where=inner > 0.0)
         most = scipy.stats.f.ppf(1.0 - REJECT, _freedom(self.trials), _freedom(self.blocks))
@@ -140,7 +141,9 @@ class ConditionSolution:
         """Of the blocks on `Solution.estimates`."""
         value = self.whole.estimates
         blocks = np.array([value - block.estimates for block in self.lacking]) / LACKING
-        return Influences(value, blocks, self.sums.trial, self.sums.parted)
+        return Influences(
+            values=value, blocks=blocks, trial=self.sums.trial, parted=self.sums.parted
+        )
 
     def torque(self, solution: Solution) -> Array:
         """(axes, 2 + muscles, 2 + muscles) `torque_problem` of a solution."""
@@ -164,7 +167,7 @@ def solve_condition(
     lacking = [
         solve_blocks(sums, counts, inertial, stiffness, whole.inertia.noise) for counts in parts
     ]
-    return ConditionSolution(sums, whole, tuple(lacking), stiffness)
+    return ConditionSolution(sums=sums, whole=whole, lacking=tuple(lacking), stiffness=stiffness)
 
 
 def solve_blocks(
@@ -178,7 +181,8 @@ def solve_blocks(
     intervals need.
     """
     inertia = limb_inertia(sums, counts, inertial, noise)
-    products, frames = sums.torque_total(counts), float(counts @ sums.frames)
+    products = sums.torque_total(counts)
+    frames = float(counts @ sums.frames)
     problems = (
         torque_problem(products, parameters, stiffness) for parameters in (inertia.parameters, None)
     )

@@ -425,7 +425,10 @@ def _both(
     """Influences of the blocks without muscles, then those with."""
     trial = np.concatenate([bare.sums.trial, full.sums.trial + len(bare.sums.names)])
     return Influences(
-        values, (values - blocks) / LACKING, trial, min(bare.sums.parted, full.sums.parted)
+        values=values,
+        blocks=(values - blocks) / LACKING,
+        trial=trial,
+        parted=min(bare.sums.parted, full.sums.parted),
     )
 
 
@@ -507,7 +510,8 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
     shares = np.array([pcsa[name] for name in names], dtype=np.float64)
     if not (np.isfinite(shares).all() and (shares > 0.0).all()):
         raise BadData(
-            f"a muscle's cross-section must be above 0: got {dict(zip(names, shares.tolist(), strict=True))}"
+            "a muscle's cross-section must be above 0: got"
+            f" {dict(zip(names, shares.tolist(), strict=True))}"
         )
     return shares / shares.mean()
 

@@ -1,4 +1,6 @@
-"""Steps 2 and 3: viscosity of joint and muscles from the torque of free swings ([S] eq. 1 to 3), beside a spring."""
+"""Steps 2 and 3: viscosity of joint and muscles from the torque of free swings ([S] eq. 1 to 3),
+beside a spring.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +15,35 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
-from myomorph.viscosity.swings.sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, RESISTED, SwingSums, eliminated
+from myomorph.viscosity.swings.sums import (
+    ANGLE,
+    CONSTANT,
+    MUSCLES,
+    PLATE,
+    RATE,
+    RESISTED,
+    SwingSums,
+    eliminated,
+)
 
 TORQUE, SPEED, JOINT, FIRST = range(4)
-"""Columns of a torque problem: the torque by inverse dynamics, the rate, what the joint resists, then one a muscle."""
+"""Columns of a torque problem: the torque by inverse dynamics, the rate, what the joint resists,
+then one a muscle.
+"""
 
 
-RANK_TOLERANCE = 1e-6  # Of the largest singular value: a combination of muscles that turns the limb less is not shown.
-MAX_SHIFT = 1.5  # A rest farther than this from the mean pose is not believed: there is hardly a spring [rad].
+# Of the largest singular value: a combination of muscles that turns the limb less is not shown.
+RANK_TOLERANCE = 1e-6
+# A rest farther than this from the mean pose is not believed: there is hardly a spring [rad].
+MAX_SHIFT = 1.5
 
 
 @read_only
 class JointViscosity:
-    """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper prints it, and each
-    for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one rate (axes,) [N m]; `law`: of torque =
-    -law resisted, the one value where the joint resists its rates.
+    """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper
+    prints it, and each for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one
+    rate (axes,) [N m]; `law`: of torque = -law resisted, the one value where the joint resists its
+    rates.
     """
 
     one: float
@@ -41,9 +57,10 @@ class JointViscosity:
 
 
 def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
-    """(axes, 3 + muscles, 3 + muscles) products of [torque, rate, resisted, u] of each axis, torque = torque_rows phi,
-    from `SwingSums.torque_total`; without `parameters` the torque that the plate measures. `stiffness`: take off what a
-    spring and a constant torque of each axis explain, so that neither biases what resists motion.
+    """(axes, 3 + muscles, 3 + muscles) products of [torque, rate, resisted, u] of each axis, torque
+    = torque_rows phi, from `SwingSums.torque_total`; without `parameters` the torque that the plate
+    measures. `stiffness`: take off what a spring and a constant torque of each axis explain, so
+    that neither biases what resists motion.
     """
     if stiffness:
         products = eliminated(products, [CONSTANT, ANGLE])
@@ -59,14 +76,21 @@ def torque_problem(products: Array, parameters: Array | None, stiffness: bool = 
 
 
 def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
-    """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over each."""
-    power, square = -problem[:, TORQUE, SPEED], problem[:, SPEED, SPEED]
+    """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over
+    each.
+    """
+    power = -problem[:, TORQUE, SPEED]
+    square = problem[:, SPEED, SPEED]
     axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
     sizes = ((column, problem[:, column, column].sum()) for column in (SPEED, JOINT))
-    slopes = (problem[:, TORQUE, column].sum() / size if size > 0.0 else 0.0 for column, size in sizes)
+    slopes = (
+        problem[:, TORQUE, column].sum() / size if size > 0.0 else 0.0 for column, size in sizes
+    )
     common, law = (max(-float(slope), 0.0) for slope in slopes)
     left = problem[:, TORQUE, TORQUE] - 2.0 * common * power + common**2 * square
-    return JointViscosity(common, law, axes, np.sqrt(np.maximum(left, 0.0) / frames))
+    return JointViscosity(
+        one=common, law=law, axes=axes, residual=np.sqrt(np.maximum(left, 0.0) / frames)
+    )
 
 
 @read_only
@@ -80,7 +104,11 @@ class MuscleProblem:
     def singular_values(self) -> Array:
         """(muscles,) of the rows behind H, relative to the largest, descending."""
         values = np.linalg.eigvalsh(self.H)[::-1]
-        return np.sqrt(np.maximum(values, 0.0) / values[0]) if values[0] > 0.0 else np.zeros(len(values))
+        return (
+            np.sqrt(np.maximum(values, 0.0) / values[0])
+            if values[0] > 0.0
+            else np.zeros(len(values))
+        )
 
     @property
     def rank(self) -> int:
@@ -88,16 +116,23 @@ class MuscleProblem:
         return int((self.singular_values > RANK_TOLERANCE).sum())
 
     def resolved(self, variance: float, common: float) -> int:
-        """Number of combinations whose size, were all muscles `common`, is above its standard error."""
+        """Number of combinations whose size, were all muscles `common`, is above its standard
+        error.
+        """
         values = np.maximum(np.linalg.eigvalsh(self.H), 0.0)
         return int((values * common**2 > variance).sum())
 
     def solved(self, pcsa: Array, strength: float) -> Array:
-        """(2 + muscles,) d_M of [S] eq. 3, torque + d_J rate = -J_M^T d_M J_M rate [N s/m]: one value of all muscles;
-        the factor of shares of the cross-section, `pcsa` (muscles,) of mean 1; each muscle, drawn towards the one.
+        """(2 + muscles,) d_M of [S] eq. 3, torque + d_J rate = -J_M^T d_M J_M rate [N s/m]: one
+        value of all muscles; the factor of shares of the cross-section, `pcsa` (muscles,) of mean
+        1; each muscle, drawn towards the one.
         """
         common = self.along(np.ones(len(self.g)))
-        single = self.towards(common, strength) if np.isfinite(strength) else np.full(len(self.g), common)
+        single = (
+            self.towards(common, strength)
+            if np.isfinite(strength)
+            else np.full(len(self.g), common)
+        )
         return np.array([common, self.along(pcsa), *single])
 
     def along(self, shares: Array) -> float:
@@ -106,25 +141,31 @@ class MuscleProblem:
         return max(float(shares @ self.g) / square, 0.0) if square > 0.0 else 0.0
 
     def towards(self, common: float, strength: float) -> Array:
-        """(muscles,) values, at least 0, that minimise d H d / 2 - g d + strength |d - common|^2 / 2."""
+        """(muscles,) values, at least 0, that minimise d H d / 2 - g d + strength |d - common|^2 /
+        2.
+        """
         L = cholesky(self.H + strength * np.eye(len(self.g)), lower=True)
         return nnls(L.T, solve_triangular(L, self.g + strength * common, lower=True))[0]
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
-    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J resisted taken off; d_J (axes,)."""
+    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J resisted taken
+    off; d_J (axes,).
+    """
     H = problem[:, FIRST:, FIRST:].sum(axis=0)
     g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, JOINT, FIRST:]).sum(axis=0)
     return MuscleProblem(H, g)
 
 
 def noise_variance(blocks: Array, joint: Array) -> float:
-    """Variance that noise, independent between frames, would need for scores that scatter over the blocks as they do.
-    The scores are those of the muscles' values that fit best without any restraint, so that muscles which differ do not
-    count as noise; frames that depend on each other count as what they are.
+    """Variance that noise, independent between frames, would need for scores that scatter over the
+    blocks as they do. The scores are those of the muscles' values that fit best without any
+    restraint, so that muscles which differ do not count as noise; frames that depend on each other
+    count as what they are.
     """
     each = [muscle_problem(block, joint) for block in blocks]
-    H, g = np.sum([block.H for block in each], axis=0), np.sum([block.g for block in each], axis=0)
+    H = np.sum([block.H for block in each], axis=0)
+    g = np.sum([block.g for block in each], axis=0)
     best = np.linalg.pinv(H, rcond=RANK_TOLERANCE**2, hermitian=True) @ g
     scores = np.array([block.g - block.H @ best for block in each])
     free = max(len(each) - MuscleProblem(H, g).rank, 1) / len(each)
@@ -133,7 +174,9 @@ def noise_variance(blocks: Array, joint: Array) -> float:
 
 
 def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
-    """Variance / (spread common)^2: the prior of a muscle is normal about the common value with that relative SD."""
+    """Variance / (spread common)^2: the prior of a muscle is normal about the common value with
+    that relative SD.
+    """
     if not common > 0.0:
         return float("inf")
     least = 1e-12 * float(np.trace(problem.H)) / len(problem.g)
@@ -141,12 +184,14 @@ def ridge_strength(problem: MuscleProblem, variance: float, common: float, sprea
 
 
 def neutral_position(sums: SwingSums, parameters: Array) -> Array:
-    """(axes,) rotation c from the slack spring to where the angles are zero; zero where there is no spring.
+    """(axes,) rotation c from the slack spring to where the angles are zero; zero where there is no
+    spring.
 
-    Only angles that are counted from the neutral position make a ball's spring linear in them: with R_rest moved by a
-    small c, log(exp(c) exp(theta)) = theta + c + c x theta / 2 + ... The last part is neither spring nor constant, does
-    work like a damper in a conical swing, and 0.02 rad of it change the viscosity by 1 % (`docs/viscosity.md`). Least
-    squares of torque = -d rate - u d_M - k (angle + c): d, d_M and c of each axis, k of all.
+    Only angles that are counted from the neutral position make a ball's spring linear in them: with
+    R_rest moved by a small c, log(exp(c) exp(theta)) = theta + c + c x theta / 2 + ... The last
+    part is neither spring nor constant, does work like a damper in a conical swing, and 0.02 rad of
+    it change the viscosity by 1 % (`docs/viscosity.md`). Least squares of torque = -d rate - u d_M
+    - k (angle + c): d, d_M and c of each axis, k of all.
     """
     left = _without_dampers(sums, parameters)
     varying = eliminated(left, [2])
@@ -159,7 +204,9 @@ def neutral_position(sums: SwingSums, parameters: Array) -> Array:
 
 
 def spring_misfit(sums: SwingSums, parameters: Array) -> float:
-    """Sum of squares that the same least squares leave of the torque, with k of all axes and c of each [N^2 m^2]."""
+    """Sum of squares that the same least squares leave of the torque, with k of all axes and c of
+    each [N^2 m^2].
+    """
     varying = eliminated(_without_dampers(sums, parameters), [2])
     square = float(varying[:, 1, 1].sum())
     explained = float(varying[:, 0, 1].sum()) ** 2 / square if square > 0.0 else 0.0
@@ -173,7 +220,9 @@ def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
     chosen[:PARAMETERS, 0] = parameters
     chosen[[ANGLE, CONSTANT, RATE], [1, 2, 3]] = 1.0
     chosen[MUSCLES:, 4:] = np.eye(muscles)
-    return eliminated(chosen.T @ sums.torque_total(np.ones(len(sums))) @ chosen, range(3, 4 + muscles))
+    return eliminated(
+        chosen.T @ sums.torque_total(np.ones(len(sums))) @ chosen, range(3, 4 + muscles)
+    )
 
 
 def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[SwingRecording]:
@@ -182,6 +231,8 @@ def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[Swi
     turn = Rotation.from_rotvec(shift)
     for recording in recordings:
         angles = np.array(recording.angles)
-        angles[recording.used] = (turn * Rotation.from_rotvec(recording.angles[recording.used])).as_rotvec()
+        angles[recording.used] = (
+            turn * Rotation.from_rotvec(recording.angles[recording.used])
+        ).as_rotvec()
         result.append(replace(recording, angles=angles))
     return result

@@ -1,4 +1,6 @@
-"""Where a relaxed limb was let go and swung: drops of a recording, their half swings, and muscles not silent."""
+"""Where a relaxed limb was let go and swung: drops of a recording, their half swings, and muscles
+not silent.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,13 @@ AWAY = np.deg2rad(15.0)  # How far from where it hangs a limb is let go, at leas
 MIN_EXCURSION = np.deg2rad(2.0)  # Of a half swing that is used [rad].
 MIN_HALVES = 4  # Half swings of a drop that is used.
 
-SILENT, SILENT_UNKNOWN = (
-    "the silence of muscles was judged by EMG",
-    "no EMG was recorded: whether the muscles were silent is not known",
-)
+SILENT = "the silence of muscles was judged by EMG"
+SILENT_UNKNOWN = "no EMG was recorded: whether the muscles were silent is not known"
 BAND = EnvelopeOptions(cutoff=20.0)
-QUIET = 0.3  # Shortest stretch of a limb at rest from which the level of a silent muscle is taken [s].
-ABOVE = 5.0  # Standard deviations over that level from which on a muscle is active (Hodges and Bui 1996 use 3).
+# Shortest stretch of a limb at rest from which the level of a silent muscle is taken [s].
+QUIET = 0.3
+# Standard deviations over that level from which on a muscle is active (Hodges and Bui 1996 use 3).
+ABOVE = 5.0
 BURST = 0.02  # Shortest activity that is named [s].
 FORCE_AFTER = 0.1  # How long a muscle may pull after its EMG has ended [s].
 
@@ -57,7 +59,9 @@ class Drop:
     @property
     def parts(self) -> list[slice]:
         """Frames of half swings in use that follow each other."""
-        return [slice(int(self.turns[start]), int(self.turns[stop])) for start, stop in runs(self.used)]
+        return [
+            slice(int(self.turns[start]), int(self.turns[stop])) for start, stop in runs(self.used)
+        ]
 
     def time(self, half: int) -> tuple[float, float]:
         """When a half swing begins and ends [s]."""
@@ -65,9 +69,12 @@ class Drop:
         return float(begin), float(end)
 
 
-def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Array, rates: Array) -> tuple[Drop, ...]:
-    """The drops of a recording: each begins where a limb that was held away from where it hangs gets fast, and ends
-    with its last half swing of `MIN_EXCURSION`. Arrays (frames,) as of `Drop`. Raises `BadData` where there is none.
+def find_drops(
+    name: str, equation: SwingEquation, measured: Array, angles: Array, rates: Array
+) -> tuple[Drop, ...]:
+    """The drops of a recording: each begins where a limb that was held away from where it hangs
+    gets fast, and ends with its last half swing of `MIN_EXCURSION`. Arrays (frames,) as of `Drop`.
+    Raises `BadData` where there is none.
     """
     speed = np.abs(rates)
     fastest = float(np.nanmax(speed, initial=0.0))
@@ -75,12 +82,20 @@ def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Arra
     last = angles[-max(3, len(angles) // 20) :]
     # Where the recording ends, unless the limb still swings there.
     rest = float(np.nanmedian(last if np.ptp(last) < AWAY else angles))
-    held = [stop for start, stop in runs(still) if not start or equation.time[stop - 1] - equation.time[start] > HELD]
+    held = [
+        stop
+        for start, stop in runs(still)
+        if not start or equation.time[stop - 1] - equation.time[start] > HELD
+    ]
     starts = [stop for stop in held if abs(angles[stop - 1] - rest) > AWAY]
     drops: list[Drop] = []
     for start, end in pairwise([*starts, len(angles)]):
         moving = np.flatnonzero(speed[start:end] > RELEASED * fastest)
-        towards = moving[np.sign(rates[start + moving]) == np.sign(rest - angles[start])] if len(moving) else moving
+        towards = (
+            moving[np.sign(rates[start + moving]) == np.sign(rest - angles[start])]
+            if len(moving)
+            else moving
+        )
         if not len(towards):
             continue
         first = start + int(towards[0])
@@ -93,19 +108,32 @@ def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Arra
         if len(turns) > MIN_HALVES:
             title = name if len(starts) == 1 else f"{name}, drop {len(drops) + 1}"
             used = np.ones(len(turns) - 1, bool)
-            drops.append(Drop(title, equation, measured, angles, rates, turns, used))
+            drops.append(
+                Drop(
+                    name=title,
+                    equation=equation,
+                    measured=measured,
+                    angles=angles,
+                    rates=rates,
+                    turns=turns,
+                    used=used,
+                )
+            )
     if not drops:
         swung = f"it moves through {np.rad2deg(np.nanmax(angles) - np.nanmin(angles)):.0f} degrees"
         raise BadData(
-            f"'{name}' holds no drop, a limb let go {np.rad2deg(AWAY):.0f} degrees or more from where it hangs that "
-            f"then swings {MIN_HALVES} half swings or more by itself: {swung}; give its 'time', or record another"
+            f"'{name}' holds no drop, a limb let go {np.rad2deg(AWAY):.0f} degrees or more from"
+            f" where it hangs that then swings {MIN_HALVES} half swings or more by itself: {swung};"
+            " give its 'time', or record another"
         )
     return tuple(drops)
 
 
 @dataclass(frozen=True)
 class Activity:
-    """A muscle that should be silent and is not [s]; `ratio` of its largest envelope to its level at rest."""
+    """A muscle that should be silent and is not [s]; `ratio` of its largest envelope to its level
+    at rest.
+    """
 
     muscle: str
     start: float
@@ -113,36 +141,55 @@ class Activity:
     ratio: float
 
 
-def activities(emg: Series, muscles: Sequence[str], rest: Sequence[tuple[float, float]]) -> tuple[Activity, ...]:
+def activities(
+    emg: Series, muscles: Sequence[str], rest: Sequence[tuple[float, float]]
+) -> tuple[Activity, ...]:
     """Where raw EMG (samples, channels) rises above its level while the limb rests.
 
-    `muscles`: channels that must be silent, all where none is named; `rest`: times in which the limb is at rest [s].
-    Raises `BadData` where a channel is unknown, or nothing shows its level.
+    `muscles`: channels that must be silent, all where none is named; `rest`: times in which the
+    limb is at rest [s]. Raises `BadData` where a channel is unknown, or nothing shows its level.
     """
     unknown = [name for name in muscles if name not in emg.names]
     if unknown:
-        raise BadData(f"no EMG channel '{unknown[0]}': the recording has {listing(unknown[0], emg.names)}")
+        raise BadData(
+            f"no EMG channel '{unknown[0]}': the recording has {listing(unknown[0], emg.names)}"
+        )
     smooth = linear_envelope(emg, BAND)
-    quiet = [(emg.time >= start) & (emg.time <= stop) for start, stop in rest if stop - start >= QUIET]
+    quiet = [
+        (emg.time >= start) & (emg.time <= stop) for start, stop in rest if stop - start >= QUIET
+    ]
     if not any(part.any() for part in quiet):
         raise BadData(
-            f"the limb rests nowhere for {QUIET:g} s, so the level of silent muscles is unknown: record a second more "
-            "before the limb is let go, or until it hangs still"
+            f"the limb rests nowhere for {QUIET:g} s, so the level of silent muscles is unknown:"
+            " record a second more before the limb is let go, or until it hangs still"
         )
     result = []
     for name in muscles or emg.names:
         envelope = smooth[name]
-        levels = [(float(envelope[part].mean()), float(envelope[part].std())) for part in quiet if part.any()]
+        levels = [
+            (float(envelope[part].mean()), float(envelope[part].std()))
+            for part in quiet
+            if part.any()
+        ]
         level, spread = min(levels)
         for start, stop in runs(envelope > max(level + ABOVE * spread, 2.0 * level)):
-            begin, end = float(emg.time[start]), float(emg.time[stop - 1])
+            begin = float(emg.time[start])
+            end = float(emg.time[stop - 1])
             if end - begin >= BURST:
-                result.append(Activity(name, begin, end, float(envelope[start:stop].max()) / max(level, 1e-300)))
+                result.append(
+                    Activity(
+                        muscle=name,
+                        start=begin,
+                        stop=end,
+                        ratio=float(envelope[start:stop].max()) / max(level, 1e-300),
+                    )
+                )
     return tuple(result)
 
 
 def at_rest(drops: Sequence[Drop]) -> list[tuple[float, float]]:
     """Times of a recording in which its limb is at rest [s]."""
-    speed, time = np.abs(drops[0].rates), drops[0].equation.time
+    speed = np.abs(drops[0].rates)
+    time = drops[0].equation.time
     still = speed < STILL * np.nanmax(speed)
     return [(float(time[start]), float(time[stop - 1])) for start, stop in runs(still)]

@@ -1,8 +1,9 @@
-"""Damping, stiffness, rest angle and friction of a relaxed joint from how its limb swings, masses known from a model.
+"""Damping, stiffness, rest angle and friction of a relaxed joint from how its limb swings, masses
+known from a model.
 
-Unknown are the law's coefficients, the same in all drops, and the state in which each stretch of swings begins; they
-minimize the square of measured less swung angles. Noise of markers is in what is compared and in no row, so nothing is
-differentiated but for the first guess.
+Unknown are the law's coefficients, the same in all drops, and the state in which each stretch of
+swings begins; they minimize the square of measured less swung angles. Noise of markers is in what
+is compared and in no row, so nothing is differentiated but for the first guess.
 """
 
 from __future__ import annotations
@@ -23,19 +24,31 @@ from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_
 
 SPRUNG = ("viscosity", "stiffness")
 LAWS: tuple[tuple[str, ...], ...] = (("viscosity",), SPRUNG, (*SPRUNG, "coulomb"))
-"""What is compared, the simplest first; with stiffness goes the angle at which the spring is at rest."""
+"""What is compared, the simplest first; with stiffness goes the angle at which the spring is at
+rest.
+"""
 UNITS: Mapping[str, str] = {
-    "viscosity": "N m s/rad", "stiffness": "N m/rad", "zero_torque": "N m", "rest_angle": "rad", "coulomb": "N m",
-}  # fmt: skip
+    "viscosity": "N m s/rad",
+    "stiffness": "N m/rad",
+    "zero_torque": "N m",
+    "rest_angle": "rad",
+    "coulomb": "N m",
+}
 """Of the quantities, in the order of the tables; the spring is slack at its rest angle."""
 AS_GOOD = 1.1  # A simpler law is taken whose held-out error is within this factor of the least.
 MAX_FOLDS = 4
 WIDTH = 0.02
-"""Angular velocity within which friction turns its sign [rad/s]: nothing here is low-passed, which would spread it."""
-MAX_STEPS, SETTLED = 30, 1e-9  # Of the search, and the share of the sum of squares whose gain ends it.
+"""Angular velocity within which friction turns its sign [rad/s]: nothing here is low-passed, which
+would spread it.
+"""
+MAX_STEPS = 30
+SETTLED = 1e-9  # Of the search, and the share of the sum of squares whose gain ends it.
 NEAR = 0.06  # Time either side of a turn over which its angle is fitted [s].
-MISSED, MISSED_SHARE = np.deg2rad(2.0), 0.05
-"""By how much a half swing may end elsewhere than constant coefficients predict: an angle [rad] and a share of it."""
+MISSED = np.deg2rad(2.0)
+MISSED_SHARE = 0.05
+"""By how much a half swing may end elsewhere than constant coefficients predict: an angle [rad] and
+a share of it.
+"""
 USUAL = Sources()
 
 
@@ -58,12 +71,16 @@ class LimbOptions:
 
     def __post_init__(self) -> None:
         if not (self.cutoff > 0.0 and min(self.mass_sd, self.center_sd, self.inertia_sd) >= 0.0):
-            raise BadData(f"a relaxed limb needs a cutoff above 0 and errors of 0 or more, but got {self}")
+            raise BadData(
+                f"a relaxed limb needs a cutoff above 0 and errors of 0 or more, but got {self}"
+            )
 
 
 @dataclass(frozen=True)
 class LimbBody:
-    """What swings: its mass [kg], the distance of its center from the axis [m] and its inertia about that [kg m^2]."""
+    """What swings: its mass [kg], the distance of its center from the axis [m] and its inertia
+    about that [kg m^2].
+    """
 
     mass: float
     distance: float
@@ -71,30 +88,44 @@ class LimbBody:
 
     @staticmethod
     def of(equation: SwingEquation, mass: float, gravity: float) -> LimbBody:
-        """Of the mass that swings in a field [m/s^2], distance and inertia as an equation of motion has them."""
-        angles = np.linspace(equation.middle - 0.8 * equation.half, equation.middle + 0.8 * equation.half, 30)
+        """Of the mass that swings in a field [m/s^2], distance and inertia as an equation of motion
+        has them.
+        """
+        angles = np.linspace(
+            equation.middle - 0.8 * equation.half, equation.middle + 0.8 * equation.half, 30
+        )
         still = np.zeros(len(equation.time))
         weights = [equation.torque(still + angle, still, still).mean() for angle in angles]
-        moment = np.linalg.lstsq(np.array([np.cos(angles), np.sin(angles)]).T, weights, rcond=None)[0]
+        moment = np.linalg.lstsq(np.array([np.cos(angles), np.sin(angles)]).T, weights, rcond=None)[
+            0
+        ]
         at = still + equation.middle
-        inertia = float((equation.torque(at, still, still + 1.0) - equation.torque(at, still, still)).mean())
+        inertia = float(
+            (equation.torque(at, still, still + 1.0) - equation.torque(at, still, still)).mean()
+        )
         return LimbBody(mass, float(np.linalg.norm(moment)) / (gravity * mass), inertia)
 
     def errors(self, options: LimbOptions) -> dict[str, tuple[float, float]]:
-        """Factors of inertia and of mass times distance, by source, each one standard deviation off."""
+        """Factors of inertia and of mass times distance, by source, each one standard deviation
+        off.
+        """
         central = max(self.inertia - self.mass * self.distance**2, 0.0)
         moved = options.center_sd * np.sqrt(central / self.mass)
         return {
             "mass": (1.0 + options.mass_sd, 1.0 + options.mass_sd),
-            "mass center": (1.0 + 2.0 * self.mass * self.distance * moved / self.inertia, 1.0 + moved / self.distance),
+            "mass center": (
+                1.0 + 2.0 * self.mass * self.distance * moved / self.inertia,
+                1.0 + moved / self.distance,
+            ),
             "inertia": (1.0 + options.inertia_sd * central / self.inertia, 1.0),
         }
 
 
 @read_only
 class SwingFit:
-    """A law fitted to drops: coefficients and the states (parts, 2) in which their parts begin [rad], [rad/s]; what is
-    left of the angles (frames,) [rad], its derivatives (frames, free + states), and which half swing each is of.
+    """A law fitted to drops: coefficients and the states (parts, 2) in which their parts begin
+    [rad], [rad/s]; what is left of the angles (frames,) [rad], its derivatives (frames, free +
+    states), and which half swing each is of.
     """
 
     terms: tuple[str, ...]
@@ -107,7 +138,9 @@ class SwingFit:
 
 @dataclass(frozen=True)
 class Missed:
-    """A half swing that ends elsewhere than constant coefficients predict [rad]: `short` of it where positive."""
+    """A half swing that ends elsewhere than constant coefficients predict [rad]: `short` of it
+    where positive.
+    """
 
     drop: str
     half: int
@@ -118,8 +151,9 @@ class Missed:
 
 @dataclass(frozen=True, eq=False)
 class LimbResult:
-    """What the drops of a limb show: quantities by the names of `UNITS`, the chosen fit, held-out errors by law [rad],
-    standard deviations by source and quantity, and what constant coefficients do not explain.
+    """What the drops of a limb show: quantities by the names of `UNITS`, the chosen fit, held-out
+    errors by law [rad], standard deviations by source and quantity, and what constant coefficients
+    do not explain.
     """
 
     estimates: Mapping[str, Estimate]
@@ -130,16 +164,19 @@ class LimbResult:
     missed: tuple[Missed, ...]
 
 
-def identify_limb(drops: Sequence[Drop], body: LimbBody, options: LimbOptions | None = None) -> LimbResult:
-    """Coefficients of the joint's passive torque and their 95 % intervals, the law chosen on held-out drops (of one
-    drop: on its halves).
+def identify_limb(
+    drops: Sequence[Drop], body: LimbBody, options: LimbOptions | None = None
+) -> LimbResult:
+    """Coefficients of the joint's passive torque and their 95 % intervals, the law chosen on
+    held-out drops (of one drop: on its halves).
 
-    Intervals hold what the residuals leave open, by half swings; where there are three drops or more, by how much they
-    differ, if that is more; and errors of the model's masses (`LimbOptions`). Raises `BadData` where too little
-    is left.
+    Intervals hold what the residuals leave open, by half swings; where there are three drops or
+    more, by how much they differ, if that is more; and errors of the model's masses
+    (`LimbOptions`). Raises `BadData` where too little is left.
     """
     options = options or LimbOptions()
-    drops, held_out = tuple(drops), dict[tuple[str, ...], float]()
+    drops = tuple(drops)
+    held_out = dict[tuple[str, ...], float]()
     missed: tuple[Missed, ...] = ()
     for _ in range(2):
         held_out = {terms: _held_out(drops, terms) for terms in LAWS}
@@ -155,7 +192,9 @@ def identify_limb(drops: Sequence[Drop], body: LimbBody, options: LimbOptions | 
     for source, factors in body.errors(options).items():
         other = [replace(drop, equation=drop.equation.scaled(*factors)) for drop in drops]
         changed = quantities(fit_swings(other, terms, fit))
-        variances[source] = {name: (changed.get(name, value) - value) ** 2 for name, value in values.items()}
+        variances[source] = {
+            name: (changed.get(name, value) - value) ** 2 for name, value in values.items()
+        }
     estimates = {}
     for name, value in values.items():
         half = 1.96 * float(np.sqrt(sum(of[name] for of in variances.values())))
@@ -164,12 +203,19 @@ def identify_limb(drops: Sequence[Drop], body: LimbBody, options: LimbOptions | 
     if "stiffness" in estimates and estimates["stiffness"].low <= 0.0:
         # A spring that may be none is slack nowhere.
         estimates.pop("rest_angle", None)
-    shares = {source: {name: float(np.sqrt(v)) for name, v in of.items()} for source, of in variances.items()}
-    return LimbResult(estimates, fit, drops, held_out, shares, missed)
+    shares = {
+        source: {name: float(np.sqrt(v)) for name, v in of.items()}
+        for source, of in variances.items()
+    }
+    return LimbResult(
+        estimates=estimates, fit=fit, drops=drops, held_out=held_out, shares=shares, missed=missed
+    )
 
 
 def swung(result: LimbResult) -> Iterator[Array]:
-    """(frames,) angles of every drop as the chosen law swings, NaN where half swings are not used [rad]."""
+    """(frames,) angles of every drop as the chosen law swings, NaN where half swings are not used
+    [rad].
+    """
     states = iter(result.fit.states)
     for drop in result.drops:
         angles = np.full(len(drop.angles), np.nan)
@@ -192,28 +238,39 @@ def quantities(fit: SwingFit) -> dict[str, float]:
 def guess(drops: Sequence[Drop], terms: Sequence[str]) -> PassiveLaw:
     """The law by least squares of torques by inverse dynamics, from angles differentiated twice."""
     mapping, groups = law_columns(terms, 1)
-    H, g = np.zeros((mapping.shape[1],) * 2), np.zeros(mapping.shape[1])
+    H = np.zeros((mapping.shape[1],) * 2)
+    g = np.zeros(mapping.shape[1])
     for drop in drops:
         accelerations = np.gradient(drop.rates, drop.equation.time)
         torque = drop.equation.torque(drop.angles, drop.rates, accelerations)
-        rows = resistances(drop.angles[:, None], drop.rates[:, None], np.zeros((len(torque), 0, 1)), WIDTH)
+        rows = resistances(
+            drop.angles[:, None], drop.rates[:, None], np.zeros((len(torque), 0, 1)), WIDTH
+        )
         for part in drop.parts:
             A = rows[part, 0] @ mapping
-            H, g = H + A.T @ A, g - A.T @ torque[part]
+            H = H + A.T @ A
+            g = g - A.T @ torque[part]
     return PassiveLaw.of(mapping @ bounded_least_squares(H, g, groups)[0], WIDTH)
 
 
 def fit_swings(
-    drops: Sequence[Drop], terms: Sequence[str], start: SwingFit | None = None, law: PassiveLaw | None = None
+    drops: Sequence[Drop],
+    terms: Sequence[str],
+    start: SwingFit | None = None,
+    law: PassiveLaw | None = None,
 ) -> SwingFit:
-    """A law and the states in which parts begin, by least squares of the angles; from `start`, or `guess`. Of a `law`
-    that is given only the states are sought.
+    """A law and the states in which parts begin, by least squares of the angles; from `start`, or
+    `guess`. Of a `law` that is given only the states are sought.
     """
     mapping = law_columns(terms, 1)[0] if law is None else np.zeros((9, 0))
-    fixed, free = (0.0 if law is None else law.coefficients), mapping.shape[1]
+    fixed = 0.0 if law is None else law.coefficients
+    free = mapping.shape[1]
     parts = [(drop, part) for drop in drops for part in drop.parts]
     if not parts:
-        raise BadData("no half swing is left to identify a limb from: record it anew, muscles relaxed, several drops")
+        raise BadData(
+            "no half swing is left to identify a limb from: record it anew, muscles relaxed,"
+            " several drops"
+        )
     first = start.law if start is not None else law or guess(drops, terms)
     states = [state_at(drop, part.start) for drop, part in parts] if start is None else start.states
     low = np.where(mapping[2] == 1.0, -np.inf, 0.0)
@@ -226,7 +283,8 @@ def fit_swings(
         drop, frames = parts[part]
         angle, rate = x[free + 2 * part : free + 2 * part + 2]
         return np.nan_to_num(
-            drop.measured[frames] - drop.equation.swing(frames.start, frames.stop, angle, rate, law_at(x))
+            drop.measured[frames]
+            - drop.equation.swing(frames.start, frames.stop, angle, rate, law_at(x))
         )
 
     def slopes(x: Array) -> Array:
@@ -242,30 +300,46 @@ def fit_swings(
         return np.concatenate(rows)
 
     x, fun, jac = _least_squares(
-        lambda x: np.concatenate([left(x, part) for part in range(len(parts))]), slopes,
-        np.concatenate([np.maximum(np.linalg.pinv(mapping) @ first.coefficients, low), np.ravel(states)]),
+        lambda x: np.concatenate([left(x, part) for part in range(len(parts))]),
+        slopes,
+        np.concatenate(
+            [np.maximum(np.linalg.pinv(mapping) @ first.coefficients, low), np.ravel(states)]
+        ),
         np.concatenate([low, np.full(2 * len(parts), -np.inf)]),
-    )  # fmt: skip
-    blocks = [1000 * i + np.searchsorted(drop.turns, np.arange(part.start, part.stop), side="right")
-              for i, (drop, part) in enumerate(parts)]  # fmt: skip
-    return SwingFit(tuple(terms), law_at(x), x[free:].reshape(-1, 2), fun, jac, np.concatenate(blocks))
+    )
+    blocks = [
+        1000 * i + np.searchsorted(drop.turns, np.arange(part.start, part.stop), side="right")
+        for i, (drop, part) in enumerate(parts)
+    ]
+    return SwingFit(
+        terms=tuple(terms),
+        law=law_at(x),
+        states=x[free:].reshape(-1, 2),
+        left=fun,
+        slopes=jac,
+        block=np.concatenate(blocks),
+    )
 
 
 def _least_squares(
     left: Callable[[Array], Array], slopes: Callable[[Array], Array], x: Array, low: Array
 ) -> tuple[Array, Array, Array]:
-    """The x >= low with the least square of `left`, that, and its slopes, by damped Gauss-Newton steps in what is not
-    held at its bound (Levenberg and Marquardt).
+    """The x >= low with the least square of `left`, that, and its slopes, by damped Gauss-Newton
+    steps in what is not held at its bound (Levenberg and Marquardt).
     """
-    damping, r = 1e-3, left(x)
+    damping = 1e-3
+    r = left(x)
     for _ in range(MAX_STEPS):
         J = slopes(x)
-        H, g = J.T @ J, J.T @ r
+        H = J.T @ J
+        g = J.T @ r
         free = np.flatnonzero((x > low) | (g < 0.0))
         for _ in range(MAX_STEPS):
             step = np.zeros(len(x))
             within = H[np.ix_(free, free)]
-            step[free] = np.linalg.solve(within + damping * np.diag(np.diag(within) + 1e-12), -g[free])
+            step[free] = np.linalg.solve(
+                within + damping * np.diag(np.diag(within) + 1e-12), -g[free]
+            )
             tried = np.maximum(x + step, low)
             moved = left(tried)
             gain = float(r @ r - moved @ moved)
@@ -274,7 +348,9 @@ def _least_squares(
             damping *= 8.0
         if gain < 0.0:
             break
-        x, r, damping = tried, moved, max(damping / 8.0, 1e-9)
+        x = tried
+        r = moved
+        damping = max(damping / 8.0, 1e-9)
         if gain <= SETTLED * float(r @ r):
             break
     return x, r, slopes(x)
@@ -293,8 +369,13 @@ def state_at(drop: Drop, frame: int) -> tuple[float, float]:
 
 
 def _held_out(drops: Sequence[Drop], terms: Sequence[str]) -> float:
-    """Root mean square error of angles whose coefficients are from other drops [rad]; states are their own."""
-    folds = [fit_swings(test, terms, law=fit_swings(training, terms).law).left for training, test in _folds(drops)]
+    """Root mean square error of angles whose coefficients are from other drops [rad]; states are
+    their own.
+    """
+    folds = [
+        fit_swings(test, terms, law=fit_swings(training, terms).law).left
+        for training, test in _folds(drops)
+    ]
     return float(np.sqrt(np.mean(np.square(np.concatenate(folds)))))
 
 
@@ -305,7 +386,8 @@ def _folds(drops: Sequence[Drop]) -> Iterator[tuple[Sequence[Drop], Sequence[Dro
         return
     halves = np.flatnonzero(drops[0].used)
     first, second = (
-        replace(drops[0], used=np.isin(np.arange(len(drops[0].used)), part)) for part in np.array_split(halves, 2)
+        replace(drops[0], used=np.isin(np.arange(len(drops[0].used)), part))
+        for part in np.array_split(halves, 2)
     )
     yield from (([first], [second]), ([second], [first]))
 
@@ -313,28 +395,42 @@ def _folds(drops: Sequence[Drop]) -> Iterator[tuple[Sequence[Drop], Sequence[Dro
 def _explained(
     drops: tuple[Drop, ...], terms: Sequence[str], missed: tuple[Missed, ...]
 ) -> tuple[SwingFit, tuple[Drop, ...], tuple[Missed, ...]]:
-    """A fit to half swings that constant coefficients explain, the drops with these, and the others: the worst is
-    left out until none is, as long as each drop keeps some.
+    """A fit to half swings that constant coefficients explain, the drops with these, and the
+    others: the worst is left out until none is, as long as each drop keeps some.
     """
     while True:
         fit = fit_swings(drops, terms)
-        worst, which = 1.0, None
+        worst = 1.0
+        which = None
         for i, drop in enumerate(drops):
             for half in np.flatnonzero(drop.used) if drop.used.sum() > 3 else ():
                 short, excursion = missing(drop, int(half), fit.law)
                 excess = abs(short) / (MISSED + MISSED_SHARE * excursion)
                 if excess > worst:
-                    worst, which = excess, (i, Missed(drop.name, int(half), drop.time(int(half)), short, excursion))
+                    worst = excess
+                    which = (
+                        i,
+                        Missed(
+                            drop=drop.name,
+                            half=int(half),
+                            time=drop.time(int(half)),
+                            short=short,
+                            excursion=excursion,
+                        ),
+                    )
         if which is None:
             return fit, drops, missed
         i, found = which
         used = np.array(drops[i].used)
         used[found.half] = False
-        drops, missed = (*drops[:i], replace(drops[i], used=used), *drops[i + 1 :]), (*missed, found)
+        drops = (*drops[:i], replace(drops[i], used=used), *drops[i + 1 :])
+        missed = (*missed, found)
 
 
 def missing(drop: Drop, half: int, law: PassiveLaw) -> tuple[float, float]:
-    """By how much a half swing ends short of where a law takes it from its beginning, and its excursion [rad]."""
+    """By how much a half swing ends short of where a law takes it from its beginning, and its
+    excursion [rad].
+    """
     start, stop = (int(turn) for turn in drop.turns[half : half + 2])
     angle, rate = state_at(drop, start)
     end = state_at(drop, stop)[0]
@@ -345,24 +441,37 @@ def missing(drop: Drop, half: int, law: PassiveLaw) -> tuple[float, float]:
 
 
 def _variances(fit: SwingFit, drops: Sequence[Drop]) -> dict[str, float]:
-    """Of every quantity, from what the swings leave: the larger of that by frames, by half swings and by drops."""
+    """Of every quantity, from what the swings leave: the larger of that by frames, by half swings
+    and by drops.
+    """
     mapping = law_columns(fit.terms, 1)[0]
-    free, size = mapping.shape[1], fit.slopes.shape[1]
+    free = mapping.shape[1]
+    size = fit.slopes.shape[1]
     inverse = np.linalg.pinv(fit.slopes.T @ fit.slopes)
-    scores = np.array([fit.slopes[fit.block == b].T @ fit.left[fit.block == b] for b in np.unique(fit.block)])
+    scores = np.array(
+        [fit.slopes[fit.block == b].T @ fit.left[fit.block == b] for b in np.unique(fit.block)]
+    )
     plain = inverse * np.square(fit.left).sum() / max(len(fit.left) - size, 1)
     blocked = inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free, 1)
     _, k, s, _ = fit.law.coefficients[:4]
     # Of d, k, s and c.
-    gradients = {name: np.eye(4)[i] for i, name in enumerate(("viscosity", "stiffness", "zero_torque", "coulomb"))}
+    gradients = {
+        name: np.eye(4)[i]
+        for i, name in enumerate(("viscosity", "stiffness", "zero_torque", "coulomb"))
+    }
     gradients["rest_angle"] = np.array([0.0, -s / k**2, 1.0 / k, 0.0]) if k > 0.0 else np.zeros(4)
     own = {name: gradients[name] @ mapping[:4] for name in quantities(fit)}
-    result = {name: max(float(g @ cov[:free, :free] @ g) for cov in (plain, blocked)) for name, g in own.items()}
+    result = {
+        name: max(float(g @ cov[:free, :free] @ g) for cov in (plain, blocked))
+        for name, g in own.items()
+    }
     if len(drops) >= 3:
         single = [quantities(fit_swings([drop], fit.terms)) for drop in drops]
         for name in result:
             known = [one[name] for one in single if name in one]
             if len(known) >= 3:
                 scatter = np.std(known, ddof=1) / np.sqrt(len(known))
-                result[name] = max(result[name], float(scatter * student.ppf(0.975, len(known) - 1) / 1.96) ** 2)
+                result[name] = max(
+                    result[name], float(scatter * student.ppf(0.975, len(known) - 1) / 1.96) ** 2
+                )
     return result

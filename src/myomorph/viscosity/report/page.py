@@ -1,4 +1,6 @@
-"""The page on a cohort of swinging limbs: tables I and II of [S], figures, and what to trust; and on relaxed limbs."""
+"""The page on a cohort of swinging limbs: tables I and II of [S], figures, and what to trust; and
+on relaxed limbs.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +21,56 @@ from myomorph.viscosity.report.tables import scientific, table_section, with_int
 def viscosity_page(viscosity_input: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
     shown = viscosity_input
-    parts = [("specimen", specimen) for specimen in shown.specimens] + [("limb", limb) for limb in shown.limbs]
+    parts = [("specimen", specimen) for specimen in shown.specimens] + [
+        ("limb", limb) for limb in shown.limbs
+    ]
     failed = (
         Note("warning", f"{kind.capitalize()} {part.name} could not be done: {part.failure}")
-        for kind, part in parts if part.failure
-    )  # fmt: skip
-    warnings = tuple(f"{kind} {part.name}: {note}" for kind, part in parts for note in part.notes if note != SILENT)
-    # What each limb's swings may not be believed for comes first: muscles whose silence is unknown, swings left out.
+        for kind, part in parts
+        if part.failure
+    )
+    warnings = tuple(
+        f"{kind} {part.name}: {note}"
+        for kind, part in parts
+        for note in part.notes
+        if note != SILENT
+    )
+    # What each limb's swings may not be believed for comes first: muscles whose silence is unknown,
+    # swings left out.
     first = [(limb.name, note) for limb in shown.limbs for note in limb.notes]
-    limbs = (Note("real" if note == SILENT else "warning", f"Limb {name}: {note}.") for name, note in first)
+    limbs = (
+        Note("real" if note == SILENT else "warning", f"Limb {name}: {note}.")
+        for name, note in first
+    )
     notes = (*failed, *limbs, *shown.notes)
-    page = PageHead(shown.title, shown.date, shown.version, notes, shown.sources, shown.steps, warnings)
-    lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
-    literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
+    page = PageHead(
+        title=shown.title,
+        date=shown.date,
+        version=shown.version,
+        notes=notes,
+        sources=shown.sources,
+        steps=shown.steps,
+        warnings=warnings,
+    )
+    lines = {
+        line.quantity.name: line
+        for line in cohort([specimen.row for specimen in viscosity_input.done])
+    }
+    literature = (
+        ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
+    )
     specimens = ("murai2016", *literature, "cameron2008") if shown.specimens else ()
     sources = cited(*specimens, *(("wartenberg1951", "degroote2018") if shown.limbs else ()))
     tiles = _tiles(lines) + [
-        Tile(with_interval(limb.row[name]), f"{limb.name}: {name} of {limb.coordinate} [{UNITS[name]}]", "ok")
-        for limb in shown.limbs for name in ("viscosity", "stiffness") if name in limb.row
-    ]  # fmt: skip
+        Tile(
+            with_interval(limb.row[name]),
+            f"{limb.name}: {name} of {limb.coordinate} [{UNITS[name]}]",
+            "ok",
+        )
+        for limb in shown.limbs
+        for name in ("viscosity", "stiffness")
+        if name in limb.row
+    ]
     return rendered(page, _sections(shown, lines), sources, facts=_facts(shown), tiles=tiles)
 
 
@@ -45,14 +78,22 @@ def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
     both = sum(len(specimen.conditions) == 2 for specimen in viscosity_input.done)
     rows = []
     if viscosity_input.specimens:
-        rows.append(("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles"))
+        rows.append(
+            (
+                "Specimens",
+                f"{len(viscosity_input.specimens)}, {both} of them with and without muscles",
+            )
+        )
     if viscosity_input.limbs:
         drops = sum(len(limb.drops) for limb in viscosity_input.limbs)
         rows.append(("Relaxed limbs", f"{len(viscosity_input.limbs)}, drops: {drops}"))
     parts = [part for specimen in viscosity_input.done for part in specimen.conditions.values()]
     if parts:
-        swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
-        rows.append(("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s"))
+        swings = sum(part.swings for part in parts)
+        trials = sum(part.trials for part in parts)
+        rows.append(
+            ("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s")
+        )
     return rows
 
 
@@ -62,18 +103,36 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
         "total_viscosity": "total viscosity, with muscles",
         "muscle_viscosity": "muscle viscosity",
     }
-    shown = [(line, f"{wanted[name]} [{line.quantity.unit}]") for name, line in lines.items() if name in wanted]
-    return [Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", words, "ok") for line, words in shown]
+    shown = [
+        (line, f"{wanted[name]} [{line.quantity.unit}]")
+        for name, line in lines.items()
+        if name in wanted
+    ]
+    return [
+        Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", words, "ok")
+        for line, words in shown
+    ]
 
 
 def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:
-    levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
+    levels = {
+        name: [Level(value=line.mean, label="", style="mean", spread=line.sd)]
+        for name, line in lines.items()
+        if line.count > 1
+    }
     if any(specimen.shoulder and specimen.intact is not None for specimen in viscosity_input.done):
-        levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
+        levels.setdefault("total_viscosity", []).append(
+            Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999")
+        )
     result = []
     if viscosity_input.specimens:
-        result += [table_section(viscosity_input.done, lines), cohort_section(viscosity_input.done, levels)]
+        result += [
+            table_section(viscosity_input.done, lines),
+            cohort_section(viscosity_input.done, levels),
+        ]
     for order, specimen_report in enumerate(viscosity_input.done, 1):
         result += specimen_sections(specimen_report, order)
-    result += [limb_section(limb, order) for order, limb in enumerate(viscosity_input.limbs, 1) if limb.row]
+    result += [
+        limb_section(limb, order) for order, limb in enumerate(viscosity_input.limbs, 1) if limb.row
+    ]
     return result

@@ -22,9 +22,10 @@ MAX_FRAMES = 1200  # Frames of a trial that charts are drawn from.
 
 @read_only
 class SwingCurves:
-    """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames are not used.
-    `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics [N m]; `wrench` (frames, 6) on the
-    base, measured, and `predicted` by the inertial parameters, NaN in frames that are not used.
+    """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames
+    are not used. `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics
+    [N m]; `wrench` (frames, 6) on the base, measured, and `predicted` by the inertial parameters,
+    NaN in frames that are not used.
     """
 
     trial: str
@@ -40,10 +41,11 @@ class SwingCurves:
 
 @read_only
 class ShownCondition:
-    """A specimen with its muscles, or without them: viscosities over all axes and of each [N m s/rad], and which axes
-    swings moved enough; `residual` (6,), root mean square of measured less predicted wrench. `curves` are of the trial
-    with the most swings; `plate_viscosity` is from the moment that the plate measures, a check; `by_trial` names
-    intervals that are by trial, because trials differ more than their swings explain.
+    """A specimen with its muscles, or without them: viscosities over all axes and of each [N m
+    s/rad], and which axes swings moved enough; `residual` (6,), root mean square of measured less
+    predicted wrench. `curves` are of the trial with the most swings; `plate_viscosity` is from the
+    moment that the plate measures, a check; `by_trial` names intervals that are by trial, because
+    trials differ more than their swings explain.
     """
 
     axes: tuple[str, ...]
@@ -61,12 +63,12 @@ class ShownCondition:
 
 @dataclass(frozen=True)
 class PassiveModel:
-    """One model of the passive torque, fitted to the swings "without" or "with" muscles: `terms`, as "viscosity +
-    stiffness", and their values, printed with units.
+    """One model of the passive torque, fitted to the swings "without" or "with" muscles: `terms`,
+    as "viscosity + stiffness", and their values, printed with units.
 
-    `viscosity` [N m s/rad]; criteria above those of the best model, smaller is better; root mean square errors of
-    held-out swings [rad], [N m], NaN where not known; `chosen`: the simplest of those that the data cannot tell from
-    the best.
+    `viscosity` [N m s/rad]; criteria above those of the best model, smaller is better; root mean
+    square errors of held-out swings [rad], [N m], NaN where not known; `chosen`: the simplest of
+    those that the data cannot tell from the best.
     """
 
     condition: str
@@ -82,7 +84,9 @@ class PassiveModel:
 
 @read_only
 class HeldOutSwing:
-    """A swing that the models did not see: angles (frames, axes) [rad], measured and integrated forward by each."""
+    """A swing that the models did not see: angles (frames, axes) [rad], measured and integrated
+    forward by each.
+    """
 
     condition: str
     time: Array
@@ -93,7 +97,9 @@ class HeldOutSwing:
 
 @read_only
 class CutoffScan:
-    """What the choice of the filter changes: `values` (choices,) of each of `cohort.QUANTITIES`; cutoffs [Hz]."""
+    """What the choice of the filter changes: `values` (choices,) of each of `cohort.QUANTITIES`;
+    cutoffs [Hz].
+    """
 
     cutoffs: Array
     chosen: float
@@ -103,7 +109,9 @@ class CutoffScan:
 
 @dataclass(frozen=True)
 class ArmError:
-    """One kind of error of the moment arms: relative SD and bias of d_M, and 2.5, 50 and 97.5 % of draws [N s/m]."""
+    """One kind of error of the moment arms: relative SD and bias of d_M, and 2.5, 50 and 97.5 % of
+    draws [N s/m].
+    """
 
     kind: str
     size: str
@@ -116,7 +124,9 @@ class ArmError:
 
 @read_only
 class ArmSpread:
-    """2.5, 50 and 97.5 % of draws of d_M [N s/m] at relative errors of the arms (levels,), and other kinds."""
+    """2.5, 50 and 97.5 % of draws of d_M [N s/m] at relative errors of the arms (levels,), and
+    other kinds.
+    """
 
     errors: Array
     low: Array
@@ -140,10 +150,11 @@ class Residual:
 class SpecimenReport:
     """All that is shown of one specimen; what was not made is None or empty.
 
-    `row` are its values in the tables; `truth` those of a virtual specimen and `paper` the printed ones, by quantity;
-    `scans` residual maps of scanned bones; `failure` why it could not be done, else ""; `errors` what swings,
-    instruments and model add to each result; `instruments` their errors, assumed and as the swings show them;
-    `shoulder`: the joint is the glenohumeral one, of which literature and paper have values.
+    `row` are its values in the tables; `truth` those of a virtual specimen and `paper` the printed
+    ones, by quantity; `scans` residual maps of scanned bones; `failure` why it could not be done,
+    else ""; `errors` what swings, instruments and model add to each result; `instruments` their
+    errors, assumed and as the swings show them; `shoulder`: the joint is the glenohumeral one, of
+    which literature and paper have values.
     """
 
     name: str
@@ -174,8 +185,8 @@ class SpecimenReport:
 
 @read_only
 class DropCurves:
-    """One drop (frames,): angle measured and as the fitted law swings, NaN where it is not used [rad]; `turns` (half
-    swings + 1,) times of the release and of every turn [s].
+    """One drop (frames,): angle measured and as the fitted law swings, NaN where it is not used
+    [rad]; `turns` (half swings + 1,) times of the release and of every turn [s].
     """
 
     name: str
@@ -189,8 +200,9 @@ class DropCurves:
 class LimbReport:
     """All that is shown of a limb; `failure` why it could not be done, else "".
 
-    `row`: estimates by the names of `UNITS`; `errors`: standard deviation of each, by source; `laws`: held-out error by
-    law [rad]; `chosen`: among them; `drops`: curves; `notes`: the first on the silence of muscles.
+    `row`: estimates by the names of `UNITS`; `errors`: standard deviation of each, by source;
+    `laws`: held-out error by law [rad]; `chosen`: among them; `drops`: curves; `notes`: the first
+    on the silence of muscles.
     """
 
     name: str
@@ -207,7 +219,9 @@ class LimbReport:
 
 @dataclass(frozen=True, eq=False)
 class ViscosityInput:
-    """Everything the report on a cohort shows; `notes`, on what is real, simulated and assumed, come first."""
+    """Everything the report on a cohort shows; `notes`, on what is real, simulated and assumed,
+    come first.
+    """
 
     title: str
     specimens: tuple[SpecimenReport, ...]
@@ -226,26 +240,37 @@ class ViscosityInput:
 
 def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
     """What is shown of an identified specimen, without what trust in it adds."""
-    shown = {name: shown_condition(condition) for name, condition in specimen_viscosity.conditions.items()}
+    shown = {
+        name: shown_condition(condition)
+        for name, condition in specimen_viscosity.conditions.items()
+    }
     return SpecimenReport(
-        specimen_viscosity.name, specimen_row(specimen_viscosity), shown.get("without"), shown.get("with"),
-        specimen_viscosity.muscles, notes=specimen_viscosity.notes,
-    )  # fmt: skip
+        name=specimen_viscosity.name,
+        row=specimen_row(specimen_viscosity),
+        without=shown.get("without"),
+        intact=shown.get("with"),
+        muscles=specimen_viscosity.muscles,
+        notes=specimen_viscosity.notes,
+    )
 
 
 def shown_condition(condition: Condition) -> ShownCondition:
     """A condition with the curves of its longest trial."""
     swings = [len(np.unique(recording.swing[recording.used])) for recording in condition.recordings]
     seconds = [
-        float(recording.used.sum()) * float(np.median(np.diff(recording.time))) for recording in condition.recordings
+        float(recording.used.sum()) * float(np.median(np.diff(recording.time)))
+        for recording in condition.recordings
     ]
     longest = condition.recordings[int(np.argmax(swings))]
     names = ("viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
     return ShownCondition(
-        axes=longest.axes, trials=len(condition.recordings), swings=sum(swings), seconds=sum(seconds),
+        axes=longest.axes,
+        trials=len(condition.recordings),
+        swings=sum(swings),
+        seconds=sum(seconds),
         curves=swing_curves(longest, condition.parameters),
         **{name: getattr(condition, name) for name in names},
-    )  # fmt: skip
+    )
 
 
 def swing_curves(recording: SwingRecording, parameters: Array) -> SwingCurves:
@@ -254,6 +279,11 @@ def swing_curves(recording: SwingRecording, parameters: Array) -> SwingCurves:
     unused = ~recording.used[keep][:, None]
     predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
     measured = np.where(unused, np.nan, recording.wrench[keep])
-    motion = (recording.time[keep], recording.swing[keep], recording.angles[keep], recording.rates[keep])
+    motion = (
+        recording.time[keep],
+        recording.swing[keep],
+        recording.angles[keep],
+        recording.rates[keep],
+    )
     torque = recording.torque_rows[keep] @ parameters
     return SwingCurves(recording.name, recording.axes, *motion, torque, measured, predicted)

@@ -1,4 +1,6 @@
-"""Tables I and II of the swing experiment as [S] prints them, and the cohort beside the paper and the truth."""
+"""Tables I and II of the swing experiment as [S] prints them, and the cohort beside the paper and
+the truth.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,15 @@ import numpy as np
 from myomorph.model.provenance import Estimate
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Grid, Section
-from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, STROEVE_TOTAL_VISCOSITY, CohortLine, Quantity
+from myomorph.viscosity.cohort import (
+    MEAN,
+    QUANTITIES,
+    SD,
+    SPECIMENS,
+    STROEVE_TOTAL_VISCOSITY,
+    CohortLine,
+    Quantity,
+)
 from myomorph.viscosity.report.specimen_report import SpecimenReport
 
 TITLES = {
@@ -18,9 +28,15 @@ TITLES = {
 }
 COLUMNS = {
     1: ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
-    2: ("mass_intact", "estimated_muscle_mass", "measured_muscle_mass", "com_intact", "total_viscosity",
-        "muscle_viscosity"),
-}  # fmt: skip
+    2: (
+        "mass_intact",
+        "estimated_muscle_mass",
+        "measured_muscle_mass",
+        "com_intact",
+        "total_viscosity",
+        "muscle_viscosity",
+    ),
+}
 """In the order of [S]."""
 
 BY_NAME = {one.name: one for one in QUANTITIES}
@@ -38,7 +54,9 @@ def with_interval(estimate: Estimate | None) -> str:
         return LACKING
     if not estimate.high > estimate.low:
         return number(estimate.value)
-    return f"{_to(estimate.value, estimate.high - estimate.low)} ({span(estimate.low, estimate.high)})"
+    return (
+        f"{_to(estimate.value, estimate.high - estimate.low)} ({span(estimate.low, estimate.high)})"
+    )
 
 
 def span(low: float, high: float) -> str:
@@ -60,12 +78,15 @@ def table_section(specimens: Sequence[SpecimenReport], lines: Mapping[str, Cohor
     grids += [_table(specimens, lines, table, with_interval) for table in (1, 2)]
     grids += [grid for grid in (truth_grid(specimens),) if grid is not None]
     lead = (
-        "COM is the distance of the mass center from the glenohumeral center. The joint viscosity is that without "
-        "muscles, the total viscosity that with them, each one value over all axes; the muscle viscosity is one value "
-        "for all muscles. The estimated muscles are the mass with less the mass without. The SD is that of the "
-        "population, divided by the number of specimens, as the paper's is."
+        "COM is the distance of the mass center from the glenohumeral center. The joint viscosity"
+        " is that without muscles, the total viscosity that with them, each one value over all"
+        " axes; the muscle viscosity is one value for all muscles. The estimated muscles are the"
+        " mass with less the mass without. The SD is that of the population, divided by the number"
+        " of specimens, as the paper's is."
     )
-    return Section("tables", "Tables I and II", lead, (), (), tuple(grids))
+    return Section(
+        key="tables", title="Tables I and II", lead=lead, legend=(), figures=(), grids=tuple(grids)
+    )
 
 
 def _printed(estimate: Estimate | None) -> str:
@@ -79,18 +100,27 @@ def _table(
     words: Callable[[Estimate | None], str],
 ) -> Grid:
     columns = [BY_NAME[name] for name in COLUMNS[table]]
-    rows = [(specimen.name, *(words(specimen.row.get(column.name)) for column in columns)) for specimen in specimens]
+    rows = [
+        (specimen.name, *(words(specimen.row.get(column.name)) for column in columns))
+        for specimen in specimens
+    ]
     plain = words is _printed
     if plain:
         known = [lines.get(column.name) for column in columns]
-        rows.append(("mean", *(LACKING if line is None else scientific(line.mean) for line in known)))
+        rows.append(
+            ("mean", *(LACKING if line is None else scientific(line.mean) for line in known))
+        )
         rows.append(("± SD", *(LACKING if line is None else scientific(line.sd) for line in known)))
         shoulders = any(specimen.shoulder for specimen in specimens)
         for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)) if shoulders else ():
-            rows.append((name, *(scientific(float(getattr(printed, column.name))) for column in columns)))
+            rows.append(
+                (name, *(scientific(float(getattr(printed, column.name))) for column in columns))
+            )
         if table == 2 and shoulders:
             stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
-            rows.append(("literature: Stroeve 1999", *(stroeve.get(column.name, "") for column in columns)))
+            rows.append(
+                ("literature: Stroeve 1999", *(stroeve.get(column.name, "") for column in columns))
+            )
     head = ("specimen #", *(f"{column.label} [{column.unit}]" for column in columns))
     title = TITLES[table] + ("" if plain else ", with 95 % intervals")
     return Grid(head, tuple(rows), title, folded=not plain)
@@ -103,24 +133,37 @@ def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine])
     rows = []
     for quantity in QUANTITIES:
         line = lines.get(quantity.name)
-        truths = [specimen.truth[quantity.name] for specimen in specimens if quantity.name in specimen.truth]
+        truths = [
+            specimen.truth[quantity.name]
+            for specimen in specimens
+            if quantity.name in specimen.truth
+        ]
         held = ""
         if line is not None and len(truths) == line.count and line.high > line.low:
             truth = float(np.mean(truths))
-            held = f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}"
+            held = (
+                f"{'yes' if line.low <= truth <= line.high else 'no'}, off by"
+                f" {_off(line.mean, truth)}"
+            )
         unknown = line is None or not np.isfinite(line.low) or line.high == line.low
         row = {
             "Quantity": f"{where(quantity)} [{quantity.unit}]",
             "Truth": _spread(truths) if known else None,
-            "Paper's six": _spread([getattr(each, quantity.name) for each in SPECIMENS]) if shoulders else None,
+            "Paper's six": (
+                _spread([getattr(each, quantity.name) for each in SPECIMENS]) if shoulders else None
+            ),
             "Estimate": LACKING if line is None else _plus_minus(line.mean, line.sd),
-            "95 % interval of the mean": LACKING if unknown or line is None else span(line.low, line.high),
+            "95 % interval of the mean": (
+                LACKING if unknown or line is None else span(line.low, line.high)
+            ),
             "Truth in the interval": held if known else None,
             "Specimens": LACKING if line is None else str(line.count),
         }
         rows.append({head: cell for head, cell in row.items() if cell is not None})
     paper = ": truth, paper and estimate" if known else " beside the paper's"
-    title = "Means ± population SD" + (paper if shoulders else ": truth and estimate" if known else "")
+    title = "Means ± population SD" + (
+        paper if shoulders else ": truth and estimate" if known else ""
+    )
     return Grid(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 
@@ -153,7 +196,8 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
         for quantity in QUANTITIES:
             if quantity.name not in specimen.truth and quantity.name not in specimen.paper:
                 continue
-            truth, paper = specimen.truth.get(quantity.name), specimen.paper.get(quantity.name)
+            truth = specimen.truth.get(quantity.name)
+            paper = specimen.paper.get(quantity.name)
             estimate = specimen.row.get(quantity.name)
             off = _off(estimate.value, truth) if estimate is not None and truth else ""
             words = (LACKING if value is None else number(value) for value in (truth, paper))
@@ -164,5 +208,13 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
             rows.append((specimen.name, label, *words, with_interval(estimate), off, held))
     if not rows:
         return None
-    head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")
+    head = (
+        "Specimen",
+        "Quantity",
+        "Truth",
+        "Paper",
+        "Estimate (95 % interval)",
+        "Error",
+        "Truth in it",
+    )
     return Grid(head, tuple(rows), "Truth, paper and estimate, one by one", folded=True)

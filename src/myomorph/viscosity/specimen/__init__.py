@@ -1,1 +1,3 @@
-"""The specimen: base, joint and limb with bodies and muscles, cut out of a larger model; it knows no recording."""
+"""The specimen: base, joint and limb with bodies and muscles, cut out of a larger model; it knows
+no recording.
+"""

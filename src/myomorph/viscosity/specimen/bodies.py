@@ -1,4 +1,6 @@
-"""The bones of a specimen out of a larger model: who hangs on whom, and what else moves with each of them."""
+"""The bones of a specimen out of a larger model: who hangs on whom, and what else moves with each
+of them.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,15 @@ from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import ROTATION, compile_tree
 
-ASTRAY = 1e-3  # Distance of a joint's axes from its center from which it is told that they do not meet [m].
+# Distance of a joint's axes from its center from which it is told that they do not meet [m].
+ASTRAY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A source model in its default pose; `homes`: of bodies that move with a bone that bone and their pose in it."""
+    """A source model in its default pose; `homes`: of bodies that move with a bone that bone and
+    their pose in it.
+    """
 
     model: Model
     bones: tuple[str, ...]
@@ -37,8 +42,9 @@ class Anatomy:
 
 
 def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatomy:
-    """Where every body of a model belongs: bodies beyond a bone, and between two, move with the nearer bone. Bodies
-    between base and limb (phantoms of a joint) and all that does not hang on the limb belong nowhere.
+    """Where every body of a model belongs: bodies beyond a bone, and between two, move with the
+    nearer bone. Bodies between base and limb (phantoms of a joint) and all that does not hang on
+    the limb belong nowhere.
     """
     for name in (base, first, *bones):
         index_of("body", name, model.body_names)
@@ -48,12 +54,15 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
         raise BadModel(f"model '{model.name}': {hangs}: name the base that carries the joint")
     for name in bones:
         if name not in (base, first) and first not in ancestors(parents, name):
-            raise BadModel(f"model '{model.name}': bone '{name}' does not hang on '{first}': {_chain(parents, name)}")
+            raise BadModel(
+                f"model '{model.name}': bone '{name}' does not hang on '{first}':"
+                f" {_chain(parents, name)}"
+            )
     named = {base, first, *bones}
     kept = tuple(name for name in model.body_names if name in named)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
-    bare = Anatomy(model, kept, poses, {})
+    bare = Anatomy(model=model, bones=kept, poses=poses, homes={})
     for body in model.body_names:
         home = _home(model, parents, body, base, first, kept)
         if home:
@@ -74,7 +83,9 @@ def _chain(parents: dict[str, str], body: str) -> str:
     return ", ".join(f"'{name}'" for name in ancestors(parents, body)[:6]) or "the ground"
 
 
-def _home(model: Model, parents: dict[str, str], body: str, base: str, first: str, kept: tuple[str, ...]) -> str:
+def _home(
+    model: Model, parents: dict[str, str], body: str, base: str, first: str, kept: tuple[str, ...]
+) -> str:
     if body in kept:
         return body
     above = ancestors(parents, body)
@@ -85,16 +96,18 @@ def _home(model: Model, parents: dict[str, str], body: str, base: str, first: st
 
 
 def joint_center(source: Anatomy, base: str, first: str) -> tuple[Array, Array, float]:
-    """The point (3,) in ground that all axes of rotation between two bodies go through, in the default pose; their
-    directions (axes, 3); the distance of the axis farthest from it [m]. Where they are parallel, the point nearest to
-    the first body's origin.
+    """The point (3,) in ground that all axes of rotation between two bodies go through, in the
+    default pose; their directions (axes, 3); the distance of the axis farthest from it [m]. Where
+    they are parallel, the point nearest to the first body's origin.
     """
-    poses, tree = source.poses, source.poses.tree
+    poses = source.poses
+    tree = source.poses.tree
     between = tree.supports[tree.body_index[first]] & ~tree.supports[tree.body_index[base]]
     axes = np.flatnonzero(between & (tree.arrays.axis_kind == ROTATION))
     if not len(axes):
         raise BadModel(f"model '{source.model.name}': no joint turns '{first}' against '{base}'")
-    directions, points = poses.axis_directions[0, axes], poses.axis_points[0, axes]
+    directions = poses.axis_directions[0, axes]
+    points = poses.axis_points[0, axes]
     away = np.eye(3) - np.einsum("ai,aj->aij", directions, directions)
     origin = source.pose(first).translation
     # The shortest way from the origin, where parallel axes leave a direction open.
@@ -114,12 +127,26 @@ def lumped_bodies(source: Anatomy) -> tuple[Body, ...]:
             home, pose = source.homes[body.name]
             totals[home] += moved_parameters(row, pose)
             meshes[home] += [replace(mesh, pose=pose @ mesh.pose) for mesh in body.meshes]
-    bones = tuple(replace(source.model.body(name), meshes=tuple(meshes[name])) for name in source.bones)
-    loose = tuple(
-        Joint(name, "weld", GROUND, name, Transform.identity(), Transform.identity()) for name in source.bones
+    bones = tuple(
+        replace(source.model.body(name), meshes=tuple(meshes[name])) for name in source.bones
     )
-    carrier = Model("bones", bones, loose, (), source.model.gravity)
-    return with_inertial_parameters(carrier, np.array([totals[name] for name in source.bones])).bodies
+    loose = tuple(
+        Joint(
+            name=name,
+            kind="weld",
+            parent=GROUND,
+            child=name,
+            parent_frame=Transform.identity(),
+            child_frame=Transform.identity(),
+        )
+        for name in source.bones
+    )
+    carrier = Model(
+        name="bones", bodies=bones, joints=loose, coordinates=(), gravity=source.model.gravity
+    )
+    return with_inertial_parameters(
+        carrier, np.array([totals[name] for name in source.bones])
+    ).bodies
 
 
 def moved_parameters(parameters: Array, pose: Transform) -> Array:
@@ -128,8 +155,9 @@ def moved_parameters(parameters: Array, pose: Transform) -> Array:
 
 
 def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...]]:
-    """The joint that holds a bone on the bone before it: joints of bodies between them as one chain of axes. A bone
-    that the source welds gets three rotations, because the wires may hold it at another angle than the model.
+    """The joint that holds a bone on the bone before it: joints of bodies between them as one chain
+    of axes. A bone that the source welds gets three rotations, because the wires may hold it at
+    another angle than the model.
     """
     model = source.model
     by_child = {joint.child: joint for joint in model.joints}
@@ -141,35 +169,54 @@ def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...
     owned = [name for joint in chain for name in joint.coordinates]
     names = tuple(name for name in model.coordinate_names if name in used or name in owned)
     if names:
-        coordinates = tuple(replace(model.coordinate(name), locked=False, clamped=False) for name in names)
+        coordinates = tuple(
+            replace(model.coordinate(name), locked=False, clamped=False) for name in names
+        )
         return replace(joint, coordinates=names), coordinates
     names = tuple(f"{bone}_r{axis}" for axis in "xyz")
-    return replace(joint, kind="ball", axes=joint.axes + turns(names), coordinates=names), free(names)
+    return replace(joint, kind="ball", axes=joint.axes + turns(names), coordinates=names), free(
+        names
+    )
 
 
 def joined(chain: Sequence[Joint]) -> Joint:
     """Several joints in a row as one: later axes are seen from the frame of the first."""
-    first, last = chain[0], chain[-1]
-    axes, behind = list(first.axes), first.child_frame.inverse()
+    first = chain[0]
+    last = chain[-1]
+    axes = list(first.axes)
+    behind = first.child_frame.inverse()
     for joint in chain[1:]:
         middle = behind @ joint.parent_frame
         axes += [
-            replace(axis, vector=middle.rotation @ axis.vector, origin=middle.apply(axis.origin)) for axis in joint.axes
+            replace(axis, vector=middle.rotation @ axis.vector, origin=middle.apply(axis.origin))
+            for axis in joint.axes
         ]
         behind = middle @ joint.child_frame.inverse()
-    return Joint(last.name, last.kind, first.parent, last.child, first.parent_frame, behind.inverse(), tuple(axes))
+    return Joint(
+        name=last.name,
+        kind=last.kind,
+        parent=first.parent,
+        child=last.child,
+        parent_frame=first.parent_frame,
+        child_frame=behind.inverse(),
+        axes=tuple(axes),
+    )
 
 
 def turns(names: Sequence[str], order: Sequence[int] = (0, 1, 2)) -> tuple[Axis, ...]:
     """Body-fixed rotations about x, y, z axes in an order, one coordinate each."""
     return tuple(
-        Axis("rotation", np.eye(3)[axis], linear(1.0), (name,)) for axis, name in zip(order, names, strict=True)
+        Axis(kind="rotation", vector=np.eye(3)[axis], function=linear(1.0), coordinates=(name,))
+        for axis, name in zip(order, names, strict=True)
     )
 
 
 def shifts(names: Sequence[str]) -> tuple[Axis, ...]:
     """Translations along x, y, z, one coordinate each."""
-    return tuple(Axis("translation", axis, linear(1.0), (name,)) for axis, name in zip(np.eye(3), names, strict=True))
+    return tuple(
+        Axis(kind="translation", vector=axis, function=linear(1.0), coordinates=(name,))
+        for axis, name in zip(np.eye(3), names, strict=True)
+    )
 
 
 def free(names: Sequence[str], motion: str = "rotational") -> tuple[Coordinate, ...]:

@@ -1,4 +1,6 @@
-"""What fixes bones and plate among the markers: CT scans of bones with their clusters, a marked weight on the plate."""
+"""What fixes bones and plate among the markers: CT scans of bones with their clusters, a marked
+weight on the plate.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,9 @@ class ScanFiles(Strict):
     bone : body of the model
     surface, cluster : STL, PLY, OBJ or VTP of the bone and of its cluster, in one frame
     markers : of the cluster, as motion capture names them
-    picked : table of points (CSV: name, x, y, z and, for points that are no marker of the model, bone_x, bone_y,
-        bone_z in the body's frame [m]), or None; points called as `markers` tell which ball is which
+    picked : table of points (CSV: name, x, y, z and, for points that are no marker of the model,
+        bone_x, bone_y, bone_z in the body's frame [m]), or None; points called as `markers` tell
+        which ball is which
     mesh : the model's bone in the body's frame [m], None for the meshes that the model names
     unit : of the scan, "m" or "mm"; None tells by the size
     diameter : of the markers' balls [m]
@@ -52,19 +55,25 @@ class ScanFiles(Strict):
     diameter: float = 0.009
 
     def within(self, folder: Path) -> ScanFiles:
-        """The entry of a study file in a folder, its paths made whole; `BadData` of an unknown unit or few markers."""
+        """The entry of a study file in a folder, its paths made whole; `BadData` of an unknown unit
+        or few markers.
+        """
         if len(self.markers) < 3:
-            raise BadData(f"ct of '{self.bone}': {len(self.markers)} markers, but a cluster needs three")
+            raise BadData(
+                f"ct of '{self.bone}': {len(self.markers)} markers, but a cluster needs three"
+            )
         if self.unit is not None and self.unit not in UNITS:
-            raise BadData(f"ct of '{self.bone}': unit '{self.unit}' is not one of {', '.join(UNITS)}")
+            raise BadData(
+                f"ct of '{self.bone}': unit '{self.unit}' is not one of {', '.join(UNITS)}"
+            )
         paths = {name: path for name, path in self if isinstance(path, Path)}
         return self.model_copy(update={name: folder / path for name, path in paths.items()})
 
 
 @dataclass(frozen=True, eq=False)
 class ScannedModel:
-    """A model with bones of the size of the scanned ones and the markers of a CT; how each bone was laid on the
-    model's, and the markers found in each cluster's surface.
+    """A model with bones of the size of the scanned ones and the markers of a CT; how each bone was
+    laid on the model's, and the markers found in each cluster's surface.
     """
 
     model: Model
@@ -73,11 +82,15 @@ class ScannedModel:
     notes: tuple[str, ...]
 
 
-def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers | None = None) -> ScannedModel:
-    """The model with the markers of scanned clusters on its bones, and how well all of it fits ([S] figure 3).
-    Distances between markers of a recorded trial tell which ball is which and are checked against the scan.
+def model_from_scans(
+    model: Model, scans: Sequence[ScanFiles], recorded: Markers | None = None
+) -> ScannedModel:
+    """The model with the markers of scanned clusters on its bones, and how well all of it fits ([S]
+    figure 3). Distances between markers of a recorded trial tell which ball is which and are
+    checked against the scan.
     """
-    bones, clusters = [], []
+    bones = []
+    clusters = []
     for scan in scans:
         scanned = read_mesh(scan.surface)
         small = float(np.ptp(scanned.vertices, axis=0).max()) <= HUGE
@@ -91,20 +104,36 @@ def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers
         with about(scan.surface):
             picks = _picks(model, scan, points, factor)
             sized = _sized(scanned, factor)
-            bones.append(register.place_scanned_bone(scan.bone, sized, _modelled(model, scan), cluster.centers, picks))
+            bones.append(
+                register.place_scanned_bone(
+                    scan.bone, sized, _modelled(model, scan), cluster.centers, picks
+                )
+            )
         clusters.append(cluster)
-    placed = register.place_cluster_markers(model, bones, path_lengths=default_path_lengths if model.muscles else None)
+    placed = register.place_cluster_markers(
+        model, bones, path_lengths=default_path_lengths if model.muscles else None
+    )
     notes = [line for bone in bones for line in bone.notes]
-    notes += [f"{scan.bone}: {line}" for scan, cluster in zip(scans, clusters, strict=True) for line in cluster.notes]
-    return ScannedModel(placed, tuple(bones), tuple(clusters), tuple(notes))
+    notes += [
+        f"{scan.bone}: {line}"
+        for scan, cluster in zip(scans, clusters, strict=True)
+        for line in cluster.notes
+    ]
+    return ScannedModel(
+        model=placed, bones=tuple(bones), clusters=tuple(clusters), notes=tuple(notes)
+    )
 
 
 def read_picks(path: Path) -> dict[str, Array]:
-    """Rows of a table of picked points by name: x, y, z of the scan, perhaps of the bone (bone_x, ...) too."""
+    """Rows of a table of picked points by name: x, y, z of the scan, perhaps of the bone (bone_x,
+    ...) too.
+    """
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
+        raise BadFile(
+            path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})"
+        ) from None
     result: dict[str, Array] = {}
     for number, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]
@@ -121,7 +150,11 @@ def read_picks(path: Path) -> dict[str, Array]:
             raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}")
         result[cells[0]] = values
     if not result:
-        raise BadFile(path, "holds no point", "give lines 'name, x, y, z', or with bone_x, bone_y, bone_z behind")
+        raise BadFile(
+            path,
+            "holds no point",
+            "give lines 'name, x, y, z', or with bone_x, bone_y, bone_z behind",
+        )
     return result
 
 
@@ -135,20 +168,33 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
     if scan.mesh is not None:
         return read_mesh(scan.mesh)
     folder = Path(model.source).resolve().parent
-    folders = [place for name in ("", "Geometry", "geometry", "meshes") if (place := folder / name).is_dir()]
+    folders = [
+        place
+        for name in ("", "Geometry", "geometry", "meshes")
+        if (place := folder / name).is_dir()
+    ]
     meshes = {}
     for name in (mesh.file for mesh in body.meshes if mesh.shape == "mesh" and mesh.file):
-        # Models from packages name their meshes by whole paths; only those beside the model are opened.
-        whole = Path(name).is_absolute() and Path(name).is_file() and Path(name).resolve().is_relative_to(folder)
+        # Models from packages name their meshes by whole paths; only those beside the model are
+        # opened.
+        whole = (
+            Path(name).is_absolute()
+            and Path(name).is_file()
+            and Path(name).resolve().is_relative_to(folder)
+        )
         path = Path(name) if whole else find_mesh(name, folders)
         if path is not None:
             meshes[name] = read_mesh(path)
     return register.bone_surface(body, meshes)
 
 
-def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float) -> register.Picks | None:
+def _picks(
+    model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float
+) -> register.Picks | None:
     """Points of the scan beside those of the model's bone; None where fewer than three were picked."""
-    locations = {marker.name: marker.location for marker in model.markers if marker.body == scan.bone}
+    locations = {
+        marker.name: marker.location for marker in model.markers if marker.body == scan.bone
+    }
     pairs = {}
     for name, row in points.items():
         if len(row) == 6:
@@ -166,7 +212,9 @@ def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: f
 
 
 def _distances(recorded: Markers | None, names: Sequence[str]) -> Array | None:
-    """Median distances (markers, markers) between recorded markers [m], NaN where never seen together."""
+    """Median distances (markers, markers) between recorded markers [m], NaN where never seen
+    together.
+    """
     if recorded is None:
         return None
     lacking = [name for name in names if name not in recorded.names]
@@ -224,7 +272,10 @@ def chosen(trial: Trial, name: str) -> PlateRecording:
     if name and name not in plates:
         raise UnknownName("force plate", name, tuple(plates), trial.source)
     if not name and len(plates) > 1:
-        raise BadData(f"{trial.source}: holds {len(plates)} plates ({', '.join(plates)}): name one as 'plate.name'")
+        raise BadData(
+            f"{trial.source}: holds {len(plates)} plates ({', '.join(plates)}): name one as"
+            " 'plate.name'"
+        )
     return plates[name] if name else next(iter(plates.values()))
 
 
@@ -239,10 +290,14 @@ def plate_residuals(plate_calibration: PlateCalibration) -> tuple[Residual, ...]
     far, turned = (float(np.sqrt(np.mean(residuals**2))) for residuals in left_out)
     count = f"{len(plate_calibration.names)} placements"
     shift = 1e3 * float(np.max(plate_calibration.left_out_shifts, initial=0.0))
-    past, angle = 1e3 * plate_calibration.distance_rms, np.degrees(plate_calibration.angle_rms)
+    past = 1e3 * plate_calibration.distance_rms
+    angle = np.degrees(plate_calibration.angle_rms)
     rows = (
         ("force past the marked point", past, "mm", f"{count}; {1e3 * far:.2f} mm left out"),
         ("direction of the force", angle, "°", f"{count}; {np.degrees(turned):.2f}° left out"),
         ("shift of its center", shift, "mm", "the largest when one placement is left out"),
     )
-    return tuple(Residual(f"plate: {what}", float(value), unit, detail) for what, value, unit, detail in rows)
+    return tuple(
+        Residual(what=f"plate: {what}", value=float(value), unit=unit, detail=detail)
+        for what, value, unit, detail in rows
+    )

@@ -1,4 +1,6 @@
-"""The step of a study of swinging limbs that is done once for all specimens: tables of the cohort and the report."""
+"""The step of a study of swinging limbs that is done once for all specimens: tables of the cohort
+and the report.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,14 @@ from myomorph.viscosity.report.specimen_report import LimbReport, SpecimenReport
 from myomorph.viscosity.study import limb_step, specimen_step
 from myomorph.viscosity.study.limb_files import LimbFiles
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
-from myomorph.viscosity.study.results import DIGITS, REPORT, STORE, remake_report, write_tables, write_value
+from myomorph.viscosity.study.results import (
+    DIGITS,
+    REPORT,
+    STORE,
+    remake_report,
+    write_tables,
+    write_value,
+)
 from myomorph.viscosity.study.specimen_step import SPECIMEN, read_specimen
 
 
@@ -36,16 +45,26 @@ class CohortInputs(ScopeInputs):
         ended = self.outcomes[: len(self.plan.specimens)]
         for files, outcome in zip(self.plan.specimens, ended, strict=True):
             failure = outcome.error.removeprefix(f"{specimen_step.STEP.name}: ")
-            report = SpecimenReport(files.name, failure=failure) if failure else read_specimen(outcome.folder)
+            report = (
+                SpecimenReport(files.name, failure=failure)
+                if failure
+                else read_specimen(outcome.folder)
+            )
             reports.append(replace(report, truth=files.truth, paper=files.paper))
         return tuple(reports)
 
     def limbs(self) -> tuple[LimbReport, ...]:
         """The same of each limb."""
         reports = []
-        for files, outcome in zip(self.plan.limbs, self.outcomes[len(self.plan.specimens) :], strict=True):
+        for files, outcome in zip(
+            self.plan.limbs, self.outcomes[len(self.plan.specimens) :], strict=True
+        ):
             failure = outcome.error.removeprefix(f"{limb_step.STEP.name}: ")
-            report = LimbReport(files.name, failure=failure) if failure else limb_step.read_limb(outcome.folder)
+            report = (
+                LimbReport(files.name, failure=failure)
+                if failure
+                else limb_step.read_limb(outcome.folder)
+            )
             reports.append(replace(report, truth=files.truth))
         return tuple(reports)
 
@@ -54,12 +73,15 @@ class CohortInputs(ScopeInputs):
         if self.plan.path is not None:
             yield file_source("study", self.plan.path)
         for outcome in self.outcomes:
-            made = None if outcome.error else stored_provenance(outcome.folder, specimen_step.STEP)  # or of a limb
+            # or of a limb
+            made = None if outcome.error else stored_provenance(outcome.folder, specimen_step.STEP)
             yield from () if made is None else made.sources
 
 
 def cohort_provenance(cohort: CohortInputs) -> Provenance:
-    """What the tables of a cohort are derived from: its specimens' results, and what the study file says of them."""
+    """What the tables of a cohort are derived from: its specimens' results, and what the study file
+    says of them.
+    """
     plan = cohort.plan
     sources = [] if plan.path is None else [file_source("study", plan.path)]
     every: tuple[SpecimenFiles | LimbFiles, ...] = (*plan.specimens, *plan.limbs)
@@ -68,7 +90,12 @@ def cohort_provenance(cohort: CohortInputs) -> Provenance:
         sha = "" if outcome.error else file_source("specimen", result).sha256
         known = (sorted(files.truth.items()), sorted(getattr(files, "paper", {}).items()))
         sources.append(value_source("specimen", files.name, outcome.error, sha, known))
-    options = {"name": plan.name, "real": plan.real, "simulated": plan.simulated, "assumed": plan.assumed}
+    options = {
+        "name": plan.name,
+        "real": plan.real,
+        "simulated": plan.simulated,
+        "assumed": plan.assumed,
+    }
     return provenance_of("cohort", sources, options)
 
 
@@ -82,16 +109,33 @@ def _run(cohort: CohortInputs, output: FolderOutput) -> None:
 
 def viscosity_input(cohort: CohortInputs, date: str) -> ViscosityInput:
     """What the report shows of a study."""
-    plan, options = cohort.plan, StudyOptions.of(cohort.plan.settings)
-    sources = {SourceFile(source.role, Path(source.name).name, source.sha256): None for source in cohort.sources()}
+    plan = cohort.plan
+    options = StudyOptions.of(cohort.plan.settings)
+    sources = {
+        SourceFile(source.role, Path(source.name).name, source.sha256): None
+        for source in cohort.sources()
+    }
     steps = tuple(
-        PageStep(table, FrozenMap({name: option_text(value, "chosen") for name, value in settings.items()}))
+        PageStep(
+            table,
+            FrozenMap({name: option_text(value, "chosen") for name, value in settings.items()}),
+        )
         for table, settings in options.plain.items()
         if (plan.limbs if table == "limb" else plan.specimens)
     )
     head = head_notes(plan)
-    reports, limbs = cohort.reports(), cohort.limbs()
-    return ViscosityInput(plan.name, reports, head, tuple(sources), steps, date, __version__, limbs)
+    reports = cohort.reports()
+    limbs = cohort.limbs()
+    return ViscosityInput(
+        title=plan.name,
+        specimens=reports,
+        notes=head,
+        sources=tuple(sources),
+        steps=steps,
+        date=date,
+        version=__version__,
+        limbs=limbs,
+    )
 
 
 def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
@@ -101,23 +145,46 @@ def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
         trials = sum(len(specimen.without) + len(specimen.intact) for specimen in plan.specimens)
         drops = sum(len(limb.drops) for limb in plan.limbs)
         kinds = ((trials, "Markers and forces"), (drops, "Motion"))
-        real = tuple(f"{what} of {count} recordings, as the study file names them." for count, what in kinds if count)
+        real = tuple(
+            f"{what} of {count} recordings, as the study file names them."
+            for count, what in kinds
+            if count
+        )
     relaxed = (
-        "A relaxed limb's masses, centers and inertias are the model's, but for the errors that its intervals hold.",
-        "Its swings are passive where EMG does not say otherwise; the passive torque has constant coefficients.",
+        (
+            "A relaxed limb's masses, centers and inertias are the model's, but for the errors that"
+            " its intervals hold."
+        ),
+        (
+            "Its swings are passive where EMG does not say otherwise; the passive torque has"
+            " constant coefficients."
+        ),
     )
     specimens = (
-        "The limb beyond the joint is one rigid link; the joint turns about one fixed center; the base does not move.",
+        (
+            "The limb beyond the joint is one rigid link; the joint turns about one fixed center;"
+            " the base does not move."
+        ),
         "Swings are passive: nobody touches the limb, and no muscle is active.",
-        "Moment arms are those of the model. One value for all axes and one for all muscles, as the paper has it; "
-        "values by axis and by muscle stand beside.",
+        (
+            "Moment arms are those of the model. One value for all axes and one for all muscles, as"
+            " the paper has it; values by axis and by muscle stand beside."
+        ),
     )
-    assumed = (*(specimens if plan.specimens else ()), *(relaxed if plan.limbs else ()), *plan.assumed)
+    assumed = (
+        *(specimens if plan.specimens else ()),
+        *(relaxed if plan.limbs else ()),
+        *plan.assumed,
+    )
     parts = (("real", real), ("simulated", plan.simulated), ("assumed", assumed))
     return tuple(Note(kind, text) for kind, texts in parts for text in texts)  # type: ignore[arg-type]
 
 
 STEP = Step(
-    name="cohort", title="tables and report of a cohort", scope="cohort",
-    leaves=FrozenMap({"page": REPORT, "store": STORE}), run=_run, made_from=cohort_provenance,
-)  # fmt: skip
+    name="cohort",
+    title="tables and report of a cohort",
+    scope="cohort",
+    leaves=FrozenMap({"page": REPORT, "store": STORE}),
+    run=_run,
+    made_from=cohort_provenance,
+)

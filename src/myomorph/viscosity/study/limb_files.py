@@ -22,12 +22,27 @@ from myomorph.store import study_file
 from myomorph.study.inputs.beside import plain_stem
 from myomorph.study.inputs.emg import emg_by_name
 from myomorph.study.inputs.emg_files import channels_of
-from myomorph.study.inputs.reading import TABLE_FILES, about, fitted_to, read_motion, read_recording, whole_motion
-from myomorph.viscosity.relaxed.drops import FORCE_AFTER, MIN_HALVES, Drop, activities, at_rest, find_drops
+from myomorph.study.inputs.reading import (
+    TABLE_FILES,
+    about,
+    fitted_to,
+    read_motion,
+    read_recording,
+    whole_motion,
+)
+from myomorph.viscosity.relaxed.drops import (
+    FORCE_AFTER,
+    MIN_HALVES,
+    Drop,
+    activities,
+    at_rest,
+    find_drops,
+)
 from myomorph.viscosity.relaxed.identify import UNITS, LimbBody
 from myomorph.viscosity.relaxed.swing_equation import SwingEquation, swing_equation
 
-MOVED, TURNED = 0.02, np.deg2rad(5.0)  # How far the bone above the joint may move and turn unnamed [m], [rad].
+MOVED = 0.02
+TURNED = np.deg2rad(5.0)  # How far the bone above the joint may move and turn unnamed [m], [rad].
 
 
 class DropTable(study_file.Strict):
@@ -53,7 +68,9 @@ class LimbTable(study_file.Strict):
 
 @dataclass(frozen=True)
 class DropFiles:
-    """A recording of drops: markers or coordinates, and raw EMG beside them, None where there is none."""
+    """A recording of drops: markers or coordinates, and raw EMG beside them, None where there is
+    none.
+    """
 
     name: str
     recording: Path
@@ -63,8 +80,8 @@ class DropFiles:
 
 @dataclass(frozen=True)
 class LimbFiles:
-    """What is known of a limb before anything is read: the coordinate that swings, channels of EMG that must be silent,
-    () for all, and true values of `relaxed.identify.UNITS`.
+    """What is known of a limb before anything is read: the coordinate that swings, channels of EMG
+    that must be silent, () for all, and true values of `relaxed.identify.UNITS`.
     """
 
     name: str
@@ -75,21 +92,39 @@ class LimbFiles:
     truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
 
-def limb_files(table: LimbTable, folder: Path, problems: list[str], remarks: list[str]) -> LimbFiles:
+def limb_files(
+    table: LimbTable, folder: Path, problems: list[str], remarks: list[str]
+) -> LimbFiles:
     """A limb whose files exist; what is wrong is added to the problems."""
     where = f"limb '{table.name}'"
     model = study_file.existing(folder, table.model, f"{where}: model", problems)
-    problems += [f"{where}: unknown quantity '{name}' in 'truth': there are {listing(name, UNITS)}"
-                 for name in table.truth if name not in UNITS]  # fmt: skip
+    problems += [
+        f"{where}: unknown quantity '{name}' in 'truth': there are {listing(name, UNITS)}"
+        for name in table.truth
+        if name not in UNITS
+    ]
     drops = tuple(_drops(table, folder, where, problems, remarks))
     names = [drop.name for drop in drops]
-    problems += [f"{where}: two recordings are named '{name}': give one a 'name'"
-                 for name in dict.fromkeys(names) if names.count(name) > 1]  # fmt: skip
-    muscles, truth = tuple(table.muscles), FrozenMap(table.truth)
-    return LimbFiles(table.name, model or folder, table.coordinate, drops, muscles, truth)
+    problems += [
+        f"{where}: two recordings are named '{name}': give one a 'name'"
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1
+    ]
+    muscles = tuple(table.muscles)
+    truth = FrozenMap(table.truth)
+    return LimbFiles(
+        name=table.name,
+        model=model or folder,
+        coordinate=table.coordinate,
+        drops=drops,
+        muscles=muscles,
+        truth=truth,
+    )
 
 
-def _drops(table: LimbTable, folder: Path, where: str, problems: list[str], remarks: list[str]) -> Iterator[DropFiles]:
+def _drops(
+    table: LimbTable, folder: Path, where: str, problems: list[str], remarks: list[str]
+) -> Iterator[DropFiles]:
     for entry in table.drops:
         drop = DropTable(recording=entry) if isinstance(entry, str) else entry
         time = drop.time or table.time
@@ -100,7 +135,7 @@ def _drops(table: LimbTable, folder: Path, where: str, problems: list[str], rema
                 in_it = path if table.muscles and path.suffix.lower() == ".c3d" else None
                 emg = emg_by_name(path) or in_it
                 remarks += [f"{path.name}: EMG from {emg.name}"] if emg not in (None, in_it) else []
-            yield DropFiles(drop.name or plain_stem(path), path, emg, time)
+            yield DropFiles(name=drop.name or plain_stem(path), recording=path, emg=emg, time=time)
 
 
 def limb_body(model: Model, coordinate: str, equation: SwingEquation) -> LimbBody:
@@ -112,7 +147,9 @@ def limb_body(model: Model, coordinate: str, equation: SwingEquation) -> LimbBod
     return LimbBody.of(equation, mass, float(np.linalg.norm(model.gravity)))
 
 
-def open_drops(files: DropFiles, model: Model, limb: LimbFiles, cutoff: float) -> tuple[list[Drop], list[str]]:
+def open_drops(
+    files: DropFiles, model: Model, limb: LimbFiles, cutoff: float
+) -> tuple[list[Drop], list[str]]:
     """The drops of a recording, half swings in which a muscle was active left out, and notes."""
     motion, notes = _motion(files, model)
     column = motion.names.index(limb.coordinate)
@@ -120,13 +157,20 @@ def open_drops(files: DropFiles, model: Model, limb: LimbFiles, cutoff: float) -
     with about(files.recording.name):
         known = np.asarray(np.isfinite(motion.values).all(axis=1))
         if not known.all():
-            filled = [np.interp(motion.time, motion.time[known], values[known]) for values in motion.values.T]
-            notes.append(f"{files.name}: {(~known).sum()} of {len(known)} frames are unknown and not compared")
+            filled = [
+                np.interp(motion.time, motion.time[known], values[known])
+                for values in motion.values.T
+            ]
+            notes.append(
+                f"{files.name}: {(~known).sum()} of {len(known)} frames are unknown and not"
+                " compared"
+            )
             motion = replace(motion, values=np.array(filled).T)
         smooth = differentiate(motion, cutoff)
         assert smooth.velocities is not None
         equation = swing_equation(model, limb.coordinate, smooth)
-        angles, rates = smooth.values[:, column], smooth.velocities[:, column]
+        angles = smooth.values[:, column]
+        rates = smooth.velocities[:, column]
         drops = list(find_drops(files.name, equation, measured, angles, rates))
     notes += _moved_base(smooth, model, limb.coordinate, drops)
     if files.emg is None:
@@ -139,13 +183,17 @@ def open_drops(files: DropFiles, model: Model, limb: LimbFiles, cutoff: float) -
         used = np.array(drop.used)
         for half in range(len(used)):
             begin, end = drop.time(half)
-            used[half] &= not any(each.start < end and each.stop + FORCE_AFTER > begin for each in active)
-        begin, end = drop.time(0)[0], drop.time(len(used) - 1)[1]
+            used[half] &= not any(
+                each.start < end and each.stop + FORCE_AFTER > begin for each in active
+            )
+        begin = drop.time(0)[0]
+        end = drop.time(len(used) - 1)[1]
         notes += [
-            f"{drop.name}: '{each.muscle}' is active from {each.start:.2f} to {each.stop:.2f} s, {each.ratio:.1f} "
-            "times its level at rest: the half swings it touches are left out"
-            for each in active if each.start < end and each.stop + FORCE_AFTER > begin
-        ]  # fmt: skip
+            f"{drop.name}: '{each.muscle}' is active from {each.start:.2f} to {each.stop:.2f} s,"
+            f" {each.ratio:.1f} times its level at rest: the half swings it touches are left out"
+            for each in active
+            if each.start < end and each.stop + FORCE_AFTER > begin
+        ]
         drops[i] = replace(drop, used=used)
     return [drop for drop in drops if drop.used.sum() >= MIN_HALVES - 1], notes
 
@@ -154,11 +202,17 @@ def _motion(files: DropFiles, model: Model) -> tuple[Motion, list[str]]:
     path = files.recording
     if path.suffix.lower() in TABLE_FILES:
         motion, lacking = whole_motion(read_motion(path, model), model)
-        notes = [f"{files.name}: lacks {', '.join(lacking)}: they rest at their defaults"] if lacking else []
+        notes = (
+            [f"{files.name}: lacks {', '.join(lacking)}: they rest at their defaults"]
+            if lacking
+            else []
+        )
     else:
         trial = fitted_to(model, read_recording(path))
         if trial.markers is None:
-            raise BadFile(path, "holds no markers", "give markers (.trc, .c3d) or coordinates (.mot, .sto)")
+            raise BadFile(
+                path, "holds no markers", "give markers (.trc, .c3d) or coordinates (.mot, .sto)"
+            )
         motion = inverse_kinematics(model, trial.markers).motion
         notes = [f"{files.name}: {text}" for text in trial.warnings if "plate" not in text]
     return (motion if files.time is None else cut(motion, *files.time)), notes
@@ -178,6 +232,7 @@ def _moved_base(motion: Motion, model: Model, coordinate: str, drops: list[Drop]
         moved = float(np.linalg.norm(ends[part] - ends[part][0], axis=1).max())
         if angle > TURNED or moved > MOVED:
             yield (
-                f"{drop.name}: '{joint.parent}' turns by up to {np.rad2deg(angle):.0f} degrees and its end moves by "
-                f"{100.0 * moved:.0f} cm; its measured motion is taken into account"
+                f"{drop.name}: '{joint.parent}' turns by up to {np.rad2deg(angle):.0f} degrees and"
+                f" its end moves by {100.0 * moved:.0f} cm; its measured motion is taken into"
+                " account"
             )

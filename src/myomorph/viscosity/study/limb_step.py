@@ -1,4 +1,6 @@
-"""The step of a study that is done once for a relaxed limb: from its drops to damping, stiffness and rest angle."""
+"""The step of a study that is done once for a relaxed limb: from its drops to damping, stiffness
+and rest angle.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ from myomorph.viscosity.report.specimen_report import LimbReport
 from myomorph.viscosity.study.limb_files import LimbFiles, limb_body, open_drops
 from myomorph.viscosity.study.results import read_value, write_value
 
-LIMB, IDENTIFIED = "limb.json", "identified"
+LIMB = "limb.json"
+IDENTIFIED = "identified"
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,10 @@ def limb_provenance(limb: LimbInputs) -> Provenance:
     files = limb.files
     sources = [file_source("model", files.model)]
     for drop in files.drops:
-        sources += [file_source("drop", drop.recording), *([file_source("emg", drop.emg)] if drop.emg else [])]
+        sources += [
+            file_source("drop", drop.recording),
+            *([file_source("emg", drop.emg)] if drop.emg else []),
+        ]
     known: dict[str, object] = {"coordinate": files.coordinate, "muscles": files.muscles}
     known["drops"] = tuple((drop.name, drop.time) for drop in files.drops)
     return provenance_of("relaxed", sources, known | plain_settings(limb.options))
@@ -57,13 +63,22 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
     """A limb from its files, and notes on it, the first on the silence of its muscles."""
     model = open_model(files.model)
     has_mass(model, "a relaxed limb")
-    swinging = [name for joint in model.joints for name in joint.coordinates if name not in model.dependent_coordinates]
+    swinging = [
+        name
+        for joint in model.joints
+        for name in joint.coordinates
+        if name not in model.dependent_coordinates
+    ]
     check_name("coordinate", files.coordinate, swinging, f"the model '{files.model.name}'")
     if model.coordinate(files.coordinate).motion != "rotational":
-        raise BadData(f"'{files.coordinate}' of '{files.model.name}' is no angle: name that of the joint that swings")
+        raise BadData(
+            f"'{files.coordinate}' of '{files.model.name}' is no angle: name that of the joint that"
+            " swings"
+        )
     if model.loops:
         raise BadData(
-            f"'{files.model.name}' has {len(model.loops)} closed loops, whose forces no swing shows: open them"
+            f"'{files.model.name}' has {len(model.loops)} closed loops, whose forces no swing"
+            " shows: open them"
         )
     silent = [drop.name for drop in files.drops if drop.emg is None]
     if len(silent) == len(files.drops):
@@ -74,20 +89,28 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
     with progress(f"limb {files.name}", len(files.drops) + 1, "recordings") as advance:
         for recording in files.drops:
             opened, said = open_drops(recording, model, files, options.cutoff)
-            drops, notes = drops + opened, notes + said
+            drops = drops + opened
+            notes = notes + said
             advance(1)
         if not drops:
-            raise BadData("; ".join(("no drop is left: record others, the person relaxed", *notes[1:])))
+            raise BadData(
+                "; ".join(("no drop is left: record others, the person relaxed", *notes[1:]))
+            )
         body = limb_body(model, files.coordinate, drops[0].equation)
         result = identify_limb(drops, body, options)
         advance(1)
     for missed in sorted(result.missed, key=lambda missed: (missed.drop, missed.half)):
         short, whole = np.rad2deg([missed.short, missed.excursion])
         way = "short of" if short > 0.0 else "beyond"
-        cause = " (a stretch reflex, short-range stiffness, or help by the person)" if short > 0.0 else ""
+        cause = (
+            " (a stretch reflex, short-range stiffness, or help by the person)"
+            if short > 0.0
+            else ""
+        )
         notes.append(
-            f"{missed.drop}: half swing {missed.half + 1} ({missed.time[0]:.2f} to {missed.time[1]:.2f} s, {whole:.0f} "
-            f"degrees) ends {abs(short):.1f} degrees {way} what constant coefficients predict{cause}; it is left out"
+            f"{missed.drop}: half swing {missed.half + 1} ({missed.time[0]:.2f} to"
+            f" {missed.time[1]:.2f} s, {whole:.0f} degrees) ends {abs(short):.1f} degrees {way}"
+            f" what constant coefficients predict{cause}; it is left out"
         )
     return result, notes
 
@@ -95,17 +118,24 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
 def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]:
     """Write the model with spring and damper of the coordinate; returns what it does not express."""
     d, k, s, c = result.fit.law.coefficients[:4]
-    name, model = files.coordinate, open_model(files.model)
+    name = files.coordinate
+    model = open_model(files.model)
     path = folder / f"{IDENTIFIED}{files.model.suffix.lower()}"
     lost = [f"{path.name}: the dry friction is not in it"] if c > 0.0 else []
     others = [torque.name for torque in model.passive_torques if torque.coordinate == name]
     others += ["passive forces of its muscles"] if model.muscles else []
     if others:
         lost.append(
-            f"{path.name}: {', '.join(others)}, which the identified torque holds, act beside it: take one away"
+            f"{path.name}: {', '.join(others)}, which the identified torque holds, act beside it:"
+            " take one away"
         )
     if path.suffix == ".xml":
-        write_dampers(files.model, path, {name: float(d)}, springs={name: (float(k), float(s / k))} if k > 0.0 else {})
+        write_dampers(
+            files.model,
+            path,
+            {name: float(d)},
+            springs={name: (float(k), float(s / k))} if k > 0.0 else {},
+        )
         return lost
     stiffness, rest = ({name: float(k)}, {name: float(s / k)}) if k > 0.0 else ({}, {})
     made = with_passive_dynamics(model, {name: float(d)}, stiffness, rest)
@@ -122,6 +152,11 @@ def _run(limb: LimbInputs, output: FolderOutput) -> LimbReport:
 
 
 STEP = Step(
-    name="relaxed", title="passive torque of a relaxed limb", scope="limb", options=(LimbOptions,),
-    leaves=FrozenMap({"report": LIMB}), run=_run, made_from=limb_provenance,
-)  # fmt: skip
+    name="relaxed",
+    title="passive torque of a relaxed limb",
+    scope="limb",
+    options=(LimbOptions,),
+    leaves=FrozenMap({"report": LIMB}),
+    run=_run,
+    made_from=limb_provenance,
+)

@@ -1,4 +1,6 @@
-"""A study file of swinging limbs: specimens with and without muscles, checked as a whole before anything runs."""
+"""A study file of swinging limbs: specimens with and without muscles, checked as a whole before
+anything runs.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,10 @@ class StudyOptions:
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
         """Options from the tables of a study file, or from a command line."""
         plain = StudyOptions()
-        return replace(plain, **{name: with_settings(getattr(plain, name), told) for name, told in settings.items()})
+        return replace(
+            plain,
+            **{name: with_settings(getattr(plain, name), told) for name, told in settings.items()},
+        )
 
     @property
     def plain(self) -> dict[str, dict[str, object]]:
@@ -88,7 +93,9 @@ class _Plate(study_file.Strict):
 
 
 class _BaseMass(study_file.Strict):
-    """Of the base and all that rests on it beyond the plate's zero [kg]: a number, or the least and the most."""
+    """Of the base and all that rests on it beyond the plate's zero [kg]: a number, or the least and
+    the most.
+    """
 
     removed: float | tuple[float, float] = UNKNOWN
     intact: float | tuple[float, float] = UNKNOWN
@@ -201,12 +208,17 @@ class ViscosityPlan:
 
 def viscosity_tables() -> type[BaseModel]:
     """All tables of a study file of swinging limbs."""
-    options = study_file.options_table({name: settings_of(type(value)) for name, value in vars(StudyOptions()).items()})
+    options = study_file.options_table(
+        {name: settings_of(type(value)) for name, value in vars(StudyOptions()).items()}
+    )
     return create_model(
-        "ViscosityFile", __base__=study_file.Strict, study=(_Study, ...),
+        "ViscosityFile",
+        __base__=study_file.Strict,
+        study=(_Study, ...),
         specimen=(list[_Specimen], Field(default_factory=list)),
-        limb=(list[LimbTable], Field(default_factory=list)), options=(options, Field(default_factory=options)),
-    )  # fmt: skip
+        limb=(list[LimbTable], Field(default_factory=list)),
+        options=(options, Field(default_factory=options)),
+    )
 
 
 def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
@@ -223,8 +235,8 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     Raises
     ------
     BadFile
-        where it is no TOML, or with one list of all that is wrong: unknown keys and quantities, values of the
-        wrong kind, files that do not exist, a specimen without any recording
+        where it is no TOML, or with one list of all that is wrong: unknown keys and quantities,
+        values of the wrong kind, files that do not exist, a specimen without any recording
 
     Examples
     --------
@@ -247,7 +259,8 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     ['03']
     """
     path = Path(path)
-    raw, remarks = study_file.read_toml(path), list[str]()
+    raw = study_file.read_toml(path)
+    remarks = list[str]()
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
     file, problems = study_file.checked(viscosity_tables(), raw)
@@ -257,23 +270,39 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         specimens += [_specimen(table, path.parent, problems, remarks) for table in file.specimen]
         limbs += [limb_files(table, path.parent, problems, remarks) for table in file.limb]
         names = [*(specimen.name for specimen in specimens), *(limb.name for limb in limbs)]
-        problems += [f"two specimens or limbs are named '{name}': give one another name"
-                     for name in dict.fromkeys(names) if names.count(name) > 1]  # fmt: skip
+        problems += [
+            f"two specimens or limbs are named '{name}': give one another name"
+            for name in dict.fromkeys(names)
+            if names.count(name) > 1
+        ]
         if not names:
             problems.append(
-                "it has no [[specimen]] and no [[limb]]: give one, as 'myomorph viscosity --template' shows"
+                "it has no [[specimen]] and no [[limb]]: give one, as 'myomorph viscosity"
+                " --template' shows"
             )
     study_file.refuse(path, problems)
     assert file is not None
-    settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
+    settings = {
+        step: chosen
+        for step, chosen in file.options.model_dump(exclude_unset=True).items()
+        if chosen
+    }
     study = file.study
     origins = study.real, study.simulated, study.assumed
     return ViscosityPlan(
-        study.name, path, tuple(specimens), FrozenMap(settings), *origins, tuple(remarks), tuple(limbs)
+        study.name,
+        path,
+        tuple(specimens),
+        FrozenMap(settings),
+        *origins,
+        tuple(remarks),
+        tuple(limbs),
     )
 
 
-def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:
+def _specimen(
+    specimen: _Specimen, folder: Path, problems: list[str], remarks: list[str]
+) -> SpecimenFiles:
     where = f"specimen '{specimen.name}'"
     if not specimen.removed and not specimen.intact:
         problems.append(f"{where}: has no recordings: give 'removed', 'intact' or both")
@@ -284,30 +313,46 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
     for table in ("truth", "paper"):
         for name in getattr(specimen, table):
             if name not in names:
-                problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names)}")
+                problems.append(
+                    f"{where}: unknown quantity '{name}' in '{table}': there are"
+                    f" {listing(name, names)}"
+                )
     without, intact = (
         tuple(_recordings(entries, specimen.time, folder, f"{where}: {key}", problems, remarks))
         for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)
     )
     model = study_file.existing(folder, specimen.model, f"{where}: model", problems)
     same = ("name", "measured_muscle_mass", "base", "joint", "up")
-    maps: dict[str, Any] = {name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")}
+    maps: dict[str, Any] = {
+        name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")
+    }
     return SpecimenFiles(
-        model=model or folder, without=without, intact=intact, first=specimen.first_body, bones=tuple(specimen.bones),
+        model=model or folder,
+        without=without,
+        intact=intact,
+        first=specimen.first_body,
+        bones=tuple(specimen.bones),
         muscles=FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
         tare=study_file.existing(folder, specimen.tare, f"{where}: tare", problems),
-        plate=None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
+        plate=(
+            None
+            if specimen.plate is None
+            else _plate(specimen.plate, folder, f"{where}: plate", problems)
+        ),
         ct=tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
-        base_load=_base_load(specimen.base_mass, where, problems), **{name: getattr(specimen, name) for name in same},
+        base_load=_base_load(specimen.base_mass, where, problems),
+        **{name: getattr(specimen, name) for name in same},
         **maps,
-    )  # fmt: skip
+    )
 
 
 def _base_load(base_mass: float | _BaseMass | None, where: str, problems: list[str]) -> BaseLoad:
     table = base_mass if isinstance(base_mass, _BaseMass) else _BaseMass()
     if isinstance(base_mass, float):
         table = _BaseMass(removed=base_mass, intact=base_mass)
-    ends = ((mass, mass) if isinstance(mass, float) else mass for mass in (table.removed, table.intact))
+    ends = (
+        (mass, mass) if isinstance(mass, float) else mass for mass in (table.removed, table.intact)
+    )
     try:
         return BaseLoad(*ends)
     except BadData as error:
@@ -316,21 +361,40 @@ def _base_load(base_mass: float | _BaseMass | None, where: str, problems: list[s
 
 
 def _plate(plate: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:
-    placements = [path for name in plate.placements for path in study_file.matching(folder, name, where, problems)]
-    problems += [f"{where}: '{path.name}' is no C3D recording" for path in placements if path.suffix.lower() != ".c3d"]
+    placements = [
+        path
+        for name in plate.placements
+        for path in study_file.matching(folder, name, where, problems)
+    ]
+    problems += [
+        f"{where}: '{path.name}' is no C3D recording"
+        for path in placements
+        if path.suffix.lower() != ".c3d"
+    ]
     shares = None if plate.shares is None else tuple(plate.shares)
     try:
-        weight = MarkedWeight("weight", tuple(plate.markers), shares, plate.mass, plate.axis, plate.tip)
+        weight = MarkedWeight(
+            name="weight",
+            markers=tuple(plate.markers),
+            shares=shares,
+            mass=plate.mass,
+            axis=plate.axis,
+            tip=plate.tip,
+        )
     except BadData as error:
         problems.append(f"{where}: {error}")
         return None
     return PlateFiles(tuple(placements), weight, plate.name)
 
 
-def _scans(scan_files: Sequence[ScanFiles], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
+def _scans(
+    scan_files: Sequence[ScanFiles], folder: Path, where: str, problems: list[str]
+) -> Iterator[ScanFiles]:
     for table in scan_files:
         for path in (table.surface, table.cluster, table.picked, table.mesh):
-            study_file.existing(folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems)
+            study_file.existing(
+                folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems
+            )
         try:
             yield table.within(folder)
         except BadData as error:
@@ -353,7 +417,10 @@ def _recordings(
             if recording.loads is not None:
                 loads = study_file.existing(folder, recording.loads, f"{where}: loads", problems)
             elif (loads := swing_loads(markers)) is None:
-                problems.append(f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D file")
+                problems.append(
+                    f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D"
+                    " file"
+                )
             elif loads != markers:
                 remarks.append(f"{markers.name}: loads from {loads.name}")
             name = recording.name or plain_stem(markers)
@@ -361,7 +428,9 @@ def _recordings(
                 problems.append(f"{where}: two recordings are named '{name}': give one a 'name'")
             seen.add(name)
             if loads is not None:
-                yield SwingFiles(name, markers, loads, recording.time or time)
+                yield SwingFiles(
+                    name=name, markers=markers, loads=loads, time=recording.time or time
+                )
 
 
 def fixed_plan(
@@ -373,20 +442,38 @@ def fixed_plan(
     time: tuple[float, float] | None = None,
     settings: Mapping[str, Any] = FrozenMap({}),
 ) -> ViscosityPlan:
-    """The plan of one specimen by hand: recordings and their forces of each of `CONDITIONS`, settings of all steps."""
+    """The plan of one specimen by hand: recordings and their forces of each of `CONDITIONS`,
+    settings of all steps.
+    """
     if model is None:
         raise BadData("give a study file, or --model with --intact and --removed")
     if not model.is_file():
         raise BadFile(model, "does not exist", "give a model (.osim or .xml)")
-    conditions = {name: tuple(_given(name, *files.get(name, ((), ())), time)) for name in CONDITIONS}
+    conditions = {
+        name: tuple(_given(name, *files.get(name, ((), ())), time)) for name in CONDITIONS
+    }
     if not any(conditions.values()):
         raise BadData("no recordings: give --intact and --removed")
     lacking = (STATES[name] for name, entries in conditions.items() if not entries)
     remarks = tuple(f"no recordings of {state}: {INSEPARABLE}" for state in lacking)
     without, intact = conditions.values()
-    specimen = SpecimenFiles(model.stem, model, without, intact, muscle_mass, base=base, first=first)
+    specimen = SpecimenFiles(
+        name=model.stem,
+        model=model,
+        without=without,
+        intact=intact,
+        measured_muscle_mass=muscle_mass,
+        base=base,
+        first=first,
+    )
     tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
-    return ViscosityPlan(model.stem, None, (specimen,), FrozenMap(tables), remarks=remarks)
+    return ViscosityPlan(
+        name=model.stem,
+        path=None,
+        specimens=(specimen,),
+        settings=FrozenMap(tables),
+        remarks=remarks,
+    )
 
 
 def _given(
@@ -394,7 +481,8 @@ def _given(
 ) -> Iterator[SwingFiles]:
     if loads and len(loads) != len(recordings):
         raise BadData(
-            f"{len(recordings)} recordings but {len(loads)} files of forces for --{OPTIONS[name]}: give one of each"
+            f"{len(recordings)} recordings but {len(loads)} files of forces for --{OPTIONS[name]}:"
+            " give one of each"
         )
     for i, markers in enumerate(recordings):
         recording_loads = loads[i] if loads else swing_loads(markers)
@@ -403,9 +491,13 @@ def _given(
                 raise BadFile(path, "does not exist")
         if recording_loads is None:
             raise BadFile(markers, "has no forces beside it", f"give --{OPTIONS[name]}-loads")
-        yield SwingFiles(plain_stem(markers), markers, recording_loads, time)
+        yield SwingFiles(
+            name=plain_stem(markers), markers=markers, loads=recording_loads, time=time
+        )
 
 
 def swing_loads(markers: Path) -> Path | None:
-    """The forces that belong to a recording: in it where it is a C3D file, else beside it by its stem, or None."""
+    """The forces that belong to a recording: in it where it is a C3D file, else beside it by its
+    stem, or None.
+    """
     return markers if markers.suffix.lower() == ".c3d" else loads_by_name(markers)

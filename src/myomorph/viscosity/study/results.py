@@ -1,4 +1,6 @@
-"""What a study of swinging limbs leaves behind: tables, trials, and the report with its input as a file."""
+"""What a study of swinging limbs leaves behind: tables, trials, and the report with its input as a
+file.
+"""
 
 from __future__ import annotations
 
@@ -29,24 +31,38 @@ from myomorph.viscosity.swings.recording import SwingRecording
 
 Kind = TypeVar("Kind")
 
-SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
-MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
-ERRORS, INSTRUMENTS, LIMBS = "errors.csv", "instruments.csv", "limbs.csv"
+SPECIMENS = "specimens.csv"
+COHORT = "cohort.csv"
+AXES = "axes.csv"
+MUSCLES = "muscles.csv"
+MODELS = "models.csv"
+NOTES = "notes.csv"
+ERRORS = "errors.csv"
+INSTRUMENTS = "instruments.csv"
+LIMBS = "limbs.csv"
 WEIGHED = "measured_muscle_mass"  # The one column that was not estimated and so has no interval.
 
-STORE, REPORT = "viscosity.json", "report.html"
+STORE = "viscosity.json"
+REPORT = "report.html"
 
-KIND, ARRAY, DIGITS = "is", "array", 6
+KIND = "is"
+ARRAY = "array"
+DIGITS = 6
 
 NOUNS: dict[str, Any] = {
-    name: variable for name, variable in vars(shown).items() if isinstance(variable, type) and is_dataclass(variable)
+    name: variable
+    for name, variable in vars(shown).items()
+    if isinstance(variable, type) and is_dataclass(variable)
 }
 """What a report is made of, by the names that its store has."""
 
 
 def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
-    """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its interval."""
-    head, cells = ["name"], [[name] for name, _ in rows]
+    """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its
+    interval.
+    """
+    head = ["name"]
+    cells = [[name] for name, _ in rows]
     for quantity in (quantity.name for quantity in QUANTITIES):
         width = 1 if quantity == WEIGHED else 3
         head += [quantity, f"{quantity}_low", f"{quantity}_high"][:width]
@@ -63,7 +79,15 @@ def cohort_table(rows: Sequence[Row]) -> str:
     """`cohort.csv`: mean and population SD of every quantity, and the interval of the mean."""
     head = ("quantity", "mean", "sd", "n", "mean_low", "mean_high", "unit")
     cells = (
-        (line.quantity.name, line.mean, line.sd, line.count, line.low, line.high, line.quantity.unit)
+        (
+            line.quantity.name,
+            line.mean,
+            line.sd,
+            line.count,
+            line.low,
+            line.high,
+            line.quantity.unit,
+        )
         for line in cohort(rows)
     )
     return csv_text(head, cells, digits=8)
@@ -71,7 +95,9 @@ def cohort_table(rows: Sequence[Row]) -> str:
 
 def notes_table(specimens: Sequence[SpecimenReport | LimbReport]) -> str:
     """`notes.csv`: what failed, and what else was said of each specimen."""
-    rows = [(specimen.name, "failed", specimen.failure) for specimen in specimens if specimen.failure]
+    rows = [
+        (specimen.name, "failed", specimen.failure) for specimen in specimens if specimen.failure
+    ]
     rows += [(specimen.name, "note", note) for specimen in specimens for note in specimen.notes]
     return csv_text(("name", "kind", "text"), rows)
 
@@ -88,27 +114,39 @@ def _axis_rows(specimen: SpecimenReport) -> Rows:
 
 def _muscle_rows(specimen: SpecimenReport) -> Rows:
     if (muscles := specimen.muscles) is not None:
-        for muscle, value, share in zip(muscles.muscles, muscles.by_muscle, muscles.pcsa, strict=True):
+        for muscle, value, share in zip(
+            muscles.muscles, muscles.by_muscle, muscles.pcsa, strict=True
+        ):
             yield muscle, *_interval(value), share, share * muscles.by_pcsa.value, muscles.rank
 
 
-MODEL = attrgetter(*("condition", "terms", "viscosity", "values", "aic", "bic", "angle_error", "wrench_error"))
+MODEL = attrgetter(
+    *("condition", "terms", "viscosity", "values", "aic", "bic", "angle_error", "wrench_error")
+)
 ERROR = attrgetter("quantity", "source", "prior_sd", "sd", "share")
 
 BY_SPECIMEN: dict[str, tuple[str, Callable[[SpecimenReport], Iterable[tuple[object, ...]]]]] = {
     # Viscosity about every free axis.
     AXES: ("condition axis viscosity viscosity_low viscosity_high excited", _axis_rows),
     # The regularised viscosity of every muscle, and that in proportion to its cross-section.
-    MUSCLES: ("muscle viscosity viscosity_low viscosity_high pcsa_share by_pcsa rank", _muscle_rows),
+    MUSCLES: (
+        "muscle viscosity viscosity_low viscosity_high pcsa_share by_pcsa rank",
+        _muscle_rows,
+    ),
     # Alternatives of the passive torque and how well each foretells a swing.
     MODELS: (
-        "condition model viscosity values aic_over_best bic_over_best held_out_angle_rad held_out_moment_nm",
+        (
+            "condition model viscosity values aic_over_best bic_over_best held_out_angle_rad"
+            " held_out_moment_nm"
+        ),
         lambda specimen: map(MODEL, specimen.models),
     ),
     # What swings and each error that all swings share add to each result.
     ERRORS: (
         "quantity source prior_sd sd_of_result share_of_variance",
-        lambda specimen: map(ERROR, sorted(specimen.errors, key=lambda error: (error.quantity, -error.share))),
+        lambda specimen: map(
+            ERROR, sorted(specimen.errors, key=lambda error: (error.quantity, -error.share))
+        ),
     ),
     # Errors of instruments as assumed and as the swings show them, in SI units.
     INSTRUMENTS: (
@@ -119,8 +157,12 @@ BY_SPECIMEN: dict[str, tuple[str, Callable[[SpecimenReport], Iterable[tuple[obje
 """Tables with rows of each specimen: the columns behind its name, and the rows."""
 
 
-def write_tables(specimens: Sequence[SpecimenReport], folder: Path, limbs: Sequence[LimbReport] = ()) -> None:
-    """Write all tables of a cohort, each whole or not at all: of specimens where there are any, of limbs likewise."""
+def write_tables(
+    specimens: Sequence[SpecimenReport], folder: Path, limbs: Sequence[LimbReport] = ()
+) -> None:
+    """Write all tables of a cohort, each whole or not at all: of specimens where there are any, of
+    limbs likewise.
+    """
     write_whole(notes_table((*specimens, *limbs)), folder / NOTES)
     if limbs:
         rows = ((limb.name, *row) for limb in limbs for row in limb_rows(limb))
@@ -142,14 +184,21 @@ def write_whole(text: str, path: Path) -> None:
 
 
 def write_swings(specimen_viscosity: SpecimenViscosity, folder: Path) -> None:
-    """Write every trial as a table over time: angles, rates, torques, wrench measured and predicted."""
+    """Write every trial as a table over time: angles, rates, torques, wrench measured and
+    predicted.
+    """
     for name, condition in specimen_viscosity.conditions.items():
         for recording in condition.recordings:
-            write_sto(swing_table(recording, condition), folder / f"{name}_{file_name(recording.name)}.sto")
+            write_sto(
+                swing_table(recording, condition),
+                folder / f"{name}_{file_name(recording.name)}.sto",
+            )
 
 
 def swing_table(recording: SwingRecording, condition: Condition) -> Table:
-    """One trial: angle [rad], rate [rad/s], torque and its viscous part [N m] of every axis; the wrench."""
+    """One trial: angle [rad], rate [rad/s], torque and its viscous part [N m] of every axis; the
+    wrench.
+    """
     torque = recording.torque_rows @ condition.parameters
     blocks = (
         ("angle", recording.axes, recording.angles),
@@ -160,7 +209,9 @@ def swing_table(recording: SwingRecording, condition: Condition) -> Table:
         ("predicted", COMPONENTS, recording.wrench_rows @ condition.parameters),
         ("swing", ("",), recording.swing[:, None].astype(np.float64)),
     )
-    names = tuple(f"{kind}_{column}".rstrip("_") for kind, columns, _ in blocks for column in columns)
+    names = tuple(
+        f"{kind}_{column}".rstrip("_") for kind, columns, _ in blocks for column in columns
+    )
     return Table(recording.time, names, np.hstack([values for _, _, values in blocks]))
 
 
@@ -179,7 +230,9 @@ def read_value(path: Path, kind: type[Kind]) -> Kind:
     try:
         result = json.loads(path.read_text(encoding="utf-8"), object_hook=_value)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise BadFile(path, f"is no result of 'myomorph viscosity' ({error})", "run the study again") from None
+        raise BadFile(
+            path, f"is no result of 'myomorph viscosity' ({error})", "run the study again"
+        ) from None
     if not isinstance(result, kind):
         raise BadFile(path, "is no result of 'myomorph viscosity'", "run the study again")
     return result
@@ -219,4 +272,9 @@ def _value(entries: dict[str, Any]) -> Any:
         if entries.get("whole"):
             return np.array(entries["values"])
         return np.array(entries["values"], dtype=np.float64).reshape(entries["shape"])
-    return NOUNS[kind](**{name: tuple(value) if isinstance(value, list) else value for name, value in entries.items()})
+    return NOUNS[kind](
+        **{
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in entries.items()
+        }
+    )

@@ -1,4 +1,6 @@
-"""A study of swinging limbs as a graph of jobs: one for each specimen and limb, then the tables of the cohort."""
+"""A study of swinging limbs as a graph of jobs: one for each specimen and limb, then the tables of
+the cohort.
+"""
 
 from __future__ import annotations
 
@@ -31,42 +33,72 @@ Recorded = tuple[Path, Path | None, tuple[float, float] | None]
 
 
 def open_steps(
-    model: Model | None, read: str, fresh: bool, *, inputs: SpecimenInputs | LimbInputs | CohortInputs, outcome: Outcome
+    model: Model | None,
+    read: str,
+    fresh: bool,
+    *,
+    inputs: SpecimenInputs | LimbInputs | CohortInputs,
+    outcome: Outcome,
 ) -> JobSteps:
     """The step of a specimen or a limb, or of all."""
-    kinds: dict[type, Scope] = {SpecimenInputs: "specimen", LimbInputs: "limb", CohortInputs: "cohort"}
+    kinds: dict[type, Scope] = {
+        SpecimenInputs: "specimen",
+        LimbInputs: "limb",
+        CohortInputs: "cohort",
+    }
     return FolderSteps(kinds[type(inputs)], inputs, outcome, fresh)
 
 
-def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
+def graph_of(
+    plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None
+) -> Graph:
     """What a study of swinging limbs has to do, `fresh` whatever an earlier run left."""
     options = StudyOptions.of(plan.settings)
 
-    def work(step: Step[Any], inputs: SpecimenInputs | LimbInputs, recordings: Iterable[Recorded]) -> Work:
-        files, recorded = inputs.files, list(recordings)
+    def work(
+        step: Step[Any], inputs: SpecimenInputs | LimbInputs, recordings: Iterable[Recorded]
+    ) -> Work:
+        files = inputs.files
+        recorded = list(recordings)
         outcome = Outcome(files.name, "", out / file_name(files.name))
         opened = partial(open_steps, inputs=inputs, outcome=outcome)
         paths = (path for recording, beside, _ in recorded for path in (recording, beside) if path)
         names = dict.fromkeys(path.name for path in (files.model, *paths))
         return Work(
-            step.scope, outcome, tuple(STEPS[step.scope]), opened, fresh=fresh, mark=mark,
-            settings=FrozenMap({step.name: plan.settings}), files=tuple(names),
+            scope=step.scope,
+            outcome=outcome,
+            steps=tuple(STEPS[step.scope]),
+            open=opened,
+            fresh=fresh,
+            mark=mark,
+            settings=FrozenMap({step.name: plan.settings}),
+            files=tuple(names),
             recordings=tuple(Recording(path, time) for path, _, time in recorded),
-        )  # fmt: skip
+        )
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
         outcome = Outcome(*GATHERED, out)
         opened = partial(open_steps, inputs=CohortInputs(plan, outcomes), outcome=outcome)
-        return (Work("cohort", outcome, tuple(STEPS["cohort"]), opened, fresh=fresh),)
+        return (
+            Work(
+                scope="cohort",
+                outcome=outcome,
+                steps=tuple(STEPS["cohort"]),
+                open=opened,
+                fresh=fresh,
+            ),
+        )
 
     works = []
     for specimen in plan.specimens:
-        swings = ((each.markers, each.loads, each.time) for each in (*specimen.without, *specimen.intact))
+        swings = (
+            (each.markers, each.loads, each.time) for each in (*specimen.without, *specimen.intact)
+        )
         works.append(work(specimen_step.STEP, SpecimenInputs(specimen, options), swings))
     for limb in plan.limbs:
         drops = ((each.recording, each.emg, each.time) for each in limb.drops)
         works.append(work(limb_step.STEP, LimbInputs(limb, options.limb), drops))
-    return Graph(plan.name, tuple(works), last, open_model)
+    return Graph(name=plan.name, works=tuple(works), last=last, open_model=open_model)
 
 
 def run_viscosity(
@@ -79,8 +111,8 @@ def run_viscosity(
 ) -> list[Outcome]:
     """Identify every specimen of a plan and write tables and `report.html` into a folder.
 
-    A specimen that fails is named with its reason, and the others are done all the same. Specimens whose inputs,
-    options and version have not changed since an earlier run are reused.
+    A specimen that fails is named with its reason, and the others are done all the same. Specimens
+    whose inputs, options and version have not changed since an earlier run are reused.
 
     Parameters
     ----------
@@ -92,8 +124,8 @@ def run_viscosity(
 
     Returns
     -------
-    outcomes of the specimens, in the order of the plan, and of the tables where they failed; what is shown of a
-    specimen is in its folder (`read_specimen`)
+    outcomes of the specimens, in the order of the plan, and of the tables where they failed; what
+    is shown of a specimen is in its folder (`read_specimen`)
 
     Raises
     ------

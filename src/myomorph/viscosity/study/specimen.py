@@ -26,13 +26,23 @@ from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
-from myomorph.viscosity.study.swing_files import OpenedSpecimen, open_specimen, open_swing, recorded_markers
+from myomorph.viscosity.study.swing_files import (
+    OpenedSpecimen,
+    open_specimen,
+    open_swing,
+    recorded_markers,
+)
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
 from myomorph.viscosity.trust.checks import TARED, TOO_SMALL, condition_findings
 from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
-from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
+from myomorph.viscosity.trust.models import (
+    UNITS,
+    PassiveComparison,
+    PassiveOptions,
+    compare_passive_laws,
+)
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
 LEVELS = (0.05, 0.10, 0.15, 0.20)  # Relative errors of moment arms that the figure shows.
@@ -45,9 +55,13 @@ def trusted(
     arms: MomentArmOptions,
     compared: Mapping[str, PassiveComparison] = FrozenMap({}),
 ) -> reports.SpecimenReport:
-    """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
+    """The report with what tells how far to trust its values; what cannot be told is named in its
+    notes.
+    """
     steps = [
-        partial(with_laws, name=name, condition=condition, options=laws, compared=compared.get(name))
+        partial(
+            with_laws, name=name, condition=condition, options=laws, compared=compared.get(name)
+        )
         for name, condition in specimen_viscosity.conditions.items()
     ]
     for make in (*steps, partial(with_arms, specimen_viscosity=specimen_viscosity, options=arms)):
@@ -71,11 +85,17 @@ def with_laws(
     compared = compared or compare_passive_laws(condition.recordings, options)
     models = []
     for fit in compared.fits:
-        terms = [(part, term.value) for part, term in fit.coefficients.items() if not part.startswith("rest")]
+        terms = [
+            (part, term.value)
+            for part, term in fit.coefficients.items()
+            if not part.startswith("rest")
+        ]
         values = ", ".join(f"{part} {number(value)} {_unit(part)}" for part, value in terms)
         viscosity = dict(terms).get("viscosity", float("nan"))
         numbers = (viscosity, fit.aic, fit.bic, fit.angle_error, fit.moment_error)
-        models.append(reports.PassiveModel(name, fit.name, values, *numbers, fit is compared.chosen))
+        models.append(
+            reports.PassiveModel(name, fit.name, values, *numbers, fit is compared.chosen)
+        )
     shown = compared.prediction
     if shown is None:
         return replace(report, models=(*report.models, *models))
@@ -97,11 +117,15 @@ def with_cutoffs(
     options: identify.ViscosityOptions,
     hidden: Collection[str] = (),
 ) -> reports.SpecimenReport:
-    """The report with what other cut-offs would have given; the mass of conditions in `hidden` is not shown."""
+    """The report with what other cut-offs would have given; the mass of conditions in `hidden` is
+    not shown.
+    """
     values: dict[str, Array] = {}
     for name, condition_tracked in tracked.items():
         condition_options = replace(options, tare="unknown") if name in hidden else options
-        scan = scan_cutoffs(partial(swing_recordings, condition_tracked, muscles=False), options=condition_options)
+        scan = scan_cutoffs(
+            partial(swing_recordings, condition_tracked, muscles=False), options=condition_options
+        )
         mass, com, _, viscosity = identify.QUANTITIES_OF[name]
         values |= dict(zip((mass, com, viscosity), scan.T, strict=True))
     shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
@@ -113,28 +137,43 @@ def with_arms(
     report: reports.SpecimenReport, specimen_viscosity: SpecimenViscosity, options: MomentArmOptions
 ) -> reports.SpecimenReport:
     """The report with the spread of the common muscle viscosity under errors of the moment arms."""
-    intact, without = specimen_viscosity.intact, specimen_viscosity.without
+    intact = specimen_viscosity.intact
+    without = specimen_viscosity.without
     if specimen_viscosity.muscles is None or intact is None or without is None:
         return report
     swings = intact.recordings, intact.parameters, without.viscosity.value
     kinds = moment_arm_sensitivity(*swings, options)
-    by_level = [moment_arm_sensitivity(*swings, replace(options, factor=level, offset=0.0))[1] for level in LEVELS]
+    by_level = [
+        moment_arm_sensitivity(*swings, replace(options, factor=level, offset=0.0))[1]
+        for level in LEVELS
+    ]
     exact = by_level[0].exact
-    low, median, high = np.array([np.full(3, exact), *(spread.quantiles() for spread in by_level)]).T
+    low, median, high = np.array(
+        [np.full(3, exact), *(spread.quantiles() for spread in by_level)]
+    ).T
     table = []
     for kind in kinds:
-        size = f"{1000 * kind.error:.1f} mm" if kind.kind.startswith("offset") else f"{100 * kind.error:.0f} %"
+        size = (
+            f"{1000 * kind.error:.1f} mm"
+            if kind.kind.startswith("offset")
+            else f"{100 * kind.error:.0f} %"
+        )
         table.append(reports.ArmError(kind.kind, size, kind.sd, kind.bias, *kind.quantiles()))
-    spread = reports.ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), tuple(table))
+    spread = reports.ArmSpread(
+        np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), tuple(table)
+    )
     return replace(report, arms=spread)
 
 
-TRACKING, IDENTIFYING = 0.5, 0.25  # Shares of a specimen's time, for the bar.
+TRACKING = 0.5
+IDENTIFYING = 0.25  # Shares of a specimen's time, for the bar.
 
 
 @dataclass(frozen=True, eq=False)
 class Studied:
-    """A specimen that could be done: what was found, what the report shows of it, its model with it, and its swings."""
+    """A specimen that could be done: what was found, what the report shows of it, its model with
+    it, and its swings.
+    """
 
     found: SpecimenViscosity
     report: reports.SpecimenReport
@@ -143,17 +182,28 @@ class Studied:
 
 
 def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
-    """Identify one specimen; an unusable condition is named in its notes. `advance` gets shares of the work done."""
+    """Identify one specimen; an unusable condition is named in its notes. `advance` gets shares of
+    the work done.
+    """
     opened, conditions, lost = _opened(files, options, advance)
-    specimen, notes = opened.specimen, list(opened.notes)
+    specimen = opened.specimen
+    notes = list(opened.notes)
     try:
         identified = identify_conditions(specimen, files, conditions, options)
     except BadData as error:
         raise BadData("; ".join((*lost, str(error)))) from None
     notes += [*lost, *identified.lost, *identified.conflicts]
     advance(IDENTIFYING)
-    report, viscosity = _judged(identified.found, identified.by_swings, identified.conditions, notes)
-    report = trusted(report, viscosity, identified.options.laws, identified.options.moment_arms, identified.compared)
+    report, viscosity = _judged(
+        identified.found, identified.by_swings, identified.conditions, notes
+    )
+    report = trusted(
+        report,
+        viscosity,
+        identified.options.laws,
+        identified.options.moment_arms,
+        identified.compared,
+    )
     tracked = {name: condition.tracked for name, condition in identified.conditions.items()}
     hidden = [name for name, condition in identified.conditions.items() if condition.hides_mass]
     filtered = identified.cutoff, identified.reason
@@ -162,18 +212,26 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
     shoulder = "scapula" in specimen.base.lower() and "humer" in specimen.first.lower()
     report = replace(
-        report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans,
-        errors=identified.shares, instruments=identified.instruments,
+        report,
+        truth=files.truth,
+        paper=files.paper,
+        calibration=residuals,
+        scans=opened.scans,
+        errors=identified.shares,
+        instruments=identified.instruments,
         shoulder=shoulder and len(specimen.joint_coordinates) == 3,
-    )  # fmt: skip
-    return Studied(viscosity, report, model, tracked)
+    )
+    return Studied(found=viscosity, report=report, model=model, tracked=tracked)
 
 
-def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[str, tuple[SwingRecording, ...]]:
-    """The recordings of a specimen as linear equations, from files to what `identify_specimen` takes.
+def read_swings(
+    files: SpecimenFiles, cutoff: float | None = None
+) -> Mapping[str, tuple[SwingRecording, ...]]:
+    """The recordings of a specimen as linear equations, from files to what `identify_specimen`
+    takes.
 
-    Bones are tracked and the plate is calibrated as in a study; errors of instruments that the swings themselves show
-    stay in.
+    Bones are tracked and the plate is calibrated as in a study; errors of instruments that the
+    swings themselves show stay in.
 
     Parameters
     ----------
@@ -207,7 +265,9 @@ def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[st
     result = dict.fromkeys(("without", "intact"), tuple[SwingRecording, ...]())
     for name, condition in conditions.items():
         muscles = name == "with"
-        result["intact" if muscles else name] = swing_recordings(condition.tracked, cutoff, muscles=muscles)
+        result["intact" if muscles else name] = swing_recordings(
+            condition.tracked, cutoff, muscles=muscles
+        )
     return FrozenMap(result)
 
 
@@ -216,7 +276,8 @@ def _opened(
 ) -> tuple[OpenedSpecimen, dict[str, Prepared], list[str]]:
     """The specimen, its conditions tracked, and why the others cannot be used, a line each."""
     opened = open_specimen(files, recorded_markers((*files.without, *files.intact)[0]))
-    notes, residuals = (*opened.specimen.notes, *opened.notes), opened.residuals
+    notes = (*opened.specimen.notes, *opened.notes)
+    residuals = opened.residuals
     place = None
     if files.plate is not None:
         calibration = calibrate(files.plate)
@@ -261,21 +322,35 @@ def _tracked(
 
 
 def _judged(
-    viscosity: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
+    viscosity: SpecimenViscosity,
+    by_swings: SpecimenViscosity,
+    conditions: Mapping[str, Prepared],
+    notes: list[str],
 ) -> tuple[reports.SpecimenReport, SpecimenViscosity]:
-    """The specimen without what its recordings cannot tell, faults as notes; small swings judged by `by_swings`."""
+    """The specimen without what its recordings cannot tell, faults as notes; small swings judged by
+    `by_swings`.
+    """
     lacking: set[str] = set()
     for name in CONDITIONS:
         findings = list(conditions[name].findings) if name in conditions else []
-        findings += condition_findings(by_swings.conditions[name]) if name in by_swings.conditions else ()
-        notes += [f"{identify.STATES[name]}: {finding.text}" for finding in findings if finding.text not in notes]
+        findings += (
+            condition_findings(by_swings.conditions[name]) if name in by_swings.conditions else ()
+        )
+        notes += [
+            f"{identify.STATES[name]}: {finding.text}"
+            for finding in findings
+            if finding.text not in notes
+        ]
         if any(finding.kind == TARED for finding in findings):
             lacking |= {*identify.QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
         if any(finding.kind == TOO_SMALL for finding in findings):
             lacking.add(identify.QUANTITIES_OF[name][-1])
     common = None if by_swings.muscles is None else by_swings.muscles.common
     if viscosity.muscles is not None and common is not None and not identify.is_narrow(common):
-        notes.append(f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g} N s/m")
+        notes.append(
+            f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g}"
+            " N s/m"
+        )
         lacking.add("muscle_viscosity")
         viscosity = replace(viscosity, muscles=None)
     further = (note for condition in conditions.values() for note in condition.notes)
@@ -292,16 +367,26 @@ def _with_model(
     tracked: Mapping[str, TrackedSpecimen],
     cutoff: float,
 ) -> tuple[reports.SpecimenReport, Model | None]:
-    """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim` cannot hold."""
+    """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim`
+    cannot hold.
+    """
     known = "joint_viscosity" in report.row
     condition_tracked = tracked.get("with", tracked.get("without"))
-    if condition_tracked is None or not known or not condition_tracked.specimen.model.source.lower().endswith(".osim"):
+    if (
+        condition_tracked is None
+        or not known
+        or not condition_tracked.specimen.model.source.lower().endswith(".osim")
+    ):
         return report, None
     try:
         made = identified_model(condition_tracked, specimen_viscosity, cutoff)
     except MyomorphError as error:
         return replace(report, notes=(*report.notes, f"no identified.osim: {error}")), None
-    return (report, None) if made is None else (replace(report, notes=(*report.notes, *made[1])), made[0])
+    return (
+        (report, None)
+        if made is None
+        else (replace(report, notes=(*report.notes, *made[1])), made[0])
+    )
 
 
 def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[reports.Residual, ...]:
@@ -311,13 +396,19 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[reports.Resid
         if np.isfinite(rms).any():
             worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
             value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
-            lines.append(reports.Residual(f"markers to bones, {identify.STATES[name]}", value, "mm", worst))
+            lines.append(
+                reports.Residual(f"markers to bones, {identify.STATES[name]}", value, "mm", worst)
+            )
         for trial in condition.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:
                 millionths = round(1e6 * clock.drift, 1)
                 drift = f"drift {millionths:g} parts per million" if millionths else "no drift"
-                lines.append(reports.Residual(f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift))
+                lines.append(
+                    reports.Residual(
+                        f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift
+                    )
+                )
     return tuple(lines)
 
 

@@ -1,4 +1,6 @@
-"""The step of a study of swinging limbs that is done once for a specimen: from its recordings to its viscosities."""
+"""The step of a study of swinging limbs that is done once for a specimen: from its recordings to
+its viscosities.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from myomorph.viscosity.study.results import read_value, write_swings, write_val
 from myomorph.viscosity.study.specimen import input_sources, study_specimen
 from myomorph.viscosity.study.viewing import write_view
 
-SPECIMEN, IDENTIFIED, MJCF = "specimen.json", "identified.osim", Path("identified.xml")
+SPECIMEN = "specimen.json"
+IDENTIFIED = "identified.osim"
+MJCF = Path("identified.xml")
 
 
 @dataclass(frozen=True)
@@ -33,20 +37,30 @@ class SpecimenInputs(ScopeInputs):
 
 
 def specimen_provenance(specimen: SpecimenInputs) -> Provenance:
-    """What the result of a specimen is derived from; what it is held against, its truth, changes nothing."""
+    """What the result of a specimen is derived from; what it is held against, its truth, changes
+    nothing.
+    """
     files = specimen.files
     sources = list(input_sources(files))
     for scan in files.ct:
-        sources += [file_source("CT", path) for path in (scan.picked, scan.mesh) if path is not None]
+        sources += [
+            file_source("CT", path) for path in (scan.picked, scan.mesh) if path is not None
+        ]
     names = ("measured_muscle_mass", "base", "first", "bones", "joint", "muscles", "pcsa", "up")
     known: dict[str, object] = {name: getattr(files, name) for name in names}
     known |= {name: dict(value) for name, value in known.items() if isinstance(value, FrozenMap)}
     for condition, recordings in (("removed", files.without), ("intact", files.intact)):
         known[condition] = [(recording.name, recording.time) for recording in recordings]
-    known["ct"] = [scan.model_dump(exclude={"surface", "cluster", "picked", "mesh"}) for scan in files.ct]
+    known["ct"] = [
+        scan.model_dump(exclude={"surface", "cluster", "picked", "mesh"}) for scan in files.ct
+    ]
     known["plate"] = None if files.plate is None else (repr(files.plate.weight), files.plate.plate)
     tables: dict[str, dict[str, object]] = {"specimen": known, **specimen.options.plain}
-    options = {f"{table}.{name}": value for table, settings in tables.items() for name, value in settings.items()}
+    options = {
+        f"{table}.{name}": value
+        for table, settings in tables.items()
+        for name, value in settings.items()
+    }
     return provenance_of("viscosity", sources, options)
 
 
@@ -64,7 +78,8 @@ def read_estimates(folder: str | Path) -> Mapping[str, Estimate]:
 
     Returns
     -------
-    masses [kg], distances of mass centers [m], viscosities [N m s/rad] and [N s/m]; what is lacking is absent
+    masses [kg], distances of mass centers [m], viscosities [N m s/rad] and [N s/m]; what is lacking
+    is absent
 
     Raises
     ------
@@ -95,10 +110,15 @@ def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:
             write_view(studied.tracked, folder)
         lost = () if studied.model is None else write_osim(studied.model, folder / IDENTIFIED)
         notes = (*studied.report.notes, *(f"{IDENTIFIED}: {line}" for line in lost))
-        if specimen.files.model.suffix.lower() == MJCF.suffix and "joint_viscosity" in studied.report.row:
+        if (
+            specimen.files.model.suffix.lower() == MJCF.suffix
+            and "joint_viscosity" in studied.report.row
+        ):
             files = specimen.files
             try:
-                lines = write_identified(files.model, studied.report, folder / MJCF, files.base, files.first)
+                lines = write_identified(
+                    files.model, studied.report, folder / MJCF, files.base, files.first
+                )
                 notes += tuple(f"{MJCF}: {line}" for line in lines if " miss " in line)
             except MyomorphError as error:
                 notes += (f"no {MJCF}: {error}",)
@@ -108,7 +128,11 @@ def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:
 
 
 STEP = Step(
-    name="viscosity", title="viscosities of a swinging limb", scope="specimen",
-    options=tuple(type(options) for options in vars(StudyOptions()).values()), leaves=FrozenMap({"report": SPECIMEN}),
-    run=_run, made_from=specimen_provenance,
-)  # fmt: skip
+    name="viscosity",
+    title="viscosities of a swinging limb",
+    scope="specimen",
+    options=tuple(type(options) for options in vars(StudyOptions()).values()),
+    leaves=FrozenMap({"report": SPECIMEN}),
+    run=_run,
+    made_from=specimen_provenance,
+)

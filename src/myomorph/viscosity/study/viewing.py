@@ -1,4 +1,6 @@
-"""Swings of a specimen as a page plays them: its motion in a file, its model made again from that of the study."""
+"""Swings of a specimen as a page plays them: its motion in a file, its model made again from that
+of the study.
+"""
 
 from __future__ import annotations
 
@@ -32,24 +34,36 @@ DIGITS = 5
 
 
 def write_view(tracked: Mapping[str, TrackedSpecimen], folder: Path) -> None:
-    """Write what `swings_of` plays: how each condition's specimen is made from the model, and where it swung."""
+    """Write what `swings_of` plays: how each condition's specimen is made from the model, and where
+    it swung.
+    """
     conditions = {}
     for name, condition in tracked.items():
         model = condition.specimen.model
         conditions[name] = {
-            "names": asdict(condition.specimen.names) | {"muscles": dict(condition.specimen.names.muscles)},
+            "names": asdict(condition.specimen.names)
+            | {"muscles": dict(condition.specimen.names.muscles)},
             "gravity": np.asarray(model.gravity).tolist(),
-            "joints": {joint.name: [_plain(joint.parent_frame), _plain(joint.child_frame)] for joint in model.joints},
+            "joints": {
+                joint.name: [_plain(joint.parent_frame), _plain(joint.child_frame)]
+                for joint in model.joints
+            },
             "coordinates": {each.name: [each.default, each.locked] for each in model.coordinates},
             "trials": {trial.name: _thinned(trial.motion) for trial in condition.trials},
         }
     source = next(iter(tracked.values())).specimen.model.source
-    stored = {"model": source, "sha256": file_source("model", source).sha256, "conditions": conditions}
+    stored = {
+        "model": source,
+        "sha256": file_source("model", source).sha256,
+        "conditions": conditions,
+    }
     write_whole(json.dumps(stored, separators=(",", ":")) + "\n", folder / SWINGS)
 
 
 def swings_of(folder: Path) -> Mapping[str, Callable[[], ReportInput]]:
-    """The swings in a folder of results, of one specimen or of a study, by name; none where it holds no swings."""
+    """The swings in a folder of results, of one specimen or of a study, by name; none where it
+    holds no swings.
+    """
     result: dict[str, Callable[[], ReportInput]] = {}
     for path in sorted([*folder.glob(SWINGS), *folder.glob(f"*/{SWINGS}")]):
         try:
@@ -60,26 +74,46 @@ def swings_of(folder: Path) -> Mapping[str, Callable[[], ReportInput]]:
                     name += f" ({STATES[condition]})" if name in result else ""
                     result[name] = partial(_opened, path, stored, condition, trial, name)
         except (OSError, ValueError, KeyError, AttributeError) as error:
-            raise BadFile(path, f"holds no swings that can be read ({error})", "run the study again") from None
+            raise BadFile(
+                path, f"holds no swings that can be read ({error})", "run the study again"
+            ) from None
     return result
 
 
-def _opened(path: Path, stored: Mapping[str, Any], condition: str, trial: str, name: str) -> ReportInput:
+def _opened(
+    path: Path, stored: Mapping[str, Any], condition: str, trial: str, name: str
+) -> ReportInput:
     entries = stored["conditions"][condition]
     source = Path(stored["model"])
     if not source.is_file() or file_source("model", source).sha256 != stored["sha256"]:
-        raise BadFile(source, "is gone or has changed, but the model is needed", f"{path} was made with it: run again")
+        raise BadFile(
+            source,
+            "is gone or has changed, but the model is needed",
+            f"{path} was made with it: run again",
+        )
     try:
         model = _specimen_model(open_model(source), entries)
         if condition == "without":
             model = replace(model, muscles=(), wrap_objects=())
         motion = entries["trials"][trial]
-        moved = Motion(np.array(motion["time"]), tuple(motion["names"]), np.array(motion["values"], dtype=np.float64))
+        moved = Motion(
+            np.array(motion["time"]),
+            tuple(motion["names"]),
+            np.array(motion["values"], dtype=np.float64),
+        )
     except (ValueError, KeyError, TypeError, MyomorphError) as error:
-        raise BadFile(path, f"holds no swings that can be read ({error})", "run the study again") from None
+        raise BadFile(
+            path, f"holds no swings that can be read ({error})", "run the study again"
+        ) from None
     surfaces = reduced_for_pictures(surfaces_of(model))
     head = PageHead(name)
-    return ReportInput(head, model, surfaces, Recorded(subject=path.parent.name), Kinematics(coordinates=moved))
+    return ReportInput(
+        head=head,
+        model=model,
+        surfaces=surfaces,
+        recorded=Recorded(subject=path.parent.name),
+        kinematics=Kinematics(coordinates=moved),
+    )
 
 
 def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
@@ -87,7 +121,9 @@ def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
     names = entries["names"]
     muscles = {name: tuple(strands) for name, strands in names["muscles"].items()}
     names = SpecimenNames(**{**names, "bones": tuple(names["bones"]), "muscles": muscles})
-    made, joints, coordinates = build_specimen(model, names).model, [], []
+    made = build_specimen(model, names).model
+    joints = []
+    coordinates = []
     for joint in made.joints:
         above, below = (Transform(*map(np.array, frame)) for frame in entries["joints"][joint.name])
         joints.append(replace(joint, parent_frame=above, child_frame=below))
@@ -104,6 +140,12 @@ def _plain(frame: Transform) -> list[Any]:
 
 def _thinned(motion: Motion) -> dict[str, Any]:
     """Time, names and values of frames that are known, at most `RATE` a second."""
-    known = np.flatnonzero(np.isfinite(motion.values).all(axis=1))[:: max(int(motion.rate / RATE), 1)]
+    known = np.flatnonzero(np.isfinite(motion.values).all(axis=1))[
+        :: max(int(motion.rate / RATE), 1)
+    ]
     values: Array = np.round(motion.values[known], DIGITS)
-    return {"time": np.round(motion.time[known], DIGITS).tolist(), "names": motion.names, "values": values.tolist()}
+    return {
+        "time": np.round(motion.time[known], DIGITS).tolist(),
+        "names": motion.names,
+        "values": values.tolist(),
+    }

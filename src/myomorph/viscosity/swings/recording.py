@@ -1,4 +1,6 @@
-"""One recording of a limb that swings freely from a base, as linear equations, and which frames are free."""
+"""One recording of a limb that swings freely from a base, as linear equations, and which frames are
+free.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,10 @@ PARAMETERS = 10
 
 
 REACH = 2.0
-"""How far ends, gaps and hands reach through the filter, times 1 / cutoff: what is left of the ends there changes the
-viscosity of virtual limbs without noise by 0.02 %, with 1.5 by 0.08 % and with 0.75 by 0.3 %."""
+"""How far ends, gaps and hands reach through the filter, times 1 / cutoff: what is left of the ends
+there changes the viscosity of virtual limbs without noise by 0.02 %, with 1.5 by 0.08 % and with
+0.75 by 0.3 %.
+"""
 
 WINDOW = 0.1  # Time over which a mismatch is averaged before it counts as a hand on the limb [s].
 OUTLYING = 6.0  # Standard deviations of the usual mismatch, from which it may be a hand.
@@ -29,12 +33,13 @@ SAMPLES = 3000  # Frames of a trial that take part in the robust fit, at most.
 class SwingRecording:
     """What one trial says of the limb, everything distal of the joint taken as one rigid link.
 
-    With the link's inertial parameters phi (10,) in [D] order, about the joint's center and along the axes
-    of its first body (the humerus),
+    With the link's inertial parameters phi (10,) in [D] order, about the joint's center and along
+    the axes of its first body (the humerus),
 
         wrench = wrench_rows @ phi                       (the base is fixed: [S] step 1)
         torque = torque_rows @ phi                       (joint torque by inverse dynamics)
-        torque = -d rates - lengthening^T d_M lengthening rates     (passive: [S] eq. 1-3, signs as in ours)
+        torque = -d rates - lengthening^T d_M lengthening rates     (passive: [S] eq. 1-3, signs as
+        in ours)
 
     Attributes
     ----------
@@ -45,21 +50,24 @@ class SwingRecording:
     torque_rows : (frames, axes, 10) moment about the joint's center along the joint's free axes
     rates : (frames, axes) angular velocity of the limb against the base about those axes [rad/s]
     angles : (frames, axes) rotation vector (ball) or angle (hinge) from hanging at rest [rad]
-    axes : names of the free axes: "x", "y", "z" of the limb's first body for a ball; one for a hinge
+    axes : names of the free axes: "x", "y", "z" of the limb's first body for a ball; one for a
+        hinge
     muscles : names
-    lengthening : (frames, strands, axes) d(length)/d(angle), J_M of [S] eq. 3 [m/rad]; a muscle's n strands share
-        its viscosity evenly, so the rows of each are divided by the root of n
-    strands : the number of the muscle that each row of `lengthening` belongs to; () for one row a muscle
+    lengthening : (frames, strands, axes) d(length)/d(angle), J_M of [S] eq. 3 [m/rad]; a muscle's n
+        strands share its viscosity evenly, so the rows of each are divided by the root of n
+    strands : the number of the muscle that each row of `lengthening` belongs to; () for one row a
+        muscle
     rotations : (frames, 3, 3) of the limb's first body in ground
     gravity : (3,) in ground [m/s^2]
-    swing : (frames,) number of the swing, from release to release or from one turn to the next but one;
-        -1 where the limb was touched or something is missing: such frames are not used
-    origin : (3,) center of the plate from the joint's center, in ground, about which its gains work [m]
-    hinges : (2, 3) of a ball turned by three angles one after another, the first axis, fixed in the base, along ground,
-        and the last along the limb's axes; (0, 3) where there are none
+    swing : (frames,) number of the swing, from release to release or from one turn to the next but
+        one; -1 where the limb was touched or something is missing: such frames are not used
+    origin : (3,) center of the plate from the joint's center, in ground, about which its gains work
+        [m]
+    hinges : (2, 3) of a ball turned by three angles one after another, the first axis, fixed in the
+        base, along ground, and the last along the limb's axes; (0, 3) where there are none
     cutoff : of the low-pass that motion and wrench passed [Hz]
-    resisting : (frames, axes) what the joint resists, in the place of `rates` where these do not describe it [rad/s];
-        (0, axes) where they do
+    resisting : (frames, axes) what the joint resists, in the place of `rates` where these do not
+        describe it [rad/s]; (0, axes) where they do
     """
 
     name: str
@@ -82,14 +90,21 @@ class SwingRecording:
     resisting: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        frames, axes = len(self.time), len(self.axes)
+        frames = len(self.time)
+        axes = len(self.axes)
         shapes = {
-            "wrench_rows": (frames, 6, PARAMETERS), "wrench": (frames, 6), "torque_rows": (frames, axes, PARAMETERS),
-            "rates": (frames, axes), "angles": (frames, axes),
-            "lengthening": (frames, len(self.strands or self.muscles), axes), "rotations": (frames, 3, 3),
-            "swing": (frames,), "origin": (3,), "hinges": (len(self.hinges), 3),
+            "wrench_rows": (frames, 6, PARAMETERS),
+            "wrench": (frames, 6),
+            "torque_rows": (frames, axes, PARAMETERS),
+            "rates": (frames, axes),
+            "angles": (frames, axes),
+            "lengthening": (frames, len(self.strands or self.muscles), axes),
+            "rotations": (frames, 3, 3),
+            "swing": (frames,),
+            "origin": (3,),
+            "hinges": (len(self.hinges), 3),
             "resisting": (len(self.resisting), axes if len(self.resisting) else 0),
-        }  # fmt: skip
+        }
         for name, shape in shapes.items():
             checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")
 
@@ -137,14 +152,18 @@ def touched_frames(
     share: float,
     reach: float,
 ) -> list[np.ndarray]:
-    """Per trial, (frames,) where something besides the joint carries the limb, from rows (frames, 6, 10) and wrenches.
+    """Per trial, (frames,) where something besides the joint carries the limb, from rows (frames,
+    6, 10) and wrenches.
 
-    While nobody touches the limb, force = rows phi + constant with one phi over all trials. A robust fit finds phi from
-    the frames that agree, which must be the most; frames whose mismatch, averaged over `WINDOW`, passes both `OUTLYING`
-    of its usual size and a `share` of what the swing's force varies are touched, and neighbors within `reach` [s].
-    Moments show nothing: a joint carries hardly any, whether the limb is held or not.
+    While nobody touches the limb, force = rows phi + constant with one phi over all trials. A
+    robust fit finds phi from the frames that agree, which must be the most; frames whose mismatch,
+    averaged over `WINDOW`, passes both `OUTLYING` of its usual size and a `share` of what the
+    swing's force varies are touched, and neighbors within `reach` [s]. Moments show nothing: a
+    joint carries hardly any, whether the limb is held or not.
     """
-    mismatch, largest = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
+    mismatch, largest = force_mismatch(
+        [Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates
+    )
     result = []
     for misfit, time, use in zip(mismatch, times, candidates, strict=True):
         error = np.where(use[:, None], misfit, 0.0)
@@ -159,9 +178,9 @@ def touched_frames(
 def force_mismatch(
     rows: Sequence[Array], forces: Sequence[Array], candidates: Sequence[np.ndarray]
 ) -> tuple[list[Array], float]:
-    """Measured less predicted force (frames, 3) of each trial, and how far the predicted one moves from its mean [N].
-    Least absolute errors first, then weights that forget what is far off; rows (frames, 3, 4) of unit mass and first
-    moments.
+    """Measured less predicted force (frames, 3) of each trial, and how far the predicted one moves
+    from its mean [N]. Least absolute errors first, then weights that forget what is far off; rows
+    (frames, 3, 4) of unit mass and first moments.
     """
     trials = len(rows)
     chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
@@ -175,10 +194,16 @@ def force_mismatch(
     trust = np.ones(len(A))
     for turn in range(2 * ROUNDS):
         root = np.sqrt(trust)[:, None]
-        x = np.linalg.lstsq((A * root[..., None]).reshape(-1, A.shape[2]), (b * root).ravel(), rcond=1e-9)[0]
+        x = np.linalg.lstsq(
+            (A * root[..., None]).reshape(-1, A.shape[2]), (b * root).ravel(), rcond=1e-9
+        )[0]
         far = np.linalg.norm(b - A @ x, axis=1)
         scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
-        trust = 1.0 / np.maximum(far, scale) if turn < ROUNDS else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
+        trust = (
+            1.0 / np.maximum(far, scale)
+            if turn < ROUNDS
+            else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
+        )
     wanted = [Y @ x[:4] + x[4 + 3 * index : 7 + 3 * index] for index, Y in enumerate(rows)]
     seen = [force[use] for force, use in zip(wanted, candidates, strict=True) if use.any()]
     moving = [np.linalg.norm(force - force.mean(axis=0), axis=1) for force in seen]
@@ -187,10 +212,10 @@ def force_mismatch(
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:
-    """(frames,) number of the swing, -1 where the limb is not free, of the dominant rotation [rad], [rad/s]. In every
-    unbroken run of free frames a swing lasts from one turn to the next but one; the first begins with the release. A
-    turn counts if the limb has come `least` [rad] away from the turn before. What follows the last turn is cut into
-    pieces as long as the swings before.
+    """(frames,) number of the swing, -1 where the limb is not free, of the dominant rotation [rad],
+    [rad/s]. In every unbroken run of free frames a swing lasts from one turn to the next but one;
+    the first begins with the release. A turn counts if the limb has come `least` [rad] away from
+    the turn before. What follows the last turn is cut into pieces as long as the swings before.
     """
     numbers = np.full(len(angle), -1)
     following = 0
@@ -203,7 +228,9 @@ def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> 
                 starts.append(starts[-1] + usual)
             if len(starts) > 1 and stop - start - starts[-1] < usual // 2:
                 starts.pop()
-        numbers[start:stop] = following + np.searchsorted(starts, np.arange(stop - start), side="right") - 1
+        numbers[start:stop] = (
+            following + np.searchsorted(starts, np.arange(stop - start), side="right") - 1
+        )
         following += len(starts)
     return numbers
 

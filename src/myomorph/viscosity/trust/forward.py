@@ -1,4 +1,6 @@
-"""A limb that swings freely on a ball or a hinge, forward in time; swings left out of the fit, predicted so."""
+"""A limb that swings freely on a ball or a hinge, forward in time; swings left out of the fit,
+predicted so.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,15 @@ from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, free_directions
 from myomorph.viscosity.trust.law import SINGULAR, PassiveLaw
 
-DECAY_A_STEP = 0.25  # Largest product of step and the law's fastest rate of decay; RK4 is stable to 2.8.
+# Largest product of step and the law's fastest rate of decay; RK4 is stable to 2.8.
+DECAY_A_STEP = 0.25
 
 
 @read_only
 class SwingMotion:
-    """A window of a swing, measured or predicted: rotations (frames, 3, 3) of the limb's first body in ground, its
-    rates in that body's axes [rad/s], wrench (frames, 6) on the base, about the joint's center and in ground axes.
+    """A window of a swing, measured or predicted: rotations (frames, 3, 3) of the limb's first body
+    in ground, its rates in that body's axes [rad/s], wrench (frames, 6) on the base, about the
+    joint's center and in ground axes.
     """
 
     time: Array
@@ -47,36 +51,56 @@ class SwingMotion:
     wrench: Array
 
 
-def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, law: PassiveLaw) -> SwingMotion:
-    """The window that a rigid limb (10,) with a passive law would have swung from the state of its first frame.
+def swing_forward(
+    recording: SwingRecording, frames: slice, parameters: Array, law: PassiveLaw
+) -> SwingMotion:
+    """The window that a rigid limb (10,) with a passive law would have swung from the state of its
+    first frame.
 
         I w' + w x I w - h x R^T g = tau(angles, w),    R' = R [w]x
 
-    about the joint's center in the limb's axes, h = m c (Newton-Euler); a hinge keeps the component along its axis.
-    Runge-Kutta of order 4, each frame (of equal steps of time) in as many steps as the law needs. Moment arms, where
-    the law has muscles, are those of the measured pose of the same moment.
+    about the joint's center in the limb's axes, h = m c (Newton-Euler); a hinge keeps the component
+    along its axis. Runge-Kutta of order 4, each frame (of equal steps of time) in as many steps as
+    the law needs. Moment arms, where the law has muscles, are those of the measured pose of the
+    same moment.
     """
     time = recording.time[frames]
     steps = np.diff(time)
     if len(time) < 2 or steps.max() - steps.min() > 1e-3 * steps.mean():
-        raise BadData(f"swing '{recording.name}': a prediction needs at least 2 frames at equal steps of time")
-    inertia, axis = inertia_matrices(parameters), hinge_axis(recording)
+        raise BadData(
+            f"swing '{recording.name}': a prediction needs at least 2 frames at equal steps of time"
+        )
+    inertia = inertia_matrices(parameters)
+    axis = hinge_axis(recording)
     least = float(axis @ inertia @ axis) if axis.any() else float(np.linalg.eigvalsh(inertia)[0])
     if not least > 0.0:
-        raise BadData(f"swing '{recording.name}': the limb's identified inertia, {least:.2g} kg m^2, is not positive")
+        raise BadData(
+            f"swing '{recording.name}': the limb's identified inertia, {least:.2g} kg m^2, is not"
+            " positive"
+        )
     turn = axis[:, None] if axis.any() else np.eye(3)
     hinges = recording.hinges if len(recording.hinges) else np.zeros((2, 3))
-    fastest = law.fastest(float(np.abs(recording.rates[frames]).max()), recording.lengthening[frames]) / least
+    fastest = (
+        law.fastest(float(np.abs(recording.rates[frames]).max()), recording.lengthening[frames])
+        / least
+    )
     substeps = max(1, int(np.ceil(steps.mean() * fastest / DECAY_A_STEP)))
     first = recording.rotations[frames][0]
     rest = first @ Rotation.from_rotvec(turn @ recording.angles[frames][0]).as_matrix().T
     rotations, rates, accelerations = _forward(
-        float(steps.mean()), substeps, np.stack([first, rest, inertia, np.linalg.inv(inertia)]),
-        np.stack([turn @ recording.rates[frames][0], parameters[1:4], recording.gravity, axis, *hinges]),
-        law.values(axis), recording.lengthening[frames] @ turn.T,
-    )  # fmt: skip
+        float(steps.mean()),
+        substeps,
+        np.stack([first, rest, inertia, np.linalg.inv(inertia)]),
+        np.stack(
+            [turn @ recording.rates[frames][0], parameters[1:4], recording.gravity, axis, *hinges]
+        ),
+        law.values(axis),
+        recording.lengthening[frames] @ turn.T,
+    )
     wrench = base_wrench(rotations, rates, accelerations, parameters, recording.gravity)
-    return SwingMotion(time, rotations, rates, sense(recording) * wrench)
+    return SwingMotion(
+        time=time, rotations=rotations, rates=rates, wrench=sense(recording) * wrench
+    )
 
 
 def measured_motion(recording: SwingRecording, frames: slice) -> SwingMotion:
@@ -84,22 +108,35 @@ def measured_motion(recording: SwingRecording, frames: slice) -> SwingMotion:
     axis = hinge_axis(recording)
     turn = axis[:, None] if axis.any() else np.eye(3)
     rates = recording.rates[frames] @ turn.T
-    return SwingMotion(recording.time[frames], recording.rotations[frames], rates, recording.wrench[frames])
+    return SwingMotion(
+        time=recording.time[frames],
+        rotations=recording.rotations[frames],
+        rates=rates,
+        wrench=recording.wrench[frames],
+    )
 
 
-def base_wrench(rotations: Array, rates: Array, accelerations: Array, parameters: Array, gravity: Array) -> Array:
-    """Wrench (frames, 6) that carries a moving limb: moment about its center of rotation, force, in ground axes. Rates
-    and accelerations (frames, 3) are along the limb's axes.
+def base_wrench(
+    rotations: Array, rates: Array, accelerations: Array, parameters: Array, gravity: Array
+) -> Array:
+    """Wrench (frames, 6) that carries a moving limb: moment about its center of rotation, force, in
+    ground axes. Rates and accelerations (frames, 3) are along the limb's axes.
     """
-    inertia, first_moment, mass = inertia_matrices(parameters), parameters[1:4], parameters[0]
+    inertia = inertia_matrices(parameters)
+    first_moment = parameters[1:4]
+    mass = parameters[0]
     moment = accelerations @ inertia + np.cross(rates, rates @ inertia)
     force = np.cross(accelerations, first_moment) + np.cross(rates, np.cross(rates, first_moment))
-    ground = np.einsum("fij,fj->fi", rotations, moment) - np.cross(rotations @ first_moment, gravity)
+    ground = np.einsum("fij,fj->fi", rotations, moment) - np.cross(
+        rotations @ first_moment, gravity
+    )
     return np.hstack([ground, np.einsum("fij,fj->fi", rotations, force) - mass * gravity])
 
 
 def sense(recording: SwingRecording) -> float:
-    """1 where the recording's wrench is what carries the limb, -1 where it is what the limb does to its base."""
+    """1 where the recording's wrench is what carries the limb, -1 where it is what the limb does to
+    its base.
+    """
     return float(np.sign(-np.mean(recording.wrench_rows[:, 3:, 0], axis=0) @ recording.gravity))
 
 
@@ -118,37 +155,54 @@ def angles_apart(a: Array, b: Array) -> Array:
 
 @kernel
 def _forward(step, substeps, matrices, vectors, law, lengthening):
-    """Rotations, rates and accelerations of every frame. `matrices`: the first pose, the pose at rest, inertia and its
-    inverse; `vectors`: the first rates, first moment, gravity, axis of the hinge or zeros, first and last of three.
+    """Rotations, rates and accelerations of every frame. `matrices`: the first pose, the pose at
+    rest, inertia and its inverse; `vectors`: the first rates, first moment, gravity, axis of the
+    hinge or zeros, first and last of three.
     """
     frames = len(lengthening)
-    rotations, rates, accelerations = np.empty((frames, 3, 3)), np.empty((frames, 3)), np.empty((frames, 3))
-    r, w = matrix(matrices, 0), vector(vectors, 0)
+    rotations = np.empty((frames, 3, 3))
+    rates = np.empty((frames, 3))
+    accelerations = np.empty((frames, 3))
+    r = matrix(matrices, 0)
+    w = vector(vectors, 0)
     h = step / substeps
     for i in range(frames):
         put_matrix(rotations, i, r)
         put_vector(rates, i, w)
-        put_vector(accelerations, i, _acceleration(r, w, float(i), matrices, vectors, law, lengthening))
+        put_vector(
+            accelerations, i, _acceleration(r, w, float(i), matrices, vectors, law, lengthening)
+        )
         for s in range(substeps if i < frames - 1 else 0):
             at = i + s / substeps
-            a1, t1 = _acceleration(r, w, at, matrices, vectors, law, lengthening), _turning(r, w)
-            r2, w2 = _added(r, 0.5 * h, t1), along(w, 0.5 * h, a1)
+            a1 = _acceleration(r, w, at, matrices, vectors, law, lengthening)
+            t1 = _turning(r, w)
+            r2 = _added(r, 0.5 * h, t1)
+            w2 = along(w, 0.5 * h, a1)
             middle = at + 0.5 / substeps
-            a2, t2 = _acceleration(r2, w2, middle, matrices, vectors, law, lengthening), _turning(r2, w2)
-            r3, w3 = _added(r, 0.5 * h, t2), along(w, 0.5 * h, a2)
-            a3, t3 = _acceleration(r3, w3, middle, matrices, vectors, law, lengthening), _turning(r3, w3)
-            r4, w4 = _added(r, h, t3), along(w, h, a3)
+            a2 = _acceleration(r2, w2, middle, matrices, vectors, law, lengthening)
+            t2 = _turning(r2, w2)
+            r3 = _added(r, 0.5 * h, t2)
+            w3 = along(w, 0.5 * h, a2)
+            a3 = _acceleration(r3, w3, middle, matrices, vectors, law, lengthening)
+            t3 = _turning(r3, w3)
+            r4 = _added(r, h, t3)
+            w4 = along(w, h, a3)
             end = at + 1.0 / substeps
-            a4, t4 = _acceleration(r4, w4, end, matrices, vectors, law, lengthening), _turning(r4, w4)
+            a4 = _acceleration(r4, w4, end, matrices, vectors, law, lengthening)
+            t4 = _turning(r4, w4)
             w = along(along(w, h / 6.0, plus(a1, a4)), h / 3.0, plus(a2, a3))
-            r = _added(_added(_added(_added(r, h / 6.0, t1), h / 3.0, t2), h / 3.0, t3), h / 6.0, t4)
+            r = _added(
+                _added(_added(_added(r, h / 6.0, t1), h / 3.0, t2), h / 3.0, t3), h / 6.0, t4
+            )
             r = _orthonormal(r)
     return rotations, rates, accelerations
 
 
 @inner
 def _acceleration(r, w, at, matrices, vectors, law, lengthening):
-    """Angular acceleration at a time counted in frames; the order of `law` is that of `PassiveLaw.values`."""
+    """Angular acceleration at a time counted in frames; the order of `law` is that of
+    `PassiveLaw.values`.
+    """
     speed = norm(w)
     friction = law[9] / math.sqrt(speed * speed + law[10] * law[10]) + law[11] * speed
     angles = _rotation_vector(product(_transposed(matrix(matrices, 1)), r))
@@ -161,9 +215,12 @@ def _acceleration(r, w, at, matrices, vectors, law, lengthening):
         arm = vector(lengthening[i], m)
         arm = along(arm, x, minus(vector(lengthening[i + 1], m), arm))
         pull = law[12] * dot(arm, w)
-        tx, ty, tz = tx - pull * arm[0], ty - pull * arm[1], tz - pull * arm[2]
+        tx = tx - pull * arm[0]
+        ty = ty - pull * arm[1]
+        tz = tz - pull * arm[2]
     if law[13] != 0.0 or law[14] != 0.0 or law[15] != 0.0:
-        first, last = turned_back(r, vector(vectors, 4)), vector(vectors, 5)
+        first = turned_back(r, vector(vectors, 4))
+        last = vector(vectors, 5)
         middle = cross(last, first)
         volume = norm(middle)
         middle = unit(middle)
@@ -172,8 +229,11 @@ def _acceleration(r, w, at, matrices, vectors, law, lengthening):
         damped = along(damped, law[14] * dot(cross(last, first), w), cross(last, first))
         damped = along(damped, law[15] * dot(cross(first, middle), w), cross(first, middle))
         scale = 1.0 / max(volume, SINGULAR) ** 2
-        tx, ty, tz = tx - scale * damped[0], ty - scale * damped[1], tz - scale * damped[2]
-    inertia, u = matrix(matrices, 2), vector(vectors, 3)
+        tx = tx - scale * damped[0]
+        ty = ty - scale * damped[1]
+        tz = tz - scale * damped[2]
+    inertia = matrix(matrices, 2)
+    u = vector(vectors, 3)
     torque = plus((tx, ty, tz), cross(vector(vectors, 1), turned_back(r, vector(vectors, 2))))
     torque = plus(torque, cross(turned(inertia, w), w))
     if u[0] != 0.0 or u[1] != 0.0 or u[2] != 0.0:
@@ -186,20 +246,32 @@ def _acceleration(r, w, at, matrices, vectors, law, lengthening):
 def _turning(r, w):
     """R [w]x."""
     return (
-        r[1] * w[2] - r[2] * w[1], r[2] * w[0] - r[0] * w[2], r[0] * w[1] - r[1] * w[0],
-        r[4] * w[2] - r[5] * w[1], r[5] * w[0] - r[3] * w[2], r[3] * w[1] - r[4] * w[0],
-        r[7] * w[2] - r[8] * w[1], r[8] * w[0] - r[6] * w[2], r[6] * w[1] - r[7] * w[0],
-    )  # fmt: skip
+        r[1] * w[2] - r[2] * w[1],
+        r[2] * w[0] - r[0] * w[2],
+        r[0] * w[1] - r[1] * w[0],
+        r[4] * w[2] - r[5] * w[1],
+        r[5] * w[0] - r[3] * w[2],
+        r[3] * w[1] - r[4] * w[0],
+        r[7] * w[2] - r[8] * w[1],
+        r[8] * w[0] - r[6] * w[2],
+        r[6] * w[1] - r[7] * w[0],
+    )
 
 
 @inner
 def _added(r, s, d):
     """The matrix r + s d."""
     return (
-        r[0] + s * d[0], r[1] + s * d[1], r[2] + s * d[2],
-        r[3] + s * d[3], r[4] + s * d[4], r[5] + s * d[5],
-        r[6] + s * d[6], r[7] + s * d[7], r[8] + s * d[8],
-    )  # fmt: skip
+        r[0] + s * d[0],
+        r[1] + s * d[1],
+        r[2] + s * d[2],
+        r[3] + s * d[3],
+        r[4] + s * d[4],
+        r[5] + s * d[5],
+        r[6] + s * d[6],
+        r[7] + s * d[7],
+        r[8] + s * d[8],
+    )
 
 
 @inner
@@ -229,7 +301,9 @@ def _rotation_vector(r):
 
 @read_only
 class Window:
-    """Whole swings of one recording that follow each other; `blocks` are their numbers in the sums of all."""
+    """Whole swings of one recording that follow each other; `blocks` are their numbers in the sums
+    of all.
+    """
 
     recording: SwingRecording
     frames: slice
@@ -247,7 +321,9 @@ class Window:
         return measured_motion(self.recording, self.frames)
 
     def errors(self, predicted: SwingMotion, free_offset: bool) -> Array:
-        """(3,) mean square of angle, moment, force [rad^2, (N m)^2, N^2] less predicted; changes if `free_offset`."""
+        """(3,) mean square of angle, moment, force [rad^2, (N m)^2, N^2] less predicted; changes if
+        `free_offset`.
+        """
         measured = self.measured
         wrench = measured.wrench - predicted.wrench
         if free_offset:
@@ -257,14 +333,19 @@ class Window:
         return np.array([angle, square[:, :3].sum(axis=1).mean(), square[:, 3:].sum(axis=1).mean()])
 
 
-def windows(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int) -> list[Window]:
-    """Up to `count` windows of at least `horizon` [s], spread over the recordings, whose sums have single swings as
-    blocks. Where no two are so long, single swings; where there are no two of these either, none.
+def windows(
+    recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int
+) -> list[Window]:
+    """Up to `count` windows of at least `horizon` [s], spread over the recordings, whose sums have
+    single swings as blocks. Where no two are so long, single swings; where there are no two of
+    these either, none.
     """
     for least in (horizon, 0.0):
         spans = _every(recordings, sums, least)
         if len(spans) > 1:
-            chosen = np.unique(np.linspace(0, len(spans) - 1, min(count, len(spans))).round().astype(int))
+            chosen = np.unique(
+                np.linspace(0, len(spans) - 1, min(count, len(spans))).round().astype(int)
+            )
             return [spans[i] for i in chosen]
     return []
 
@@ -273,13 +354,19 @@ def _every(recordings: Sequence[SwingRecording], sums: SwingSums, least: float) 
     windows: list[Window] = []
     joined: list[int] = []
     for block, (number, use) in enumerate(zip(sums.trial, sums.uses, strict=True)):
-        follows = joined and sums.trial[joined[-1]] == number and sums.uses[joined[-1]][-1] + 1 == use[0]
+        follows = (
+            joined and sums.trial[joined[-1]] == number and sums.uses[joined[-1]][-1] + 1 == use[0]
+        )
         joined = [*joined, block] if follows else [block]
         if use[-1] - use[0] + 1 != len(use):
             joined = []
             continue
-        recording, frames = recordings[number], slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
-        if frames.stop - frames.start > 1 and recording.time[frames.stop - 1] - recording.time[frames.start] >= least:
+        recording = recordings[number]
+        frames = slice(int(sums.uses[joined[0]][0]), int(use[-1]) + 1)
+        if (
+            frames.stop - frames.start > 1
+            and recording.time[frames.stop - 1] - recording.time[frames.start] >= least
+        ):
             windows.append(Window(recording, frames, np.array(joined)))
             joined = []
     return windows

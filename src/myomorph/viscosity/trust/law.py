@@ -1,4 +1,6 @@
-"""What a passive joint may do (damping, stiffness, friction along its axes), fitted from sums over swings."""
+"""What a passive joint may do (damping, stiffness, friction along its axes), fitted from sums over
+swings.
+"""
 
 from __future__ import annotations
 
@@ -15,35 +17,50 @@ from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
 
 WIDTH = 0.1
-"""Angular velocity within which Coulomb friction turns its sign [rad/s]: about what the rate changes by at a turn in
-the 20 ms over which a low-pass of 8 Hz spreads the jump of the measured torque."""
+"""Angular velocity within which Coulomb friction turns its sign [rad/s]: about what the rate
+changes by at a turn in the 20 ms over which a low-pass of 8 Hz spreads the jump of the measured
+torque.
+"""
 
 
 TERMS = (
-    "viscosity", "viscosity by axis", "stiffness", "stiffness by axis", "coulomb", "quadratic", "muscles", "hinges",
-)  # fmt: skip
+    "viscosity",
+    "viscosity by axis",
+    "stiffness",
+    "stiffness by axis",
+    "coulomb",
+    "quadratic",
+    "muscles",
+    "hinges",
+)
 """What a law can be made of."""
 
 LAST = {"coulomb": -6, "quadratic": -5, "muscles": -4}
 """Where among a law's coefficients those stand that all axes share; those of the hinges follow."""
 HINGES = ("first", "second", "third")
-SINGULAR = 0.1  # Least volume of three hinges' unit axes; less where the middle has turned the first along the last.
+# Least volume of three hinges' unit axes; less where the middle has turned the first along the
+# last.
+SINGULAR = 0.1
 
 Groups = list[list[int]]
-"""Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""
+"""Columns of coefficients: the first of each group is at least 0, the rest are free where the first
+is not 0.
+"""
 
 
 @read_only
 class PassiveLaw:
-    """Torque of a joint from its angles and rates, the letters those of the fields' first words in their order.
+    """Torque of a joint from its angles and rates, the letters those of the fields' first words in
+    their order.
 
         tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w - S^-T d_h S^-1 w
 
-    For a ball w and theta have three components and friction acts against the direction of w; d [N m s/rad] and k [N
-    m/rad] may differ by axis; s = k theta_0 [N m], theta_0 the angle where the spring is at rest; c [N m], e [N m
-    s^2/rad^2], d_M the same for every muscle [N s/m], width [rad/s]; d_h (3,) of three hinges one after another, each
-    at a right angle to the next, S their axes in the limb: [S]'s diagonal matrix in joint angles [N m s/rad]. The
-    spring is linear in the rotation vector from wherever angles are counted.
+    For a ball w and theta have three components and friction acts against the direction of w; d [N
+    m s/rad] and k [N m/rad] may differ by axis; s = k theta_0 [N m], theta_0 the angle where the
+    spring is at rest; c [N m], e [N m s^2/rad^2], d_M the same for every muscle [N s/m], width
+    [rad/s]; d_h (3,) of three hinges one after another, each at a right angle to the next, S their
+    axes in the limb: [S]'s diagonal matrix in joint angles [N m s/rad]. The spring is linear in the
+    rotation vector from wherever angles are counted.
     """
 
     viscosity: Array
@@ -77,7 +94,9 @@ class PassiveLaw:
         """(16,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
         each = [np.broadcast_to(values, (3,)) for values in (self.viscosity, self.stiffness)]
         rest = self.rest_moment * axis if axis.any() else self.rest_moment
-        return np.concatenate([*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle], self.hinges])
+        return np.concatenate(
+            [*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle], self.hinges]
+        )
 
     def fastest(self, rate: float, lengthening: Array) -> float:
         """A bound of the slope of torque against rate [N m s/rad] at rates up to `rate` [rad/s]."""
@@ -87,14 +106,18 @@ class PassiveLaw:
 
 
 def hinge_slopes(rotations: Array, hinges: Array) -> Array:
-    """(frames, 3, 3) S^-1, by which rates along the limb's axes are those of three hinges: the first axis is fixed in
-    ground, the last in the limb (`SwingRecording.hinges`), the middle one at a right angle to both.
+    """(frames, 3, 3) S^-1, by which rates along the limb's axes are those of three hinges: the
+    first axis is fixed in ground, the last in the limb (`SwingRecording.hinges`), the middle one at
+    a right angle to both.
     """
-    first, last = hinges[0] @ rotations, np.broadcast_to(hinges[1], (len(rotations), 3))
+    first = hinges[0] @ rotations
+    last = np.broadcast_to(hinges[1], (len(rotations), 3))
     middle = np.cross(last, first)
     volume = np.linalg.norm(middle, axis=1, keepdims=True)
     middle /= np.maximum(volume, 1e-12)
-    duals = np.stack([np.cross(middle, last), np.cross(last, first), np.cross(first, middle)], axis=1)
+    duals = np.stack(
+        [np.cross(middle, last), np.cross(last, first), np.cross(first, middle)], axis=1
+    )
     return duals / np.maximum(volume, SINGULAR)[:, None]
 
 
@@ -105,8 +128,12 @@ def slopes_of(recording: SwingRecording) -> Array:
     return hinge_slopes(recording.rotations, recording.hinges)
 
 
-def resistances(angles: Array, rates: Array, lengthening: Array, width: float, slopes: Array | None = None) -> Array:
-    """(frames, axes, 3 axes + 6) torque that each coefficient of a law adds; `slopes` as of `slopes_of`."""
+def resistances(
+    angles: Array, rates: Array, lengthening: Array, width: float, slopes: Array | None = None
+) -> Array:
+    """(frames, axes, 3 axes + 6) torque that each coefficient of a law adds; `slopes` as of
+    `slopes_of`.
+    """
     frames, axes = rates.shape
     columns = np.zeros((frames, axes, 3 * axes + 6))
     speed = np.linalg.norm(rates, axis=1)[:, None]
@@ -119,15 +146,18 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float, s
     speeds = np.einsum("fma,fa->fm", lengthening, rates)
     columns[:, :, LAST["muscles"]] = np.einsum("fma,fm->fa", lengthening, speeds)
     if slopes is not None and slopes.shape[1]:
-        columns[:, :, -len(HINGES) :] = np.einsum("fha,fh->fah", slopes, np.einsum("fha,fa->fh", slopes, rates))
+        columns[:, :, -len(HINGES) :] = np.einsum(
+            "fha,fh->fah", slopes, np.einsum("fha,fa->fh", slopes, rates)
+        )
     return columns
 
 
 @read_only
 class PassiveProblem:
-    """The torques of one condition and what each coefficient of a law explains of them, in blocks of single swings.
-    `products` (blocks, 10 + 3 axes + 6, ...) of [torque_rows, resistances], all axes together; `width` of Coulomb
-    friction [rad/s]; `inertial`: how the limb's parameters are identified; `noise` (6,) of the wrench.
+    """The torques of one condition and what each coefficient of a law explains of them, in blocks
+    of single swings. `products` (blocks, 10 + 3 axes + 6, ...) of [torque_rows, resistances], all
+    axes together; `width` of Coulomb friction [rad/s]; `inertial`: how the limb's parameters are
+    identified; `noise` (6,) of the wrench.
     """
 
     recordings: tuple[SwingRecording, ...]
@@ -138,12 +168,24 @@ class PassiveProblem:
     noise: Array
 
     @staticmethod
-    def of(recordings: Sequence[SwingRecording], width: float, inertial: InertiaOptions) -> PassiveProblem:
+    def of(
+        recordings: Sequence[SwingRecording], width: float, inertial: InertiaOptions
+    ) -> PassiveProblem:
         """The problem of recordings of one condition."""
         sums = swing_sums(recordings)
-        products = [_products(recordings[i], use, width) for i, use in zip(sums.trial, sums.uses, strict=True)]
+        products = [
+            _products(recordings[i], use, width)
+            for i, use in zip(sums.trial, sums.uses, strict=True)
+        ]
         noise = limb_inertia(sums, None, inertial).noise
-        return PassiveProblem(tuple(recordings), sums, np.stack(products), width, inertial, noise)
+        return PassiveProblem(
+            recordings=tuple(recordings),
+            sums=sums,
+            products=np.stack(products),
+            width=width,
+            inertial=inertial,
+            noise=noise,
+        )
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -159,13 +201,17 @@ class PassiveProblem:
         return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
 
     def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
-        """Coefficients (..., 3 axes + 6) and what they leave of the sum of squares, of counts and parameters."""
+        """Coefficients (..., 3 axes + 6) and what they leave of the sum of squares, of counts and
+        parameters.
+        """
         products = np.tensordot(counts, self.products, axes=1)
         phi = np.asarray(parameters)
         mapping, groups = law_columns(terms, len(self.axes))
         H = mapping.T @ products[..., PARAMETERS:, PARAMETERS:] @ mapping
         g = -np.einsum("...ij,...j->...i", products[..., PARAMETERS:, :PARAMETERS], phi) @ mapping
-        square = np.einsum("...i,...ij,...j->...", phi, products[..., :PARAMETERS, :PARAMETERS], phi)
+        square = np.einsum(
+            "...i,...ij,...j->...", phi, products[..., :PARAMETERS, :PARAMETERS], phi
+        )
         solution, gain = bounded_least_squares(H, g, groups)
         return solution @ mapping.T, np.maximum(square - gain, 0.0)
 
@@ -189,7 +235,11 @@ def term_places(term: str, axes: Sequence[str]) -> dict[str, list[int]]:
     if kind == "hinges":
         return {f"hinge {name}": [i - len(HINGES)] for i, name in enumerate(HINGES)}
     places = [i if kind == "viscosity" else len(axes) + i for i in range(len(axes))]
-    return {f"{kind} {axis}": [i] for axis, i in zip(axes, places, strict=True)} if by_axis else {kind: places}
+    return (
+        {f"{kind} {axis}": [i] for axis, i in zip(axes, places, strict=True)}
+        if by_axis
+        else {kind: places}
+    )
 
 
 def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
@@ -207,19 +257,24 @@ def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
             rest = len(columns) + np.arange(axes)
             columns += list(eye[2 * axes : 3 * axes])
             if by_axis:
-                groups[-axes:] = [[*group, int(i)] for group, i in zip(groups[-axes:], rest, strict=True)]
+                groups[-axes:] = [
+                    [*group, int(i)] for group, i in zip(groups[-axes:], rest, strict=True)
+                ]
             else:
                 groups[-1] += rest.tolist()
     return np.array(columns).T, groups
 
 
 def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Array]:
-    """The x (..., n) that minimises x H x / 2 - g x, the first of each group at least 0, and g x (...,). Every choice
-    of groups that are not 0 is solved and the best feasible one taken: exact, for a few groups.
+    """The x (..., n) that minimises x H x / 2 - g x, the first of each group at least 0, and g x
+    (...,). Every choice of groups that are not 0 is solved and the best feasible one taken: exact,
+    for a few groups.
     """
     scale = np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1), 1e-300))
-    scaled, right = H / scale[..., :, None] / scale[..., None, :], g / scale
-    best, gain = np.zeros(g.shape), np.zeros(g.shape[:-1])
+    scaled = H / scale[..., :, None] / scale[..., None, :]
+    right = g / scale
+    best = np.zeros(g.shape)
+    gain = np.zeros(g.shape[:-1])
     for size in range(1, len(groups) + 1):
         for chosen in combinations(groups, size):
             columns = [column for group in chosen for column in group]

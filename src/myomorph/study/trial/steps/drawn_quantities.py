@@ -1,4 +1,6 @@
-"""What draws of errors are computed of: tables of torques and tensions, drawn strengths, numbers that are kept."""
+"""What draws of errors are computed of: tables of torques and tensions, drawn strengths, numbers
+that are kept.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,9 @@ from myomorph.tension.tension import RESERVE, Tension
 
 @read_only
 class Quantity:
-    """A table of the chain, values (frames, names) as they were computed without errors; `table` makes of values what
-    is written. `units` and `factors`: of each column in tables that people read, and from the values to these.
+    """A table of the chain, values (frames, names) as they were computed without errors; `table`
+    makes of values what is written. `units` and `factors`: of each column in tables that people
+    read, and from the values to these.
     """
 
     name: str
@@ -41,25 +44,39 @@ class Quantity:
     factors: Array
 
 
-def muscle_quantities(trial: TrialInputs, task: TensionTask, strength: Strength | None) -> list[Quantity]:
-    """Tables of tensions and of what follows from them; `TooWeak` where reserves of a draw give more than they may."""
+def muscle_quantities(
+    trial: TrialInputs, task: TensionTask, strength: Strength | None
+) -> list[Quantity]:
+    """Tables of tensions and of what follows from them; `TooWeak` where reserves of a draw give
+    more than they may.
+    """
     tension, _ = task.solved(lambda count: None)
     if strength is not None:
         strength.check(tension)
     parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
-    made = [quantity_of(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
+    made = [
+        quantity_of(name, tension.time, tension.muscles, values, unit)
+        for name, values, unit in parts
+    ]
     tables = []
     if task.setting is not None:
         loads, carried = task.loads(tension)
         made.append(_generalized_forces("torques_with_contacts", carried, trial.model))
         tables.append(("contact_forces", loads_table(loads)))
         tables.append(("contact_groups", task.contact_groups(tension)))
-    frame, points = trial.options[TensionTables].reactions, trial.get(JointPoints)
+    frame = trial.options[TensionTables].reactions
+    points = trial.get(JointPoints)
     if frame != "none":
         tables.append(("joint_reactions", task.reactions(tension, frame)))
     if points is not None:
         tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
-    return [*made, *(quantity_of(name, table.time, table.names, table.values, "N, N m or m") for name, table in tables)]
+    return [
+        *made,
+        *(
+            quantity_of(name, table.time, table.names, table.values, "N, N m or m")
+            for name, table in tables
+        ),
+    ]
 
 
 def torque_quantity(trial: TrialInputs, torques: Torques) -> Quantity:
@@ -78,19 +95,33 @@ def _generalized_forces(name: str, shown: Series, model: Model) -> Quantity:
     return Quantity(name, *shown_columns, table, "N m or N", units, np.ones(len(units)))
 
 
-def quantity_of(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:
+def quantity_of(
+    name: str, time: Array, names: tuple[str, ...], values: Array, unit: str
+) -> Quantity:
     """A table whose columns have one unit, written as they are."""
 
     def table(array: Array) -> Table:
         return Table(time, names, array, facts=FrozenMap({"name": name.replace("_", " ")}))
 
     count = len(names)
-    return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
+    return Quantity(
+        name=name,
+        time=time,
+        names=names,
+        values=values,
+        table=table,
+        unit=unit,
+        units=(unit,) * count,
+        factors=np.ones(count),
+    )
 
 
 LARGE = 0.3
-"""Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak in every model."""
-BEYOND = 0.2  # Share of a coordinate's largest torque that its reserve may give beyond its share in the result.
+"""Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak
+in every model.
+"""
+# Share of a coordinate's largest torque that its reserve may give beyond its share in the result.
+BEYOND = 0.2
 
 
 class TooWeak(MyomorphError):
@@ -99,7 +130,9 @@ class TooWeak(MyomorphError):
 
 @dataclass(frozen=True)
 class Strength:
-    """What share of the largest torque of coordinates reserves may give in a draw, by the coordinates' names."""
+    """What share of the largest torque of coordinates reserves may give in a draw, by the
+    coordinates' names.
+    """
 
     most: dict[str, float]
 
@@ -118,16 +151,21 @@ class Strength:
             if reserves[name] > most * peaks[name]:
                 share = 100.0 * reserves[name] / max(peaks[name], 1e-300)
                 raise TooWeak(
-                    f"the reserve of {name} gives {share:.0f} % of its torque, {100.0 * most:.0f} % at most can be"
+                    f"the reserve of {name} gives {share:.0f} % of its torque, {100.0 * most:.0f} %"
+                    " at most can be"
                 )
 
 
 def _peaks(tension: Tension) -> tuple[dict[str, float], dict[str, float]]:
     """Largest torque of every coordinate, and what its reserve gives at most."""
     tables = (tension.torques, tension.reserves)
-    torques, reserves = (np.abs(np.nan_to_num(table)).max(axis=0, initial=0.0).tolist() for table in tables)
+    torques, reserves = (
+        np.abs(np.nan_to_num(table)).max(axis=0, initial=0.0).tolist() for table in tables
+    )
     named = zip(tension.reserve_names, reserves, strict=True)
-    of_coordinates = {name.removeprefix(RESERVE): peak for name, peak in named if name.startswith(RESERVE)}
+    of_coordinates = {
+        name.removeprefix(RESERVE): peak for name, peak in named if name.startswith(RESERVE)
+    }
     return dict(zip(tension.coordinates, torques, strict=True)), of_coordinates
 
 
@@ -140,12 +178,16 @@ KEPT: dict[str, tuple[str, tuple[str, ...], dict[str, str]]] = {
     "forces": ("tension", PEAKS, {"N": "_force"}),
     "joint_contact_forces": ("tension", PEAKS, {"N, N m or m": JOINT_CONTACT}),
 }
-"""Tables whose numbers are kept as the step's signals have them: step, statistics, ends of names by unit."""
+"""Tables whose numbers are kept as the step's signals have them: step, statistics, ends of names by
+unit.
+"""
 
 
 @read_only
 class DrawnValues:
-    """Which numbers of tables are kept of each draw: step and quantity, and the table of each; `columns` of tables."""
+    """Which numbers of tables are kept of each draw: step and quantity, and the table of each;
+    `columns` of tables.
+    """
 
     names: tuple[tuple[str, str], ...]
     tables: tuple[str, ...]
@@ -165,8 +207,11 @@ class DrawnValues:
 def _statistics(
     quantity: Quantity, columns: tuple[int, ...], values: Array, strides: TrialStrides | None
 ) -> Iterator[dict[str, Array]]:
-    """Statistics of columns of a table (frames, columns) over the whole, and means of those of strides if there are."""
-    factors, names = quantity.factors[list(columns)], tuple(quantity.names[column] for column in columns)
+    """Statistics of columns of a table (frames, columns) over the whole, and means of those of
+    strides if there are.
+    """
+    factors = quantity.factors[list(columns)]
+    names = tuple(quantity.names[column] for column in columns)
     series = Series(quantity.time, names, values[:, columns] * factors)
     yield statistics_of(series.values)
     cycles = None if strides is None else by_side(series, strides)
@@ -176,8 +221,12 @@ def _statistics(
 
 
 def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -> DrawnValues:
-    """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables of values have."""
-    names, tables, kept = list[tuple[str, str]](), list[str](), []
+    """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables
+    of values have.
+    """
+    names = list[tuple[str, str]]()
+    tables = list[str]()
+    kept = []
     for quantity in (quantity for quantity in quantities if quantity.name in KEPT):
         step, statistics, endings = KEPT[quantity.name]
         every = enumerate(quantity.names)
@@ -185,13 +234,20 @@ def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -
         columns = tuple(column for column, name in every if not loads or name.startswith(LOADS))
         count = len(names)
         wheres = ("", f" {IN_STRIDE}")
-        for where, _ in zip(wheres, _statistics(quantity, columns, quantity.values, strides), strict=False):
+        for where, _ in zip(
+            wheres, _statistics(quantity, columns, quantity.values, strides), strict=False
+        ):
             for what in statistics:
-                ends = ((quantity.names[column], endings.get(quantity.units[column], "")) for column in columns)
+                ends = (
+                    (quantity.names[column], endings.get(quantity.units[column], ""))
+                    for column in columns
+                )
                 names += [(step, f"{name}{ending}, {what}{where}") for name, ending in ends]
         tables += [quantity.name] * (len(names) - count)
         kept.append((quantity, columns))
-    return DrawnValues(tuple(names), tuple(tables), tuple(kept), strides)
+    return DrawnValues(
+        names=tuple(names), tables=tuple(tables), columns=tuple(kept), strides=strides
+    )
 
 
 @read_only
@@ -216,7 +272,11 @@ class DrawnGait:
 
 
 def widened_gait(errors: Mapping[str, Array], factors: Mapping[str, float]) -> dict[str, Array]:
-    """Errors of gait curves (draws, samples, variables) by side, as much wider as those of angles and of torques."""
+    """Errors of gait curves (draws, samples, variables) by side, as much wider as those of angles
+    and of torques.
+    """
     kinds = {"angle": factors.get("coordinates", 1.0), "force": 1.0}
-    factor = np.array([kinds.get(variable.kind, factors.get("torques", 1.0)) for variable in VARIABLES])
+    factor = np.array(
+        [kinds.get(variable.kind, factors.get("torques", 1.0)) for variable in VARIABLES]
+    )
     return {side: factor * values for side, values in errors.items()}

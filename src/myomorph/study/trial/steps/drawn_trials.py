@@ -34,7 +34,13 @@ from myomorph.study.inputs.emg import RecordedEmg
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.study.inputs.torques import RecordedTorques
-from myomorph.study.trial.steps.drawn_quantities import Quantity, Strength, TooWeak, muscle_quantities, torque_quantity
+from myomorph.study.trial.steps.drawn_quantities import (
+    Quantity,
+    Strength,
+    TooWeak,
+    muscle_quantities,
+    torque_quantity,
+)
 from myomorph.study.trial.steps.id import Torques, cutoff_of, solve_dynamics
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import recruitment_of, task_of
@@ -51,15 +57,25 @@ from myomorph.uncertainty.sources import GROUPS, Sources
 Held = TypeVar("Held", Markers, Motion)
 FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
-MOVED, LOADED = ("markers", "placement", "sensors", "joints"), ("forces", "masses", "filter")
-"""Groups of sources that change the motion, and those that change the torques of the same motion."""
-EXPONENTS, LOADS = (1.5, 2.0, 3.0), (0.0, 1.0, 2.0)
-"""Of the effort, as published, below and above the usual one; weights of joint loads over the trial's."""
+MOVED = ("markers", "placement", "sensors", "joints")
+LOADED = ("forces", "masses", "filter")
+"""Groups of sources that change the motion, and those that change the torques of the same motion.
+"""
+EXPONENTS = (1.5, 2.0, 3.0)
+LOADS = (0.0, 1.0, 2.0)
+"""Of the effort, as published, below and above the usual one; weights of joint loads over the
+trial's.
+"""
 BESIDE = 1.0
-"""Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
+"""Of a motion that was given, so much before and after the time that is used is drawn, for the
+filter's sake [s].
+"""
 STRONGER = (1.4, 1.4, 1.4)
-"""Factors by which all muscles of a body grow, one after the other, until it can do what was recorded."""
-POSES, TENSIONS = 50.0, 25.0  # Poses and tensions that are drawn a second.
+"""Factors by which all muscles of a body grow, one after the other, until it can do what was
+recorded.
+"""
+POSES = 50.0
+TENSIONS = 25.0  # Poses and tensions that are drawn a second.
 COARSE = 4  # Of so many tensions one is drawn for contributions, which are means over all frames.
 
 
@@ -72,10 +88,11 @@ class ShareDraw(Draw):
 class Chain:
     """What was computed of a trial without errors, and from what.
 
-    `markers` that draws move are those recorded, else the model's own on the motion that was given, `base` what inverse
-    kinematics makes of them; `residuals`: root mean square error of each marker in the recording [m]; `loads` and
-    `sensors` as recorded. Of so many frames (`*_step`) one is drawn: errors change slowly, and frames do not depend on
-    each other. The second divides the third.
+    `markers` that draws move are those recorded, else the model's own on the motion that was given,
+    `base` what inverse kinematics makes of them; `residuals`: root mean square error of each marker
+    in the recording [m]; `loads` and `sensors` as recorded. Of so many frames (`*_step`) one is
+    drawn: errors change slowly, and frames do not depend on each other. The second divides the
+    third.
     """
 
     trial: TrialInputs
@@ -131,8 +148,11 @@ class Chain:
         return tuple(zip(whole, part, strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
-        """Values of all tables under a draw's errors at the drawn frames; one of `FAILURES` for no solution."""
-        trial, sources = drawn_trial(self, draw), draw.sources
+        """Values of all tables under a draw's errors at the drawn frames; one of `FAILURES` for no
+        solution.
+        """
+        trial = drawn_trial(self, draw)
+        sources = draw.sources
         moved = acts(sources, MOVED)
         recorded = self._moved(trial, draw) if moved else self.recorded
         torques = self.torques
@@ -145,13 +165,21 @@ class Chain:
             step *= COARSE
         for more in STRONGER if self.tense else ():
             try:
-                return {quantity.name: quantity.values for quantity in self._made(trial, recorded, torques, step, draw)}
+                return {
+                    quantity.name: quantity.values
+                    for quantity in self._made(trial, recorded, torques, step, draw)
+                }
             except TooWeak:
                 trial = replace(trial, model=stronger(trial.model, more))
-        return {quantity.name: quantity.values for quantity in self._made(trial, recorded, torques, step, draw)}
+        return {
+            quantity.name: quantity.values
+            for quantity in self._made(trial, recorded, torques, step, draw)
+        }
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
-        """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for what was recorded."""
+        """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for
+        what was recorded.
+        """
         try:
             return self.drawn(draw)
         except TooWeak:
@@ -175,37 +203,66 @@ class Chain:
         if self.sensors is not None and mounting is not None:
             options = self._sensed(options, moved, mounting, draw)
         solved = poses_near(trial.model, moved, near, options)
-        if self.sensors is not None and mounting is not None and not markers.names and root_places(trial.model):
-            solved, near = (
-                walked(trial.model, poses, trunk_acceleration(trial.model, known, self.sensors.sensors, poses.time))
-                for poses, known in ((solved, mounting), (near, self.sensors.mounting))
+        if (
+            self.sensors is not None
+            and mounting is not None
+            and not markers.names
+            and root_places(trial.model)
+        ):
+            solved = walked(
+                trial.model,
+                solved,
+                trunk_acceleration(trial.model, mounting, self.sensors.sensors, solved.time),
+            )
+            near = walked(
+                trial.model,
+                near,
+                trunk_acceleration(
+                    trial.model, self.sensors.mounting, self.sensors.sensors, near.time
+                ),
             )
         errors = solved.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
-            errors = scipy.interpolate.make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
+            errors = scipy.interpolate.make_interp_spline(markers.time[known], errors[known])(
+                self.recorded.time
+            )
         return replace(self.recorded, values=self.recorded.values + errors)
 
     def _mounted(self, draw: Draw) -> SensorMounting:
         """Mounting and headings of the sensors under the errors of a draw."""
         assert self.sensors is not None
-        mounting, scale = self.sensors.mounting, draw.sources.sensor_mounting
+        mounting = self.sensors.mounting
+        scale = draw.sources.sensor_mounting
         numbers = draw.normals.of(draw.number, "sensor mounting", "", mounting.factor.shape[1])
         return mounting.moved(scale * numbers) if scale else mounting
 
     def _sensed(
-        self, options: InverseKinematicsOptions, markers: Markers, mounting: SensorMounting, draw: Draw
+        self,
+        options: InverseKinematicsOptions,
+        markers: Markers,
+        mounting: SensorMounting,
+        draw: Draw,
     ) -> InverseKinematicsOptions:
         """Options of inverse kinematics with the sensors under the errors of a draw."""
         assert self.sensors is not None
         reported = mounting.body_rotations(self.sensors.sensors, markers.time, self.trial.model)
         reported = drawn_inputs.drawn_rotations(reported, mounting.sensors, markers.time, draw)
-        seen = weights_seen(self.trial.model, markers, options.marker_weights, options.only_weighted)
+        seen = weights_seen(
+            self.trial.model, markers, options.marker_weights, options.only_weighted
+        )
         tasks = orientation_tasks(mounting, reported, seen, self.trial.options[SensorOptions])
-        return drawn_inputs.drawn_places(self.sensors.added(options, tasks), self.sensors.spreads, draw)
+        return drawn_inputs.drawn_places(
+            self.sensors.added(options, tasks), self.sensors.spreads, draw
+        )
 
     def _made(
-        self, trial: TrialInputs, recorded: Motion, torques: Torques | None, step: int, draw: Draw | None = None
+        self,
+        trial: TrialInputs,
+        recorded: Motion,
+        torques: Torques | None,
+        step: int,
+        draw: Draw | None = None,
     ) -> list[Quantity]:
         """All tables; tensions of every so manieth frame of the torques."""
         model = self.trial.model
@@ -239,7 +296,9 @@ def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
     changed = replace(
         contact_task,
         sites=drawn_inputs.drawn_sites(contact_task.sites, draw),
-        activations=drawn_inputs.drawn_activations(contact_task.activations, contact_task.sites, draw),
+        activations=drawn_inputs.drawn_activations(
+            contact_task.activations, contact_task.sites, draw
+        ),
     )
     return replace(task, setting=replace(task.setting, task=changed))
 
@@ -251,37 +310,66 @@ def every(step: int, torques: Torques) -> Torques:
     return Torques(torques.motion.frames(some), torques.torques.frames(some), wrenches)
 
 
-def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
-    """What a trial's results are drawn around; `thin`, at most `POSES` poses and `TENSIONS` tensions a second."""
-    markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
+def chain_of(
+    trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool
+) -> Chain:
+    """What a trial's results are drawn around; `thin`, at most `POSES` poses and `TENSIONS`
+    tensions a second.
+    """
+    markers = None
+    base = None
+    residuals = dict[str, float]()
+    recorded = poses.recorded
     sensors = None
     if trial.time is not None:
         recorded = cut(recorded, trial.time[0] - BESIDE, trial.time[1] + BESIDE)
     if poses.fit is not None:
         checked = solve_kinematics(trial)
-        markers, base, sensors = checked.markers, checked.fit.motion, checked.sensors
+        markers = checked.markers
+        base = checked.fit.motion
+        sensors = checked.sensors
         if trial.get(RefinedMotion) is not None:
             # Forces may be shorter than markers, and a refined motion is as long as both.
             span = float(recorded.time[0]), float(recorded.time[-1])
-            markers, base = cut(markers, *span), cut(base, *span)
+            markers = cut(markers, *span)
+            base = cut(base, *span)
         errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:
         markers = marker_positions(trial.model, recorded)
-        base = poses_near(trial.model, markers, whole(recorded, trial.model), trial.options[InverseKinematicsOptions])
+        base = poses_near(
+            trial.model,
+            markers,
+            whole(recorded, trial.model),
+            trial.options[InverseKinematicsOptions],
+        )
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
     external = trial.get(ExternalLoads)
     loads = None if external is None else external.of(recorded)
-    chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads, sensors)
+    chain = Chain(
+        trial=trial,
+        recorded=recorded,
+        torques=torques,
+        tense=tense,
+        markers=markers,
+        base=base,
+        residuals=residuals,
+        loads=loads,
+        sensors=sensors,
+    )
     if thin:
         rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
         # Contacts and elastic tendons tie frames to each other.
-        tied = trial.get(ContactPlan) is not None or trial.options[TensionOptions].tendons == "elastic"
+        tied = (
+            trial.get(ContactPlan) is not None or trial.options[TensionOptions].tendons == "elastic"
+        )
         pose_step = max(1, int(rate / POSES))
         torque_step = 1 if tied else pose_step
         tension_step = 1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS))
-        chain = replace(chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step)
+        chain = replace(
+            chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step
+        )
     return chain
 
 
@@ -292,7 +380,8 @@ def whole(motion: Motion, model: Model) -> Motion:
 
 def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     """A trial's inputs with the errors of a draw; markers and motion are drawn apart."""
-    trial, sources = chain.trial, draw.sources
+    trial = chain.trial
+    sources = draw.sources
     options = trial.options
     # As of the result: errors are not to choose a filter of their own.
     cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
@@ -300,7 +389,10 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     if sources.criterion:
         criterion = drawn_criterion(options[TensionOptions], draw)
         options = options.having(criterion, drawn_costs(recruitment_of(trial), draw))
-        if trial.get(ContactPlan) is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
+        if (
+            trial.get(ContactPlan) is not None
+            and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5
+        ):
             options = options.having(replace(options[ContactOptions], formulation="sequential"))
     model = drawn_subject(trial.model, draw)
     loads = chain.loads
@@ -310,7 +402,9 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     return replace(trial, model=model, options=options).having(
         _drawn_points(trial.get(JointPoints), draw),
         None if loads is None else ExternalLoads(lambda motion: loads),
-        None if recorded is None else replace(recorded, emg=drawn_inputs.drawn_emg(recorded.emg, draw)),
+        None
+        if recorded is None
+        else replace(recorded, emg=drawn_inputs.drawn_emg(recorded.emg, draw)),
     )
 
 
@@ -321,7 +415,11 @@ def _drawn_points(points: JointPoints | None, draw: Draw) -> JointPoints | None:
     moved = (
         replace(
             point,
-            point=tuple((point.point + draw.of("joint_contact_point", f"{point.joint} {point.name}", 3)).tolist()),
+            point=tuple(
+                (
+                    point.point + draw.of("joint_contact_point", f"{point.joint} {point.name}", 3)
+                ).tolist()
+            ),
         )
         for point in points.points
     )
@@ -332,7 +430,9 @@ def drawn_criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
     """Another effort that is least; of minmax nothing is drawn."""
     if options.recruitment == "minmax":
         return options
-    exponent = EXPONENTS[int(len(EXPONENTS) * draw.normals.uniform(draw.number, "criterion", "exponent"))]
+    exponent = EXPONENTS[
+        int(len(EXPONENTS) * draw.normals.uniform(draw.number, "criterion", "exponent"))
+    ]
     volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
     return replace(options, exponent=exponent, weights="volume" if volume else "equal")
 

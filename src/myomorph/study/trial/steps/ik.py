@@ -1,4 +1,6 @@
-"""Inverse kinematics of a trial: the coordinates that explain its markers and inertial sensors best."""
+"""Inverse kinematics of a trial: the coordinates that explain its markers and inertial sensors
+best.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ FINDINGS = "ik_findings"
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them, and findings of marker checks."""
+    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them, and findings of
+    marker checks.
+    """
 
     recorded: Motion
     fit: KinematicsFit | None = None
@@ -49,8 +53,12 @@ class Poses:
 
 
 def solve_kinematics(trial: TrialInputs) -> CheckedFit:
-    """Inverse kinematics of the part of a recording that is used: markers, their labels checked, and sensors."""
-    recorded, sensors, options = trial.recording.markers, trial.get(SensorRecording), trial.options
+    """Inverse kinematics of the part of a recording that is used: markers, their labels checked,
+    and sensors.
+    """
+    recorded = trial.recording.markers
+    sensors = trial.get(SensorRecording)
+    options = trial.options
     if recorded is None and sensors is None:
         raise BadData(f"{trial.name}: holds no markers, and no inertial sensors")
     checked = None
@@ -72,7 +80,8 @@ def trial_motion(trial: TrialInputs) -> Motion:
 
 def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     """The fit of markers and sensors, or of sensors alone."""
-    options, recording = trial.options, trial.inputs[SensorRecording]
+    options = trial.options
+    recording = trial.inputs[SensorRecording]
     if checked is None:
         clock = recording.sensors.time
         empty = Markers(clock, (), np.empty((len(clock), 0, 3)))
@@ -84,10 +93,17 @@ def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
         chosen = (options[InverseKinematicsOptions], options[SensorOptions])
         sensors = sensor_kinematics(trial.model, recording, markers, marked, *chosen, advance)
     if marked is None and root_places(trial.model):
-        felt = trunk_acceleration(trial.model, sensors.mounting, sensors.sensors, sensors.fit.motion.time)
+        felt = trunk_acceleration(
+            trial.model, sensors.mounting, sensors.sensors, sensors.fit.motion.time
+        )
         fit = replace(sensors.fit, motion=walked(trial.model, sensors.fit.motion, felt))
         sensors = replace(sensors, fit=fit)
-    return CheckedFit(sensors.fit, markers, () if checked is None else checked.findings, sensors)
+    return CheckedFit(
+        fit=sensors.fit,
+        markers=markers,
+        findings=() if checked is None else checked.findings,
+        sensors=sensors,
+    )
 
 
 def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
@@ -99,8 +115,9 @@ def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
     spans = crossings(markers, trial.model, options)
     if not spans:
         raise BadData(
-            f"{trial.name}: no part of {options.min_duration:g} s shows {100 * options.min_visible:g} % of what its "
-            "markers could tell: ask for less (passes_min_visible, passes_min_duration)"
+            f"{trial.name}: no part of {options.min_duration:g} s shows"
+            f" {100 * options.min_visible:g} % of what its markers could tell: ask for less"
+            " (passes_min_visible, passes_min_duration)"
         )
     return within_crossings(markers, spans)
 
@@ -117,16 +134,21 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         write_sto(table_from_motion(used, trial.model), output.folder / "coordinates.mot")
         store.put_motion(output.writer, used, trial.model)
         return Poses(used)
-    checked, writer = solve_kinematics(trial), output.writer
+    checked = solve_kinematics(trial)
+    writer = output.writer
     notes = tuple(map(str, checked.findings))
     if checked.sensors is not None:
         notes = (*notes, *checked.sensors.mounting.notes)
-        names, angles = checked.fit.sensor_names, np.degrees(checked.fit.sensor_errors)
+        names = checked.fit.sensor_names
+        angles = np.degrees(checked.fit.sensor_errors)
         table = Table(checked.fit.motion.time, names, angles, in_degrees=True)
         write_sto(table, output.folder / "sensor_errors.sto")
-    refined, recorded = trial.get(RefinedMotion), trial.recording.markers
+    refined = trial.get(RefinedMotion)
+    recorded = trial.recording.markers
     if refined is not None:
-        write_sto(table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot")
+        write_sto(
+            table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot"
+        )
         checked, more = refined_fit(trial.name, trial.model, refined, checked)
         notes = (*notes, *more)
     fit = checked.fit
@@ -139,7 +161,7 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         mended = any(finding.mended for finding in checked.findings)
         store.put_markers(writer, checked.markers if mended else shown)
     put_findings(writer, FINDINGS, checked.findings)
-    return Poses(fit.motion, fit, notes, checked.findings)
+    return Poses(recorded=fit.motion, fit=fit, notes=notes, findings=checked.findings)
 
 
 def recorded_poses(trial: TrialInputs) -> Poses:
@@ -152,7 +174,7 @@ def _read(stored: Stored, options: OptionSet) -> Poses | None:
     if fit is None:
         return Poses(store.get_motion(stored)) if "coordinate_value" in stored.values else None
     findings = get_findings(stored, FINDINGS)
-    return Poses(fit.motion, fit, tuple(map(str, findings)), findings)
+    return Poses(recorded=fit.motion, fit=fit, notes=tuple(map(str, findings)), findings=findings)
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -179,26 +201,61 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     motion = store.get_motion(stored)
     kinds = [model.coordinate(name).motion for name in motion.names]
     rotating = np.array([kind == "rotational" for kind in kinds])
-    series = Series(motion.time, motion.names, motion.values * np.where(rotating, 180.0 / np.pi, 1.0))
+    series = Series(
+        motion.time, motion.names, motion.values * np.where(rotating, 180.0 / np.pi, 1.0)
+    )
     units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
     drawn = tuple(np.flatnonzero(rotating).tolist())
     count = len(units)
-    return (Signals("ik", series, ("",) * count, units, EXTREMES, "joint angle [°]", np.ones(count), drawn),)
+    return (
+        Signals(
+            step="ik",
+            series=series,
+            endings=("",) * count,
+            units=units,
+            statistics=EXTREMES,
+            curve="joint angle [°]",
+            factor=np.ones(count),
+            drawn=drawn,
+        ),
+    )
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
     """Frames, marker errors and strides."""
-    yield Value("ik", "frames", float(len(stored.time)), "1")
+    yield Value(step="ik", quantity="frames", value=float(len(stored.time)), unit="1")
     if len(stored.time):
-        yield Value("ik", "duration", float(stored.time[-1] - stored.time[0]), "s")
+        yield Value(
+            step="ik", quantity="duration", value=float(stored.time[-1] - stored.time[0]), unit="s"
+        )
     fit = store.get_fit(stored)
     if fit is not None and np.isfinite(fit.errors).any():
-        yield Value("ik", "marker error, RMS", float(np.sqrt(np.nanmean(fit.errors**2))), "m")
-        yield Value("ik", "marker error, largest", float(np.nanmax(fit.errors)), "m")
+        yield Value(
+            step="ik",
+            quantity="marker error, RMS",
+            value=float(np.sqrt(np.nanmean(fit.errors**2))),
+            unit="m",
+        )
+        yield Value(
+            step="ik",
+            quantity="marker error, largest",
+            value=float(np.nanmax(fit.errors)),
+            unit="m",
+        )
     if fit is not None and np.isfinite(fit.sensor_errors).any():
-        yield Value("ik", "sensor error, RMS", float(np.degrees(np.sqrt(np.nanmean(fit.sensor_errors**2)))), "deg")
+        yield Value(
+            step="ik",
+            quantity="sensor error, RMS",
+            value=float(np.degrees(np.sqrt(np.nanmean(fit.sensor_errors**2)))),
+            unit="deg",
+        )
     if fit is not None and fit.seen.any():
-        yield Value("ik", "frames not converged", float((fit.seen & ~np.asarray(fit.converged, bool)).sum()), "1")
+        yield Value(
+            step="ik",
+            quantity="frames not converged",
+            value=float((fit.seen & ~np.asarray(fit.converged, bool)).sum()),
+            unit="1",
+        )
     if strides is not None:
         yield from strides.numbers("ik")
 
@@ -206,9 +263,11 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
 def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
     """Frames, marker errors and findings."""
     texts = tuple(map(str, poses.findings))
-    outcome, fit = replace(outcome, frames=len(poses.recorded), findings=(*outcome.findings, *texts)), poses.fit
+    outcome = replace(outcome, frames=len(poses.recorded), findings=(*outcome.findings, *texts))
+    fit = poses.fit
     if fit is not None and np.isfinite(fit.errors).any():
-        rms, largest = float(np.nanmean(fit.rms)), float(np.nanmax(fit.largest))
+        rms = float(np.nanmean(fit.rms))
+        largest = float(np.nanmax(fit.largest))
         outcome = replace(outcome, rms=rms, largest=largest)
     return outcome
 

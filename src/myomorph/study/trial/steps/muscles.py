@@ -1,4 +1,6 @@
-"""Muscle lengths, velocities and moment arms of a motion, straight into files: memory does not grow with frames."""
+"""Muscle lengths, velocities and moment arms of a motion, straight into files: memory does not grow
+with frames.
+"""
 
 from __future__ import annotations
 
@@ -38,13 +40,13 @@ BLOCK = 512  # Frames that are in memory at a time.
 def write_muscles(
     model: Model, motion: Motion, recorded: Motion, writer: ResultWriter, folder: Path, title: str
 ) -> str:
-    """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto` of a motion with velocities, and the
-    same into a result; returns what was found, in one line.
+    """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto` of a motion with
+    velocities, and the same into a result; returns what was found, in one line.
 
-    Moment arms belong to the motion, as tensions do; lengths are those of the frames as recorded: a filter cuts off
-    turning points, and noise shows in velocities alone. Only pairs of a muscle and a coordinate that can have a moment
-    arm are computed and written; a coordinate that no muscle crosses gets no file. Frames without coordinates (NaN)
-    stay NaN.
+    Moment arms belong to the motion, as tensions do; lengths are those of the frames as recorded: a
+    filter cuts off turning points, and noise shows in velocities alone. Only pairs of a muscle and
+    a coordinate that can have a moment arm are computed and written; a coordinate that no muscle
+    crosses gets no file. Frames without coordinates (NaN) stay NaN.
     """
     paths = ReportedPaths(model)
     stored = _variables(writer, model, motion, paths.pairs)
@@ -56,15 +58,25 @@ def write_muscles(
             lengths[part] = paths.evaluate(recorded, part)[0]
     by_muscle = ("time", "muscle")
     writer.put("muscle_length", by_muscle, lengths, "m", "length of the muscle-tendon path")
-    writer.put("muscle_velocity", by_muscle, velocities, "m/s", "lengthening velocity of the muscle-tendon path")
+    writer.put(
+        "muscle_velocity",
+        by_muscle,
+        velocities,
+        "m/s",
+        "lengthening velocity of the muscle-tendon path",
+    )
     _table(motion, model.muscle_names, lengths, "Lengths", folder / "lengths.sto")
     _table(motion, model.muscle_names, velocities, "Velocities", folder / "velocities.sto")
     _arm_tables(motion, paths.pairs, stored, folder)
     return muscles_line(model, motion.time, lengths, velocities)
 
 
-def _variables(writer: ResultWriter, model: Model, motion: Motion, crossing: Sequence[tuple[str, str]]) -> Any:
-    """The variable of moment arms, its columns the pairs of muscle and coordinate that can have one."""
+def _variables(
+    writer: ResultWriter, model: Model, motion: Motion, crossing: Sequence[tuple[str, str]]
+) -> Any:
+    """The variable of moment arms, its columns the pairs of muscle and coordinate that can have
+    one.
+    """
     writer.time(motion.time)
     writer.names("muscle", model.muscle_names)
     writer.sizes("crossing", len(crossing))
@@ -74,14 +86,24 @@ def _variables(writer: ResultWriter, model: Model, motion: Motion, crossing: Seq
     return writer.create("moment_arm", ("time", "crossing"), "m", meaning)
 
 
-def _arm_tables(motion: Motion, crossing: Sequence[tuple[str, str]], arms: Any, folder: Path) -> None:
-    """One table a coordinate, its columns the muscles that cross it; pairs are in order of coordinates."""
+def _arm_tables(
+    motion: Motion, crossing: Sequence[tuple[str, str]], arms: Any, folder: Path
+) -> None:
+    """One table a coordinate, its columns the muscles that cross it; pairs are in order of
+    coordinates.
+    """
     start = 0
     for coordinate, pairs in groupby(crossing, key=itemgetter(1)):
         names = tuple(muscle for muscle, _ in pairs)
         columns = slice(start, start := start + len(names))
         title = f"Moment arms about {coordinate}"
-        _table(motion, names, arms[:, columns], title, folder / f"moment_arms_{file_name(coordinate)}.sto")
+        _table(
+            motion,
+            names,
+            arms[:, columns],
+            title,
+            folder / f"moment_arms_{file_name(coordinate)}.sto",
+        )
 
 
 def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:
@@ -90,8 +112,9 @@ def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, pa
 
 @dataclass(frozen=True, eq=False)
 class MuscleLengths:
-    """Lengths and velocities (frames, muscles) [m], [m/s] of muscle-tendon paths, None where they are in the file
-    alone; moment arms stay there. `summary` is what a command prints, "" where the result was read back.
+    """Lengths and velocities (frames, muscles) [m], [m/s] of muscle-tendon paths, None where they
+    are in the file alone; moment arms stay there. `summary` is what a command prints, "" where the
+    result was read back.
     """
 
     lengths: Series | None = None
@@ -100,7 +123,9 @@ class MuscleLengths:
     summary: str = ""
 
 
-def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> MuscleLengths:
+def _run(
+    trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None
+) -> MuscleLengths:
     notes: tuple[str, ...] = ()
     if torques is None:
         motion, notes = with_derivatives(trial, poses.recorded)
@@ -108,7 +133,9 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     else:
         motion = torques.motion
     recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
-    exact = closed_motion(trial.model, Motion(recorded.time, recorded.names, recorded.values))[0].values
+    exact = closed_motion(trial.model, Motion(recorded.time, recorded.names, recorded.values))[
+        0
+    ].values
     recorded = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
     title = f"{trial.name}: muscle paths"
     kinematics = write_muscles(trial.model, motion, recorded, output.writer, output.folder, title)
@@ -117,7 +144,9 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
 
 def _read(stored: Stored, options: OptionSet) -> MuscleLengths | None:
     lengths = _by_muscle(stored, "muscle_length")
-    return None if lengths is None else MuscleLengths(lengths, _by_muscle(stored, "muscle_velocity"))
+    return (
+        None if lengths is None else MuscleLengths(lengths, _by_muscle(stored, "muscle_velocity"))
+    )
 
 
 def _by_muscle(stored: Stored, name: str) -> Series | None:
@@ -131,7 +160,9 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
         # No step wrote moment arms: the paths tell which coordinates at least one muscle crosses.
         used = sorted(set(compile_paths(report_input.model).arm_coordinate.tolist()))
         crossed = tuple(report_input.model.coordinate_names[j] for j in used)
-    shown = MusclePaths(_by_muscle(stored, "muscle_length"), _by_muscle(stored, "muscle_velocity"), crossed)
+    shown = MusclePaths(
+        _by_muscle(stored, "muscle_length"), _by_muscle(stored, "muscle_velocity"), crossed
+    )
     return replace(report_input, muscles=shown)
 
 

@@ -40,10 +40,28 @@ from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
-from myomorph.study.trial.joint_contact_step import joint_contact_numbers, joint_contact_signals, write_joint_contacts
-from myomorph.study.trial.steps.id import Torques, cutoff_of, filter_summary, put_dynamics, solve_dynamics, torque_table
+from myomorph.study.trial.joint_contact_step import (
+    joint_contact_numbers,
+    joint_contact_signals,
+    write_joint_contacts,
+)
+from myomorph.study.trial.steps.id import (
+    Torques,
+    cutoff_of,
+    filter_summary,
+    put_dynamics,
+    solve_dynamics,
+    torque_table,
+)
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
+from myomorph.study.trial.trial_inputs import (
+    JoinedParts,
+    Signals,
+    TrialInputs,
+    Value,
+    all_drawn,
+    statistics_of,
+)
 from myomorph.study.trial.unmeasured_limbs import without_unmeasured_limbs
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.dual import INFEASIBLE, STALLED
@@ -66,16 +84,18 @@ from myomorph.tension.terms.contacts import ContactOptions
 if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
 
-CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
+CONTACT_FORCES = "contact_forces"
+CONTACTS = "contacts.csv"
+ALL_TORQUES = "torques_with_contacts.sto"
 CONTACT_GROUPS = "contact_groups.sto"
 FINDINGS = "tension_findings"
 
 
 @dataclass(frozen=True, eq=False)
 class Tensions:
-    """Muscle tensions of a motion; where contact forces were estimated, which site touches what. `loads` are every
-    external force, those of estimated contacts included, `carried` the generalized forces under all of them;
-    `findings`: where contacts cannot carry the body.
+    """Muscle tensions of a motion; where contact forces were estimated, which site touches what.
+    `loads` are every external force, those of estimated contacts included, `carried` the
+    generalized forces under all of them; `findings`: where contacts cannot carry the body.
     """
 
     tension: Tension
@@ -87,7 +107,9 @@ class Tensions:
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> Tensions:
-    """Solve for muscle tensions, and for contact forces where they are asked for; write what was found."""
+    """Solve for muscle tensions, and for contact forces where they are asked for; write what was
+    found.
+    """
     notes: tuple[str, ...] = ()
     if torques is None:
         torques = solve_dynamics(trial, poses.recorded)
@@ -100,12 +122,17 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         tension = without_unmeasured_limbs(tension, trial.model, torques.wrenches, _driven(task))
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
-    points, plan = trial.get(JointPoints), trial.get(ContactPlan)
-    strides = strides_of_trial(trial, poses, torques) if tension.fibers is not None or points else None
+    points = trial.get(JointPoints)
+    plan = trial.get(ContactPlan)
+    strides = (
+        strides_of_trial(trial, poses, torques) if tension.fibers is not None or points else None
+    )
     notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
         if task.emg.calibration is not None:
-            write_channels(task.emg.calibration, trial.inputs[RecordedEmg].muscles, output.folder / EMG_TABLE)
+            write_channels(
+                task.emg.calibration, trial.inputs[RecordedEmg].muscles, output.folder / EMG_TABLE
+            )
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
@@ -121,25 +148,45 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         notes += _write_warnings(trial, solution, output)
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
-    findings = missing_support(tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity)))
+    findings = missing_support(
+        tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity))
+    )
     put_findings(output.writer, FINDINGS, findings)
-    return Tensions(tension, task.setting.contacts, loads, carried, notes, findings)
+    return Tensions(
+        tension=tension,
+        contacts=task.setting.contacts,
+        loads=loads,
+        carried=carried,
+        notes=notes,
+        findings=findings,
+    )
 
 
 def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) -> Strides | None:
-    """Strides as the report and the tables of values have them: by plates, else events, else the motion."""
-    wrenches, events = None if torques is None else torques.wrenches, trial.recording.events
+    """Strides as the report and the tables of values have them: by plates, else events, else the
+    motion.
+    """
+    wrenches = None if torques is None else torques.wrenches
+    events = trial.recording.events
     return walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=events)
 
 
 def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:
-    """The tension problem of a trial, of coordinates as recorded and the torques that belong to them."""
-    options, tension = trial.options, trial.options[TensionOptions]
+    """The tension problem of a trial, of coordinates as recorded and the torques that belong to
+    them.
+    """
+    options = trial.options
+    tension = trial.options[TensionOptions]
     actuators = trial.get(Actuators)
-    cutoff, standing = None, None
+    cutoff = None
+    standing = None
     if trial.get(ContactPlan) is not None:
         cutoff = cutoff_of(trial, recorded)
-        if trial.get(SensorRecording) is not None and trial.recording.markers is None and root_places(trial.model):
+        if (
+            trial.get(SensorRecording) is not None
+            and trial.recording.markers is None
+            and root_places(trial.model)
+        ):
             # Errors of angles lift feet that accelerations do not hold down.
             standing = walked(trial.model, torques.motion)
     return tension_task(
@@ -148,9 +195,18 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
         torques.torques,
         tension,
         # Those of a file take the place of reserves.
-        added_reserves(trial.model, tension, _objects(trial)) if actuators is None else actuators.actuators,
+        (
+            added_reserves(trial.model, tension, _objects(trial))
+            if actuators is None
+            else actuators.actuators
+        ),
         Measurements(
-            recorded, _wrenches(trial, torques), trial.recording.plates, trial.recording.plate_time, cutoff, standing
+            recorded=recorded,
+            wrenches=_wrenches(trial, torques),
+            plates=trial.recording.plates,
+            plate_time=trial.recording.plate_time,
+            cutoff=cutoff,
+            standing=standing,
         ),
         trial.get(ContactPlan),
         options[ContactOptions],
@@ -160,27 +216,48 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
 
 
 def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
-    """External forces; where contacts share them, the foot that each was put on by its nearness says nothing."""
-    plan, loads, wrenches = trial.get(ContactPlan), trial.get(ExternalLoads), torques.wrenches
-    if wrenches is None or plan is None or loads is None or plan.measured != "shared" or not loads.nearest:
+    """External forces; where contacts share them, the foot that each was put on by its nearness
+    says nothing.
+    """
+    plan = trial.get(ContactPlan)
+    loads = trial.get(ExternalLoads)
+    wrenches = torques.wrenches
+    if (
+        wrenches is None
+        or plan is None
+        or loads is None
+        or plan.measured != "shared"
+        or not loads.nearest
+    ):
         return wrenches
     return replace(wrenches, bodies=("",) * len(wrenches.bodies))
 
 
 def recruitment_of(trial: TrialInputs) -> RecruitmentOptions:
     """Costs beside the effort; loads of joints need the forces on the body."""
-    chosen, alone = trial.options[RecruitmentOptions], trial.get(RecordedTorques) is not None
+    chosen = trial.options[RecruitmentOptions]
+    alone = trial.get(RecordedTorques) is not None
     if chosen.joint_load and alone:
-        raise BadData("joint_load with joint torques of a file: loads of joints need external forces (--loads)")
+        raise BadData(
+            "joint_load with joint torques of a file: loads of joints need external forces"
+            " (--loads)"
+        )
     return chosen.settled(trial.model, trial.options[TensionOptions], not alone)
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
     """EMG that was given to take part in the tensions, rather than to be shown."""
-    chosen, recorded = trial.options.get(EmgOptions), trial.get(RecordedEmg)
+    chosen = trial.options.get(EmgOptions)
+    recorded = trial.get(RecordedEmg)
     if recorded is None or chosen is None or trial.options[EmgUse].emg_display_only:
         return None
-    return EmgRecording(recorded.emg, recorded.muscles, recorded.maxima, chosen, recorded.gains)
+    return EmgRecording(
+        emg=recorded.emg,
+        muscles=recorded.muscles,
+        maxima=recorded.maxima,
+        options=chosen,
+        calibration=recorded.gains,
+    )
 
 
 def _objects(trial: TrialInputs) -> set[str]:
@@ -192,12 +269,16 @@ def _objects(trial: TrialInputs) -> set[str]:
 
 def _driven(task: TensionTask) -> dict[str, str]:
     """Actuators to the coordinates that they drive, "" where they drive none."""
-    return {actuator.name: actuator.coordinate for actuator in (*task.model.actuators, *task.actuators)}
+    return {
+        actuator.name: actuator.coordinate for actuator in (*task.model.actuators, *task.actuators)
+    }
 
 
 def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
     driven = _driven(task)
-    store.put_tension(output.writer, tension, tuple(driven.get(name, "") for name in tension.reserve_names))
+    store.put_tension(
+        output.writer, tension, tuple(driven.get(name, "") for name in tension.reserve_names)
+    )
     tables = (
         ("activations", tension.muscles, tension.activations),
         ("forces", tension.muscles, tension.forces),
@@ -211,11 +292,16 @@ def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> N
 def _write_contacts(
     task: TensionTask, tension: Tension, situation: Situation, output: StepOutput
 ) -> tuple[Wrenches, Series]:
-    """Contact forces as external loads, intervals as a table; returns all loads, and the torques that they leave."""
+    """Contact forces as external loads, intervals as a table; returns all loads, and the torques
+    that they leave.
+    """
     assert task.setting is not None
     assert tension.contacts is not None
-    writer, folder, contacts = output.writer, output.folder, task.setting.contacts
-    start, stop = float(task.motion.time[0]), float(task.motion.time[-1])
+    writer = output.writer
+    folder = output.folder
+    contacts = task.setting.contacts
+    start = float(task.motion.time[0])
+    stop = float(task.motion.time[-1])
     loads, carried = task.loads(tension)
     contact_store.put_contact_forces(writer, tension.contacts)
     contact_store.put_contacts(writer, contacts, situation)
@@ -227,8 +313,12 @@ def _write_contacts(
     return loads, carried
 
 
-def _write_warnings(trial: TrialInputs, solution: ContactSolution, output: StepOutput) -> tuple[str, ...]:
-    """What is left open and what contacts cannot carry, as files; returns the latter, one line a stretch of time."""
+def _write_warnings(
+    trial: TrialInputs, solution: ContactSolution, output: StepOutput
+) -> tuple[str, ...]:
+    """What is left open and what contacts cannot carry, as files; returns the latter, one line a
+    stretch of time.
+    """
     frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.found))
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
@@ -247,7 +337,9 @@ def _read(stored: Stored, options: OptionSet) -> Tensions | None:
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
-    """Options of contacts and EMG count where a trial has them; those of EMG envelopes are among the sources."""
+    """Options of contacts and EMG count where a trial has them; those of EMG envelopes are among
+    the sources.
+    """
     options = trial.options
     chosen = (
         options.get(TensionOptions),
@@ -263,17 +355,20 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
-    tension, forces = store.get_tension(stored, TensionOptions()), contact_store.get_contact_forces(stored)
+    tension = store.get_tension(stored, TensionOptions())
+    forces = contact_store.get_contact_forces(stored)
     carried = contact_store.get_forces_with_contacts(stored)
     if carried is not None:
-        report_input = replace(report_input, dynamics=replace(report_input.dynamics, torques=carried))
+        report_input = replace(
+            report_input, dynamics=replace(report_input.dynamics, torques=carried)
+        )
     contacts = EstimatedContacts(
-        contact_store.get_contacts(stored),
-        forces,
-        contact_store.get_intervals(stored),
-        None if forces is None else _residuals(tension),
-        contact_store.get_infeasible_contacts(stored),
-        contact_store.get_situation(stored),
+        touches=contact_store.get_contacts(stored),
+        forces=forces,
+        intervals=contact_store.get_intervals(stored),
+        residuals=None if forces is None else _residuals(tension),
+        infeasible=contact_store.get_infeasible_contacts(stored),
+        situation=contact_store.get_situation(stored),
     )
     return replace(
         report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
@@ -286,7 +381,9 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
 
 
 def _residuals(tension: Tension | None) -> Series | None:
-    """Forces and torques that hold a floating root, as far as they are not the contacts' (frames, residuals)."""
+    """Forces and torques that hold a floating root, as far as they are not the contacts' (frames,
+    residuals).
+    """
     if tension is None or not tension.residual_names:
         return None
     columns = [tension.reserve_names.index(name) for name in tension.residual_names]
@@ -297,7 +394,12 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     statistics = ("maximum", "mean")
     loads = tuple(
         all_drawn(
-            "tension", Series(stored.time, stored.names["muscle"], stored.values[name]), ending, unit, statistics, curve
+            "tension",
+            Series(stored.time, stored.names["muscle"], stored.values[name]),
+            ending,
+            unit,
+            statistics,
+            curve,
         )
         for name, ending, unit, curve in (
             ("activation", "_activation", "1", "muscle activation"),
@@ -309,11 +411,13 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
-    """Frames without an optimum, the largest reserve of each coordinate, and loads of contact points."""
+    """Frames without an optimum, the largest reserve of each coordinate, and loads of contact
+    points.
+    """
     if "tension_status" not in stored.values:
         return
     failed = np.isin(stored.values["tension_status"], (INFEASIBLE, STALLED))
-    yield Value("tension", "frames not optimal", float(failed.sum()), "1")
+    yield Value(step="tension", quantity="frames not optimal", value=float(failed.sum()), unit="1")
     yield from fiber_numbers(stored)
     yield from joint_contact_numbers(stored, strides)
     forces = stored.values.get("actuator_force")
@@ -323,7 +427,12 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     for index, name in enumerate(stored.names.get("actuator_coordinate", ())):
         if name in model.coordinate_names:
             unit = "N m" if model.coordinate(name).motion == "rotational" else "N"
-            yield Value("tension", f"{name}_reserve, largest", float(largest[index]), unit)
+            yield Value(
+                step="tension",
+                quantity=f"{name}_reserve, largest",
+                value=float(largest[index]),
+                unit=unit,
+            )
 
 
 def _outcome(outcome: Outcome, tensions: Tensions) -> Outcome:
@@ -333,7 +442,9 @@ def _outcome(outcome: Outcome, tensions: Tensions) -> Outcome:
 
 def _line(trial: TrialInputs, results: ByType) -> str:
     """Frames that are optimal, reserves, and the filter."""
-    return tension_line(trial.model, results[Tensions].tension) + filter_summary(trial, results[Poses].recorded)
+    return tension_line(trial.model, results[Tensions].tension) + filter_summary(
+        trial, results[Poses].recorded
+    )
 
 
 STEP = Step(
@@ -343,10 +454,27 @@ STEP = Step(
     needs=(Poses,),
     uses=(Torques,),
     options=(
-        *(Differentiation, ForceOptions, TensionOptions, RecruitmentOptions, ContactOptions, EmgOptions),
+        *(
+            Differentiation,
+            ForceOptions,
+            TensionOptions,
+            RecruitmentOptions,
+            ContactOptions,
+            EmgOptions,
+        ),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
-    inputs=("loads", "laboratory", "torques", "emg", "contacts", "contact points", "actuators", "soft tissue", "time"),
+    inputs=(
+        "loads",
+        "laboratory",
+        "torques",
+        "emg",
+        "contacts",
+        "contact points",
+        "actuators",
+        "soft tissue",
+        "time",
+    ),
     hashed=_hashed,
     run=_run,
     read=_read,
@@ -356,8 +484,22 @@ STEP = Step(
     numbers_last=True,
     outcome=_outcome,
     outcome_variables=(
-        *("time", "muscle", "activation", "muscle_force", "balanced_coordinate", "balanced_torque", "tension_status"),
-        *("equilibrium_residual", "tension_iterations", "activation_lower", "activation_upper", "muscle_overstretched"),
+        *(
+            "time",
+            "muscle",
+            "activation",
+            "muscle_force",
+            "balanced_coordinate",
+            "balanced_torque",
+            "tension_status",
+        ),
+        *(
+            "equilibrium_residual",
+            "tension_iterations",
+            "activation_lower",
+            "activation_upper",
+            "muscle_overstretched",
+        ),
     ),
     command=StepCommand(_line, draws=True),
 )

@@ -205,7 +205,10 @@ def _run(
     errors = DrawnErrors(options.draws, nominal, values, walk)
 
     normals = Normals(options.draws, options.draw_seed)
-    draws_of_all = [Draw(number, sources, normals, sizes) for number in range(options.draws)]
+    draws_of_all = [
+        Draw(number=number, sources=sources, normals=normals, found=sizes)
+        for number in range(options.draws)
+    ]
     groups = _groups_with_errors(chain, sources) if options.contributions else ()
     draws_of_groups = _draws_of_groups(groups, options, sources, normals, sizes)
     jobs = [*draws_of_all, *draws_of_groups]
@@ -286,8 +289,16 @@ def _draws_of_groups(
     draws: list[Draw] = []
     for group in groups:
         for number in range(min(options.contributions, options.draws)):
-            draws.append(ShareDraw(number, alone(sources, group), normals, sizes))
-            draws.append(ShareDraw(number, without(sources, group), normals, sizes))
+            draws.append(
+                ShareDraw(
+                    number=number, sources=alone(sources, group), normals=normals, found=sizes
+                )
+            )
+            draws.append(
+                ShareDraw(
+                    number=number, sources=without(sources, group), normals=normals, found=sizes
+                )
+            )
     return draws
 
 
@@ -352,7 +363,8 @@ def _shares(
     }
     counts = np.zeros((kinds, len(groups), 1))
     for index, (job, tables) in enumerate(zip(jobs, results, strict=True)):
-        group, kind = index // (each * kinds), index % kinds
+        group = index // (each * kinds)
+        kind = index % kinds
         advance(1)
         if not tables or job.number not in done:
             continue
@@ -398,7 +410,8 @@ def _write_table(quantities: tuple[Quantity, ...], uncertainty: Uncertainty, pat
     head = ("table", "column", "unit", "sd", "width", "widened", *shares_head)
     rows = []
     for quantity in quantities:
-        spread, shares = uncertainty.spreads[quantity.name], uncertainty.shares.get(quantity.name)
+        spread = uncertainty.spreads[quantity.name]
+        shares = uncertainty.shares.get(quantity.name)
         deviations = quantity.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
         widths = quantity.factors * np.nanmean(spread.high - spread.low, axis=0)
         for index, name in enumerate(quantity.names):
@@ -474,15 +487,18 @@ def _shared(chain: Chain, draws: Sequence[Draw], hands: LocalWorkers) -> Iterato
     works = [cast(Any, partial(_attempt, draw)) for draw in draws]
     jobs = [Job(("draw", str(number)), work) for number, work in enumerate(works)]
     results: dict[int, Tables | None] = {}
-    begun, running = 0, 0
+    begun = 0
+    running = 0
     for number in range(len(draws)):
         while number not in results:
             while running < hands.count and begun < min(len(draws), number + AHEAD * hands.count):
                 hands.start(jobs[begun], sent)
-                begun, running = begun + 1, running + 1
+                begun = begun + 1
+                running = running + 1
             for ended in hands.ended(PATIENCE):
                 running -= 1
-                place, outcome = int(ended.job.key[1]), cast(Any, ended.outcome)
+                place = int(ended.job.key[1])
+                outcome = cast(Any, ended.outcome)
                 results[place] = chain.attempt(draws[place]) if ended.lost else outcome[0]
         yield results.pop(number)
 
