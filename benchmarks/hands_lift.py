@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.io.c3d.read import read_c3d
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import free_object
-from myomorph.model.model import Actuator, Marker
-from myomorph.model.series import Z_UP_TO_Y_UP
-from myomorph.model.sides import split_side
-from myomorph.motion.calibration import Calibration
-from myomorph.motion.ik import KinematicsFit
-from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.body.calibrate.calibration import Calibration
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import free_object
+from myomorph.core.model.model import Actuator, Marker
+from myomorph.core.model.series import Z_UP_TO_Y_UP
+from myomorph.core.model.sides import split_side
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.muscles.kinematics import default_path_lengths
 from truths.carried_bodies import needed_wrench
 
 FOLDER = "lifting-box-15kg"

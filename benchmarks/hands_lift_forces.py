@@ -13,23 +13,23 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
-from myomorph.contact.held_objects import find_holds, raised_contacts
-from myomorph.contact.site_motion import rest_on_floor
-from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import (
+from myomorph.core.contact.held_objects import find_holds, raised_contacts
+from myomorph.core.contact.site_motion import rest_on_floor
+from myomorph.core.contact.sites import body_sites, foot_sites
+from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
     contact_activations,
     preferred_directions,
 )
-from myomorph.model.arrays import Array
-from myomorph.model.contacts import SharedWrench, Site
-from myomorph.model.join import join_models, join_motions
-from myomorph.rigid.frames import over_frames
-from myomorph.tension.certificates import ContactIntervals, contact_intervals
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.contacts import SharedWrench, Site
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.tension.certificates import ContactIntervals, contact_intervals
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from truths.carried_bodies import needed_wrench
 
 HANDS = ("hand_r", "hand_l")

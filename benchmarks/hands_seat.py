@@ -11,17 +11,17 @@ import numpy as np
 import myomorph as mm
 from benchmarks.hands_lift_forces import Task, soles_of
 from benchmarks.recordings import read_markers
-from myomorph.contact.assign import assign_bodies
-from myomorph.contact.held_objects import raised_contacts
-from myomorph.contact.site_motion import site_motion
-from myomorph.contact.sites import body_sites
-from myomorph.contact.states import hysteresis
-from myomorph.io.loads import read_external_loads
-from myomorph.model.arrays import Array, runs
-from myomorph.model.contacts import Site
-from myomorph.model.scale import scale
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.contact.assign import assign_bodies
+from myomorph.core.contact.held_objects import raised_contacts
+from myomorph.core.contact.site_motion import site_motion
+from myomorph.core.contact.sites import body_sites
+from myomorph.core.contact.states import hysteresis
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.scale import scale
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 from truths.carried_bodies import needed_wrench
 
 FOLDER = "opencap-subject4-multitask"

@@ -10,9 +10,9 @@ import numpy as np
 import myomorph as mm
 from benchmarks.hands_lift import Recorded, lifter, man, recorded
 from benchmarks.hands_lift_forces import Lift, plate_on_feet
-from myomorph.model.arrays import Array
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.arrays import Array
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from truths.carried_bodies import needed_wrench
 
 REGRESSED = (-0.335, -0.032)

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.states import hysteresis
-from myomorph.model.arrays import Array, runs
-from myomorph.motion.filters import lowpass, natural_spline
+from myomorph.core.contact.states import hysteresis
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.motion.filters import lowpass, natural_spline
 
 FOLDER = "wheelchair-pushrim"
 RATE = 240.0

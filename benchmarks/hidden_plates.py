@@ -14,24 +14,24 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_markers
-from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
-from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import (
+from myomorph.body.identify.recordings import RecordingOptions, usable
+from myomorph.core.contact.site_motion import plate_height, rest_on_floor, site_motion
+from myomorph.core.contact.sites import body_sites, foot_sites
+from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
     contact_activations,
     preferred_directions,
     steady,
 )
-from myomorph.identify.recordings import RecordingOptions, usable
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.model.contacts import SharedWrench, Site
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.motion.sync import cut
-from myomorph.study.inputs.external_forces import force_table
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.model.contacts import SharedWrench, Site
+from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.core.motion.sync import cut
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.lab.study.inputs.external_forces import force_table
 from truths.carried_bodies import assign_feet
 
 TABLES = (

@@ -17,10 +17,10 @@ from made_bones import deformed, errors, made_target, real_bone
 from scipy.interpolate import RBFInterpolator
 
 import myomorph as mm
-from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
-from myomorph.morph.registration.nonrigid import vertex_normals
-from myomorph.morph.registration.smooth import MatchOptions, fit_smoothly, onto, spread_points
-from myomorph.morph.shapes.surface_points import Shape
+from myomorph.bones.morph.registration.nonrigid import vertex_normals
+from myomorph.bones.morph.registration.smooth import MatchOptions, fit_smoothly, onto, spread_points
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity, procrustes
+from myomorph.core.surfaces.surface_points import Shape
 from truths.leg_shapes import leg_shapes
 
 POINTS = 4000

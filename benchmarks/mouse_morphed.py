@@ -13,31 +13,31 @@ from numpy.typing import NDArray
 
 import myomorph as mm
 from benchmarks.species_cases import from_arm, from_man, mouse
-from myomorph.analysis.cycles import Cycles
-from myomorph.analysis.groups import Animal
-from myomorph.analysis.length_analysis import LengthAnalysis
-from myomorph.analysis.strides import Strides
-from myomorph.analysis.walking import walking_strides
-from myomorph.contact.plates import wrenches_from_plates
-from myomorph.model.arrays import Array
-from myomorph.model.findings import repaired
-from myomorph.morph.mirror.model import with_other_muscles
-from myomorph.morph.species.masses import (
+from myomorph.body.calibrate.calibration import Calibration
+from myomorph.bones.morph.mirror.model import with_other_muscles
+from myomorph.bones.morph.species.masses import (
     with_markers_of,
     with_possible_inertias,
     with_segment_shares,
 )
-from myomorph.motion.calibration import Calibration
-from myomorph.motion.crossings import crossings, within_crossings
-from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.lengths import length_unit
-from myomorph.motion.marker_checks import checked_kinematics, time_findings
-from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.reading import fitted_to
-from myomorph.study.subject.species_morphing import read_species
-from myomorph.tension.tension import Tension
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.contact.plates import wrenches_from_plates
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.findings import repaired
+from myomorph.core.motion.crossings import crossings, within_crossings
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.lengths import length_unit
+from myomorph.core.motion.marker_checks import checked_kinematics, time_findings
+from myomorph.core.muscles.hill import hill_forces
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.tension import Tension
+from myomorph.lab.analysis.cycles import Cycles
+from myomorph.lab.analysis.groups import Animal
+from myomorph.lab.analysis.length_analysis import LengthAnalysis
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.analysis.walking import walking_strides
+from myomorph.lab.study.inputs.reading import fitted_to
 from truths.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
 from truths.mouse_recordings import TREADMILL, gait_files
 

@@ -11,7 +11,7 @@ import opensim
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline, interp1d
 
-from myomorph.model.arrays import Array
+from myomorph.core.model.arrays import Array
 
 opensim.Logger.setLevelString("Off")
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import opensim
 
-from myomorph.model.arrays import Array
+from myomorph.core.model.arrays import Array
 
 WELDED = ("subtalar_r", "subtalar_l", "mtp_r", "mtp_l", "radius_hand_r", "radius_hand_l")
 """Joints that OpenSim's own example welds; with them MocoInverse's first derivative is not a

@@ -15,7 +15,7 @@ import opensim
 
 import myomorph as mm
 from benchmarks.opensim_tools import read_table
-from myomorph.model.model import Actuator
+from myomorph.core.model.model import Actuator
 
 opensim.Logger.setLevelString("Off")
 

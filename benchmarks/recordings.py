@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import myomorph as mm
-from myomorph.io.loads import read_external_loads
-from myomorph.io.trc import read_trc
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.trc import read_trc
 
 
 @dataclass(frozen=True)

@@ -16,25 +16,25 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.model.paths import PathPoint
-from myomorph.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
-from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
-from myomorph.morph.morphed import Architecture, Morph, MorphOptions
-from myomorph.morph.registration.smooth import MatchOptions
-from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.species.architecture import architectures
-from myomorph.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
-from myomorph.morph.species.maps import (
+from myomorph.bones.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_map
+from myomorph.bones.morph.morphed import Architecture, Morph, MorphOptions
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.bones.morph.species.architecture import architectures
+from myomorph.bones.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
+from myomorph.bones.morph.species.maps import (
     SpeciesBones,
     coordinate_table,
     size_over,
     species_bones,
     species_morph,
 )
-from myomorph.morph.transfer.model import graft_muscles
-from myomorph.simulate.shoulder import arm_model
-from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.transfer.model import graft_muscles
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.model.paths import PathPoint
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity, procrustes
+from myomorph.core.surfaces.surface_points import Shape
+from myomorph.swings.simulate.shoulder import arm_model
 from truths.mouse_hindlimb import mouse_hindlimb_model
 
 MAN = "rajagopal-walk-emg/subject_walk_scaled.osim"

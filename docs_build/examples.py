@@ -159,7 +159,7 @@ def commands(text: str) -> list[str]:
 
 def run_command(line: str, where: str) -> str:
     """Run one `myomorph` command in this process, and return what it prints."""
-    from myomorph.cli import main
+    from myomorph.lab.cli import main
 
     words = shlex.split(line, comments=True)
     assert words[0] == "myomorph", f"{where}: only commands of this program run: {line}"

@@ -71,7 +71,7 @@ def walking() -> Figure:
 
 def one_body() -> Figure:
     """Residuals of the walk with the generic masses and with those identified."""
-    from myomorph.io.loads import read_external_loads
+    from myomorph.core.io.loads import read_external_loads
 
     figure, axes = plt.subplots(2, 1, figsize=(7.0, 4.4), sharex=True)
     for file, color, words in (

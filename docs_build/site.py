@@ -26,31 +26,8 @@ from docs_build.notebooks import notebook_text, tutorials  # noqa: E402
 from docs_build.tables import rendered  # noqa: E402
 
 PACKAGE = ROOT / "src" / "myomorph"
-# From the top of the map in docs/architecture.md downwards.
-ROOMS = (
-    "cli",
-    "demo",
-    "simulate",
-    "live",
-    "viscosity",
-    "opensim_tools",
-    "mujoco_tools",
-    "study",
-    "store",
-    "viewer",
-    "report",
-    "io",
-    "tension",
-    "analysis",
-    "uncertainty",
-    "identify",
-    "morph",
-    "contact",
-    "motion",
-    "muscles",
-    "rigid",
-    "model",
-)
+# Wings, from the main job outwards.
+WINGS = ("core", "body", "lab", "bones", "swings", "exchange", "live", "show")
 # Names that the converter does not know, by those that it does.
 TEX = {r"\arg": r"\operatorname{arg}"}
 
@@ -61,7 +38,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """
     rooms = [
         {room: [f"reference/{room}/index.md", *(page_of(module) for module in modules(room))]}
-        for room in ROOMS
+        for room in WINGS
     ]
     groups = navigation()
     at = next(i for i, group in enumerate(groups) if "Development" in group)
@@ -80,7 +57,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         ),
         "reference/index.md": reference_index(),
     }
-    for room in ROOMS:
+    for room in WINGS:
         made[f"reference/{room}/index.md"] = room_index(room)
         made |= {page_of(module): module_page(module) for module in modules(room)}
     made |= {f"tutorials/{page.stem}.ipynb": notebook_text(page) for page in tutorials()}
@@ -168,7 +145,7 @@ def reference_index() -> str:
         "| room | what it is for | modules |",
         "|---|---|---|",
     ]
-    for room in ROOMS:
+    for room in WINGS:
         told = _first_line(PACKAGE / room / "__init__.py")
         lines.append(f"| [{room}]({room}/index.md) | {told} | {len(modules(room))} |")
     return "\n".join(lines) + "\n"

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from myomorph.demo.arm import ExampleFiles, example_files
+from myomorph.show.demo.arm import ExampleFiles, example_files
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def arm(tmp_path: Path) -> ExampleFiles:
 @pytest.fixture
 def command(capfd: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]:
     """Runs the command line in this process: its exit status and what it printed."""
-    from myomorph.cli import main
+    from myomorph.lab.cli import main
 
     def run(*arguments: object) -> SimpleNamespace:
         capfd.readouterr()
@@ -36,6 +36,6 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Studies of the command line do their jobs in this process, where the processes are not what
     is tested.
     """
-    from myomorph.study.workers import local_workers
+    from myomorph.lab.study.workers import local_workers
 
     monkeypatch.setattr(local_workers, "local_workers", lambda *_: local_workers.InProcess())

@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.scale import scale
-from myomorph.model.spatial import Transform
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.morphed import Morph, MuscleChange, RebuiltJoint, TransferredPoint
+from myomorph.bones.morph.maps.fields import BoneMap
+from myomorph.bones.morph.morphed import Morph, MuscleChange, RebuiltJoint, TransferredPoint
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.scale import scale
+from myomorph.core.model.spatial import Transform
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity
 
 HALF = 0.02
 LENGTH = 0.4

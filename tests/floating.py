@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.dynamics import motion_arrays
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 PINOCCHIO_ORDER = np.array([0, 1, 2, 3, 4, 9, 5, 8, 7, 6])
 """Which of our ten parameters each of Pinocchio's is: m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.

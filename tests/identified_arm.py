@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from myomorph.demo.arm import table_text
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.inertia import inertial_parameters
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.regressor import base_regressor, reference_points
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.regressor import base_regressor, reference_points
+from myomorph.show.demo.arm import table_text
 
 LOADS = """<?xml version="1.0" encoding="UTF-8"?>
 <OpenSimDocument Version="40000"><ExternalLoads name="loads"><objects><ExternalForce name="plate">

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Loop, Marker, Model
-from myomorph.model.series import Markers
-from myomorph.model.spatial import Transform
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Loop, Marker, Model
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import Transform
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, random_rotation, random_tree, to_mujoco, to_pinocchio
 
 SHOULDERS = (

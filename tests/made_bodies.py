@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.body.points import Links, MassPoints
-from myomorph.identify.body.weights import WeightMap, bone_weights
+from myomorph.body.shape.points import Links, MassPoints
+from myomorph.body.shape.weights import WeightMap, bone_weights
 
 AXES = np.array([0.2, 0.8, 0.15])
 """Semi-axes of the body [m]."""

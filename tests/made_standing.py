@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.series import Markers
-from myomorph.motion.measurements import default_markers
-from myomorph.motion.protocols import protocols
-from myomorph.study.analyze.generic_model import generic_model
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.measurements import default_markers
+from myomorph.core.motion.protocols import protocols
+from myomorph.lab.analyze.generic_model import generic_model
 
 LABELS = (
     "LASI",

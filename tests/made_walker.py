@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Transform
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 PERIOD = 0.5
 CYCLES = 5

@@ -8,15 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from myomorph.contact.site_motion import Floor, rest_on_floor
-from myomorph.contact.sites import foot_sites
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.contacts import Site
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.motion.filters import differentiate
+from myomorph.core.contact.site_motion import Floor, rest_on_floor
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import differentiate
 
 WALK = "rajagopal-walk-emg"
 

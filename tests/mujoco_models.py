@@ -8,12 +8,16 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from myomorph.io.mjcf.read import WIDTHS, _layout, model_from_mujoco, read_mjcf
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import axis_rotation, quaternion_from_rotation, rotation_from_euler_xyz
-from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.mjcf.read import WIDTHS, _layout, model_from_mujoco, read_mjcf
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import (
+    axis_rotation,
+    quaternion_from_rotation,
+    rotation_from_euler_xyz,
+)
+from myomorph.core.rigid.dynamics import motion_arrays
+from myomorph.core.rigid.tree import compile_tree
 
 mujoco = pytest.importorskip("mujoco")
 # MuJoCo writes its warnings into a file in the current folder, unless somebody else takes them.

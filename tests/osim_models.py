@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from myomorph.model.arrays import Array
-from myomorph.model.model import GROUND, Joint, Model
-from myomorph.model.paths import MovingPathPoint, PathPoint
-from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import GROUND, Joint, Model
+from myomorph.core.model.paths import MovingPathPoint, PathPoint
+from myomorph.core.model.spatial import Transform, axis_rotation
 
 FILES = (
     "bones-landmarks-leg/make-a-leg_final.osim",

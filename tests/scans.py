@@ -8,9 +8,9 @@ import igl
 import numpy as np
 import trimesh
 
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.linear import Similarity
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity
 
 
 def made_scan(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from myomorph.model.inertial_sensors import InertialSensors
+from myomorph.core.model.inertial_sensors import InertialSensors
 
 
 def write_orientations(path: Path, sensors: InertialSensors) -> None:

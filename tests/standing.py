@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.contacts import Cone, Site
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
 
 MASS = 50.0
 HEIGHT = 0.8

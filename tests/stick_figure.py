@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.model.spatial import Transform
-from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.lengths import factors_of, lengths_of
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 X, Y, Z = np.eye(3)
 PLACES = {

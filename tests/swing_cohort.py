@@ -6,10 +6,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.provenance import Estimate
-from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
-from myomorph.viscosity.identification.identify import Condition, MuscleViscosity, SpecimenViscosity
-from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.core.model.provenance import Estimate
+from myomorph.swings.viscosity.cohort import SPECIMENS, PublishedSpecimen
+from myomorph.swings.viscosity.identification.identify import (
+    Condition,
+    MuscleViscosity,
+    SpecimenViscosity,
+)
+from myomorph.swings.viscosity.swings.recording import SwingRecording
 
 MUSCLES = ("BicepsBrachiiLongum", "Supraspinatus", "TeresMajor")
 AXES = ("x", "y", "z")

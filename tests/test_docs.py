@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.cli.app import COMMANDS
+from myomorph.lab.cli.app import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -35,7 +35,7 @@ def command_lines():
 @pytest.mark.parametrize(("page", "line"), command_lines())
 def test_commands_parse(page, line):
     """Every command line is one that the program accepts; nothing is run."""
-    from myomorph.cli.app import new_app
+    from myomorph.lab.cli.app import new_app
 
     words = shlex.split(line, comments=True)
     assert words[1] in COMMANDS, f"{page}: {line}"
@@ -66,7 +66,7 @@ def test_quick_start_is_two_commands():
 def test_extras_and_program_exist():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert {"test", "oracles", "lint"} <= set(project["optional-dependencies"])
-    assert project["scripts"] == {"myomorph": "myomorph.cli:main"}
+    assert project["scripts"] == {"myomorph": "myomorph.lab.cli:main"}
     assert (ROOT / "LICENSE").read_text(encoding="utf-8").lstrip().startswith("Apache License")
 
 
@@ -76,8 +76,8 @@ def test_study_files_in_the_docs_are_valid(tmp_path):
     """
     from docs_build.examples import parts_of
 
-    from myomorph.study.plan.plan import read_plan
-    from myomorph.viscosity.study.plan import read_viscosity_plan
+    from myomorph.lab.study.plan.plan import read_plan
+    from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 
     run = {part.text.strip() for page in PAGES for part in parts_of(page) if part.kind == "file"}
     studies = [
@@ -114,7 +114,7 @@ def test_study_files_in_the_docs_are_valid(tmp_path):
 
 
 def test_python_in_the_readme_runs(tmp_path, monkeypatch):
-    from myomorph.demo.arm import example_files
+    from myomorph.show.demo.arm import example_files
 
     arm = example_files(tmp_path)
     arm.model.rename(tmp_path / "subject.osim")

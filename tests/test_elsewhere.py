@@ -17,10 +17,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.demo.arm import example_files
-from myomorph.io.c3d.write import write_c3d
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import read_trc
+from myomorph.core.io.c3d.write import write_c3d
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.show.demo.arm import example_files
 
 ELSEWHERE = Path(__file__).with_name("elsewhere")
 FOLDER = "für alle\\Ärzte 1"
@@ -35,7 +35,7 @@ steps = ["ik", "id", "muscles", "report"]
 """
 COMMANDS = """
 import json, sys
-from myomorph.cli import main
+from myomorph.lab.cli import main
 if __name__ == "__main__":
     for line in json.load(sys.stdin):
         status = main(line)

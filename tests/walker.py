@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.spatial import Transform
-from myomorph.motion.ik import KinematicsFit
-from myomorph.report.page.parts import Note, PageHead, SourceFile, Step
-from myomorph.report.trial.report_input import ReportInput
-from myomorph.tension.tension import TensionOptions
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.series import Markers, Motion, Series, Wrenches
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.lab.report.page.parts import Note, PageHead, SourceFile, Step
+from myomorph.lab.report.trial.report_input import ReportInput
 
 RATE = 100.0
 GRAVITY = 9.80665

@@ -13,9 +13,9 @@ from test_tendons import compare
 
 import myomorph as mm
 from mujoco_models import MYO_SIM, load, random_motion
-from myomorph.motion.filters import natural_spline
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.motion.filters import natural_spline
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import random_tree, to_mujoco, to_pinocchio
 
 DOCUMENT_ONLY = ("credits", "publications", "force_units", "length_units", "ModelVisualPreferences")

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.plates import first_corner, loaded_samples
-from myomorph.model.arrays import runs
-from myomorph.morph.mirror.model import with_other_side
-from myomorph.tension.dual import NOT_DETERMINED
-from myomorph.tension.tension import Tension
+from myomorph.bones.morph.mirror.model import with_other_side
+from myomorph.core.contact.plates import first_corner, loaded_samples
+from myomorph.core.model.arrays import runs
+from myomorph.core.tension.dual import NOT_DETERMINED
+from myomorph.core.tension.tension import Tension
 from truths.mouse_commands import by_command
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import (

@@ -24,11 +24,11 @@ from benchmarks.mouse_morphed import (
     with_arms,
 )
 from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_architecture
-from myomorph.analysis.groups import Animal, Group, compare_groups
-from myomorph.morph.morphed import Architecture
-from myomorph.morph.species.counterparts import MuscleHomology
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.morphed import Architecture
+from myomorph.bones.morph.species.counterparts import MuscleHomology
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.lab.analysis.groups import Animal, Group, compare_groups
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import clip_fits, rms
 from truths.mouse_recordings import KEYPOINTS, with_keypoints

@@ -21,16 +21,16 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_markers
-from myomorph.io.loads import read_external_loads
-from myomorph.io.mjcf.compile import silent_mujoco
-from myomorph.model.arrays import Array
-from myomorph.mujoco_tools.copy import MujocoCopy
-from myomorph.mujoco_tools.export import in_copy, mujoco_model
-from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.mjcf.compile import silent_mujoco
+from myomorph.core.model.arrays import Array
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.tension import Tension, TensionOptions
+from myomorph.exchange.mujoco.copy import MujocoCopy
+from myomorph.exchange.mujoco.export import in_copy, mujoco_model
+from myomorph.exchange.mujoco.muscle_forces import mujoco_muscles
 
 Row = dict[str, object]
 WALKS = {"gait2354": (0.5, 1.6), "rajagopal": (0.6, 1.6), "opencap-walk": (0.3, 1.2)}

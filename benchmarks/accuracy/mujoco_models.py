@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.io.formats import COMPOSED
+from myomorph.core.io.formats import COMPOSED
 
 MODELS = (
     "opensim-gait-subject01/ref_scale/gait2354_simbody.osim",

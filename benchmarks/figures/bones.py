@@ -16,9 +16,9 @@ from benchmarks.accuracy.morph.shapes import PLACES, carried, cases, every_map, 
 from benchmarks.figures.page import legend, page
 from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
 from data_collection import data_folder
-from myomorph.morph.species.counterparts import Posed
-from myomorph.muscles.path import compile_paths
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.species.counterparts import Posed
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.muscles.path import compile_paths
 
 METHOD = "SSD"
 BENT = 0.5 * np.pi

@@ -16,7 +16,7 @@ from benchmarks.hands_lift_forces import found, holding, left_floor, left_open, 
 from benchmarks.hands_spine import carried_moment, of_laboratory, spine
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from data_collection import data_folder
-from myomorph.tension.certificates import contact_intervals
+from myomorph.core.tension.certificates import contact_intervals
 
 SHOWN = (0, 1, 2, 5)
 COLORS = {"right": "#b2182b", "left": "#2166ac"}

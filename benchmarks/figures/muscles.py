@@ -20,7 +20,7 @@ from benchmarks.accuracy.tension.knee import (
 from benchmarks.accuracy.tension.passive import solved
 from benchmarks.figures.page import legend, page
 from data_collection import data_folder
-from myomorph.analysis.cycles import band
+from myomorph.lab.analysis.cycles import band
 from truths.mouse_motion import lengths_of
 
 SHOWN = (("default", "#2166ac", "-"), ("personalized", "#b2182b", "-"))

@@ -9,11 +9,11 @@ import numpy as np
 import myomorph as mm
 from benchmarks.speed.timing import clocked, in_own_process
 from data_collection import data_folder
-from myomorph.model.scale import scale
-from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.scale import scale
+from myomorph.core.motion.lengths import factors_of, lengths_of
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 SIZES = (50, 500, 2000)
 NOISE = 3e-4

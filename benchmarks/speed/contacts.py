@@ -20,13 +20,13 @@ from benchmarks.speed.qp import QuadraticFrames, solvers_of
 from benchmarks.speed.size import simulated
 from benchmarks.speed.timing import alternate
 from data_collection import data_folder
-from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import contact_activations
-from myomorph.model.contacts import Cone, Site
-from myomorph.model.join import join_models, join_motions
-from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.tension.problem import Balance, TensionInputs, TensionProblem, tension_problem
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.contact.states import contact_activations
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.rigid.frames import over_frames, thread_count
+from myomorph.core.tension.problem import Balance, TensionInputs, TensionProblem, tension_problem
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
 RATE = 100.0

@@ -15,16 +15,16 @@ import numpy as np
 import myomorph as mm
 from benchmarks.speed.timing import clocked, in_own_process
 from data_collection import data_folder
-from myomorph.identify.base import fit_base
-from myomorph.identify.base_parameters import base_parameters
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.sequential import SequentialFit
-from myomorph.model.functions import linear
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Axis, Coordinate
-from myomorph.rigid.coordinates import couple_rates_frames
-from myomorph.rigid.regressor import regressor_blocks
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.identify.base import fit_base
+from myomorph.body.identify.base_parameters import base_parameters
+from myomorph.body.identify.least_squares import Recording
+from myomorph.core.model.functions import linear
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Axis, Coordinate
+from myomorph.core.rigid.coordinates import couple_rates_frames
+from myomorph.core.rigid.regressor import regressor_blocks
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.live.sequential import SequentialFit
 from trees import floating_tree
 
 FRAMES = 36_000

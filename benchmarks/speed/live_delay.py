@@ -19,17 +19,17 @@ from threadpoolctl import threadpool_limits
 
 import myomorph as mm
 from data_collection import data_folder
-from myomorph.identify.online import OnlineOptions, total_wrench
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.motion.sensors.mounting import SensorMounting
+from myomorph.lab.viewer.web_page import BodyView
 from myomorph.live.chain import SOLVED, ChainOptions, LiveChain
 from myomorph.live.identification import LiveResult, identify_frames
 from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import Delays, Output, Spread, follow
+from myomorph.live.online_identification import OnlineOptions, total_wrench
 from myomorph.live.page import LivePage
 from myomorph.live.sources import LiveRecording, Replay, Source, open_recording
 from myomorph.live.streams import LabOutlet, LabStreams
-from myomorph.motion.sensors.mounting import SensorMounting
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.viewer.web_page import BodyView
 
 SECONDS = 12.0
 """Time that each recording is played for, at least [s]."""

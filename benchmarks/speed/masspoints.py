@@ -21,18 +21,18 @@ from scipy.spatial.transform import Rotation
 import myomorph as mm
 from benchmarks.speed.timing import MEGABYTE, clocked, in_own_process, resident
 from data_collection import data_folder
-from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.points import SPACING, Links, MassPoints, fill, links_of, point_moments
-from myomorph.identify.body.shape import body_shape
-from myomorph.identify.body.weights import (
+from myomorph.body.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.body.identify.pseudo_inertia import solve_pseudo_inertia
+from myomorph.body.shape.fit_pose import pose_model_to_skin
+from myomorph.body.shape.points import SPACING, Links, MassPoints, fill, links_of, point_moments
+from myomorph.body.shape.shape import body_shape
+from myomorph.body.shape.weights import (
     WeightMap,
     bone_weights,
     cog_weights,
     links_with_mass,
     nearest_weights,
 )
-from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
-from myomorph.identify.pseudo_inertia import solve_pseudo_inertia
 
 AXES = np.array([0.2, 0.85, 0.155])
 """Semi-axes of the body [m]."""

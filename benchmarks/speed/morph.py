@@ -18,8 +18,7 @@ import myomorph as mm
 from benchmarks.species_cases import BONES, MAN, MOUSE, man, mouse
 from benchmarks.speed.timing import clocked, in_own_process
 from data_collection import data_folder
-from myomorph.model.arrays import Array
-from myomorph.morph.maps.fields import (
+from myomorph.bones.morph.maps.fields import (
     BoneMap,
     FeaturePoints,
     MapKind,
@@ -28,12 +27,13 @@ from myomorph.morph.maps.fields import (
     fit_map,
     inverted,
 )
-from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.registration.nonrigid import match_surfaces, place_bone
-from myomorph.morph.registration.smooth import MatchOptions
-from myomorph.morph.species.maps import species_bones, species_morph
-from myomorph.study.subject.morphing import MorphSettings, write_morphed
-from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files
+from myomorph.bones.morph.registration.nonrigid import match_surfaces, place_bone
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.bones.morph.species.maps import species_bones, species_morph
+from myomorph.bones.study.morphing import MorphSettings, write_morphed
+from myomorph.bones.study.species_morphing import SpeciesFiles, read_species, species_files
+from myomorph.core.model.arrays import Array
+from myomorph.core.surfaces.linear_maps import procrustes
 
 SYNTHETIC_BONES = 53
 ELEMENTS = 997

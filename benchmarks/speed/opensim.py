@@ -19,12 +19,12 @@ from benchmarks.accuracy.kinematics.kinematics import written_whole
 from benchmarks.recordings import RECORDINGS, Recording, read_markers
 from benchmarks.speed.timing import alternate, compared
 from data_collection import data_folder
-from myomorph.io.loads import read_external_loads, read_load_entries
-from myomorph.io.mjcf.read import read_mjcf
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.motion.sync import cut
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.loads import read_external_loads, read_load_entries
+from myomorph.core.io.mjcf.read import read_mjcf
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.motion.sync import cut
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.tree import compile_tree
 
 COUPLED = "Rajagopal 2016 (generic), 39 coordinates, 80 muscles, coupled knees"
 PLAIN = "gait2354, 23 coordinates, 54 muscles, no couplers"

@@ -17,10 +17,10 @@ import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_torques
 from benchmarks.speed.timing import alternate
 from data_collection import data_folder
-from myomorph.tension.dual import solve_separable
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.separable import Separable, no_links
-from myomorph.tension.terms.actuators import free_coordinates
+from myomorph.core.tension.dual import solve_separable
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.separable import Separable, no_links
+from myomorph.core.tension.terms.actuators import free_coordinates
 
 
 @dataclass(frozen=True)

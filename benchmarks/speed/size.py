@@ -12,9 +12,9 @@ import myomorph as mm
 from benchmarks.recordings import read_markers
 from benchmarks.speed.timing import MEGABYTE, clocked, in_own_process
 from data_collection import data_folder
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 FRAMES = 36_000
 RATE = 100.0

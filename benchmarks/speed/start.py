@@ -61,11 +61,11 @@ def run() -> list[dict[str, object]]:
         seconds(["-m", "compileall", "-q", str(Path(myomorph.__file__).parent)], environment)
         imports = [seconds(["-c", "import myomorph"], environment) for _ in range(5)]
         rows.append({"what": "python -c 'import myomorph'", "seconds": statistics.median(imports)})
-        demo = ["-m", "myomorph.cli", "demo", "--out"]
+        demo = ["-m", "myomorph.lab.cli", "demo", "--out"]
         first = seconds([*demo, str(Path(folder) / "first")], environment)
         rows.append({"what": "myomorph demo, first time (compiles)", "seconds": first})
         later = [seconds([*demo, str(Path(folder) / f"later{i}")], environment) for i in range(3)]
         rows.append({"what": "myomorph demo, later", "seconds": statistics.median(later)})
-        helps = [seconds(["-m", "myomorph.cli", "--help"], environment) for _ in range(5)]
+        helps = [seconds(["-m", "myomorph.lab.cli", "--help"], environment) for _ in range(5)]
         rows.append({"what": "myomorph --help", "seconds": statistics.median(helps)})
     return rows

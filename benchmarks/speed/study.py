@@ -21,9 +21,9 @@ import psutil
 
 import myomorph as mm
 from data_collection import data_folder
-from myomorph.store.outcome import Outcome
-from myomorph.study.run.dask_workers import DaskWorkers
-from myomorph.study.workers.local_workers import LocalWorkers
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.study.run.dask_workers import DaskWorkers
+from myomorph.lab.study.workers.local_workers import LocalWorkers
 from truths.cluster import cluster_in
 
 TRIALS = 1000

@@ -19,9 +19,9 @@ from pathlib import Path
 
 from tests.browser import Browser, browser_program
 
-from myomorph.demo.demos import demo_model
-from myomorph.study.trial.viewing import open_replay
-from myomorph.viewer.replay import Replay
+from myomorph.lab.study.trial.viewing import open_replay
+from myomorph.lab.viewer.replay import Replay
+from myomorph.show.demo.demos import demo_model
 
 ROUNDS = 5
 SECONDS = 10.0
@@ -50,7 +50,7 @@ def run() -> list[Row]:
         command = [
             sys.executable,
             "-m",
-            "myomorph.cli",
+            "myomorph.lab.cli",
             "demo",
             "--study",
             "jump",
@@ -74,7 +74,7 @@ def started(result: Path, browser: Browser | None) -> list[Row]:
     waits: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         began = time.perf_counter()
-        command = [sys.executable, "-m", "myomorph.cli", "view", str(result), "--no-browser"]
+        command = [sys.executable, "-m", "myomorph.lab.cli", "view", str(result), "--no-browser"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             address = re.findall(r"http://\S+", process.stdout.readline())[0]

@@ -12,11 +12,11 @@ import multiprocessing
 import time
 
 from benchmarks.accuracy.viscosity.virtual import joint_run
-from myomorph.simulate.shoulder import VirtualSpecimen, virtual_specimen
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import swing_recordings
-from myomorph.viscosity.trust.cutoff import choose_cutoff
+from myomorph.swings.simulate.shoulder import VirtualSpecimen, virtual_specimen
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.tracking.track import track
+from myomorph.swings.viscosity.tracking.tracked import swing_recordings
+from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
 
 SECONDS = 30.0
 TRIALS = 4

@@ -5,8 +5,8 @@ a name is imported when the name is first used, so that the import itself takes 
 may move from version to version.
 """
 
-import lazy_loader
+from myomorph.lazy_names import lazy_names
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

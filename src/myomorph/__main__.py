@@ -2,6 +2,6 @@
 
 import sys
 
-from myomorph.cli import main
+from myomorph.lab.cli import main
 
 sys.exit(main())

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from myomorph.analysis.center_of_mass import centroid
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.lab.analysis.center_of_mass import centroid
 from walker import model, motion
 
 

@@ -3,8 +3,8 @@ import pytest
 from scipy import stats
 from scipy.signal import butter, lfilter
 
-from myomorph.analysis.correlations import correlate
-from myomorph.model.series import Series
+from myomorph.core.model.series import Series
+from myomorph.lab.analysis.correlations import correlate
 
 TIME = np.arange(1001) / 50.0
 

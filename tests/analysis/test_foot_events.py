@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.analysis.foot_events import CLEAR, direction_of
+from myomorph.lab.analysis.foot_events import CLEAR, direction_of
 
 X, Y, Z = np.eye(3)
 TIME = np.arange(0.0, 4.0, 0.01)

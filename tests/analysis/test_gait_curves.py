@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.analysis.gait_curves import ANGLES, KEYS, SIDES, gait_curves
-from myomorph.analysis.gait_parameters import gait_parameters
-from myomorph.analysis.walking import walking_strides
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.join import renamed_model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
-from myomorph.morph.mirror.model import mirrored, mirrored_motion
-from myomorph.motion.filters import differentiate
+from myomorph.bones.morph.mirror.model import mirrored, mirrored_motion
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.join import renamed_model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.filters import differentiate
+from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SIDES, gait_curves
+from myomorph.lab.analysis.gait_parameters import gait_parameters
+from myomorph.lab.analysis.walking import walking_strides
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.analysis.cycles import Cycles
-from myomorph.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, GaitCurves, joined_curves
-from myomorph.analysis.gait_scores import GaitNorm, control_norm, gait_scores
-from myomorph.model.errors import BadData
+from myomorph.core.model.errors import BadData
+from myomorph.lab.analysis.cycles import Cycles
+from myomorph.lab.analysis.gait_curves import (
+    ANGLES,
+    KEYS,
+    SAMPLES,
+    SIDES,
+    GaitCurves,
+    joined_curves,
+)
+from myomorph.lab.analysis.gait_scores import GaitNorm, control_norm, gait_scores
 
 USUAL = 20.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, SAMPLES))[:, None] + np.arange(len(KEYS))
 

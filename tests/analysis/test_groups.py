@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from myomorph.analysis.cycles import Cycles
-from myomorph.analysis.groups import Animal, Group, GroupOptions, compare_groups
-from myomorph.analysis.permutations import (
+from myomorph.core.model.errors import BadData
+from myomorph.lab.analysis.cycles import Cycles
+from myomorph.lab.analysis.groups import Animal, Group, GroupOptions, compare_groups
+from myomorph.lab.analysis.permutations import (
     benjamini_hochberg,
     g_interval,
     hedges_g,
@@ -21,9 +22,8 @@ from myomorph.analysis.permutations import (
     p_floor,
     permutation_test,
 )
-from myomorph.model.errors import BadData
-from myomorph.report.page.parts import PageHead
-from myomorph.report.study.group_page import group_page
+from myomorph.lab.report.page.parts import PageHead
+from myomorph.lab.report.study.group_page import group_page
 
 PERCENT = np.linspace(0.0, 100.0, 101)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.analysis.joint_loads import stride_loads
-from myomorph.model.series import Series
+from myomorph.core.model.series import Series
+from myomorph.lab.analysis.joint_loads import stride_loads
 
 
 def test_peak_and_impulse_of_a_half_sine():

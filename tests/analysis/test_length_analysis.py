@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from tests.walker import shown
 
-from myomorph.analysis.cycles import band
-from myomorph.analysis.length_analysis import RANGE_HEAD, curve_rows, length_analysis, range_row
-from myomorph.analysis.walking import chains, walking_limbs, walking_points, walking_strides
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData
-from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion, Series
-from myomorph.muscles.kinematics import default_path_lengths, muscle_kinematics
-from myomorph.report.trial.muscle_sections import length_cycle_section
-from myomorph.report.trial.prepared import prepare
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.muscles.kinematics import default_path_lengths, muscle_kinematics
+from myomorph.lab.analysis.cycles import band
+from myomorph.lab.analysis.length_analysis import RANGE_HEAD, curve_rows, length_analysis, range_row
+from myomorph.lab.analysis.walking import chains, walking_limbs, walking_points, walking_strides
+from myomorph.lab.report.trial.muscle_sections import length_cycle_section
+from myomorph.lab.report.trial.prepared import prepare
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 PERIOD = 1.1

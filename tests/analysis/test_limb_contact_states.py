@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.analysis.contact_states import (
+from myomorph.core.model.contacts import ContactForces, Contacts, Site, Touch
+from myomorph.lab.analysis.contact_states import (
     graph_rows,
     limb_of,
     limb_states,
@@ -13,8 +14,7 @@ from myomorph.analysis.contact_states import (
     row_label,
     solved_contacts,
 )
-from myomorph.analysis.selection import Subject
-from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
+from myomorph.lab.analysis.selection import Subject
 from walker import GRAVITY, steps
 
 UP = np.array([0.0, 1.0, 0.0])

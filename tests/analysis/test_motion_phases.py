@@ -3,10 +3,10 @@ import itertools
 import numpy as np
 import pytest
 
-from myomorph.analysis.motion_phases import MAX_STAGES, Cuttable, cut, measure, together
-from myomorph.analysis.phases import Phase
-from myomorph.model.errors import BadData
-from myomorph.model.series import Event, Series
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Event, Series
+from myomorph.lab.analysis.motion_phases import MAX_STAGES, Cuttable, cut, measure, together
+from myomorph.lab.analysis.phases import Phase
 
 TIME = np.arange(1001) / 100.0
 SPAN = (0.0, 10.0)

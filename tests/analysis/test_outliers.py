@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.analysis.conditions import OUTLIER_SCORE, modified_z
+from myomorph.lab.analysis.conditions import OUTLIER_SCORE, modified_z
 
 
 def test_the_score_is_the_standard_one():

@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from myomorph.analysis.conditions import Condition, compare_conditions
-from myomorph.analysis.cycles import Cycles
-from myomorph.analysis.groups import Animal, Group, GroupOptions, compare_groups, compare_paired
-from myomorph.analysis.permutations import g_interval, hedges_g, p_floor, permutation_test, signs
-from myomorph.model.errors import BadData
+from myomorph.core.model.errors import BadData
+from myomorph.lab.analysis.conditions import Condition, compare_conditions
+from myomorph.lab.analysis.cycles import Cycles
+from myomorph.lab.analysis.groups import Animal, Group, GroupOptions, compare_groups, compare_paired
+from myomorph.lab.analysis.permutations import (
+    g_interval,
+    hedges_g,
+    p_floor,
+    permutation_test,
+    signs,
+)
 
 FAMILY = "joint angle [°]"
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from myomorph.analysis.cycles import PeriodOptions, find_period
-from myomorph.model.errors import BadData
+from myomorph.core.model.errors import BadData
+from myomorph.lab.analysis.cycles import PeriodOptions, find_period
 
 TIME = np.arange(4001) / 100.0
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from myomorph.analysis.phases import contacts, find_movement, side_of
-from myomorph.model.series import Series, Wrenches
+from myomorph.core.model.series import Series, Wrenches
+from myomorph.lab.analysis.phases import contacts, find_movement, side_of
 from walker import steps
 
 UP = np.array([0.0, 1.0, 0.0])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from made_walker import walker
-from myomorph.analysis.foot_events import FootTrack, Limb, on_events
-from myomorph.analysis.walking import _dip, running_contacts, vertical_force
-from myomorph.model.series import Event, Motion
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.series import Event, Motion
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analysis.foot_events import FootTrack, Limb, on_events
+from myomorph.lab.analysis.walking import _dip, running_contacts, vertical_force
 
 RATE = 200.0
 CONTACT = 0.25

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from myomorph.analysis.selection import (
+from myomorph.lab.analysis.selection import (
     coordinate_pairs,
     major_muscles,
     muscle_rows,

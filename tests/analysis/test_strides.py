@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.analysis.cycles import band, over_cycles
-from myomorph.analysis.foot_events import Limb
-from myomorph.analysis.strides import find_strides
-from myomorph.io.loads import read_external_loads
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Z_UP_TO_Y_UP, Series, Wrenches
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Series, Wrenches
+from myomorph.lab.analysis.cycles import band, over_cycles
+from myomorph.lab.analysis.foot_events import Limb
+from myomorph.lab.analysis.strides import find_strides
 
 Y = np.array([0.0, 1.0, 0.0])
 Z = np.array([0.0, 0.0, 1.0])

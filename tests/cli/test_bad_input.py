@@ -283,13 +283,13 @@ def test_report_without_results(arm, command):
 
 
 def test_a_fault_of_ours_is_told_as_such(arm, command, monkeypatch):
-    import myomorph.motion.marker_checks
+    import myomorph.core.motion.marker_checks
 
     def broken(*_, **__):
         raise ZeroDivisionError("surprise")
 
-    monkeypatch.setattr("myomorph.study.trial.steps.ik.checked_kinematics", broken)
-    assert myomorph.motion.marker_checks.checked_kinematics is not broken
+    monkeypatch.setattr("myomorph.lab.study.trial.steps.ik.checked_kinematics", broken)
+    assert myomorph.core.motion.marker_checks.checked_kinematics is not broken
     step = steps_of(arm)["markers"][0]
     told = command(*step)
     assert told.status == 1
@@ -305,7 +305,7 @@ def test_interrupt_leaves_nothing(arm, command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("myomorph.study.trial.steps.ik.checked_kinematics", interrupted)
+    monkeypatch.setattr("myomorph.lab.study.trial.steps.ik.checked_kinematics", interrupted)
     before = sorted(arm.folder.iterdir())
     told = command(*steps_of(arm)["markers"][0])
     assert told.status == 130

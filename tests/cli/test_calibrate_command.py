@@ -7,11 +7,11 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.write import write_osim
-from myomorph.io.trc import write_trc
-from myomorph.model.provenance import Provenance
-from myomorph.model.series import Markers
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.series import Markers
 from stick_figure import person
 
 

@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.cli.app import COMMANDS
-from myomorph.io.sto import read_sto
-from myomorph.model.provenance import Provenance
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.provenance import Provenance
+from myomorph.lab.cli.app import COMMANDS
 
 
 @pytest.mark.parametrize("name", COMMANDS)

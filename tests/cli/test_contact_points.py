@@ -9,15 +9,15 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.analysis.joint_loads import stride_loads
-from myomorph.analysis.strides import Stride, Strides
-from myomorph.io.sto import read_sto
-from myomorph.model.series import Motion, Series
-from myomorph.store.contact_store import get_joint_contacts
-from myomorph.store.results import read_result
-from myomorph.study.inputs.reading import coupled_motion, open_model
-from myomorph.study.trial.joint_contact_step import joint_contact_numbers, lift_off_notes
-from myomorph.tension.joint_contact import JointContactForces
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.tension.joint_contact import JointContactForces
+from myomorph.lab.analysis.joint_loads import stride_loads
+from myomorph.lab.analysis.strides import Stride, Strides
+from myomorph.lab.store.contact_store import get_joint_contacts
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs.reading import coupled_motion, open_model
+from myomorph.lab.study.trial.joint_contact_step import joint_contact_numbers, lift_off_notes
 
 POINTS = """
 [[point]]

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.sto import read_sto, write_sto
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.core.io.sto import read_sto, write_sto
+from myomorph.core.model.frozen_map import FrozenMap
 
 
 @pytest.fixture

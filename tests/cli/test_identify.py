@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identified_arm import UPPER, put_on_plate
-from myomorph.io.osim.read import read_osim
+from myomorph.core.io.osim.read import read_osim
 from opensim_oracle import ask
 
 
@@ -107,8 +107,8 @@ def test_forces_of_another_contact_and_names_of_no_model_are_refused(arm, comman
 
 
 def test_landmarks_are_read_line_by_line(tmp_path):
-    from myomorph.io.landmarks import read_landmarks
-    from myomorph.model.errors import BadFile
+    from myomorph.core.io.landmarks import read_landmarks
+    from myomorph.core.model.errors import BadFile
 
     path = tmp_path / "landmarks.csv"
     path.write_text("name,x,y,z\nright knee, 0.1, 0.5, 0.1\nC7,0,1.5,0\n")

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.cli import main
-from myomorph.io.osim.read import read_osim
+from myomorph.core.io.osim.read import read_osim
+from myomorph.lab.cli import main
 
 
 def test_a_recording_is_shown_and_identified(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.io.inertial.read import read_inertial
+from myomorph.core.io.inertial.read import read_inertial
 from sensor_files import write_orientations
 from truths.simulated_sensors import NO_ERRORS, simulated_sensors
 

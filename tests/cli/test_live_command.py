@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.cli import main
+from myomorph.lab.cli import main
 
 WALK = "rajagopal-walk-emg"
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.cli.app import PANELS as COMMAND_PANELS
-from myomorph.cli.app import command_names, new_app
-from myomorph.cli.panels import ALL_FLAG, FIRST, METHOD, PANELS, first_sentence, option_panel
+from myomorph.lab.cli.app import PANELS as COMMAND_PANELS
+from myomorph.lab.cli.app import command_names, new_app
+from myomorph.lab.cli.panels import ALL_FLAG, FIRST, METHOD, PANELS, first_sentence, option_panel
 
 SCREEN = 40
 """Lines of a terminal, at 80 columns."""

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
-from myomorph.model.passive_dynamics import with_passive_dynamics
-from myomorph.model.paths import Bushing
-from myomorph.model.spatial import Transform
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.loops import closed_motion, loop_torques
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
+from myomorph.core.model.passive_dynamics import with_passive_dynamics
+from myomorph.core.model.paths import Bushing
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.passive import passive_generalized_forces
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.loops import closed_motion, loop_torques
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 SHRUG = "shoulder-thoracoscapular/ik/SHRUG01.mot"
@@ -62,7 +62,7 @@ def test_tensions_know_viscosity(thick, command, tmp_path):
 
 
 def test_a_limit_is_excluded_by_the_name_it_has_in_the_file(data):
-    from myomorph.opensim_tools.run import net_torques
+    from myomorph.exchange.opensim.run import net_torques
 
     model = read_osim(data("shoulder-bonepin/subject1_abdbonepin.osim"))
     motion = differentiate(
@@ -142,7 +142,7 @@ SETUP = """<?xml version="1.0" encoding="UTF-8"?>
 def test_setups_take_off_what_opensim_takes_off(thick, excluded, tmp_path):
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
-    from myomorph.opensim_tools.run import run_tool
+    from myomorph.exchange.opensim.run import run_tool
 
     path, model, motion = thick
     stiff = Bushing(
@@ -192,7 +192,7 @@ def test_static_optimization_takes_springs_and_viscosity_into_account_as_opensim
     """
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
-    from myomorph.opensim_tools.run import run_tool
+    from myomorph.exchange.opensim.run import run_tool
 
     path, model, motion = thick
     reserves = tmp_path / "reserves.xml"

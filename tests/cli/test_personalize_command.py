@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from identified_arm import put_on_plate
-from myomorph.io.formats import read_model
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import read_sto, write_sto
-from myomorph.model.errors import BadFile
-from myomorph.model.series import Table
-from myomorph.store.results import read_result
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.subject.personalizing import read_passive
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import read_sto, write_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Table
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.subject.personalizing import read_passive
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
 
 OPENCAP = "opencap-subject4-multitask"
 

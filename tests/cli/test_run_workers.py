@@ -6,7 +6,7 @@ import csv
 
 import pytest
 
-from myomorph.study.workers.local_workers import InProcess
+from myomorph.lab.study.workers.local_workers import InProcess
 
 STUDY = """
 [study]
@@ -71,7 +71,7 @@ def test_threads_are_those_of_each_process(arm, study, command, monkeypatch):
         return InProcess()
 
     monkeypatch.setenv("MYOMORPH_THREADS", "1")
-    monkeypatch.setattr("myomorph.study.workers.local_workers.local_workers", workers)
+    monkeypatch.setattr("myomorph.lab.study.workers.local_workers.local_workers", workers)
     assert command("run", study, "--out", arm.out, "--workers", 2, "--threads", 3).status == 0
     assert given == [(2, None, 2, 3)]
 

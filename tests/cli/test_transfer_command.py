@@ -7,10 +7,10 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.model import Body, Joint, Model
-from myomorph.model.spatial import Transform
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.model import Body, Joint, Model
+from myomorph.core.model.spatial import Transform
 
 
 def leg(thigh, mass):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.contacts import Site
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.spatial import Transform
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.spatial import Transform
 
 STILL = Transform.identity()
 TIP = [0.0, -0.4, 0.0]

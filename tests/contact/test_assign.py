@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.assign import assign_bodies
-from myomorph.contact.plates import force_plates, wrenches_from_plates
-from myomorph.io.c3d.read import read_c3d
-from myomorph.io.loads import read_external_loads
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData
-from myomorph.model.series import Wrenches
+from myomorph.core.contact.assign import assign_bodies
+from myomorph.core.contact.plates import force_plates, wrenches_from_plates
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Wrenches
 
 
 def feet(markers, names=("HEE", "TOE", "ANK")):

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.read import read_c3d
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
-from myomorph.model.spatial import rotation_from_euler_xyz, vector_from_rotation
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import rotation_from_euler_xyz, vector_from_rotation
 from truths.handle_sensor import fit_handle, grip_point, object_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

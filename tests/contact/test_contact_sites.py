@@ -12,28 +12,28 @@ from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
 from mujoco_models import compiled
-from myomorph.contact.site_motion import (
+from myomorph.core.contact.site_motion import (
     cluster,
     floor_under,
     plate_height,
     rest_on_floor,
     site_motion,
 )
-from myomorph.contact.sites import body_sites, feet_of, foot_sites
-from myomorph.contact.states import ContactStateOptions, find_contacts
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.mesh import read_surfaces
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.join import join_models
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.kinematics import standing_poses
+from myomorph.core.contact.sites import body_sites, feet_of, foot_sites
+from myomorph.core.contact.states import ContactStateOptions, find_contacts
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.mesh import read_surfaces
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.join import join_models
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.rigid.kinematics import standing_poses
 
 OSIM = (
     "rajagopal-walk-emg/subject_walk_scaled.osim",

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from measured_walk import measured_walk
-from myomorph.contact.site_motion import SiteMotion, floor_under, site_motion
-from myomorph.contact.states import (
+from myomorph.core.contact.site_motion import SiteMotion, floor_under, site_motion
+from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
     by_kinematics,
@@ -24,10 +24,10 @@ from myomorph.contact.states import (
     preferred_directions,
     steady,
 )
-from myomorph.model.contacts import Contacts, Site, Touch
-from myomorph.model.errors import BadData
-from myomorph.model.series import Motion
-from myomorph.motion.sync import resample_wrenches
+from myomorph.core.model.contacts import Contacts, Site, Touch
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.sync import resample_wrenches
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from myomorph.contact.site_motion import OnlineFootPath, root_places, walked
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.contact.site_motion import OnlineFootPath, root_places, walked
+from myomorph.core.rigid.tree import compile_tree
 
 HOME = "rajagopal-walk-emg"
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.faults import faults
 
-from myomorph.contact.force_checks import check_signs, checked_forces
-from myomorph.contact.force_inspection import LOAD, ForceSamples
-from myomorph.contact.undetermined import UNDETERMINED
-from myomorph.model.series import Motion, Wrenches
-from myomorph.store.settings import ForceOptions
-from myomorph.study.inputs.external_forces import on_feet
-from myomorph.study.inputs.reading import open_model, read_motion
+from myomorph.core.contact.force_checks import check_signs, checked_forces
+from myomorph.core.contact.force_inspection import LOAD, ForceSamples
+from myomorph.core.contact.undetermined import UNDETERMINED
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.lab.store.settings import ForceOptions
+from myomorph.lab.study.inputs.external_forces import on_feet
+from myomorph.lab.study.inputs.reading import open_model, read_motion
 
 WALKS = ("gait2354 walk", "OpenCap walk", "treadmill walk")
 BY_NAME = {one.name: one for one in faults.CLEAN}

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.force_balance import _least
+from myomorph.core.contact.force_balance import _least
 
 LAGS = np.arange(-4, 5) * 0.005
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.contact.force_checks import _mirror
+from myomorph.core.contact.force_checks import _mirror
 
 FRAMES = 60
 

@@ -7,10 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.contact import force_placement
-from myomorph.contact.force_inspection import ForceSamples
-from myomorph.contact.force_placement import FITS, MARKED, NEAR, Remedy, check_origins, on_carriers
-from myomorph.model.series import Wrenches
+from myomorph.core.contact import force_placement
+from myomorph.core.contact.force_inspection import ForceSamples
+from myomorph.core.contact.force_placement import (
+    FITS,
+    MARKED,
+    NEAR,
+    Remedy,
+    check_origins,
+    on_carriers,
+)
+from myomorph.core.model.series import Wrenches
 
 UNIT = 0.8
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.held_objects import FAR, NEAR, find_holds, raised_contacts
-from myomorph.contact.site_motion import site_motion
-from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.inertia import free_object
-from myomorph.model.join import join_models, join_motions
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.contact.held_objects import FAR, NEAR, find_holds, raised_contacts
+from myomorph.core.contact.site_motion import site_motion
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.inertia import free_object
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import floating_tree, swinging
 from truths.carried_bodies import needed_wrench
 
@@ -135,7 +135,7 @@ def test_a_glitch_neither_ends_nor_begins_a_hold(monkeypatch):
     values[10:12, 1] = values[11, 7] + 0.1
     seen = replace(motion, values=values)
     assert len(find_holds(model, seen, (site,)).intervals) == 1
-    monkeypatch.setattr("myomorph.contact.held_objects.SHORTEST", 0.0)
+    monkeypatch.setattr("myomorph.core.contact.held_objects.SHORTEST", 0.0)
     assert len(find_holds(model, seen, (site,)).intervals) == 3
 
 
@@ -143,7 +143,7 @@ def test_an_object_that_rests_tells_no_hold(monkeypatch):
     model, motion = reaching(leave=1.5)
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
     with monkeypatch.context() as changed:
-        changed.setattr("myomorph.contact.held_objects.MOVING", 9.0)
+        changed.setattr("myomorph.core.contact.held_objects.MOVING", 9.0)
         with pytest.raises(BadData, match="never faster"):
             find_holds(model, motion, (site,))
     with pytest.raises(BadData, match="against the ground"):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sticks import SITES, TIP, rods
 
-from myomorph.contact.impacts import (
+from myomorph.core.contact.impacts import (
     Impact,
     calibrate_impulse,
     calibration_pairs,
@@ -21,15 +21,15 @@ from myomorph.contact.impacts import (
     striking_sites,
     velocity_change,
 )
-from myomorph.contact.sound import HeardImpact, HeardImpacts, Instrument
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.contact.sound import HeardImpact, HeardImpacts, Instrument
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import floating_tree, random_tree
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.clocks import camera_clock, on_clock
-from myomorph.model.contacts import Contacts, Touch
-from myomorph.model.errors import BadData
+from myomorph.core.contact.clocks import camera_clock, on_clock
+from myomorph.core.model.contacts import Contacts, Touch
+from myomorph.core.model.errors import BadData
 
 
 def test_one_event_gives_the_offset():

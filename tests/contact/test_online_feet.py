@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.contact.assign import OnlineFeet
-from myomorph.identify.online import total_wrench
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.contact.assign import OnlineFeet
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.live.online_identification import total_wrench
 
 
 @pytest.fixture(scope="module")
 def walk(data: Callable[[str], Path]) -> tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]:
     """Model, coordinates and wrenches (frames, plates, 6) of a walk, and the feet on the plates."""
-    from myomorph.io.formats import read_model
-    from myomorph.io.loads import read_external_loads
-    from myomorph.io.sto import motion_from_table, read_sto
+    from myomorph.core.io.formats import read_model
+    from myomorph.core.io.loads import read_external_loads
+    from myomorph.core.io.sto import motion_from_table, read_sto
 
     model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model)

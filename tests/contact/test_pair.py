@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.pair import action_reaction, grip_between
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.inertia import free_object
-from myomorph.model.join import join_models
-from myomorph.model.series import Motion, Wrenches
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.contact.pair import action_reaction, grip_between
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.inertia import free_object
+from myomorph.core.model.join import join_models
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 HELD = np.array([0.12, -0.03, 0.05])

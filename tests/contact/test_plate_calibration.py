@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_calibration import _Lines, calibrate_plate, place_plate, solve_pose
-from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
-from myomorph.contact.plates import force_plate, plate_axes
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Markers, PlateRecording
-from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
+from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
+from myomorph.core.contact.plates import force_plate, plate_axes
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Markers, PlateRecording
+from myomorph.core.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
+from myomorph.swings.plate_calibration import _Lines, calibrate_plate, place_plate, solve_pose
 from truths.plate_checks import check_plate, pose_deviations
 
 GRAVITY = 9.80665
@@ -347,7 +347,7 @@ def test_gravity_is_told_by_the_plate_and_the_markers():
     """The same recording in a laboratory whose y points up gives the same calibration, seen from
     there.
     """
-    from myomorph.model.series import Z_UP_TO_Y_UP as TURN
+    from myomorph.core.model.series import Z_UP_TO_Y_UP as TURN
 
     recording, fine, markers = a_recording()
     there = replace(recording, corners=recording.corners @ TURN.T)

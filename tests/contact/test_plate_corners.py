@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plates import (
+from myomorph.core.contact.plates import (
     FirstCorner,
     _middle,
     counted_from,
@@ -17,10 +17,10 @@ from myomorph.contact.plates import (
     force_plates,
     loaded_samples,
 )
-from myomorph.model.arrays import runs
-from myomorph.model.series import ForcePlate, Markers, PlateRecording, Trial
-from myomorph.model.spatial import axis_rotation
-from myomorph.study.inputs.reading import read_recording
+from myomorph.core.model.arrays import runs
+from myomorph.core.model.series import ForcePlate, Markers, PlateRecording, Trial
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.lab.study.inputs.reading import read_recording
 
 CORNERS = np.array([[-0.07, 0.06, 0.0], [0.08, 0.06, 0.0], [0.08, -0.09, 0.0], [-0.07, -0.09, 0.0]])
 TIME = np.arange(1500) / 1000.0

@@ -9,18 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plates import (
+from myomorph.core.contact.plates import (
     _idle,
     force_plate,
     force_plates,
     plate_axes,
     wrenches_from_plates,
 )
-from myomorph.io.c3d.read import read_c3d
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadData
-from myomorph.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Trial
-from myomorph.model.spatial import rotation_from_euler_xyz
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Trial
+from myomorph.core.model.spatial import rotation_from_euler_xyz
 
 SAMPLES = "c3d-vendor-samples/C3DSamples"
 ORIGINS = {

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.held_objects import find_holds
-from myomorph.contact.site_motion import site_motion
-from myomorph.contact.sites import body_sites
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.inertia import free_object
-from myomorph.model.join import join_models, join_motions
-from myomorph.model.scale import scale
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
+from myomorph.core.contact.held_objects import find_holds
+from myomorph.core.contact.site_motion import site_motion
+from myomorph.core.contact.sites import body_sites
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.inertia import free_object
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
 from truths.carried_bodies import needed_wrench
 
 CHAIR = "opencap-subject4-multitask"

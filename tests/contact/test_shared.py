@@ -11,12 +11,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
-from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
-from myomorph.contact.site_motion import site_motion
-from myomorph.contact.states import contact_activations, find_contacts
-from myomorph.model.errors import BadData
-from myomorph.model.series import ForcePlate
-from myomorph.motion.sync import resample_wrenches
+from myomorph.core.contact.shared import misplaced_forces, shared_wrenches, without_measured
+from myomorph.core.contact.site_motion import site_motion
+from myomorph.core.contact.states import contact_activations, find_contacts
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import ForcePlate
+from myomorph.core.motion.sync import resample_wrenches
 from truths.carried_bodies import assign_feet
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.contact.sound import impulse_errors, matched
 
-from myomorph.contact import onsets as onset_module
-from myomorph.contact.onsets import Heard, energy_after, listen, onsets
-from myomorph.contact.sound import (
+from myomorph.core.contact import onsets as onset_module
+from myomorph.core.contact.onsets import Heard, energy_after, listen, onsets
+from myomorph.core.contact.sound import (
     HeardImpact,
     HeardImpacts,
     Instrument,
@@ -21,9 +21,9 @@ from myomorph.contact.sound import (
     sound_faults,
     speed_of_sound,
 )
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Sound
-from myomorph.simulate.drums import Scene, instruments, record
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Sound
+from myomorph.show.simulate.drums import Scene, instruments, record
 
 RATE = 48_000.0
 CLICKS = np.array([0.31234, 0.77777, 1.2, 1.40001])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from sticks import SITES, rods
 
-from myomorph.contact.clocks import sound_clock
-from myomorph.contact.sound import HeardImpact, HeardImpacts, Instrument
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Motion
+from myomorph.core.contact.clocks import sound_clock
+from myomorph.core.contact.sound import HeardImpact, HeardImpacts, Instrument
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Motion
 
 TIMES = np.array([0.31, 0.62, 0.90, 1.33, 1.52, 1.95, 2.40, 2.61])
 

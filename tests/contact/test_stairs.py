@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.feet_on_steps import feet_on_steps, shared_stairs, stair_wrenches
-from myomorph.contact.stairs import COMPONENTS, StairOptions, Step, step_loads
-from myomorph.model.arrays import runs
-from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.series import Motion, Series
-from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.core.contact.feet_on_steps import feet_on_steps, shared_stairs, stair_wrenches
+from myomorph.core.contact.stairs import COMPONENTS, StairOptions, Step, step_loads
+from myomorph.core.model.arrays import runs
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.model.spatial import Transform, axis_rotation
 
 PAWS = ("paw_r", "paw_l")
 GRAMS = 0.025

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.undetermined import UNDETERMINED, undetermined_loads
-from myomorph.model.series import Wrenches
+from myomorph.core.contact.undetermined import UNDETERMINED, undetermined_loads
+from myomorph.core.model.series import Wrenches
 
 UP = np.array([0.0, 1.0, 0.0])
 WEIGHT = 700.0

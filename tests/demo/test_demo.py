@@ -8,14 +8,18 @@ import json
 import numpy as np
 import pytest
 
-from myomorph.analysis.columns import compared
-from myomorph.demo.demos import demo_model, demo_trial, run_demo
-from myomorph.model.errors import UnknownName
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.squat import (
+from myomorph.core.model.errors import UnknownName
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.lab.analysis.columns import compared
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.trial.reporting import report_folder
+from myomorph.show.demo.demos import demo_model, demo_trial, run_demo
+from myomorph.show.simulate.squat import (
     FEET,
     SimulationOptions,
     balancing_wrenches,
@@ -23,10 +27,6 @@ from myomorph.simulate.squat import (
     measured_markers,
     squat_splines,
 )
-from myomorph.store import stored as store
-from myomorph.store.results import read_result
-from myomorph.study.trial.reporting import report_folder
-from myomorph.tension.tension import TensionOptions
 
 OPTIONS = SimulationOptions(duration=2.0, squats=1, rate=40.0)
 
@@ -133,7 +133,7 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
         torques[f"knee_angle_{side}"].rmse < 0.05 * torques[f"knee_angle_{side}"].span
         for side in "rl"
     )
-    from myomorph.model.series import Series
+    from myomorph.core.model.series import Series
 
     shares = compared(
         Series(found.time, tension.muscles, tension.activations), truth["activations"]

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from docs_build.examples import DOCS, run_page
 
-from myomorph.demo.morph import ERRORS, RESULT, WRITTEN, run_morph_demo, summary
-from myomorph.io.formats import read_model
-from myomorph.morph.checks.penetration import Solid
-from myomorph.simulate.deformed_leg import LANDMARKS, demo_case, picked_landmarks
+from myomorph.bones.deformed_leg import LANDMARKS, demo_case, picked_landmarks
+from myomorph.bones.demo import ERRORS, RESULT, WRITTEN, run_morph_demo, summary
+from myomorph.bones.morph.checks.penetration import Solid
+from myomorph.core.io.formats import read_model
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_the_tutorial_runs_and_its_demo_ends_in_a_report_with_errors_against_the
         demos.append(run_morph_demo(out))
         return demos[-1]
 
-    monkeypatch.setattr("myomorph.demo.morph.run_morph_demo", kept)
+    monkeypatch.setattr("myomorph.bones.demo.run_morph_demo", kept)
     run_page(DOCS / "tutorials" / "other-bones.md", tmp_path, data)
     (found,) = demos
     page = (tmp_path / found.report).read_text(encoding="utf-8")

@@ -11,15 +11,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from myomorph.cli.program import main
-from myomorph.demo import performances
-from myomorph.demo.performances import ERRORS, PERFORMANCES, STROKES, write_performance
-from myomorph.io.contact_events import read_events
-from myomorph.io.loads import read_external_loads
-from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.performer import performed
-from myomorph.store.study_file import read_toml
-from myomorph.study.plan.plan import read_plan
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.io.loads import read_external_loads
+from myomorph.lab.cli.program import main
+from myomorph.lab.store.study_file import read_toml
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.show.demo import performances
+from myomorph.show.demo.performances import ERRORS, PERFORMANCES, STROKES, write_performance
+from myomorph.show.simulate.bout import FEET, GRIPS
+from myomorph.show.simulate.performer import performed
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.demo.shoulder import write_shoulder_study
-from myomorph.viscosity.study.plan import read_viscosity_plan
-from myomorph.viscosity.study.run import run_viscosity
-from myomorph.viscosity.study.specimen_step import read_specimen
+from myomorph.swings.demo import write_shoulder_study
+from myomorph.swings.viscosity.study.plan import read_viscosity_plan
+from myomorph.swings.viscosity.study.run import run_viscosity
+from myomorph.swings.viscosity.study.specimen_step import read_specimen
 
 WITHIN = {
     "mass_muscles_removed": 0.005,

@@ -12,11 +12,11 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-from myomorph.io.bids.recording import write_emg
-from myomorph.io.c3d.write import write_c3d
-from myomorph.model.provenance import Provenance
-from myomorph.model.series import Emg, Markers, PlateRecording
-from myomorph.store.results import new_result
+from myomorph.core.io.c3d.write import write_c3d
+from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.series import Emg, Markers, PlateRecording
+from myomorph.exchange.bids.recording import write_emg
+from myomorph.lab.store.results import new_result
 
 SEEDS = Path(__file__).with_name("seeds")
 TIME = np.arange(6) / 100.0

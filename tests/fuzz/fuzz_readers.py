@@ -14,34 +14,34 @@ from typing import Any
 
 from binary_seeds import SEEDS, binary_seeds
 
-from myomorph.io.bids.recording import read_emg
-from myomorph.io.channels import read_channels
-from myomorph.io.contact_events import read_events
-from myomorph.io.keypoints import read_keypoint_names, read_keypoints
-from myomorph.io.landmarks import read_body_landmarks, read_landmark_pairs
-from myomorph.io.loads import read_external_loads
-from myomorph.io.mesh import read_mesh
-from myomorph.io.mjcf.compile import check_files
-from myomorph.io.mjcf.read import read_mjcf
-from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.setup_parts import read_ik_tasks, read_marker_set
-from myomorph.io.osim.tool_setups import read_setup
-from myomorph.io.osim.write import write_osim
-from myomorph.io.qualisys_mat import read_qualisys_mat
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import read_trc
-from myomorph.io.wav import read_wav
-from myomorph.model.model import Model
-from myomorph.store.results import read_result
-from myomorph.study.info.inspect import inspect
-from myomorph.study.inputs.contact_file import read_contacts, read_stairs
-from myomorph.study.inputs.reading import read_motion, read_recording
-from myomorph.study.plan.measures import read_measures
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.subject.species_morphing import read_species
-from myomorph.viscosity.study.calibration import read_picks
-from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.io.channels import read_channels
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.io.keypoints import read_keypoint_names, read_keypoints
+from myomorph.core.io.landmarks import read_body_landmarks, read_landmark_pairs
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.io.mjcf.compile import check_files
+from myomorph.core.io.mjcf.read import read_mjcf
+from myomorph.core.io.osim.actuators import read_actuators
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.setup_parts import read_ik_tasks, read_marker_set
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.qualisys_mat import read_qualisys_mat
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.core.io.wav import read_wav
+from myomorph.core.model.model import Model
+from myomorph.exchange.bids.recording import read_emg
+from myomorph.exchange.opensim.tool_setups import read_setup
+from myomorph.lab.info.inspect import inspect
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs.contact_file import read_contacts, read_stairs
+from myomorph.lab.study.inputs.reading import read_motion, read_recording
+from myomorph.lab.study.plan.measures import read_measures
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.swings.viscosity.study.calibration import read_picks
+from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 
 LARGEST_SEED = 40_000
 """Bytes of recordings that are taken as seeds: larger ones make few inputs a second."""

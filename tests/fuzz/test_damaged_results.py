@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadFile
-from myomorph.store.results import read_result, stored_provenance
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.results import read_result, stored_provenance
 
 
 def _link_to_nothing(file: h5py.File) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.io.channels import read_channels
-from myomorph.io.contact_events import read_events
-from myomorph.model.errors import BadFile
+from myomorph.core.io.channels import read_channels
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.model.errors import BadFile
 
 LONG = 30_000 * "x"
 

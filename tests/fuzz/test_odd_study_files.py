@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from fuzz_readers import SEEDS
 
-from myomorph.model.errors import BadFile
-from myomorph.store.study_file import MAX_PROBLEMS
-from myomorph.study.plan.plan import read_plan
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.study_file import MAX_PROBLEMS
+from myomorph.lab.study.plan.plan import read_plan
 
 STUDY = (SEEDS / "study.toml").read_text(encoding="utf-8")
 

@@ -26,8 +26,8 @@ from fuzz_readers import READERS, SEEDS, Reader, recordings
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from wrong_bytes import MAX_BYTES, wrong_files
 
-from myomorph.io.parsing.guard import limit_memory
-from myomorph.model.errors import MyomorphError
+from myomorph.core.io.parsing.guard import limit_memory
+from myomorph.core.model.errors import MyomorphError
 
 LIMIT = 20.0
 """Most seconds that a file may take."""
@@ -150,7 +150,7 @@ def _guided(test: object, seconds: float, start: int) -> bool:
     for module in [
         module
         for name, module in sys.modules.items()
-        if name.startswith(("myomorph.io", "myomorph.study"))
+        if name.startswith(("myomorph.core.io", "myomorph.lab.study"))
     ]:
         for owner in (
             module,

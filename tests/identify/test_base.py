@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from figaroh_base import figaroh_combination
 
-from myomorph.identify.base import BaseOptions, fit_base
-from myomorph.identify.base_parameters import (
+from myomorph.body.identify.base import BaseOptions, fit_base
+from myomorph.body.identify.base_parameters import (
     BaseParameters,
     base_parameters,
     base_sizes,
     held_in,
     parameter_sizes,
 )
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.null_space import (
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.null_space import (
     SCALE,
     clusters,
     held_values,
@@ -26,14 +26,14 @@ from myomorph.identify.null_space import (
     random_states,
     tree_null_space,
 )
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.functions import linear, polynomial
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.model import Axis, Coordinate, Coupler
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.regressor import base_regressor, base_wrench
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.functions import linear, polynomial
+from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.core.model.model import Axis, Coordinate, Coupler
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.regressor import base_regressor, base_wrench
+from myomorph.core.rigid.tree import compile_tree
 from real_models import MODELS
 from trees import floating_tree, functional_tree, random_tree, swinging
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from made_bodies import AXES, made_body
-from myomorph.identify.body.weights import nearest_weights
-from myomorph.identify.validation import consistency
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters
+from myomorph.body.identify.validation import consistency
+from myomorph.body.shape.weights import nearest_weights
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters
 
 
 @pytest.fixture(scope="module")

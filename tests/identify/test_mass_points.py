@@ -4,16 +4,16 @@ import pytest
 from scipy.optimize import nnls
 
 from made_bodies import MASS, filled, made_body, measured, random_links
-from myomorph.identify.body.points import MassPoints
-from myomorph.identify.body.weights import bone_weights, cog_weights, nearest_weights
-from myomorph.identify.mass_points import (
+from myomorph.body.identify.mass_points import (
     MassPointOptions,
     _Problem,
     prior_variances,
     solve_mass_points,
 )
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import pseudo_inertias
+from myomorph.body.shape.points import MassPoints
+from myomorph.body.shape.weights import bone_weights, cog_weights, nearest_weights
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import pseudo_inertias
 
 
 def full_matrix(body, A):

@@ -7,16 +7,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.identify.base_parameters import base_parameters, held_in
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.motion_noise import motion_noise, noise_of, plus
-from myomorph.identify.parts import MAX_NOISE, parts_of, without_noise
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.series import Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.regressor import base_regressor, reference_points
+from myomorph.body.identify.base_parameters import base_parameters, held_in
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.motion_noise import motion_noise, noise_of, plus
+from myomorph.body.identify.parts import MAX_NOISE, parts_of, without_noise
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.series import Wrenches
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.regressor import base_regressor, reference_points
 
 SD = 0.002
 

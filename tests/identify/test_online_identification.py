@@ -4,15 +4,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.identify.base import BaseOptions, fit_base
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.online import OnlineIdentification, OnlineOptions, total_wrench
-from myomorph.identify.recordings import NO_FORCE, NO_MOTION
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.study.inputs.external_forces import read_loads
-from myomorph.study.inputs.reading import open_model, read_motion
+from myomorph.body.identify.base import BaseOptions, fit_base
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.recordings import NO_FORCE, NO_MOTION
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.lab.study.inputs.external_forces import read_loads
+from myomorph.lab.study.inputs.reading import open_model, read_motion
+from myomorph.live.online_identification import OnlineIdentification, OnlineOptions, total_wrench
 
 
 @pytest.fixture(scope="module")

@@ -4,14 +4,14 @@ import scs
 from scipy import sparse
 
 from made_bodies import MASS, made_body, measured
-from myomorph.identify.pseudo_inertia import (
+from myomorph.body.identify.pseudo_inertia import (
     PseudoInertiaOptions,
     possible_reference,
     solve_pseudo_inertia,
     solve_ridge,
 )
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import pseudo_inertias
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import pseudo_inertias
 
 
 @pytest.fixture(scope="module")

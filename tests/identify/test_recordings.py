@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.identify.recordings import (
+from myomorph.body.identify.recordings import (
     EDGE,
     NO_FORCE,
     OUTSIDE,
@@ -17,11 +17,11 @@ from myomorph.identify.recordings import (
     check_excited,
     usable,
 )
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData
-from myomorph.motion.sync import cut
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.motion.sync import cut
 
 OPENCAP = "opencap-subject4-multitask"
 OPTIONS = RecordingOptions(cutoff=6.0)

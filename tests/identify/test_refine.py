@@ -11,21 +11,21 @@ import pytest
 from benchmarks.accuracy.identification.refine import simulated
 from test_simulated_subject import person
 
-from myomorph.identify.pseudo_inertia import tangents
-from myomorph.identify.refine import fit, trial_data
-from myomorph.identify.refine.equations import cost, linearize
-from myomorph.identify.refine.fit import far_from_given, markers_left, refine, worse_note
-from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.predictions import solve, step, worse
-from myomorph.identify.refine.problem import WIDTH, Basis, MassPrior, changed, moved
-from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
-from myomorph.identify.refine.trial_data import opened, problem_of
-from myomorph.identify.soft_tissue import usual_tissue
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.errors import BadData, BadModel
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
-from myomorph.model.model import Marker
-from myomorph.model.series import Motion
+from myomorph.body.identify.pseudo_inertia import tangents
+from myomorph.body.identify.soft_tissue import usual_tissue
+from myomorph.body.refine import fit, trial_data
+from myomorph.body.refine.equations import cost, linearize
+from myomorph.body.refine.fit import far_from_given, markers_left, refine, worse_note
+from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.predictions import solve, step, worse
+from myomorph.body.refine.problem import WIDTH, Basis, MassPrior, changed, moved
+from myomorph.body.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
+from myomorph.body.refine.trial_data import opened, problem_of
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.core.model.model import Marker
+from myomorph.core.model.series import Motion
 from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from test_simulated_subject import person
 
-from myomorph.identify.refine import fit
-from myomorph.identify.refine.fit import refine
-from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Marker
-from myomorph.model.series import Motion, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.kinematics import marker_positions
-from myomorph.rigid.regressor import base_regressor, reference_points
+from myomorph.body.refine import fit
+from myomorph.body.refine.fit import refine
+from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.refinement import Errors, Prediction, SubjectTrial
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Marker
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.rigid.regressor import base_regressor, reference_points
 from truths.simulated_bodies import TETRAHEDRON
 
 ALPHA = 4e-4

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from test_base import other_body, recorded, simulated
 
-from myomorph.identify.base import BaseOptions, fit_base
-from myomorph.identify.base_parameters import base_parameters
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.sequential import SequentialFit
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.regressor import base_regressor, base_wrench
+from myomorph.body.identify.base import BaseOptions, fit_base
+from myomorph.body.identify.base_parameters import base_parameters
+from myomorph.body.identify.least_squares import Recording
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.rigid.regressor import base_regressor, base_wrench
+from myomorph.live.sequential import SequentialFit
 from trees import floating_tree
 
 SIGMA = (2.0, 2.0, 2.0, 5.0, 5.0, 5.0)

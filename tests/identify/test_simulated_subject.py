@@ -19,14 +19,14 @@ from benchmarks.accuracy.identification.simulated import (
     standard_of,
 )
 
-from myomorph.identify.base import fit_base
-from myomorph.identify.least_squares import Recording as Measured
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
-from myomorph.model.model import Marker
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import CalibrationOptions
-from myomorph.rigid.regressor import base_wrench
+from myomorph.body.calibrate.calibrate import calibrate
+from myomorph.body.calibrate.calibration import CalibrationOptions
+from myomorph.body.identify.base import fit_base
+from myomorph.body.identify.least_squares import Recording as Measured
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.core.model.model import Marker
+from myomorph.core.rigid.regressor import base_wrench
 from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (

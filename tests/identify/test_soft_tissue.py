@@ -10,18 +10,18 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from myomorph.identify.recordings import RecordingOptions, usable
-from myomorph.identify.subject import IdentificationOptions, identify
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.series import Motion, Wrenches
-from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
-from myomorph.motion.filters import differentiate
-from myomorph.report.trial.identification_tables import identification_tables
-from myomorph.rigid.regressor import base_regressor, reference_points
-from myomorph.study.inputs.soft_tissue import read_soft_tissue
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.body.identify.recordings import RecordingOptions, usable
+from myomorph.body.identify.subject import IdentificationOptions, identify
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.model.soft_tissue import SoftTissue, coordinate_groups
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.regressor import base_regressor, reference_points
+from myomorph.lab.report.trial.identification_tables import identification_tables
+from myomorph.lab.study.inputs.soft_tissue import read_soft_tissue
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 
 ALPHA = 4e-4
 
@@ -98,7 +98,7 @@ def runner(arm_and_legs):
 
 @pytest.fixture(scope="module")
 def arm_and_legs(data):
-    from myomorph.io.formats import read_model
+    from myomorph.core.io.formats import read_model
 
     model = read_model(data("opensim-gait-subject01/ref_id/subject01.osim"))
     model = with_inertial_parameters(model, inertial_parameters(model) * (72.6 / model.mass))
@@ -159,7 +159,7 @@ def test_rows_in_blocks_are_those_of_the_whole(runner, monkeypatch):
     model, motion, wrenches, _, _ = runner
     recording = usable(model, motion, wrenches, options=RecordingOptions(cutoff=8.0)).recording
     whole = recording.finer.passed(base_regressor(model, recording.finer.motion))
-    monkeypatch.setattr(import_module("myomorph.identify.least_squares"), "BLOCK", 150)
+    monkeypatch.setattr(import_module("myomorph.body.identify.least_squares"), "BLOCK", 150)
     blocks = np.concatenate([rows for _, rows, _ in recording.rows(model)])
     np.testing.assert_allclose(blocks, whole, atol=2e-3 * np.abs(whole).max())
     truth = runner[3]

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.identify.base_parameters import base_parameters, held_in
-from myomorph.identify.determined import LINK_SD, NINETY, determined
-from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
-from myomorph.identify.parts import parts_of
-from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge
-from myomorph.identify.recordings import RecordingOptions, usable
-from myomorph.identify.subject import (
+from myomorph.body.identify.base_parameters import base_parameters, held_in
+from myomorph.body.identify.determined import LINK_SD, NINETY, determined
+from myomorph.body.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
+from myomorph.body.identify.parts import parts_of
+from myomorph.body.identify.pseudo_inertia import PseudoInertiaOptions, solve_ridge
+from myomorph.body.identify.recordings import RecordingOptions, usable
+from myomorph.body.identify.subject import (
     CONIC,
     GENERIC,
     SHAPE,
@@ -23,17 +23,17 @@ from myomorph.identify.subject import (
     _far_from_shape,
     identify,
 )
-from myomorph.identify.unseen import thinned
-from myomorph.identify.validation import cross_validate
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.series import Wrenches
-from myomorph.rigid.regressor import base_regressor, reference_points
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.body.identify.unseen import thinned
+from myomorph.body.identify.validation import cross_validate
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.core.model.series import Wrenches
+from myomorph.core.rigid.regressor import base_regressor, reference_points
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 
 GAIT = "opensim-gait-subject01/ref_id"
 MASS = 72.6

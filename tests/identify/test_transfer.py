@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.identify.body.points import Links
-from myomorph.identify.body.regions import (
+from myomorph.body.identify.carry import carry_motion
+from myomorph.body.identify.transfer import _nearest, _with_masses, transfer
+from myomorph.body.shape.points import Links
+from myomorph.body.shape.regions import (
     Region,
     Standing,
     centers_of,
@@ -18,17 +20,15 @@ from myomorph.identify.body.regions import (
     spread,
     spread_mass,
 )
-from myomorph.identify.carry import carry_motion
-from myomorph.identify.transfer import _nearest, _with_masses, transfer
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
-from myomorph.model.scale import scale
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.reading import read_motion
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.study.inputs.reading import read_motion
 
 REST = Motion(np.zeros(1), (), np.zeros((1, 0)))
 

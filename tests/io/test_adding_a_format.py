@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io import formats
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadFile
+from myomorph.core.io import formats
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadFile
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "adding.md"
 
@@ -27,7 +27,8 @@ def lin(tmp_path, monkeypatch):
     (tmp_path / "modules" / "lin_of_the_page.py").write_text(reader, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path / "modules")
     entry = eval(
-        line.strip().replace("myomorph.io.lin:", "lin_of_the_page:"), {"Format": formats.Format}
+        line.strip().replace("myomorph.core.io.lin:", "lin_of_the_page:"),
+        {"Format": formats.Format},
     )
     monkeypatch.setattr(formats, "TRIALS", (*formats.TRIALS, entry))
     return entry

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.channels import read_csv_table
-from myomorph.model.errors import BadFile
+from myomorph.core.io.channels import read_csv_table
+from myomorph.core.model.errors import BadFile
 
 
 @pytest.mark.parametrize(

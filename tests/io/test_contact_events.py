@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.io.contact_events import read_events
-from myomorph.model.errors import BadFile
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.model.errors import BadFile
 
 
 def written(folder, text):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.io.contact_events import read_events, write_events
-from myomorph.model.contacts import Contacts, Touch
-from myomorph.model.errors import BadFile
+from myomorph.core.io.contact_events import read_events, write_events
+from myomorph.core.model.contacts import Contacts, Touch
+from myomorph.core.model.errors import BadFile
 
 
 def test_touches_come_back(tmp_path):

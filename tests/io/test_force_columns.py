@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.force_columns import force_columns, table_wrenches
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Table
+from myomorph.core.io.force_columns import force_columns, table_wrenches
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Table
 
 
 def named(*stems: str) -> tuple[str, ...]:

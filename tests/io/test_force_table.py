@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.force_table import force_layout, holds_forces, read_forces
-from myomorph.model.errors import BadData, BadFile
+from myomorph.core.io.force_table import force_layout, holds_forces, read_forces
+from myomorph.core.model.errors import BadData, BadFile
 
 RATE = 100.0
 TIME = 3.0 + np.arange(120) / RATE

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.frame_count import FrameCount, count_frames
-from myomorph.io.trc import read_trc, write_trc
-from myomorph.model.series import Markers
+from myomorph.core.io.frame_count import FrameCount, count_frames
+from myomorph.core.io.trc import read_trc, write_trc
+from myomorph.core.model.series import Markers
 
 
 def markers(frames, rate=100.0):

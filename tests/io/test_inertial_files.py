@@ -8,12 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.write import write_trial
-from myomorph.io.inertial.read import read_inertial
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.inertial_sensors import InertialSensors, beside
-from myomorph.model.series import Analog, Markers, Trial
-from myomorph.model.spatial import (
+from myomorph.core.io.c3d.write import write_trial
+from myomorph.core.io.inertial.read import read_inertial
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.inertial_sensors import InertialSensors, beside
+from myomorph.core.model.series import Analog, Markers, Trial
+from myomorph.core.model.spatial import (
     quaternion_from_rotation,
     rotation_from_quaternion,
     rotation_from_vector,

@@ -8,11 +8,11 @@ import h5py
 import numpy as np
 import pytest
 
-from myomorph.io import keypoints
-from myomorph.io.keypoints import read_keypoint_names, read_keypoints
-from myomorph.io.parsing.guard import Outcome
-from myomorph.model.errors import BadFile
-from myomorph.study.inputs.reading import read_recording
+from myomorph.core.io import keypoints
+from myomorph.core.io.keypoints import read_keypoint_names, read_keypoints
+from myomorph.core.io.parsing.guard import Outcome
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.study.inputs.reading import read_recording
 
 NAMES = ("nose", "hip", "tail")
 

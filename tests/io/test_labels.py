@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.labels import read_labels
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.model import Marker, Model
-from myomorph.model.series import Markers, Trial
-from myomorph.study.inputs.reading import check_labels, cut_warning, fitted_to, with_labels
+from myomorph.core.io.labels import read_labels
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.model import Marker, Model
+from myomorph.core.model.series import Markers, Trial
+from myomorph.lab.study.inputs.reading import check_labels, cut_warning, fitted_to, with_labels
 
 WANTED = {"RASI": "R.ASIS", "LASI": "L.ASIS", "BAD": ""}
 

@@ -9,10 +9,15 @@ import json
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.landmarks import LARGEST, read_body_landmarks, read_landmark_pairs, read_landmarks
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.landmarks import LandmarkPairs
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.landmarks import (
+    LARGEST,
+    read_body_landmarks,
+    read_landmark_pairs,
+    read_landmarks,
+)
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.landmarks import LandmarkPairs
 
 HEADER = "body,name,source_x,source_y,source_z,target_x,target_y,target_z"
 SLICER = """# Markups fiducial file version = 4.11

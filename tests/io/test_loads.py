@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.loads import read_external_loads, read_load_entries
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadFile, BadModel, UnknownName
+from myomorph.core.io.loads import read_external_loads, read_load_entries
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile, BadModel, UnknownName
 
 FILES = {
     "lenhart-knee-contact-walk/motion/overground_17_ext_loads.xml": (

@@ -8,10 +8,10 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.io.loads import loads_table, read_external_loads, write_external_loads
-from myomorph.model.contacts import Cone, ContactForces, Site
-from myomorph.model.errors import BadData
-from myomorph.model.series import Wrenches
+from myomorph.core.io.loads import loads_table, read_external_loads, write_external_loads
+from myomorph.core.model.contacts import Cone, ContactForces, Site
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Wrenches
 
 
 def made_wrenches(frames=7):

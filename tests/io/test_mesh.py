@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.mesh import find_mesh, read_mesh, read_surfaces
-from myomorph.model.errors import BadFile
-from myomorph.model.functions import constant
-from myomorph.model.model import Axis, Body, Joint, Mesh, Model
-from myomorph.model.spatial import Transform
-from myomorph.model.surface import Surface
+from myomorph.core.io.mesh import find_mesh, read_mesh, read_surfaces
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.functions import constant
+from myomorph.core.model.model import Axis, Body, Joint, Mesh, Model
+from myomorph.core.model.spatial import Transform
+from myomorph.core.model.surface import Surface
 
 # A square pyramid: four triangles and a base of four corners.
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1], [0.5, 1, 0.5]], dtype=np.float64)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from myomorph.io import qualisys_mat
-from myomorph.io.qualisys_mat import read_qualisys_mat
-from myomorph.model.errors import BadFile
-from myomorph.study.info.inspect import inspect
-from myomorph.study.inputs.reading import read_recording
+from myomorph.core.io import qualisys_mat
+from myomorph.core.io.qualisys_mat import read_qualisys_mat
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.info.inspect import inspect
+from myomorph.lab.study.inputs.reading import read_recording
 
 FRAMES = 40
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.functions import PiecewisePolynomial
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.series import Motion, Table
-from myomorph.model.spatial import Transform
+from myomorph.core.io.sto import motion_from_table, read_sto, table_from_motion, write_sto
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.functions import PiecewisePolynomial
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.series import Motion, Table
+from myomorph.core.model.spatial import Transform
 
 SETS = (
     "c3d-opensim-walking/std_cop_walking2_grfs.sto",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.trc import read_trc, write_trc
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.series import Markers
+from myomorph.core.io.trc import read_trc, write_trc
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.series import Markers
 
 READ_BY_OPENSIM = (
     "c3d-functional-joints/static.trc",

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from myomorph.io import wav
-from myomorph.io.wav import read_wav
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.series import Sound
+from myomorph.core.io import wav
+from myomorph.core.io.wav import read_wav
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.series import Sound
 
 SOUND = np.random.default_rng(0).uniform(-0.95, 0.95, (1001, 3))
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.motion.sync import cut
+from myomorph.lab.study.inputs.reading import open_model
 from myomorph.live.chain import ChainFrame, LiveChain
 from myomorph.live.loop import follow
 from myomorph.live.sources import Replay, open_recording
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.motion.sync import cut
-from myomorph.study.inputs.reading import open_model
 
 WALK = "rajagopal-walk-emg"
 

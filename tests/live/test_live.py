@@ -9,23 +9,23 @@ import pytest
 from rich.console import Console
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from myomorph.identify.base import BaseOptions, fit_base
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.online import OnlineOptions, OnlineState, total_wrench
-from myomorph.identify.recordings import NO_FORCE
-from myomorph.identify.sequential import SequentialFit
+from myomorph.body.identify.base import BaseOptions, fit_base
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.recordings import NO_FORCE
+from myomorph.core.model.errors import BadData, MyomorphError, UnknownName
+from myomorph.core.model.model import Model
+from myomorph.core.model.segments import segments_of
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.viewer.web_page import BodyView, half_blocks, open_server
 from myomorph.live.identification import LiveOptions, identify_frames, run_live, source_of
+from myomorph.live.identification_page import Clock, live_markdown, live_panel, move_next
+from myomorph.live.online_identification import OnlineOptions, OnlineState, total_wrench
+from myomorph.live.sequential import SequentialFit
 from myomorph.live.sources import LiveRecording, Replay, open_recording
 from myomorph.live.streams import LabStreams, force_channels, marker_channels
-from myomorph.model.errors import BadData, MyomorphError, UnknownName
-from myomorph.model.model import Model
-from myomorph.model.segments import segments_of
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.reading import open_model
-from myomorph.viewer.identification_page import Clock, live_markdown, live_panel, move_next
-from myomorph.viewer.web_page import BodyView, half_blocks, open_server
 
 FRAMES = 120
 OPTIONS = OnlineOptions(cutoff=6.0, missing=1e9)
@@ -43,7 +43,7 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, LiveRecording]:
 @pytest.fixture(scope="module")
 def marked(walk: tuple[Model, LiveRecording]) -> tuple[Model, Markers, Wrenches]:
     """The walk as markers would show it: the places of the model's own markers."""
-    from myomorph.model.model import Marker
+    from myomorph.core.model.model import Marker
 
     model, recording = walk
     # The file has no markers of its own: three a body keep every coordinate in sight.
@@ -501,7 +501,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     import urllib.request
 
     pytest.importorskip("viser")
-    from myomorph.viewer.identification_page import WebDisplay
+    from myomorph.live.identification_page import WebDisplay
 
     model, recording = walk
     state = identify_frames(

@@ -10,18 +10,18 @@ import pytest
 from live_walk import WALK, played, recorded_walk
 from numba.core.dispatcher import Dispatcher
 
-from myomorph.identify.online import total_wrench
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.solve import solve_tension
+from myomorph.lab.study.inputs.reading import open_model
 from myomorph.live.chain import HELD, NO_FORCE, SETTLING, SOLVED, LiveChain
 from myomorph.live.loop import follow
+from myomorph.live.online_identification import total_wrench
 from myomorph.live.sources import Replay, open_recording
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sync import cut
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.study.inputs.reading import open_model
-from myomorph.tension.solve import solve_tension
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def test_plates_of_the_recording_itself_find_their_feet(
         for i, name in enumerate(wrenches.names)
     )
     trial = Trial(markers=markers, plates=plates, plate_time=wrenches.time, source="walk.c3d")
-    monkeypatch.setattr("myomorph.study.inputs.reading.read_recording", lambda path: trial)
+    monkeypatch.setattr("myomorph.lab.study.inputs.reading.read_recording", lambda path: trial)
     series, found = open_recording(model, Path("walk.c3d"), None)
     assert found is not None
     assert found.bodies == ("", "")

@@ -12,23 +12,23 @@ import numpy as np
 import pytest
 from live_walk import WALK, Kept, recorded_walk
 
-from myomorph.io.sto import read_sto
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.motion.causal import CausalFilter, CausalStream
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics, tracked_markers
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.study.trial.load import load
+from myomorph.lab.uncertainty.bodies import Draw, drawn_model
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import GROUPS, Sources
 from myomorph.live.chain import LiveChain
 from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import follow
+from myomorph.live.online_errors import SlopeFinder, SlowNoise
 from myomorph.live.sources import Replay
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.motion.causal import CausalFilter, CausalStream
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, tracked_markers
-from myomorph.motion.sync import cut
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.load import load
-from myomorph.uncertainty.bodies import Draw, drawn_model
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.online_errors import SlopeFinder, SlowNoise
-from myomorph.uncertainty.sources import GROUPS, Sources
 
 NONE = replace(
     Sources(), **{name: 0.0 for names in GROUPS.values() for name in names if name != "skin_time"}

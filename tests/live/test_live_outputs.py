@@ -18,19 +18,19 @@ import numpy as np
 import pytest
 from live_walk import WALK, Kept, played, recorded_walk
 
-from myomorph.identify.online import total_wrench
-from myomorph.io.sto import read_sto
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Wrenches
+from myomorph.core.motion.sync import cut
+from myomorph.lab.study.trial.viewing import recordings
 from myomorph.live.chain import SETTLING, SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import Delays, Spread, follow
+from myomorph.live.online_identification import total_wrench
 from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
 from myomorph.live.sources import Replay
 from myomorph.live.streams import LabStreams
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Wrenches
-from myomorph.motion.sync import cut
-from myomorph.study.trial.viewing import recordings
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) 
 
 def test_the_table_of_the_page(walk: tuple[Model, Markers, Wrenches]) -> None:
     """Rows stay for a while; what is unknown is a dash."""
-    from myomorph.viewer.live_page import Rows, Shown, force_ends, live_text
+    from myomorph.live.live_page import Rows, Shown, force_ends, live_text
 
     model = walk[0]
     count = len(model.coordinates)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.cli import main
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.model.errors import BadData
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.cli import main
 from myomorph.live.chain import LiveChain
 from myomorph.live.loop import follow
 from myomorph.live.sources import Replay
 from myomorph.live.streams import marker_channels
-from myomorph.model.errors import BadData
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.rigid.tree import compile_tree
 from sensor_files import write_orientations
 from truths.simulated_sensors import NO_ERRORS, simulated_sensors
 

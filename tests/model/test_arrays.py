@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.arrays import checked_array
-from myomorph.model.errors import BadData
+from myomorph.core.model.arrays import checked_array
+from myomorph.core.model.errors import BadData
 
 
 def test_a_fitting_array_is_not_copied():

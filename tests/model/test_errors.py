@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.model.errors import (
+from myomorph.core.model.errors import (
     LONGEST,
     MAX_NAMES,
     BadData,

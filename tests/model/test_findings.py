@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from myomorph.model.findings import Finding, Repair, repaired
-from myomorph.store.results import findings_of, findings_text
+from myomorph.core.model.findings import Finding, Repair, repaired
+from myomorph.lab.store.results import findings_of, findings_text
 
 FINDINGS = (
     Finding(

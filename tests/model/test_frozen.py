@@ -21,29 +21,29 @@ import numpy as np
 import pytest
 
 import myomorph
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.frozen_map import FrozenMap
 
 ARRAY = re.compile(r"\b(Array|Ints|Flags|NDArray|ndarray)\b")
 
 KERNELS = "kernels take its arrays as they are, and would be compiled anew for read-only ones"
 EXCEPTIONS: dict[str, str] = {
-    "myomorph.motion.calibration.Calibration": KERNELS,
-    "myomorph.motion.body.shared_problem.FrameSet": KERNELS,
-    "myomorph.motion.body.shared_problem.Point": KERNELS,
-    "myomorph.motion.body.shared_problem.Prior": KERNELS,
-    "myomorph.motion.body.shared_problem.Reduced": KERNELS,
-    "myomorph.motion.body.shared_problem.SharedProblem": KERNELS,
-    "myomorph.muscles.coupled_arms.LoopGroup": KERNELS,
-    "myomorph.muscles.fiber_equations.Fibers": KERNELS,
-    "myomorph.muscles.fiber_states.FiberStates": KERNELS,
-    "myomorph.muscles.hill.HillForces": KERNELS,
-    "myomorph.muscles.kinematics.MuscleKinematics": KERNELS,
-    "myomorph.motion.newton.SolvedFrames": "kernels write its arrays, a frame at a time",
-    "myomorph.motion.online.SteadyFrame": KERNELS,
-    "myomorph.rigid.dynamics.JointWrenches": KERNELS,
-    "myomorph.rigid.kinematics.Poses": KERNELS,
-    "myomorph.rigid.loops.LoopBasis": KERNELS,
+    "myomorph.body.calibrate.calibration.Calibration": KERNELS,
+    "myomorph.body.calibrate.shared_problem.FrameSet": KERNELS,
+    "myomorph.body.calibrate.shared_problem.Point": KERNELS,
+    "myomorph.body.calibrate.shared_problem.Prior": KERNELS,
+    "myomorph.body.calibrate.shared_problem.Reduced": KERNELS,
+    "myomorph.body.calibrate.shared_problem.SharedProblem": KERNELS,
+    "myomorph.core.muscles.coupled_arms.LoopGroup": KERNELS,
+    "myomorph.core.muscles.fiber_equations.Fibers": KERNELS,
+    "myomorph.core.muscles.fiber_states.FiberStates": KERNELS,
+    "myomorph.core.muscles.hill.HillForces": KERNELS,
+    "myomorph.core.muscles.kinematics.MuscleKinematics": KERNELS,
+    "myomorph.core.motion.newton.SolvedFrames": "kernels write its arrays, a frame at a time",
+    "myomorph.core.motion.online.SteadyFrame": KERNELS,
+    "myomorph.core.rigid.dynamics.JointWrenches": KERNELS,
+    "myomorph.core.rigid.kinematics.Poses": KERNELS,
+    "myomorph.core.rigid.loops.LoopBasis": KERNELS,
 }
 """Frozen classes whose arrays may be written, and why."""
 

@@ -10,12 +10,12 @@ import pytest
 
 import opensim_oracle
 from mujoco_models import compiled
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.inertia import free_object, hinged_object
-from myomorph.model.join import (
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.inertia import free_object, hinged_object
+from myomorph.core.model.join import (
     check_clocks,
     join_models,
     join_motions,
@@ -24,13 +24,13 @@ from myomorph.model.join import (
     own_name,
     part_of,
 )
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.sides import mirror_names
-from myomorph.motion.clocks import on_one_clock
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.series import Markers, Motion, Series, Wrenches
+from myomorph.core.model.sides import mirror_names
+from myomorph.core.motion.clocks import on_one_clock
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from opensim_inverse import opensim_torques
 from stick_figure import stick_figure
 

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.model.errors import MissingPackage
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.model.surface import Surface, turned_outward
+from myomorph.core.model.errors import MissingPackage
+from myomorph.core.model.series import Markers, Motion, Series, Wrenches
+from myomorph.core.model.surface import Surface, turned_outward
 
 TIME = np.arange(5) / 10.0
 VALUES = np.random.default_rng(0).normal(size=(5, 2))

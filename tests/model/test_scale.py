@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from mujoco_models import compiled
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Body
-from myomorph.model.paths import PathPoint
-from myomorph.model.scale import scale
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.model import Body
+from myomorph.core.model.paths import PathPoint
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 MODELS = (
     "opensim-gait-subject01/experiment/gait2354_simbody.osim",

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.arrays import Array
-from myomorph.model.model import Model
-from myomorph.model.scale import slides_freely
-from myomorph.model.series import Motion
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.transfer.body_transfer import nearest_rotation
-from myomorph.rigid.kinematics import standing_poses
+from myomorph.bones.morph.maps.fields import BoneMap
+from myomorph.bones.morph.transfer.body_transfer import nearest_rotation
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Model
+from myomorph.core.model.scale import slides_freely
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.rigid.kinematics import standing_poses
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity
 
 
 def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.io.mesh import read_mesh
-from myomorph.model.spatial import axis_rotation
-from myomorph.model.surface import Surface
-from myomorph.morph.shapes.surface_points import Shape
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.surface_points import Shape
 
 
 def real_bone(name: str, edge: float = 0.006) -> Surface:

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.paths import Muscle, Path
-from myomorph.morph.species.architecture import (
+from myomorph.bones.morph.species.architecture import (
     ArchitectureTable,
     MuscleRow,
     ScalingLaw,
@@ -19,8 +16,11 @@ from myomorph.morph.species.architecture import (
     architectures,
     scaled_architectures,
 )
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.paths import Muscle, Path
+from myomorph.lab.study.inputs.reading import open_model
 
 NAMES = tuple("abcdefghij")
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from boxed_leg import BONES, LENGTH, grown, leg, morph_of
-from myomorph.model.paths import WrapObject
-from myomorph.model.spatial import Transform
-from myomorph.morph.arm_intervals import NINETY, with_arm_intervals
-from myomorph.morph.checks.checks import check_morph
-from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.morphed import Morph
+from myomorph.bones.morph.arm_intervals import NINETY, with_arm_intervals
+from myomorph.bones.morph.checks.checks import check_morph
+from myomorph.bones.morph.maps.fields import FeaturePoints
+from myomorph.bones.morph.morphed import Morph
+from myomorph.core.model.paths import WrapObject
+from myomorph.core.model.spatial import Transform
 
 SIZE = 1.1
 

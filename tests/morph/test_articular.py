@@ -7,18 +7,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.landmarks import read_landmarks
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.shapes.articular import (
+from myomorph.bones.morph.shapes.articular import (
     articular_cylinder,
     articular_sphere,
     spherical_patches,
     warning_of,
 )
-from myomorph.morph.shapes.quadrics import _bent, fit_cylinder, fit_sphere
+from myomorph.bones.morph.shapes.quadrics import _bent, fit_cylinder, fit_sphere
+from myomorph.core.io.landmarks import read_landmarks
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
 
 CENTER = np.array([0.3, -0.2, 0.9])
 AXIS = np.array([2.0, 9.0, -4.0]) / np.sqrt(101.0)

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.morph.registration.smooth import MatchOptions
-from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.species.attachments import Attachment, RelativeBone
-from myomorph.morph.species.counterparts import Posed
-from myomorph.morph.species.maps import species_bones
-from myomorph.morph.transfer.body_transfer import Transfer
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.bones.morph.species.attachments import Attachment, RelativeBone
+from myomorph.bones.morph.species.counterparts import Posed
+from myomorph.bones.morph.species.maps import species_bones
+from myomorph.bones.morph.transfer.body_transfer import Transfer
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.model.errors import BadData
+from myomorph.core.surfaces.surface_points import Shape
+from myomorph.lab.study.inputs.reading import open_model
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.registration.alignment import automatic_landmarks
+from myomorph.bones.morph.registration.alignment import automatic_landmarks
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity
 from scans import made_scan
 
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface, border_of, distinct_faces, signed_volume
-from myomorph.morph.registration.bone_checks import (
+from myomorph.bones.morph.registration.bone_checks import (
     bone_length,
     check_bone,
     check_exchange,
     check_units,
     repaired_bone,
 )
-from myomorph.morph.registration.nonrigid import place_bone
+from myomorph.bones.morph.registration.nonrigid import place_bone
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface, border_of, distinct_faces, signed_volume
 from scans import joined, sharper
 
 EMPTY = Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64))

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints
-from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.transfer.model import graft_muscles, morph_model
-from myomorph.morph.transfer.virtual_links import BranchLoad, branch_load, branch_places
+from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints
+from myomorph.bones.morph.morphed import MorphOptions
+from myomorph.bones.morph.transfer.model import graft_muscles, morph_model
+from myomorph.bones.morph.transfer.virtual_links import BranchLoad, branch_load, branch_places
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity
 
 ENDS = {
     "upper": ("upper", (0.02, 0.05, 0.01), (0.003, 0.004, 0.0), 40.0),

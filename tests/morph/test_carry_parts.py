@@ -11,9 +11,22 @@ import pytest
 import trimesh
 from given_maps import given, similar
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData
-from myomorph.model.functions import (
+from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, fit_map
+from myomorph.bones.morph.morphed import MorphOptions, TransferredPoint
+from myomorph.bones.morph.transfer.body_transfer import Transfer, scaled_map
+from myomorph.bones.morph.transfer.joints import CenterFinder, transferred_joints
+from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.morph.transfer.moving_points import reparametrized, translated_path
+from myomorph.bones.morph.transfer.paths import (
+    points_left_outside,
+    surface_points,
+    transferred_wrap,
+)
+from myomorph.bones.morph.transfer.points import combined, put_on_surface
+from myomorph.bones.morph.transfer.virtual_links import bones_around
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.functions import (
     SineProduct,
     constant,
     linear,
@@ -21,22 +34,13 @@ from myomorph.model.functions import (
     polynomial,
     simm_spline,
 )
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject, surface_level
-from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
-from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
-from myomorph.morph.morphed import MorphOptions, TransferredPoint
-from myomorph.morph.transfer.body_transfer import Transfer, scaled_map
-from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
-from myomorph.morph.transfer.model import morph_model
-from myomorph.morph.transfer.moving_points import reparametrized, translated_path
-from myomorph.morph.transfer.paths import points_left_outside, surface_points, transferred_wrap
-from myomorph.morph.transfer.points import combined, put_on_surface
-from myomorph.morph.transfer.virtual_links import bones_around
-from myomorph.rigid.kinematics import forward_kinematics, standing_poses
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject, surface_level
+from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.rigid.kinematics import forward_kinematics, standing_poses
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity, procrustes
 
 X = np.linspace(-2.0, 2.0, 41)
 SPLINE = simm_spline([-1.0, -0.3, 0.4, 1.2], [0.1, 0.4, -0.2, 0.3])

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
-from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
-from myomorph.morph.checks.moment_arms import compared_coordinates
-from myomorph.morph.checks.path_changes import (
+from myomorph.bones.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
+from myomorph.bones.morph.checks.moment_arms import compared_coordinates
+from myomorph.bones.morph.checks.path_changes import (
     Ground,
     PathEnd,
     least_move,
     path_changes,
     point_effect,
 )
-from myomorph.morph.checks.penetration import range_poses
-from myomorph.morph.checks.warnings import CheckOptions
-from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.morphed import TransferredPoint
+from myomorph.bones.morph.checks.penetration import range_poses
+from myomorph.bones.morph.checks.warnings import CheckOptions
+from myomorph.bones.morph.maps.fields import BoneMap
+from myomorph.bones.morph.morphed import TransferredPoint
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
+from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import AffineMap, Similarity
 
 LENGTH = 0.4
 THIN = 0.02

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.registration.clusters import find_balls, fit_ball, name_cluster, surface_parts
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.clusters import find_balls, fit_ball, name_cluster, surface_parts
 from scans import ball, cluster, grown_together, joined
 
 CENTERS = np.array([[0.0, 0.0, 0.0], [0.03, 0.005, 0.0], [0.01, 0.025, 0.0]])

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.morph.correspondence import BEND, Deformation, bone, carried, deformed
 
-from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.registration.affine import affine_ways, hull_moments, rotation_grid
-from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.body_transfer import Transfer
-from myomorph.morph.transfer.points import put_on_surface
+from myomorph.bones.morph.maps.fields import BoneMap
+from myomorph.bones.morph.registration.affine import affine_ways, hull_moments, rotation_grid
+from myomorph.bones.morph.transfer.body_transfer import Transfer
+from myomorph.bones.morph.transfer.points import put_on_surface
+from myomorph.core.surfaces.linear_maps import procrustes
+from myomorph.core.surfaces.surface_points import Shape
 
 
 class Exact:

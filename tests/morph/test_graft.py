@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from given_maps import given, poses_of, similar
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import UnknownName
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.morph.transfer.model import graft_muscles, morph_model
-from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.bones.morph.transfer.model import graft_muscles, morph_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import UnknownName
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import MovingPathPoint, Muscle, Path, PathPoint
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.core.muscles.kinematics import muscle_kinematics
 
 GAIT = "ceinms-emg-walk/model/gait2392.osim"
 KNEE = "lenhart-knee-contact-walk/lenhart2015.osim"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.landmarks import read_landmarks
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.registration.bone_checks import check_landmarks
+from myomorph.bones.morph.maps.fields import FeaturePoints
+from myomorph.bones.morph.registration.bone_checks import check_landmarks
+from myomorph.core.io.landmarks import read_landmarks
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity
 from scans import sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))

@@ -9,14 +9,14 @@ import pytest
 import trimesh
 from made_bones import deformed, made_target, real_bone
 
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import FeaturePoints, MapOptions
-from myomorph.morph.registration.alignment import align_bones, turned_by
-from myomorph.morph.registration.map_bone import STEPS, WRONG_SIDE, map_bone
-from myomorph.morph.registration.nonrigid import place_bone
-from myomorph.morph.registration.smooth import MatchOptions
+from myomorph.bones.morph.maps.fields import FeaturePoints, MapOptions
+from myomorph.bones.morph.registration.alignment import align_bones, turned_by
+from myomorph.bones.morph.registration.map_bone import STEPS, WRONG_SIDE, map_bone
+from myomorph.bones.morph.registration.nonrigid import place_bone
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.surface import Surface
 from scans import joined
 
 QUICK = MatchOptions(match_points=800, feature_count=400)

@@ -7,10 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import axis_rotation
-from myomorph.morph.maps.fields import (
+from myomorph.bones.morph.maps.fields import (
     FeaturePoints,
     MapOptions,
     PointMap,
@@ -18,8 +15,11 @@ from myomorph.morph.maps.fields import (
     fit_map,
     inverted,
 )
-from myomorph.morph.maps.interpolating import fit_radial
-from myomorph.morph.maps.linear import AffineMap, fit_affine, fit_whole, procrustes
+from myomorph.bones.morph.maps.interpolating import fit_radial
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.surfaces.linear_maps import AffineMap, fit_affine, fit_whole, procrustes
 
 BENDING = [
     MapOptions(),

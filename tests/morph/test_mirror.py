@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.functions import SineProduct, piecewise_linear, simm_spline
-from myomorph.model.series import Motion
-from myomorph.model.sides import other_side
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.morph.mirror.model import mirrored, mirrored_motion, with_other_side
-from myomorph.morph.mirror.sides import Reflection, backwards, flip, other_side_of
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.bones.morph.mirror.model import mirrored, mirrored_motion, with_other_side
+from myomorph.bones.morph.mirror.sides import Reflection, backwards, flip, other_side_of
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.model.functions import SineProduct, piecewise_linear, simm_spline
+from myomorph.core.model.series import Motion
+from myomorph.core.model.sides import other_side
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 OSIM = (
     "ceinms-emg-walk/model/gait2392.osim",
@@ -100,7 +100,7 @@ def test_a_mouse_has_two_legs(data):
 def test_in_mujoco_with_a_tilted_frame(data):
     pytest.importorskip("mujoco")
     sim = pytest.importorskip("myo_sim")
-    from myomorph.io.mjcf.read import model_from_mujoco
+    from myomorph.core.io.mjcf.read import model_from_mujoco
 
     model = model_from_mujoco(sim.load_model("myolegs26"))
     lengths, arms = differences(model, "x")

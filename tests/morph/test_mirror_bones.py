@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from given_maps import given
 
-from myomorph.io.formats import read_model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.mirror.model import with_mirrored_bones
-from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.bones.morph.mirror.model import with_mirrored_bones
+from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.muscles.kinematics import muscle_kinematics
 
 FLIP = np.diag([1.0, 1.0, -1.0])
 MATRIX = rotation_from_euler_xyz((0.3, -0.2, 0.5)) @ np.diag([1.1, 0.9, 1.05])

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from boxed_leg import FRONT, HALF, box, grown, leg, morph_of, muscle, with_muscle
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.surface import Surface
-from myomorph.morph.checks.checks import check_morph, distinct_bones
-from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
-from myomorph.morph.checks.penetration import Penetration, Solid, bones_beside
-from myomorph.morph.checks.warnings import CheckOptions, bone_warnings, surface_warnings
-from myomorph.morph.maps.linear import AffineMap
-from myomorph.simulate.jump import leg_model
+from myomorph.bones.morph.checks.checks import check_morph, distinct_bones
+from myomorph.bones.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
+from myomorph.bones.morph.checks.penetration import Penetration, Solid, bones_beside
+from myomorph.bones.morph.checks.warnings import CheckOptions, bone_warnings, surface_warnings
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import AffineMap
+from myomorph.lab.analyze.leg_model import leg_model
 
 
 def through(depth: float):

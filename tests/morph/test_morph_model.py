@@ -10,18 +10,18 @@ import pytest
 from given_maps import given, grown, poses_of, sheared, similar
 
 from mujoco_models import compiled
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Model
-from myomorph.model.paths import MovingPathPoint, PathPoint, PathWrap
-from myomorph.model.scale import scale
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.mirror.model import mirrored_motion
-from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.kinematics import default_path_lengths, muscle_kinematics
-from myomorph.rigid.kinematics import standing_poses
+from myomorph.bones.morph.mirror.model import mirrored_motion
+from myomorph.bones.morph.morphed import MorphOptions
+from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.model import Model
+from myomorph.core.model.paths import MovingPathPoint, PathPoint, PathWrap
+from myomorph.core.model.scale import scale
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.muscles.kinematics import default_path_lengths, muscle_kinematics
+from myomorph.core.rigid.kinematics import standing_poses
 from osim_models import point_place
 
 MODELS = (

@@ -11,14 +11,14 @@ import pytest
 from benchmarks.accuracy.morph.shapes import mean_shape
 from made_bones import deformed, errors, made_target, real_bone
 
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.maps.linear import Similarity, procrustes
-from myomorph.morph.registration.nonrigid import PlacedBone, match_surfaces, place_bone
-from myomorph.morph.registration.smooth import MatchOptions, onto, spread_points
-from myomorph.morph.shapes.surface_points import Shape
+from myomorph.bones.morph.maps.fields import FeaturePoints
+from myomorph.bones.morph.registration.nonrigid import PlacedBone, match_surfaces, place_bone
+from myomorph.bones.morph.registration.smooth import MatchOptions, onto, spread_points
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity, procrustes
+from myomorph.core.surfaces.surface_points import Shape
 
 QUICK = MatchOptions(match_points=800)
 

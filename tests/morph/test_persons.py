@@ -18,7 +18,7 @@ from benchmarks.accuracy.morph.shapes import (
     scaled_by_pairs,
 )
 
-from myomorph.morph.maps.fields import MapOptions
+from myomorph.bones.morph.maps.fields import MapOptions
 from truths.leg_shapes import leg_shapes
 
 PARTS = {"pelvis": 3, "femur": 1, "patella": 1, "tibia": 2}

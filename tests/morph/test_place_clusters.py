@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Body, Joint, Mesh, Model
-from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.registration.clusters import (
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.model import Body, Joint, Mesh, Model
+from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.clusters import (
     Picks,
     bone_surface,
     place_cluster_markers,
     place_scanned_bone,
 )
-from myomorph.morph.registration.rigid import SurfaceOptions
+from myomorph.core.surfaces.rigid_registration import SurfaceOptions
 from scans import made_scan, sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import axis_rotation
-from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.species.counterparts import Posed, Ray
-from myomorph.morph.species.rays import SidedMap, put_on_rays
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.species.counterparts import Posed, Ray
+from myomorph.bones.morph.species.rays import SidedMap, put_on_rays
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.surfaces.linear_maps import Similarity
+from myomorph.lab.study.inputs.reading import open_model
 
 
 def test_points_keep_their_side_and_the_map_its_derivative():

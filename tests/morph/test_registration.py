@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.linear import Similarity, fit_points, procrustes
-from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity, fit_points, procrustes
+from myomorph.core.surfaces.rigid_registration import SurfaceOptions, register_surface
 from scans import made_scan, sharper
 
 GEOMETRY = "shoulder-thoracoscapular/model_cmc/Geometry"

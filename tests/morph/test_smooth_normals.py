@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.morph.maps.linear import AffineMap
-from myomorph.morph.registration.affine import unit
-from myomorph.morph.registration.smooth import _Moving
-from myomorph.morph.shapes.surface_points import Samples
+from myomorph.bones.morph.registration.affine import unit
+from myomorph.bones.morph.registration.smooth import _Moving
+from myomorph.core.surfaces.linear_maps import AffineMap
+from myomorph.core.surfaces.surface_points import Samples
 
 
 def test_normals_follow_an_affine_displacement():

@@ -9,24 +9,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.model.surface import Surface
-from myomorph.morph.checks.moment_arms import CoordinatePair
-from myomorph.morph.maps.fields import MapOptions, PlacedMap
-from myomorph.morph.maps.linear import AffineMap
-from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.species.counterparts import (
+from myomorph.bones.morph.checks.moment_arms import CoordinatePair
+from myomorph.bones.morph.maps.fields import MapOptions, PlacedMap
+from myomorph.bones.morph.morphed import MorphOptions
+from myomorph.bones.morph.species.counterparts import (
     AnatomicalFrame,
     BoneHomology,
     LandmarkRule,
     SpeciesTable,
 )
-from myomorph.morph.species.landmarks import landmarks_by_rules, section
-from myomorph.morph.species.maps import coordinate_table, species_bones, species_morph
+from myomorph.bones.morph.species.landmarks import landmarks_by_rules, section
+from myomorph.bones.morph.species.maps import coordinate_table, species_bones, species_morph
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import AffineMap
 
 UPRIGHT = AnatomicalFrame(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 ON_FOURS = AnatomicalFrame(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))

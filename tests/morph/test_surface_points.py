@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.model.surface import Surface
-from myomorph.morph.shapes.surface_points import Boxes, Shape
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.surface_points import Boxes, Shape
 
 SLOPE = np.tan(np.radians(8.0))
 

@@ -10,13 +10,13 @@ from given_maps import given
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.muscles.kinematics import muscle_kinematics
 from osim_models import body_poses, point_place
 
 pytest.importorskip("opensim")

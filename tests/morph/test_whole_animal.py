@@ -8,23 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
-from myomorph.model.segments import feet_of
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.model.surface import Surface
-from myomorph.morph.mirror.model import with_other_muscles
-from myomorph.morph.species.masses import (
+from myomorph.bones.morph.mirror.model import with_other_muscles
+from myomorph.bones.morph.species.masses import (
     MarkerTable,
     SegmentShare,
     with_markers_of,
     with_possible_inertias,
     with_segment_shares,
 )
-from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.model.surface import Surface
+from myomorph.core.muscles.kinematics import muscle_kinematics
 
 TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)
 """The left thigh's frame lies in another way than the right one's."""

@@ -11,10 +11,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.motion.tasks.task import Task, TaskKernels, add_row, per_frame, point_slope
-from myomorph.rigid.kernels import bare
-from myomorph.rigid.tree import Tree
-from myomorph.rigid.vectors import matrix, plus, turned, vector
+from myomorph.core.motion.tasks.task import Task, TaskKernels, add_row, per_frame, point_slope
+from myomorph.core.rigid.kernels import bare
+from myomorph.core.rigid.tree import Tree
+from myomorph.core.rigid.vectors import matrix, plus, turned, vector
 
 
 class HeightArrays(NamedTuple):

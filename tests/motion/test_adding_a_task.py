@@ -9,14 +9,14 @@ import pytest
 from height_task import HeightTask
 from task_equations import held_against_differences
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
-from myomorph.motion import newton
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.newton import solve_frames
-from myomorph.rigid.kernels import signatures_on_disk
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
+from myomorph.core.motion import newton
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.core.motion.newton import solve_frames
+from myomorph.core.rigid.kernels import signatures_on_disk
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 from trees import random_tree
 

@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.trc import read_trc
-from myomorph.model.model import GROUND
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.model.spatial import Transform
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.lengths import coordinate_units, length_unit
-from myomorph.motion.sync import cut
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.calibrate.calibrate import calibrate
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.model import GROUND
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.core.motion.lengths import coordinate_units, length_unit
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import person
 
 SMALL = 0.05

@@ -7,14 +7,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.series import Motion
-from myomorph.motion.automatic_cutoff import SLOWEST, automatic_cutoff
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.automatic_cutoff import SLOWEST, automatic_cutoff
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
 
 RATE = 120.0
 
@@ -125,6 +125,6 @@ def test_it_is_found_once_for_a_motion(monkeypatch) -> None:
     motion, _ = _walk(0.01)
     first = automatic_cutoff(motion)
     monkeypatch.setattr(
-        "myomorph.motion.automatic_cutoff._cutoff", lambda motion: pytest.fail("found again")
+        "myomorph.core.motion.automatic_cutoff._cutoff", lambda motion: pytest.fail("found again")
     )
     assert automatic_cutoff(motion) == first

@@ -5,11 +5,11 @@ expert's.
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.trc import read_trc
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import CalibrationOptions
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.body.calibrate.calibrate import calibrate
+from myomorph.body.calibrate.calibration import CalibrationOptions
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.trc import read_trc
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 
 FOLDER = "opencap-subject4-multitask"
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.signal import bessel
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Motion
-from myomorph.motion.causal import HALF_POWER, CausalFilter, CausalStream
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.causal import HALF_POWER, CausalFilter, CausalStream
 
 
 def test_it_is_the_bessel_filter_of_scipy() -> None:

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Analog, Series, Wrenches
-from myomorph.motion.clocks import Clock, ClockOptions, fit_clock, resample
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Analog, Series, Wrenches
+from myomorph.core.motion.clocks import Clock, ClockOptions, fit_clock, resample
 
 
 def estimate_clock(time, signal, other_time, other_signal, options=None):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from looped import four_bar, four_bar_angles, markers_of
-from myomorph.motion.ik import inverse_kinematics
+from myomorph.core.motion.ik import inverse_kinematics
 
 
 def test_bounds_hold_while_the_loop_stays_closed():

@@ -10,27 +10,27 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles, looped_tree, markers_of
-from myomorph.io.formats import read_model
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData
-from myomorph.model.model import Marker
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.model.spatial import Transform
-from myomorph.motion.body.shared_fit import reduce, settle
-from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import CalibrationOptions
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
-from myomorph.motion.lengths import lengths_of
-from myomorph.motion.online import OnlineKinematics
-from myomorph.motion.stretch import stretch_of
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.calibrate.calibrate import calibrate
+from myomorph.body.calibrate.calibration import CalibrationOptions
+from myomorph.body.calibrate.shared_fit import reduce, settle
+from myomorph.body.calibrate.shared_problem import FrameSet, Prior, SharedProblem
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Marker
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
+from myomorph.core.motion.lengths import lengths_of
+from myomorph.core.motion.online import OnlineKinematics
+from myomorph.core.motion.stretch import stretch_of
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
+from myomorph.core.rigid.tree import compile_tree
 
 BONES = "shoulder-bonepin/"
 

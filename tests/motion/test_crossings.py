@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
-from myomorph.motion.crossings import (
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.crossings import (
     CrossingOptions,
     crossings,
     marker_slopes,
     shown_shares,
     within_crossings,
 )
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import person
 
 

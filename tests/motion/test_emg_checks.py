@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Emg, Series
-from myomorph.motion.emg_activation import EmgCalibration, channel_means
-from myomorph.motion.emg_checks import (
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Emg, Series
+from myomorph.core.motion.emg_activation import EmgCalibration, channel_means
+from myomorph.core.motion.emg_checks import (
     envelope_faults,
     noise_faults,
     rate_against,
@@ -18,7 +18,7 @@ from myomorph.motion.emg_checks import (
     refuse_unfit,
     without_faults,
 )
-from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest, linear_envelope
+from myomorph.core.motion.envelope import EnvelopeOptions, envelopes, largest, linear_envelope
 
 RATE = 2000.0
 TIME = np.arange(6000) / RATE

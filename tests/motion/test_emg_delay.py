@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from myomorph.model.series import Emg
-from myomorph.motion.emg_activation import EmgCalibration, independent_samples, shaped, shifted
-from myomorph.motion.filters import lowpass
+from myomorph.core.model.series import Emg
+from myomorph.core.motion.emg_activation import EmgCalibration, independent_samples, shaped, shifted
+from myomorph.core.motion.filters import lowpass
 
 
 def test_independent_samples_of_noise_are_all_and_of_slow_series_few():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Series
-from myomorph.motion.envelope import EnvelopeOptions, envelopes
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Series
+from myomorph.core.motion.envelope import EnvelopeOptions, envelopes
 
 TIME = np.arange(8000) / 2000.0
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Motion, Wrenches
-from myomorph.motion.filters import _lowpass_padded, differentiate, lowpass, natural_spline
-from myomorph.motion.sync import cut, resample_wrenches
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import _lowpass_padded, differentiate, lowpass, natural_spline
+from myomorph.core.motion.sync import cut, resample_wrenches
 
 
 def test_lowpass_equals_opensim():

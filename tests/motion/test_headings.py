@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.series import Markers
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.starts import _headings
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.starts import _headings
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.functions import linear, simm_spline
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Marker, Model
-from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Transform
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.tasks.coordinates import CoordinateTask
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.functions import linear, simm_spline
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Marker, Model
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.core.motion.tasks.coordinates import CoordinateTask
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 
 def walker():

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.model.spatial import axis_rotation
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import CalibrationOptions
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.body.calibrate.calibrate import calibrate
+from myomorph.body.calibrate.calibration import CalibrationOptions
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from stick_figure import person, stick_figure
 
 EXACT = CalibrationOptions(noise=0.0)

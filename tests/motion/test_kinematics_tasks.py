@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.model import Marker
-from myomorph.model.series import Markers
-from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.motion.pose_problem import normal_equations
-from myomorph.motion.tasks.coordinates import CoordinateTask
-from myomorph.motion.tasks.task import keep_residuals, new_work, sum_of_costs
-from myomorph.rigid.coordinates import couple
-from myomorph.rigid.kernels import kernel
-from myomorph.rigid.kinematics import body_poses
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.model import Marker
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
+from myomorph.core.motion.pose_problem import normal_equations
+from myomorph.core.motion.tasks.coordinates import CoordinateTask
+from myomorph.core.motion.tasks.task import keep_residuals, new_work, sum_of_costs
+from myomorph.core.rigid.coordinates import couple
+from myomorph.core.rigid.kernels import kernel
+from myomorph.core.rigid.kinematics import body_poses
+from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, random_tree
 
 STEP = 1e-5

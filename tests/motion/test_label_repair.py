@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.faults import marker_faults as faults
 
-from myomorph.model.series import Markers
-from myomorph.motion.label_repair import mended_labels
-from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.analyze.recordings import bare, look_at, sites_of
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.label_repair import mended_labels
+from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.analyze.recordings import bare, look_at, sites_of
 
 RECORDINGS = (
     "c3d-vendor-samples/C3DSamples/others/FunctionalWalk.c3d",

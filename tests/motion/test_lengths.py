@@ -5,14 +5,19 @@ models.
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.model.scale import scale
-from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths, segments_that_stretch
-from myomorph.motion.stretch import skeleton, slopes_of_frame, stretch_of, with_travel
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.scale import scale
+from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
+from myomorph.core.motion.lengths import (
+    factors_of,
+    lengths_of,
+    mirrored_lengths,
+    segments_that_stretch,
+)
+from myomorph.core.motion.stretch import skeleton, slopes_of_frame, stretch_of, with_travel
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 GENERIC = "opencap-subject4-multitask/models/unscaled_generic.osim"
@@ -75,7 +80,7 @@ def test_slopes_on_real_models(name, data):
     """Knees that slide on splines, patellas on couplers, 171 coordinates."""
     model = read_model(data(name))
     if not model.markers:
-        from myomorph.model.model import Marker
+        from myomorph.core.model.model import Marker
 
         model = model.with_markers(
             tuple(Marker(f"m_{one}", one, [0.1, 0.2, 0.3]) for one in model.body_names)

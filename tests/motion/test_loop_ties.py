@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles
-from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.motion.tasks.loops import close, multipliers, new_closing, ties_at, ties_of
-from myomorph.motion.tasks.task import new_work
-from myomorph.rigid.kernels import kernel
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.motion.ik import InverseKinematicsOptions, pose_problem
+from myomorph.core.motion.tasks.loops import close, multipliers, new_closing, ties_at, ties_of
+from myomorph.core.motion.tasks.task import new_work
+from myomorph.core.rigid.kernels import kernel
+from myomorph.core.rigid.tree import compile_tree
 
 MODEL = four_bar()
 TREE = compile_tree(MODEL)

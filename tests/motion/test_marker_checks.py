@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from tests.motion.test_turns import bounded_walker, recorded
 
-from myomorph.motion.ik import (
+from myomorph.core.motion.ik import (
     InverseKinematicsOptions,
     inverse_kinematics,
     pose_problem,
     tracked_markers,
 )
-from myomorph.motion.label_repair import front_pairs, limb_pairs, side_pairs
-from myomorph.motion.marker_checks import (
+from myomorph.core.motion.label_repair import front_pairs, limb_pairs, side_pairs
+from myomorph.core.motion.marker_checks import (
     MarkerCheckOptions,
     checked_kinematics,
     edges_of,
@@ -26,9 +26,9 @@ from myomorph.motion.marker_checks import (
     name_findings,
     near_names,
 )
-from myomorph.motion.marker_influence import left_out, marker_frames, undetermined
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.reading import fitted_to, open_model, read_recording
+from myomorph.core.motion.marker_influence import left_out, marker_frames, undetermined
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.study.inputs.reading import fitted_to, open_model, read_recording
 
 ABOUT_THE_MODEL = {"undetermined", "at its bound"}
 """Findings about the model, which clean recordings have too."""

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.series import Markers
-from myomorph.motion.marker_sides import side_findings
-from myomorph.study.analyze.recordings import bare, look_at
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.marker_sides import side_findings
+from myomorph.lab.analyze.recordings import bare, look_at
 
 RIGHT = {
     "RASI": (0.01, 0.0, 0.12),

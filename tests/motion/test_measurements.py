@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
-from myomorph.model.landmarks import Measurement
-from myomorph.model.model import Marker
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.measurements import (
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.landmarks import Measurement
+from myomorph.core.model.model import Marker
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.ik import InverseKinematicsOptions
+from myomorph.core.motion.measurements import (
     default_markers,
     frames_around,
     measure,
     place_on_pose,
     with_measured,
 )
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.analysis.cycles import band
-from myomorph.motion.lengths import length_unit
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.motion.lengths import length_unit
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analysis.cycles import band
 from truths.mouse_motion import alone, held_out, lengths_of, motion_of, mouse, rms, strides_of
 
 NAME = "1R_12_01_26"

@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import inverse_kinematics, poses_near
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.reading import read_motion
-from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.drawn_inputs import drawn_markers
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.ik import inverse_kinematics, poses_near
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.study.inputs.reading import read_motion
+from myomorph.lab.uncertainty.bodies import Draw
+from myomorph.lab.uncertainty.drawn_inputs import drawn_markers
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import Sources
 
 HOME = "opencap-subject4-multitask"
 

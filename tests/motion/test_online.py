@@ -4,12 +4,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData
-from myomorph.model.series import Motion
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.online import MovingWindow, OnlineFilter, OnlineKinematics
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.online import MovingWindow, OnlineFilter, OnlineKinematics
 
 
 def test_parabolas_are_differentiated_exactly() -> None:

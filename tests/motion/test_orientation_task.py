@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from task_equations import held_against_differences
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.tasks.orientations import OrientationTask
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.core.motion.tasks.orientations import OrientationTask
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 from trees import random_tree
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from mujoco_models import compiled, random_motion
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.measurements import place_markers
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.measurements import place_markers
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 BODIES = {"hip": "trunk", "hand": "tip", "elbow": "fore"}
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.motion.body.priors import _seen_from_base, spread_postures
-from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.calibrate.priors import _seen_from_base, spread_postures
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import InverseKinematicsOptions
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.motion.protocols import (
+from myomorph.core.model.errors import BadData
+from myomorph.core.motion.protocols import (
     find_protocol,
     labels_between,
     protocol_table,

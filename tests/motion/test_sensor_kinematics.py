@@ -9,19 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import (
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.spatial import (
     axis_rotation,
     quaternion_from_rotation,
     rotation_from_quaternion,
     vector_from_rotation,
 )
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sensors.mounting import SensorOptions, bodies_of_sensors, named_bodies
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.rigid.kinematics import marker_positions
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.sensors.mounting import SensorOptions, bodies_of_sensors, named_bodies
+from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 from truths.simulated_sensors import NO_ERRORS, SensorErrors, simulated_sensors
 

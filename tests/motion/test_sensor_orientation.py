@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.inertial_sensors import InertialSensors
-from myomorph.model.spatial import (
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.spatial import (
     quaternion_from_rotation,
     rotation_from_quaternion,
     rotation_from_vector,
     vector_from_rotation,
 )
-from myomorph.motion.sensors.mounting import rotations_at, with_orientations
+from myomorph.core.motion.sensors.mounting import rotations_at, with_orientations
 from stick_figure import stick_figure
 from truths.simulated_sensors import raw_signals
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Markers
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.online import BLEND, OnlineKinematics, SteadyKinematics
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.online import BLEND, OnlineKinematics, SteadyKinematics
 
 FRAMES = slice(60, 130)
 HIDDEN = slice(20, 40)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.motion.stretch import TIED, add_ties
+from myomorph.core.motion.stretch import TIED, add_ties
 
 
 def test_ties_add_the_products_of_the_slopes_of_their_gaps():

@@ -7,9 +7,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Emg
-from myomorph.motion.emg_activation import EmgCalibration, SynergyWeights, _factors, find_synergies
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Emg
+from myomorph.core.motion.emg_activation import (
+    EmgCalibration,
+    SynergyWeights,
+    _factors,
+    find_synergies,
+)
 
 NAMES = tuple("abcdef")
 

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from tests.motion.test_ik import walker
 
-from myomorph.io.formats import read_model
-from myomorph.io.trc import read_trc
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
-from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.motion import ik
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import (
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.motion import ik
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.ik import (
     InverseKinematicsOptions,
     inverse_kinematics,
     pose_problem,
     tracked_markers,
 )
-from myomorph.motion.starts import nearest_turns
-from myomorph.motion.turns import (
+from myomorph.core.motion.starts import nearest_turns
+from myomorph.core.motion.turns import (
     floating_coordinates,
     nearest_turn,
     of_one_branch,
@@ -33,9 +33,9 @@ from myomorph.motion.turns import (
     other_angles,
     other_branch,
 )
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 ROOT = ("root_tx", "root_ty", "root_tz", "root_rz", "root_rx", "root_ry")
@@ -352,7 +352,7 @@ def test_without_bounds_a_motion_in_chunks_has_no_turns_and_its_torques_are_thos
     motion = inverse_kinematics(model, markers).motion
     assert np.abs(np.diff(motion.values, axis=0)).max() < 0.5 * np.pi
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("myomorph.motion.newton.CHUNK", len(time))
+        patch.setattr("myomorph.core.motion.newton.CHUNK", len(time))
         patch.setattr(ik.solve_poses, "__defaults__", (True, None, len(time)))
         whole = inverse_kinematics(model, markers).motion
     torques = [inverse_dynamics(model, differentiate(one, 6.0)).values for one in (motion, whole)]

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.model import Model
-from myomorph.model.scale import scale
-from myomorph.model.series import Markers
-from myomorph.model.spatial import axis_rotation
-from myomorph.motion.body.angle_slopes import angle_slopes, sliding
-from myomorph.motion.body.priors import symmetric_posture
-from myomorph.motion.body.shared_fit import reduce, settle
-from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
-from myomorph.motion.calibrate import calibrate
-from myomorph.motion.calibration import STATIC, CalibrationOptions
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
-from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.motion.stretch import stretch_of
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.calibrate.angle_slopes import angle_slopes, sliding
+from myomorph.body.calibrate.calibrate import calibrate
+from myomorph.body.calibrate.calibration import STATIC, CalibrationOptions
+from myomorph.body.calibrate.priors import symmetric_posture
+from myomorph.body.calibrate.shared_fit import reduce, settle
+from myomorph.body.calibrate.shared_problem import FrameSet, Prior, SharedProblem
+from myomorph.core.model.model import Model
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
+from myomorph.core.motion.lengths import factors_of, lengths_of
+from myomorph.core.motion.stretch import stretch_of
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from stick_figure import stick_figure
 
 TURN = np.radians(12.0)
@@ -271,11 +271,11 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     moving = walk(model)
     still = Markers(moving.time[:5], moving.names, np.repeat(moving.values[:1], 5, axis=0))
     options = CalibrationOptions(static=still, static_pose={})
-    monkeypatch.setattr("myomorph.motion.calibrate.STANDING", ("tibia", "foot"))
+    monkeypatch.setattr("myomorph.body.calibrate.calibrate.STANDING", ("tibia", "foot"))
     assert not calibrate(model, [moving], options).warnings
-    monkeypatch.setattr("myomorph.motion.body.zero_angles.FAR", -10.0)
+    monkeypatch.setattr("myomorph.body.calibrate.zero_angles.FAR", -10.0)
     assert not calibrate(model, [moving], options).warnings[0].mended
-    monkeypatch.setattr("myomorph.motion.body.zero_angles.REFUTED", -10.0)
+    monkeypatch.setattr("myomorph.body.calibrate.zero_angles.REFUTED", -10.0)
     mended = calibrate(model, [moving], options)
     alone = calibrate(model, [], options)
     assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.io.mjcf.write import proper_inertia
-from myomorph.model.errors import BadFile, BadModel
-from myomorph.model.functions import linear, simm_spline
-from myomorph.model.model import Axis, Body, Coordinate, Coupler, Joint, Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
-from myomorph.mujoco_tools.cams import cams_of
-from myomorph.mujoco_tools.certificate import TOLERANCE
-from myomorph.mujoco_tools.copy import MujocoCopy
-from myomorph.mujoco_tools.export import in_copy, mujoco_model
-from myomorph.mujoco_tools.joints import mujoco_joints, poses_over_ranges
-from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
-from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.mjcf.write import proper_inertia
+from myomorph.core.model.errors import BadFile, BadModel
+from myomorph.core.model.functions import linear, simm_spline
+from myomorph.core.model.model import Axis, Body, Coordinate, Coupler, Joint, Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.muscles.hill import hill_forces
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.exchange.mujoco.cams import cams_of
+from myomorph.exchange.mujoco.certificate import TOLERANCE
+from myomorph.exchange.mujoco.copy import MujocoCopy
+from myomorph.exchange.mujoco.export import in_copy, mujoco_model
+from myomorph.exchange.mujoco.joints import mujoco_joints, poses_over_ranges
+from myomorph.exchange.mujoco.muscle_forces import mujoco_muscles
 
 GAIT = "opensim-gait-subject01/ref_scale/gait2354_simbody.osim"
 WALKER = "rajagopal-walk-emg/raw/Rajagopal2016.osim"

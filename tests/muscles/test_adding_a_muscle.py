@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadModel
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.hill import MODELS, activation_times, hill_forces
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.personal.fibers import muscle_shapes
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
+from myomorph.body.personalize.fibers import muscle_shapes
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadModel
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.hill import MODELS, activation_times, hill_forces
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
 
 KIND = "Winters1995Muscle"
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles, looped_tree
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.functions import linear
-from myomorph.model.model import Coordinate, Coupler
-from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
-from myomorph.model.series import Motion
-from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.muscles.kinematics import ReportedPaths, muscle_kinematics
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.loops import close_loops, closure_jacobian
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Coordinate, Coupler
+from myomorph.core.model.paths import MovingPathPoint, Muscle, Path, PathPoint
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.coupled_arms import loop_couplings, loop_groups
+from myomorph.core.muscles.kinematics import ReportedPaths, muscle_kinematics
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.loops import close_loops, closure_jacobian
+from myomorph.core.rigid.tree import compile_tree
 
 SHOULDERS = (
     "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_2kgWeight.osim",

@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.model import Model
-from myomorph.model.paths import Muscle, Path
-from myomorph.muscles.fiber_jets import FLOOR, TONE, fiber_jet, tendon_jet
-from myomorph.muscles.hill import compile_elastic, has_elastic_tendon, muscle_model
-from myomorph.muscles.models.thelen import TAKEN_UP
-from myomorph.rigid.kernels import kernel
+from myomorph.core.model.model import Model
+from myomorph.core.model.paths import Muscle, Path
+from myomorph.core.muscles.fiber_jets import FLOOR, TONE, fiber_jet, tendon_jet
+from myomorph.core.muscles.hill import compile_elastic, has_elastic_tendon, muscle_model
+from myomorph.core.muscles.models.thelen import TAKEN_UP
+from myomorph.core.rigid.kernels import kernel
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
 

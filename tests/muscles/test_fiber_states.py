@@ -7,13 +7,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.spatial import Transform
-from myomorph.muscles.fiber_states import default_states, fiber_states, state_names, without_fibers
-from myomorph.muscles.hill import hill_forces, muscle_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.spatial import Transform
+from myomorph.core.muscles.fiber_states import (
+    default_states,
+    fiber_states,
+    state_names,
+    without_fibers,
+)
+from myomorph.core.muscles.hill import hill_forces, muscle_model
 
 SIZES = {"max_isometric_force": 950.0, "optimal_fiber_length": 0.09, "tendon_slack_length": 0.21}
 ELASTIC = ("Thelen2003Muscle", "Millard2012EquilibriumMuscle", "DeGrooteFregly2016Muscle")

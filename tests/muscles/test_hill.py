@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, BadModel
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.spatial import Transform
-from myomorph.muscles.hill import MODELS, hill_forces
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.spatial import Transform
+from myomorph.core.muscles.hill import MODELS, hill_forces
 
 OPENSIM_KINDS = [kind for kind in MODELS if kind != "mujoco"]
 SIZES = {"max_isometric_force": 950.0, "optimal_fiber_length": 0.09, "tendon_slack_length": 0.21}

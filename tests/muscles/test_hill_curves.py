@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.paths import Muscle, Path
-from myomorph.muscles.curves import (
+from myomorph.core.model.paths import Muscle, Path
+from myomorph.core.muscles.curves import (
     ASINH,
     BELL,
     EXPONENTIAL,
@@ -20,8 +20,8 @@ from myomorph.muscles.curves import (
     Shape,
     spline_curve,
 )
-from myomorph.muscles.hill import MODELS, muscle_model
-from myomorph.muscles.models.millard import (
+from myomorph.core.muscles.hill import MODELS, muscle_model
+from myomorph.core.muscles.models.millard import (
     active_force_length,
     force_velocity,
     passive_force_length,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.muscles.hill import hill_forces
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.muscles.hill import hill_forces
 
 # Thelen's velocity curve is inverted by OpenSim to 1e-6, and the deprecated classes settle to 0.01
 # N.

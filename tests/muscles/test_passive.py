@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.passive_dynamics import with_passive_dynamics
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.passive_dynamics import with_passive_dynamics
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.muscles.passive import passive_generalized_forces
+from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, swinging
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.patella import extensors, tendon_arms, with_lever
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.study.analyze.generic_model import generic_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.muscles.patella import extensors, tendon_arms, with_lever
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.lab.analyze.generic_model import generic_model
 
 ANGLES = np.radians(np.arange(0.0, 121.0, 10.0))
 

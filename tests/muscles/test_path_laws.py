@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.functions import linear, polynomial
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Model
-from myomorph.model.paths import (
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.functions import linear, polynomial
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Model
+from myomorph.core.model.paths import (
     MovingPathPoint,
     Muscle,
     Path,
@@ -21,10 +21,10 @@ from myomorph.model.paths import (
     TendonWrap,
     WrapObject,
 )
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.path import compile_paths
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.muscles.path import compile_paths
 
 STEP = 1e-6
 HERE = Transform.identity()

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from path_models import opensim_kinematics
 
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.paths import MovingPathPoint
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.coordinates import couple_frames
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.paths import MovingPathPoint
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.coordinates import couple_frames
 
 opensim = pytest.importorskip("opensim")
 SAME = 1e-6

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.arrays import Array
-from myomorph.model.functions import Function
-from myomorph.model.model import GROUND, Model
-from myomorph.model.paths import MovingPathPoint, Muscle
-from myomorph.muscles.path import ARC_PARTS, compile_paths, drawn_paths
-from myomorph.rigid.kinematics import Poses
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.functions import Function
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.paths import MovingPathPoint, Muscle
+from myomorph.core.muscles.path import ARC_PARTS, compile_paths, drawn_paths
+from myomorph.core.rigid.kinematics import Poses
+from myomorph.core.rigid.tree import compile_tree
 
 MODELS = {
     "OpenSim's wraps": ("rajagopal-walk-emg/subject_walk_scaled.osim", read_osim),
@@ -34,7 +34,7 @@ def poses(model: Model, frames: int = 12) -> np.ndarray:
 
 
 def _motion(model: Model, values: np.ndarray):
-    from myomorph.model.series import Motion
+    from myomorph.core.model.series import Motion
 
     return Motion(np.arange(len(values)) * 0.01, model.coordinate_names, values)
 
@@ -47,7 +47,7 @@ def model(request: pytest.FixtureRequest, data: Callable[[str], Path]) -> Model:
     if request.param in MODELS:
         name, read = MODELS[request.param]
         return read(data(name))
-    from myomorph.simulate.jump import leg_model
+    from myomorph.lab.analyze.leg_model import leg_model
 
     return leg_model()
 
@@ -111,7 +111,7 @@ def _value(function: Function, coordinates: Array, column: int | None) -> Array:
 
 @pytest.mark.parametrize("model", [*WRAPPED, "moving points"], indirect=True)
 def test_nodes_are_the_points_where_nothing_is_wrapped(model: Model) -> None:
-    from myomorph.rigid.kinematics import forward_kinematics
+    from myomorph.core.rigid.kinematics import forward_kinematics
 
     paths = compile_paths(model)
     coordinates = poses(model)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from path_models import QUADRANTS, Surface, Way, opensim_kinematics, opensim_model
 
-from myomorph.io.formats import read_model
-from myomorph.muscles.path import compile_paths
+from myomorph.core.io.formats import read_model
+from myomorph.core.muscles.path import compile_paths
 
 opensim = pytest.importorskip("opensim")
 FRAMES = 150

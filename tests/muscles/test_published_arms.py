@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.scale import scale
-from myomorph.muscles.published_arms import BANDS, TOLERANCE, arm_warnings, knee_arms
-from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.info.inspect import inspect
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.scale import scale
+from myomorph.core.muscles.published_arms import BANDS, TOLERANCE, arm_warnings, knee_arms
+from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.info.inspect import inspect
 
 RAJAGOPAL = "rajagopal-walk-emg/raw/Rajagopal2016.osim"
 WITHIN = (

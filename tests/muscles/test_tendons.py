@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mujoco_models import MYO_SIM, State, compiled, load, random_motion
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import muscle_kinematics
 
 mujoco = pytest.importorskip("mujoco")
 FRAMES = 4

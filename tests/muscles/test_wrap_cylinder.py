@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.muscles.wrap_cylinder import MANDATORY, NO_WRAP, wrap_cylinder
-from myomorph.rigid.kernels import kernel
+from myomorph.core.muscles.wrap_cylinder import MANDATORY, NO_WRAP, wrap_cylinder
+from myomorph.core.rigid.kernels import kernel
 
 ANGLE = np.deg2rad(170.0)
 

@@ -5,8 +5,15 @@ string.
 import numpy as np
 import pytest
 
-from myomorph.model.spatial import axis_rotation
-from myomorph.muscles.wrap_tendon import BEFORE_FOUR, CYLINDER, FOUR, NO_SIDE, SPHERE, wrap_tendon
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.muscles.wrap_tendon import (
+    BEFORE_FOUR,
+    CYLINDER,
+    FOUR,
+    NO_SIDE,
+    SPHERE,
+    wrap_tendon,
+)
 
 mujoco = pytest.importorskip("mujoco")
 INSTALLED = FOUR if int(mujoco.__version__.split(".")[0]) >= 4 else BEFORE_FOUR

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.paths import Muscle
-from myomorph.muscles.curves import BELL, EXPONENTIAL, LOGARITHM, RATIO, Curve, Piece, Shape
-from myomorph.muscles.muscle_model import FiberCurves, MuscleModel, numbers
+from myomorph.core.model.paths import Muscle
+from myomorph.core.muscles.curves import BELL, EXPONENTIAL, LOGARITHM, RATIO, Curve, Piece, Shape
+from myomorph.core.muscles.muscle_model import FiberCurves, MuscleModel, numbers
 
 
 class Winters1995(MuscleModel):

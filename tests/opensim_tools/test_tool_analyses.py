@@ -11,12 +11,12 @@ import sys
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.sto import read_sto, write_sto
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.series import Table
-from myomorph.opensim_tools.run import run_tool
-from myomorph.opensim_tools.states import even_times
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import read_sto, write_sto
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.series import Table
+from myomorph.exchange.opensim.run import run_tool
+from myomorph.exchange.opensim.states import even_times
 
 SMALL = "opensim-reference-small/"
 SETUP = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>{model}</model_file>
@@ -219,7 +219,7 @@ def test_orientations_come_back(data):
     model = read_model(data(SMALL + "arm26_bounds.osim"))
     assert model.muscles
     angles = np.random.default_rng(1).uniform(-1.5, 1.5, (20, 3))
-    from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_euler_xyz
+    from myomorph.core.model.spatial import euler_xyz_from_rotation, rotation_from_euler_xyz
 
     rotations = np.stack([rotation_from_euler_xyz(one) for one in angles])
     np.testing.assert_allclose(euler_xyz_from_rotation(rotations), angles, atol=1e-12)

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.sto import read_sto, write_sto
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.opensim_tools.run import run_tool
+from myomorph.core.io.sto import read_sto, write_sto
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.exchange.opensim.run import run_tool
 
 SMALL = "opensim-reference-small/"
 STUDY = "walk-so-jointload-emg/"

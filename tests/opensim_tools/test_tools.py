@@ -7,15 +7,15 @@ import shutil
 import numpy as np
 import pytest
 
-from myomorph.cli.program import main
-from myomorph.io.formats import read_model
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, BadFile
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.opensim_tools.bodies import FIBERS
-from myomorph.opensim_tools.outputs import write_outputs
-from myomorph.opensim_tools.run import run_tool
-from myomorph.opensim_tools.states import stepped
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.exchange.opensim.bodies import FIBERS
+from myomorph.exchange.opensim.outputs import write_outputs
+from myomorph.exchange.opensim.run import run_tool
+from myomorph.exchange.opensim.states import stepped
+from myomorph.lab.cli.program import main
 
 ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>arm26.osim</model_file>
 <results_directory>Results</results_directory><initial_time>0.25</initial_time><final_time>0.3</final_time>

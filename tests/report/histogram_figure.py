@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.report.charts.axis import number
-from myomorph.report.charts.marks import drawing, frame, grid_along, grid_up, rect, text
-from myomorph.report.page.page import rendered
-from myomorph.report.page.parts import Figure, PageHead, Section
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.charts.marks import drawing, frame, grid_along, grid_up, rect, text
+from myomorph.lab.report.page.page import rendered
+from myomorph.lab.report.page.parts import Figure, PageHead, Section
 
 
 def histogram(title, unit, values, bins=8):

@@ -11,7 +11,7 @@ import pytest
 from lxml import etree
 
 from browser import Browser, browser_program
-from myomorph.report.trial.trial_page import report_page
+from myomorph.lab.report.trial.trial_page import report_page
 from walker import everything
 
 

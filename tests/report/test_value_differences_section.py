@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from myomorph.report.charts.axis import number
-from myomorph.report.study.study_input import StudyInput, ValueDifference
-from myomorph.report.study.study_page import study_page
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.study.study_input import StudyInput, ValueDifference
+from myomorph.lab.report.study.study_page import study_page
 
 NAN = float("nan")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.rigid.kinematics import body_motion
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.kinematics import body_motion
+from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, random_tree
 
 

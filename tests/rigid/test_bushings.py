@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.paths import Bushing
-from myomorph.model.scale import scale
-from myomorph.model.spatial import Transform
-from myomorph.rigid.bushings import bushing_forces, deflection
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.paths import Bushing
+from myomorph.core.model.scale import scale
+from myomorph.core.model.spatial import Transform
+from myomorph.core.rigid.bushings import bushing_forces, deflection
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import random_rotation, random_tree
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles, looped_tree
-from myomorph.model.errors import BadData
-from myomorph.model.series import Motion, Series
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.loops import (
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.core.rigid.loops import (
     OPEN,
     close_loops,
     closed_motion,
@@ -21,7 +21,7 @@ from myomorph.rigid.loops import (
     closure_rates,
     loop_torques,
 )
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.tree import compile_tree
 
 
 def cranked(model, frames=7):

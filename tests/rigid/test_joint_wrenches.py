@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 
 from looped import looped_tree
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.series import Motion
-from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
-from myomorph.rigid.forward import (
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.series import Motion
+from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
+from myomorph.core.rigid.forward import (
     balancing_multipliers,
     forward_accelerations,
     gathered,
     loop_wrenches,
 )
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import (
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.loops import (
     close_loops,
     closed_motion,
     closure_jacobian,
     closure_rates,
     free_coordinates,
 )
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, random_tree, swinging, to_pinocchio
 
 

@@ -19,13 +19,15 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import NumbaError
 
 from myomorph import __version__
-from myomorph.rigid import kernels
-from myomorph.rigid.kernels import PACKAGE, KernelFile, kernel_folder, signatures_on_disk
+from myomorph.core.rigid import kernels
+from myomorph.core.rigid.kernels import PACKAGE, KernelFile, kernel_folder, signatures_on_disk
 
-DOUBLE = "from myomorph.rigid.kernels import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
+DOUBLE = (
+    "from myomorph.core.rigid.kernels import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
+)
 CALL = """
 import sys
-from myomorph.rigid.kernels import kernel, signatures_on_disk
+from myomorph.core.rigid.kernels import kernel, signatures_on_disk
 from doubled import double
 sys.stdin.readline()
 assert double(2) == 4 and double(1.5) == 3.0
@@ -36,7 +38,7 @@ IMPORT = """
 import os
 from numba.core import caching
 before = {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
-import myomorph.tension.solve, myomorph.motion.ik
+import myomorph.core.tension.solve, myomorph.core.motion.ik
 assert before == {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
 assert not os.path.exists(os.environ["NUMBA_CACHE_DIR"])
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from myomorph.rigid.knees import flexion_coordinate, knee_joints
+from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
 from stick_figure import stick_figure
 
 

@@ -9,14 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.functions import SineProduct, constant, polynomial, simm_spline
-from myomorph.model.model import Axis, Coupler
-from myomorph.model.series import Wrenches
-from myomorph.rigid.coordinates import compile_functions, couple_frames, evaluate, gather_dependents
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.model.functions import SineProduct, constant, polynomial, simm_spline
+from myomorph.core.model.model import Axis, Coupler
+from myomorph.core.model.series import Wrenches
+from myomorph.core.rigid.coordinates import (
+    compile_functions,
+    couple_frames,
+    evaluate,
+    gather_dependents,
+)
+from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import functional_tree, random_tree, swinging
 
 

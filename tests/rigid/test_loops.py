@@ -17,14 +17,14 @@ from looped import (
     mujoco_constraints,
     pinocchio_rates,
 )
-from myomorph.io.formats import read_model
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.errors import BadData
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.rigid import loops
-from myomorph.rigid.coordinates import couple_frames, couple_rates_frames
-from myomorph.rigid.loop_kernels import half_rotation
-from myomorph.rigid.loops import (
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.rigid import loops
+from myomorph.core.rigid.coordinates import couple_frames, couple_rates_frames
+from myomorph.core.rigid.loop_kernels import half_rotation
+from myomorph.core.rigid.loops import (
     close_loops,
     closure,
     closure_jacobian,
@@ -33,7 +33,7 @@ from myomorph.rigid.loops import (
     loop_basis,
     project_rates,
 )
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.tree import compile_tree
 
 SEEDS = range(3)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from trees import random_tree, to_mujoco, to_pinocchio
 
 TOLERANCE = 1e-9

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from test_laws import mechanical_energy
 
-from myomorph.io.formats import read_model
-from myomorph.model.series import Motion
-from myomorph.rigid.coordinates import couple_frames, gather_dependents
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.series import Motion
+from myomorph.core.rigid.coordinates import couple_frames, gather_dependents
+from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from opensim_inverse import opensim_torques
 from real_models import MODELS
 from trees import swinging

@@ -10,16 +10,21 @@ from test_oracles import moving
 from test_real_models import middling
 
 from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import GROUND
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.model.spatial import Transform
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.regressor import base_regressor, base_wrench, reference_points, regressor_blocks
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import GROUND
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.model.spatial import Transform
+from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.regressor import (
+    base_regressor,
+    base_wrench,
+    reference_points,
+    regressor_blocks,
+)
+from myomorph.core.rigid.tree import compile_tree
 from opensim_inverse import opensim_torques
 from real_models import MODELS
 from trees import (

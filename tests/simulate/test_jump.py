@@ -8,15 +8,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate import jump as jump_recording
-from myomorph.simulate.jump import LEG_MARKERS, QUIET, SHOULDER, WINDOW, jump_study, mirrored_name
+from myomorph.core.model.errors import BadData
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.core.motion.sync import cut, resample_wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.show.simulate import jump as jump_recording
+from myomorph.show.simulate.jump import (
+    LEG_MARKERS,
+    QUIET,
+    SHOULDER,
+    WINDOW,
+    jump_study,
+    mirrored_name,
+)
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertia_matrices, pseudo_inertias
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.laboratory import Noise, simulate
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertia_matrices, pseudo_inertias
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.swings.simulate.laboratory import Noise, simulate
 from truths.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint, on_true_clock
 
 QUIET = Noise(marker=0.0, force=0.0)

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_placements import MarkedWeight
-from myomorph.contact.plates import plate_wrench
-from myomorph.io.c3d.read import read_c3d
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadModel
-from myomorph.model.series import Markers
-from myomorph.model.spatial import Transform
-from myomorph.morph.registration.clusters import find_balls
-from myomorph.morph.registration.rigid import Surface
-from myomorph.simulate.laboratory import (
+from myomorph.core.contact.plate_placements import MarkedWeight
+from myomorph.core.contact.plates import plate_wrench
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadModel
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import Transform
+from myomorph.core.surfaces.clusters import find_balls
+from myomorph.core.surfaces.rigid_registration import Surface
+from myomorph.swings.simulate.laboratory import (
     BALL,
     BONES,
     ROD,
@@ -32,8 +32,8 @@ from myomorph.simulate.laboratory import (
     write_scans,
     write_swing_c3d,
 )
-from myomorph.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
-from myomorph.viscosity.study.calibration import PlateFiles, calibrate, read_picks
+from myomorph.swings.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
+from myomorph.swings.viscosity.study.calibration import PlateFiles, calibrate, read_picks
 
 pytest.importorskip("myo_sim")
 

@@ -10,21 +10,25 @@ import mujoco
 import numpy as np
 import pytest
 
-from myomorph.contact.pair import action_reaction, grip_between
-from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.join import part_of
-from myomorph.model.series import Series
-from myomorph.motion.filters import differentiate
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate import pair as made
-from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.fighter import (
+from myomorph.core.contact.pair import action_reaction, grip_between
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.join import part_of
+from myomorph.core.model.series import Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.muscles.hill import hill_forces
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.tension.terms.emg import EmgTarget
+from myomorph.show.simulate import pair as made
+from myomorph.show.simulate.bout import FEET, GRIPS
+from myomorph.show.simulate.fighter import (
     GRIP,
     LAPEL,
     PARTS,
@@ -34,11 +38,7 @@ from myomorph.simulate.fighter import (
     marker_points,
     segments,
 )
-from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.show.simulate.pair import PairOptions, pair_sites, virtual_pair
 from truths.part_tension import tension_of
 
 CUTOFF = 6.0

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from myomorph.io.mjcf.read import read_mjcf
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData, BadModel
-from myomorph.model.inertia import inertia_matrices, pseudo_inertias
-from myomorph.model.paths import Path as MusclePath
-from myomorph.model.paths import PathWrap
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.simulate.laboratory import Noise, Sampled, write_recording
-from myomorph.simulate.limb import HeldLimb, specimen_mjcf, tendon_wraps, with_scaled_muscles
-from myomorph.simulate.shoulder import (
+from myomorph.core.io.mjcf.read import read_mjcf
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.inertia import inertia_matrices, pseudo_inertias
+from myomorph.core.model.paths import Path as MusclePath
+from myomorph.core.model.paths import PathWrap
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.swings.simulate.laboratory import Noise, Sampled, write_recording
+from myomorph.swings.simulate.limb import HeldLimb, specimen_mjcf, tendon_wraps, with_scaled_muscles
+from myomorph.swings.simulate.shoulder import (
     BASE,
     FIRST,
     FURTHER,
@@ -32,9 +32,9 @@ from myomorph.simulate.shoulder import (
     arm_specimen,
     virtual_specimen,
 )
-from myomorph.viscosity.cohort import SPECIMENS
-from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.specimen.muscles import fig1_muscles
+from myomorph.swings.viscosity.cohort import SPECIMENS
+from myomorph.swings.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.swings.viscosity.specimen.muscles import fig1_muscles
 
 pytest.importorskip("myo_sim")
 
@@ -184,8 +184,8 @@ def test_files_say_what_the_specimen_is(made: VirtualSpecimen, tmp_path) -> None
 
 
 def test_example_study_is_written_and_read(tmp_path) -> None:
-    from myomorph.demo.shoulder import write_shoulder_study
-    from myomorph.viscosity.study.plan import read_viscosity_plan
+    from myomorph.swings.demo import write_shoulder_study
+    from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 
     path = write_shoulder_study(tmp_path / "here", (3,), seconds=1.0, trials=1)
     raw = tomllib.loads(path.read_text())

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
-from myomorph.store.contact_store import (
+from myomorph.core.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.lab.store.contact_store import (
     get_contact_forces,
     get_contacts,
     put_contact_forces,
     put_contacts,
 )
-from myomorph.store.results import new_result, read_result
+from myomorph.lab.store.results import new_result, read_result
 
 TIME = np.arange(4) / 100.0
 SITES = (

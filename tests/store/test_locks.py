@@ -12,13 +12,13 @@ import sys
 import pytest
 
 from myomorph import __version__
-from myomorph.model.errors import BadData, BadFile
-from myomorph.store.locks import FORMAT, MARK, folder_lock, read_mark, study_lock
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.store.locks import FORMAT, MARK, folder_lock, read_mark, study_lock
 
 HOLD = """
 import sys
 from pathlib import Path
-from myomorph.store.locks import {lock}
+from myomorph.lab.store.locks import {lock}
 with {lock}(Path({folder!r})):
     print("held", flush=True)
     sys.stdin.read()

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.store.results import read_result
-from myomorph.study.inputs.input import OptionSet
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.step.step import step_of
-from myomorph.study.trial.reporting import report_input
-from myomorph.study.trial.run_trial import TrialSteps
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs.input import OptionSet
+from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.step.step import step_of
+from myomorph.lab.study.trial.reporting import report_input
+from myomorph.lab.study.trial.run_trial import TrialSteps
+from myomorph.lab.study.trial.trial_inputs import open_trial
 
 STEPS = ("ik", "id", "muscles", "tension")
 """Those of the version that wrote the file."""
@@ -62,7 +62,7 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     path.write_text(STUDY, encoding="utf-8")
     plan = read_plan(path)
     monkeypatch.setattr(
-        "myomorph.store.results.__version__", read_result(OLD).provenance["ik"].version
+        "myomorph.lab.store.results.__version__", read_result(OLD).provenance["ik"].version
     )
     trial = open_trial(plan.trials[0], plan.settings)
     home = arm.folder / "there"
@@ -75,7 +75,7 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     # The criterion weighs loads of knees since (decision 29), so tensions are computed again, and
     # it is said why.
     assert "tension.joint_load_joints None -> knees" in reasons["tension"]
-    monkeypatch.setattr("myomorph.store.results.__version__", "99.0")
+    monkeypatch.setattr("myomorph.lab.store.results.__version__", "99.0")
     version = read_result(OLD).provenance["ik"].version
     assert all(
         reasons[0] == f"version {version} -> 99.0"

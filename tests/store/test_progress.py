@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from myomorph.store import progress as module
-from myomorph.store.progress import progress
+from myomorph.lab.store import progress as module
+from myomorph.lab.store.progress import progress
 
 
 class Terminal(io.StringIO):

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from myomorph.model.errors import BadFile
-from myomorph.model.provenance import Provenance, Source
-from myomorph.model.series import Emg, Event, Motion, Series, Wrenches
-from myomorph.motion.ik import KinematicsFit
-from myomorph.store import netcdf
-from myomorph.store import stored as store
-from myomorph.store.results import (
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.provenance import Provenance, Source
+from myomorph.core.model.series import Emg, Event, Motion, Series, Wrenches
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.lab.store import netcdf
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.results import (
     file_source,
     new_result,
     provenance_of,

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import myomorph
-from myomorph.demo.arm import ExampleFiles
+from myomorph.show.demo.arm import ExampleFiles
 
 EXTRA = ("xarray", "h5netcdf", "pandas")
 PROGRAM = """
@@ -15,8 +15,8 @@ for name in sys.argv[1].split():
     sys.modules[name] = None
 from pathlib import Path
 import myomorph as mm
-from myomorph.cli import main
-from myomorph.model.errors import MissingPackage
+from myomorph.lab.cli import main
+from myomorph.core.model.errors import MissingPackage
 model, markers, folder = sys.argv[2:]
 out = str(Path(folder) / "walk" / "coordinates.mot")
 Path(out).parent.mkdir()

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import read_only
-from myomorph.model.contacts import Cone, Generators, tangents
+from myomorph.core.model.arrays import read_only
+from myomorph.core.model.contacts import Cone, Generators, tangents
 
 
 @read_only

@@ -18,11 +18,11 @@ import numpy as np
 import piqp
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array
-from myomorph.model.contacts import Cone, tangents
-from myomorph.tension.problem import TensionProblem
-from myomorph.tension.terms.contacts import MEASURED_COST
-from myomorph.tension.terms.emg import STIFFNESS, EmgTarget
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.contacts import Cone, tangents
+from myomorph.core.tension.problem import TensionProblem
+from myomorph.core.tension.terms.contacts import MEASURED_COST
+from myomorph.core.tension.terms.emg import STIFFNESS, EmgTarget
 
 Cost: TypeAlias = tuple[Array, Array]
 """(H, c): H (n,) its diagonal or (n, n), c (n,)."""

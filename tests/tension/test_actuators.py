@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import UnknownName
-from myomorph.model.model import Actuator
-from myomorph.model.scale import scale
-from myomorph.motion.lengths import length_unit
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.terms.actuators import (
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import UnknownName
+from myomorph.core.model.model import Actuator
+from myomorph.core.model.scale import scale
+from myomorph.core.motion.lengths import length_unit
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.terms.actuators import (
     body_directions,
     compile_body_actuators,
     default_reserves,

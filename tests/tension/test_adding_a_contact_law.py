@@ -11,14 +11,14 @@ import pytest
 from tests.tension.ellipse_law import FrictionEllipse
 from walking import full, soles, walk
 
-from myomorph.model import contacts as model_contacts
-from myomorph.model.contacts import Cone, Site, contact_law, register_law
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.store.contact_store import _plain_site, _site
-from myomorph.study.inputs.contact_file import read_contacts
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.model import contacts as model_contacts
+from myomorph.core.model.contacts import Cone, Site, contact_law, register_law
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.lab.store.contact_store import _plain_site, _site
+from myomorph.lab.study.inputs.contact_file import read_contacts
 
 FILE = """
 feet = false

@@ -12,14 +12,14 @@ import pytest
 from readable import Program, frame_program, solve_program
 from walking import task, walk
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import Actuator, index_of
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.terms.actuators import default_reserves
-from myomorph.tension.terms.emg import EmgTarget
-from myomorph.tension.terms.term import (
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.model import Actuator, index_of
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.terms.actuators import default_reserves
+from myomorph.core.tension.terms.emg import EmgTarget
+from myomorph.core.tension.terms.term import (
     Columns,
     Frames,
     Penalties,

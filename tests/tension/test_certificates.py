@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import contact_activations, find_contacts
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.contacts import Cone, SharedWrench, Site
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.frames import over_frames
-from myomorph.tension.certificates import (
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.contact.states import contact_activations, find_contacts
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.contacts import Cone, SharedWrench, Site
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.tension.certificates import (
     CertificateOptions,
     SolvedFrames,
     axis_words,
@@ -30,11 +30,11 @@ from myomorph.tension.certificates import (
     open_bounds,
     solved_frames,
 )
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.separable import Separable, pattern
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.reaction import joint_reactions
+from myomorph.core.tension.separable import Separable, pattern
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.tension.terms.emg import EmgTarget
 from standing import WEIGHT, block, legs, standing_still
 from truths.optimality import cost_slope, optimality
 

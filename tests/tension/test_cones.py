@@ -12,14 +12,14 @@ from readable import friction_cone
 from scipy.optimize import nnls
 from walking import full
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.contacts import Cone, Site, tangents
-from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.terms.cones import compile_cones
-from myomorph.tension.terms.contacts import ContactTask, ContactTerm
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.contacts import Cone, Site, tangents
+from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.terms.cones import compile_cones
+from myomorph.core.tension.terms.contacts import ContactTask, ContactTerm
 
 FOOT = [[0.0, 0.0, -0.02], [0.0, 0.0, 0.02], [0.17, 0.0, 0.0]]
 

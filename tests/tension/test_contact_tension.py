@@ -12,22 +12,22 @@ import scipy.sparse as sp
 from readable import Program, frame_program, solve_program
 from walking import SOLE, full, soles, task, walk
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.contacts import Cone, SharedWrench, Site
-from myomorph.model.errors import BadData, BadModel
-from myomorph.model.join import join_models, join_motions
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.loops import closed_motion
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.solve import solve_contacts, solve_tension
-from myomorph.tension.tension import TensionOptions, contact_notes, missing_support
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.contacts import Cone, SharedWrench, Site
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.loops import closed_motion
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.solve import solve_contacts, solve_tension
+from myomorph.core.tension.tension import TensionOptions, contact_notes, missing_support
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.tension.terms.emg import EmgTarget
 
 FRAMES = slice(150, 1150, 90)
 

@@ -10,11 +10,11 @@ import scipy.sparse as sp
 from readable import frame_program
 from walking import task, walk
 
-from myomorph.model.series import Motion, Series
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.solve import solve_tension
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.dual import OPTIMAL
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.solve import solve_tension
 
 
 @pytest.fixture(scope="module")

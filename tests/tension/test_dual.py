@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from readable import balance, effort, nearness, program, solve_program
 
-from myomorph.model.arrays import frozen_array
-from myomorph.rigid.kernels import kernel
-from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, _step, solve_separable
-from myomorph.tension.separable import Separable, no_links, pattern
+from myomorph.core.model.arrays import frozen_array
+from myomorph.core.rigid.kernels import kernel
+from myomorph.core.tension.dual import INFEASIBLE, MISSING, OPTIMAL, _step, solve_separable
+from myomorph.core.tension.separable import Separable, no_links, pattern
 
 
 def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lower: float = 0.01):

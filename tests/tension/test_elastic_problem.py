@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.tension.dual import MISSING, OPTIMAL, STALLED
-from myomorph.tension.elastic import problem
+from myomorph.core.tension.dual import MISSING, OPTIMAL, STALLED
+from myomorph.core.tension.elastic import problem
 
 
 @pytest.mark.parametrize(("solved", "status"), [(True, OPTIMAL), (False, STALLED)])

@@ -11,25 +11,25 @@ import pytest
 from scipy.optimize import minimize
 from walking import task, walk
 
-import myomorph.tension.elastic.problem as elastic
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
-from myomorph.muscles.hill import compile_hill, muscle_model
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.problem import TensionInputs
-from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.recruitment import joint_load_term
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.co_contraction import CoContractionTerm
-from myomorph.tension.terms.emg import EmgTarget
-from myomorph.tension.terms.term import Rows, Term
+import myomorph.core.tension.elastic.problem as elastic
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.fiber_jets import FLOOR, SLACKENED, TONE
+from myomorph.core.muscles.hill import compile_hill, muscle_model
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.problem import TensionInputs
+from myomorph.core.tension.reaction import joint_reactions
+from myomorph.core.tension.recruitment import joint_load_term
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.co_contraction import CoContractionTerm
+from myomorph.core.tension.terms.emg import EmgTarget
+from myomorph.core.tension.terms.term import Rows, Term
 
 ARM = "opensim-reference-small/"
 DEGROOTE = "DeGrooteFregly2016Muscle"

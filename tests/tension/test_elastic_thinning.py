@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.elastic.windows import FASTEST, along, picked, solved_every
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.elastic.windows import FASTEST, along, picked, solved_every
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
 
 ARM = "opensim-reference-small/"
 ELASTIC = TensionOptions(tendons="elastic")

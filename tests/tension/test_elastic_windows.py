@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.tension.elastic import windows
-from myomorph.tension.elastic.interior import Outcome
-from myomorph.tension.elastic.program import Point
+from myomorph.core.tension.elastic import windows
+from myomorph.core.tension.elastic.interior import Outcome
+from myomorph.core.tension.elastic.program import Point
 
 ZERO = Point(np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 1)))
 OTHER = Point(

@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.model import Model
-from myomorph.model.paths import Muscle, Path
-from myomorph.muscles.hill import compile_elastic
-from myomorph.tension.elastic.program import elements, integrate
+from myomorph.core.model.model import Model
+from myomorph.core.model.paths import Muscle, Path
+from myomorph.core.muscles.hill import compile_elastic
+from myomorph.core.tension.elastic.program import elements, integrate
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
 FRAMES = 7

@@ -11,25 +11,25 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_activation import LIKELIHOOD_95, EmgCalibration, shaped, uncalibrated
-from myomorph.motion.filters import differentiate, lowpass
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension import emg_calibration
-from myomorph.tension.emg_calibration import calibrate_emg
-from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
-from myomorph.tension.emg_groups import kept_level
-from myomorph.tension.emg_held_out import WEIGHTS, EmgTrial, HeldOut
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.tension.emg_tracking import _bounded
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.task import EmgRecording, emg_targets_of
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.body.tension import emg_calibration
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_groups import kept_level
+from myomorph.body.tension.emg_held_out import WEIGHTS, EmgTrial, HeldOut
+from myomorph.body.tension.task import EmgRecording, emg_targets_of
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Emg, Motion, Series
+from myomorph.core.motion.emg_activation import LIKELIHOOD_95, EmgCalibration, shaped, uncalibrated
+from myomorph.core.motion.filters import differentiate, lowpass
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.emg_conflicts import APART, conflict_line, emg_conflicts
+from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.core.tension.emg_tracking import _bounded
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.emg import EmgTarget
 
 ARM = "opensim-reference-small/"
 DELAY = 0.06

@@ -9,13 +9,13 @@ import itertools
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_activation import channel_means, shifted
-from myomorph.motion.filters import differentiate, lowpass
-from myomorph.tension.emg_held_out import Swap, swap_lines, swapped_channels
-from myomorph.tension.solve import solve_tension
+from myomorph.body.tension.emg_held_out import Swap, swap_lines, swapped_channels
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.series import Emg, Motion, Series
+from myomorph.core.motion.emg_activation import channel_means, shifted
+from myomorph.core.motion.filters import differentiate, lowpass
+from myomorph.core.tension.solve import solve_tension
 
 
 @pytest.fixture(scope="module")

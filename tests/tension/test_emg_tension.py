@@ -9,15 +9,15 @@ import pytest
 from readable import frame_program, solve_program
 from walking import task, walk
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Emg, Series
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.emg_targets import EmgOptions
-from myomorph.tension.emg_tracking import tracked_frames
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Emg, Series
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.emg_targets import EmgOptions
+from myomorph.core.tension.emg_tracking import tracked_frames
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.emg import EmgTarget
 
 MUSCLES = ("soleus_r", "tibant_l", "gaslat_r", "recfem_r")
 

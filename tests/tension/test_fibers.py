@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from myomorph.tension.tension import Certificate, Fibers, Tension, TensionOptions, Unreachable
+from myomorph.core.tension.tension import Certificate, Fibers, Tension, TensionOptions, Unreachable
 from truths.part_tension import tension_of
 
 

@@ -5,14 +5,14 @@ over the floor.
 import numpy as np
 import pytest
 
-from myomorph.contact.plan import ContactPlan
-from myomorph.model.contacts import Cone, Site
-from myomorph.model.inertia import free_object
-from myomorph.model.join import join_models, join_motions
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
-from myomorph.tension.contact_setting import Measurements, set_contacts
-from myomorph.tension.terms.contacts import ContactOptions
+from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.inertia import free_object
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.tension.contact_setting import Measurements, set_contacts
+from myomorph.core.tension.terms.contacts import ContactOptions
 
 
 def test_a_palm_on_a_box_that_rises():

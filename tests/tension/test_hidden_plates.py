@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from measured_walk import measured_walk
-from myomorph.contact.states import (
+from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
     contact_activations,
     find_contacts,
     preferred_directions,
 )
-from myomorph.motion.sync import cut, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.motion.sync import cut, resample_wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from test_elements import arrays
 
-from myomorph.tension.elastic.interior import Solver, _not_negative
-from myomorph.tension.elastic.program import Costs, Point, Program, Rates
+from myomorph.core.tension.elastic.interior import Solver, _not_negative
+from myomorph.core.tension.elastic.program import Costs, Point, Program, Rates
 
 
 def test_the_nearest_curvature_that_is_not_negative_is_the_clipped_spectrum():

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.mesh import read_surfaces
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.model import GROUND
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.joint_contact import ContactPoint, joint_contact_forces, shared_force
-from myomorph.tension.knee_points import HALF_SPACING, knee_points
+from myomorph.core.io.mesh import read_surfaces
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.model import GROUND
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.joint_contact import ContactPoint, joint_contact_forces, shared_force
+from myomorph.core.tension.knee_points import HALF_SPACING, knee_points
 from trees import random_rotation, random_tree
 
 DOWN = np.array([0.0, -1.0, 0.0])

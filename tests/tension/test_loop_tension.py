@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData
-from myomorph.model.passive_dynamics import with_passive_dynamics
-from myomorph.model.paths import MovingPathPoint
-from myomorph.model.series import Series
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.loops import closed_motion, loop_torques
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.actuators import default_reserves
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.passive_dynamics import with_passive_dynamics
+from myomorph.core.model.paths import MovingPathPoint
+from myomorph.core.model.series import Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.hill import hill_forces
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.muscles.passive import passive_generalized_forces
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.loops import closed_motion, loop_torques
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.actuators import default_reserves
 
 FOLDER = "shoulder-thoracoscapular"
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")

@@ -8,13 +8,13 @@ import pytest
 from walking import walk
 
 from looped import four_bar
-from myomorph.identify.online import total_wrench
-from myomorph.model.errors import BadModel, UnknownName
-from myomorph.rigid.dynamics import OnlineDynamics, inverse_dynamics, motion_arrays
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.problem import OnlineTension
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
+from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.rigid.dynamics import OnlineDynamics, inverse_dynamics, motion_arrays
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.problem import OnlineTension
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.live.online_identification import total_wrench
 
 
 @pytest.mark.parametrize("passive", [False, True])

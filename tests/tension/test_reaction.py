@@ -10,32 +10,32 @@ import numpy as np
 import pytest
 
 from looped import looped_tree
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.model import GROUND, Actuator
-from myomorph.model.paths import Bushing
-from myomorph.model.segments import joint_labels
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.model.spatial import Transform
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.bushings import bushing_forces
-from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches
-from myomorph.rigid.forward import gathered
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.reaction import (
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.model import GROUND, Actuator
+from myomorph.core.model.paths import Bushing
+from myomorph.core.model.segments import joint_labels
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.bushings import bushing_forces
+from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches
+from myomorph.core.rigid.forward import gathered
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.reaction import (
     joint_reactions,
     of_actuators,
     of_bushings,
     of_muscles,
     of_wrenches,
 )
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.terms.actuators import body_directions, compile_body_actuators
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.terms.actuators import body_directions, compile_body_actuators
 from trees import random_rotation, random_tree, swinging
 
 WALK = "rajagopal-walk-emg/"

@@ -11,11 +11,11 @@ from scipy.optimize import linprog
 from test_dual import muscles, solve
 from test_solve import needed, walk
 
-from myomorph.model.errors import BadData
-from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.muscles import SECOND_STAGE
+from myomorph.core.model.errors import BadData
+from myomorph.core.tension.problem import TensionInputs, TensionProblem, tension_problem
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.muscles import SECOND_STAGE
 
 MINMAX = TensionOptions(recruitment="minmax")
 

@@ -10,20 +10,20 @@ from benchmarks.accuracy.tension.recruitment import CRITERIA
 from benchmarks.accuracy.tension.recruitment import ours as recruited
 from walking import walk
 
-from myomorph.contact.plan import ContactPlan
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.dynamics import inverse_dynamics, rates_of
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.contact_setting import Measurements
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.task import tension_task
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.actuators import default_reserves
-from myomorph.tension.terms.co_contraction import CoContractionTerm
+from myomorph.body.tension.task import tension_task
+from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.dynamics import inverse_dynamics, rates_of
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.contact_setting import Measurements
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.reaction import joint_reactions
+from myomorph.core.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.actuators import default_reserves
+from myomorph.core.tension.terms.co_contraction import CoContractionTerm
 from truths.recruitment_programs import solve_program
 from truths.recruitment_programs import walk as some_walk
 

@@ -7,25 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import contact_activations, find_contacts
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.contacts import Cone, Site
-from myomorph.model.errors import BadData
-from myomorph.model.series import Series
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.frames import over_frames
-from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.relaxation import (
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.contact.states import contact_activations, find_contacts
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.relaxation import (
     Allowance,
     relaxation_lines,
     relaxations,
     what_lacks,
     what_would_do,
 )
-from myomorph.tension.terms.contacts import ContactTask
+from myomorph.core.tension.terms.contacts import ContactTask
 from standing import MASS, WEIGHT, block, legs, standing_still
 
 STRICT = {"residual": 1e-6, "moment": 1e-6}

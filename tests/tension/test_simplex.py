@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from myomorph.tension.simplex import extremes
+from myomorph.core.tension.simplex import extremes
 
 
 def polytope(seed, rows=9, n=40):

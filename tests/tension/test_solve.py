@@ -9,22 +9,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import Tension, TensionOptions, passive_notes
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.actuators import read_actuators
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.model import Actuator, Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.muscles.hill import hill_forces
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import Tension, TensionOptions, passive_notes
 
 ARM = "opensim-reference-small/"
 WALK = "rajagopal-walk-emg/"

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.contacts import Cone, Site
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
 

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.contact.assign import Assignment, assign_bodies
-from myomorph.contact.site_motion import site_motion
-from myomorph.model.contacts import Site
-from myomorph.model.errors import check_name
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import external_arrays, joint_wrenches, motion_arrays
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.contact.assign import Assignment, assign_bodies
+from myomorph.core.contact.site_motion import site_motion
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.errors import check_name
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.dynamics import external_arrays, joint_wrenches, motion_arrays
+from myomorph.core.rigid.tree import compile_tree
 
 
 def assign_feet(

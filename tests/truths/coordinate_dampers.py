@@ -20,10 +20,10 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from myomorph.model.arrays import Array
-from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.identified_model import along_axes, joint_jacobian, share
+from myomorph.core.model.arrays import Array
+from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.swings.viscosity.identified_model import along_axes, joint_jacobian, share
 
 STILL = 1e-6
 """A coordinate whose root mean square rate is less does not tell its damping [rad/s]."""

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 from scipy.signal import periodogram
 
 import myomorph as mm
-from myomorph.model.arrays import Array
-from myomorph.viscosity.swings.sums import effective_samples
+from myomorph.core.model.arrays import Array
+from myomorph.swings.viscosity.swings.sums import effective_samples
 
 DAMPINGS = ("viscous", "coulomb", "quadratic")
 LAWS: tuple[tuple[str, ...], ...] = (

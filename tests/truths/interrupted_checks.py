@@ -57,7 +57,7 @@ def _table(path: Path) -> None:
 
 
 def _storage(path: Path) -> None:
-    from myomorph.io.sto import read_sto
+    from myomorph.core.io.sto import read_sto
 
     told = re.search(r"nRows=(\d+)", path.read_text(encoding="utf-8"))
     if told is None or len(read_sto(path)) != int(told.group(1)):

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.mjcf.write import text
-from myomorph.model.arrays import Array
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.inertia import inertia_matrices
-from myomorph.model.spatial import axis_rotation
-from myomorph.simulate.laboratory import (
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.mjcf.write import text
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.inertia import inertia_matrices
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.swings.simulate.laboratory import (
     SENSORS,
     Noise,
     Sampled,
@@ -35,8 +35,8 @@ from myomorph.simulate.laboratory import (
     measured_wrench,
     simulate,
 )
-from myomorph.viscosity.swings.motion import angular_motion, continuous
-from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
+from myomorph.swings.viscosity.swings.motion import angular_motion, continuous
+from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 
 
 def on_true_clock(wrenches: mm.Wrenches, noise: Noise) -> mm.Wrenches:

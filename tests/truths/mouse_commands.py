@@ -11,11 +11,11 @@ from functools import lru_cache
 from pathlib import Path
 
 import myomorph as mm
-from myomorph.io.osim.write import write_osim
-from myomorph.report.trial.summary_lines import tension_line
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.tension.tension import Tension
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.tension.tension import Tension
+from myomorph.lab.report.trial.summary_lines import tension_line
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 from truths.mouse_recordings import GAIT_LABELS, LOOSE, both_hindlimbs, gait_files
 
 STUDY = """

@@ -16,12 +16,12 @@ import numpy as np
 
 import myomorph as mm
 from data_collection import data_folder
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import constant, linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker
-from myomorph.model.paths import Muscle, PathPoint, PathWrap, WrapObject
-from myomorph.model.paths import Path as MusclePath
-from myomorph.model.spatial import Transform
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.functions import constant, linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Marker
+from myomorph.core.model.paths import Muscle, PathPoint, PathWrap, WrapObject
+from myomorph.core.model.paths import Path as MusclePath
+from myomorph.core.model.spatial import Transform
 
 FILE = "mouse-hindlimb-muscles/mouse_hindlimb.json"
 SPATIAL = ("translation1", "translation2", "translation3", "rotation1", "rotation2", "rotation3")

@@ -16,23 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 import myomorph as mm
-from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
-from myomorph.analysis.strides import Strides
-from myomorph.analysis.walking import walking_strides
-from myomorph.contact.plates import wrenches_from_plates
-from myomorph.io.mjcf.read import read_mjcf
-from myomorph.model.arrays import Array, runs
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.scale import scale
-from myomorph.morph.maps.linear import procrustes
-from myomorph.motion.calibration import Calibration
-from myomorph.motion.crossings import crossings, within_crossings
-from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.measurements import default_markers, place_markers
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.tension import Tension
+from myomorph.body.calibrate.calibration import Calibration
+from myomorph.core.contact.plates import wrenches_from_plates
+from myomorph.core.io.mjcf.read import read_mjcf
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.scale import scale
+from myomorph.core.motion.crossings import crossings, within_crossings
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.measurements import default_markers, place_markers
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.surfaces.linear_maps import procrustes
+from myomorph.core.tension.tension import Tension
+from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.analysis.walking import walking_strides
 from truths.mouse_recordings import (
     GAIT_LABELS,
     LOOSE,

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.io.mjcf.read import read_mjcf
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Coordinate, Joint, Marker
-from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.mirror.model import with_other_side
-from myomorph.morph.species.masses import with_markers_of
-from myomorph.motion.measurements import default_markers
-from myomorph.study.inputs.reading import fitted_to
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.mirror.model import with_other_side
+from myomorph.bones.morph.species.masses import with_markers_of
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.io.mjcf.read import read_mjcf
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import GROUND, Coordinate, Joint, Marker
+from myomorph.core.motion.measurements import default_markers
+from myomorph.core.surfaces.linear_maps import procrustes
+from myomorph.lab.study.inputs.reading import fitted_to
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 
 GAIT = "mouse-gait-c3d-force"

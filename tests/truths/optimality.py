@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
-from myomorph.tension.certificates import ON_BOUND, SolvedFrames, solved_frames
-from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.problem import TensionProblem
-from myomorph.tension.tension import Tension
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.tension.certificates import ON_BOUND, SolvedFrames, solved_frames
+from myomorph.core.tension.dual import OPTIMAL
+from myomorph.core.tension.problem import TensionProblem
+from myomorph.core.tension.tension import Tension
 
 
 @read_only

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.errors import UnknownName
-from myomorph.model.join import own_name
-from myomorph.tension.tension import Fibers, Tension
+from myomorph.core.model.errors import UnknownName
+from myomorph.core.model.join import own_name
+from myomorph.core.tension.tension import Fibers, Tension
 
 
 def tension_of(whole: Tension, part: str) -> Tension:

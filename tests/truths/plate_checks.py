@@ -9,18 +9,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import fdtrc as chance_above
 
-from myomorph.contact.plate_calibration import (
+from myomorph.core.contact.plate_placements import Placement
+from myomorph.core.contact.plates import plate_axes
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.series import PlateRecording
+from myomorph.core.model.spatial import vector_from_rotation
+from myomorph.swings.plate_calibration import (
     PlateCalibration,
     believed,
     calibrate_plate,
     residuals,
     sizes,
 )
-from myomorph.contact.plate_placements import Placement
-from myomorph.contact.plates import plate_axes
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import vector_from_rotation
 
 
 def pose_deviations(calibration: PlateCalibration) -> Array:

@@ -16,11 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 
 import myomorph as mm
-from myomorph.io.loads import read_external_loads
-from myomorph.model.arrays import Array
-from myomorph.muscles.hill import hill_forces
-from myomorph.tension.recruitment import RecruitmentOptions
-from myomorph.tension.terms.actuators import default_reserves, floating_joints
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.model.arrays import Array
+from myomorph.core.muscles.hill import hill_forces
+from myomorph.core.tension.recruitment import RecruitmentOptions
+from myomorph.core.tension.terms.actuators import default_reserves, floating_joints
 
 FOLDER = "rajagopal-walk-emg"
 CUTOFF = 6.0

@@ -15,13 +15,13 @@ import mujoco
 import numpy as np
 
 import myomorph as mm
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import write_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.arrays import Array
-from myomorph.model.series import Table
-from myomorph.viscosity.study.limb_files import DropFiles, LimbFiles
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import write_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Table
+from myomorph.swings.viscosity.study.limb_files import DropFiles, LimbFiles
 
 STEP = 5e-4
 RATE = 100.0

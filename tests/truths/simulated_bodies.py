@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 
 import myomorph as mm
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Coupler, Marker
-from myomorph.model.segments import segments_of
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Coupler, Marker
+from myomorph.core.model.segments import segments_of
 
 TETRAHEDRON = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 CLUSTERS = FrozenMap(

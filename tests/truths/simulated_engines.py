@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from myomorph.model.arrays import Array
+from myomorph.core.model.arrays import Array
 
 MARGIN = 4
 """Frames before and after the recording that finite differences of eighth order need."""
@@ -177,7 +177,7 @@ class SimbodyEngine:
     def __init__(self, person: mm.Model):
         import opensim
 
-        from myomorph.io.osim.write import write_osim
+        from myomorph.core.io.osim.write import write_osim
 
         opensim.Logger.setLevelString("Off")
         self.person = person

@@ -17,16 +17,16 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 import myomorph as mm
-from myomorph.model.arrays import Array
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.paths import Muscle
-from myomorph.model.sides import split_side
-from myomorph.muscles.fiber_equations import FIBER_LENGTH, Fibers
-from myomorph.muscles.fiber_states import equilibrium, fibers_of, state_names
-from myomorph.muscles.passive import joint_forces
-from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.paths import Muscle
+from myomorph.core.model.sides import split_side
+from myomorph.core.muscles.fiber_equations import FIBER_LENGTH, Fibers
+from myomorph.core.muscles.fiber_states import equilibrium, fibers_of, state_names
+from myomorph.core.muscles.passive import joint_forces
+from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.terms.emg import EmgTarget
 
 REACH = 0.15
 """Normalized fiber length by which a person's muscle may pass the range of the generic one."""

@@ -9,25 +9,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.inertial_sensors import InertialSensors
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.model.spatial import (
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import (
     quaternion_from_rotation,
     rotation_from_quaternion,
     rotation_from_vector,
     vector_from_rotation,
 )
-from myomorph.motion.filters import differentiate, natural_spline
-from myomorph.motion.sensors.mounting import earth_to_ground
-from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import free_coordinates
-from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.uncertainty.bodies import Draw, drawn_model
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import GROUPS, Sources
+from myomorph.core.motion.filters import differentiate, natural_spline
+from myomorph.core.motion.sensors.mounting import earth_to_ground
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.loops import free_coordinates
+from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.lab.uncertainty.bodies import Draw, drawn_model
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import GROUPS, Sources
 
 FIELD = (0.0, 0.4, -0.9)  # Magnetic field in the earth: east along x, north along y, z up.
 GRAVITY = 9.80665

@@ -17,12 +17,16 @@ import numpy as np
 from scipy.special import ndtr
 
 import myomorph as mm
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_inertial_parameters
-from myomorph.model.model import GROUND
-from myomorph.model.scale import scale
-from myomorph.model.segments import segments_of
-from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import (
+    inertial_parameters,
+    pseudo_inertias,
+    with_inertial_parameters,
+)
+from myomorph.core.model.model import GROUND
+from myomorph.core.model.scale import scale
+from myomorph.core.model.segments import segments_of
+from myomorph.core.motion.lengths import factors_of, lengths_of, mirrored_lengths
 from truths.simulated_engines import MARGIN, Engine
 
 EXTENTS = (1e-3, 0.2)

@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 import myomorph as mm
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import pseudo_inertias
-from myomorph.model.model import GROUND, Joint
-from myomorph.motion.lengths import segments_that_stretch
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.regressor import regressor_blocks
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import pseudo_inertias
+from myomorph.core.model.model import GROUND, Joint
+from myomorph.core.motion.lengths import segments_that_stretch
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.regressor import regressor_blocks
+from myomorph.core.rigid.tree import compile_tree
 from truths.simulated_subject import parameters_of
 
 

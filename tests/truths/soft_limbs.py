@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.io.mjcf.write import text
-from myomorph.model.arrays import Array
+from myomorph.core.io.mjcf.write import text
+from myomorph.core.model.arrays import Array
 
 RADIUS = 0.03  # Of soft tissue, as a ball [m].
 

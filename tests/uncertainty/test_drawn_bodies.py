@@ -7,19 +7,19 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
-from myomorph.model.paths import PathPoint
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import InverseKinematicsOptions, poses_near
-from myomorph.muscles.hill import compile_hill, compile_hill_as
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.muscles.path import compile_paths, compile_paths_as
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree, compile_tree_as
-from myomorph.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import GROUPS, Sources
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.paths import PathPoint
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.ik import InverseKinematicsOptions, poses_near
+from myomorph.core.muscles.hill import compile_hill, compile_hill_as
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.muscles.path import compile_paths, compile_paths_as
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree, compile_tree_as
+from myomorph.lab.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import GROUPS, Sources
 
 NONE = Sources(**{name: 0.0 for names in GROUPS.values() for name in names})
 

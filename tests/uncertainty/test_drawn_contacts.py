@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.contacts import Cone, Site
-from myomorph.model.series import Series
-from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.drawn_inputs import drawn_activations, drawn_sites
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.series import Series
+from myomorph.lab.uncertainty.bodies import Draw
+from myomorph.lab.uncertainty.drawn_inputs import drawn_activations, drawn_sites
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import Sources
 
 TIME = np.arange(0.0, 2.0, 0.01)
 SITES = tuple(

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadFile
-from myomorph.study.inputs.error_size_tables import (
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.study.inputs.error_size_tables import (
     HEAD,
     TABLE,
     read_error_sizes,
     tables_beside,
     write_error_sizes,
 )
-from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import NOTHING, ItemSize, Sources, source_sizes
+from myomorph.lab.uncertainty.bodies import Draw
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import NOTHING, ItemSize, Sources, source_sizes
 
 DRAWS = 400
 

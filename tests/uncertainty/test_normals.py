@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from myomorph.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.normals import Normals
 
 
 def test_each_of_equal_parts_holds_one_draw():

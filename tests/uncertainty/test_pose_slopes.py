@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.demo.arm import example_files
-from myomorph.io.formats import read_model, read_trial
-from myomorph.motion.ik import (
+from myomorph.core.io.formats import read_model, read_trial
+from myomorph.core.motion.ik import (
     InverseKinematicsOptions,
     inverse_kinematics,
     poses_near,
     tracked_markers,
 )
-from myomorph.uncertainty.online_errors import SlopeFinder
+from myomorph.live.online_errors import SlopeFinder
+from myomorph.show.demo.arm import example_files
 
 
 def test_what_they_leave_out_falls_with_the_square_of_the_errors(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtri
 
-from myomorph.uncertainty import spread as spreads
-from myomorph.uncertainty.spread import Draws, Spread, widened
+from myomorph.lab.uncertainty import spread as spreads
+from myomorph.lab.uncertainty.spread import Draws, Spread, widened
 
 TIME = np.arange(3) / 10.0
 NAMES = ("a", "b")

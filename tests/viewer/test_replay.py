@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 from tests.walker import having, shown
 
-from myomorph.model.contacts import ContactForces, Site
-from myomorph.model.errors import BadData
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.join import join_models, join_motions
-from myomorph.model.model import Marker
-from myomorph.model.series import Emg, ForcePlate, Markers, Motion
-from myomorph.model.surface import Surface
-from myomorph.report.scene.shapes import normals, outward, reduced, sphere
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.uncertainty.spread import Spread, Uncertainty
-from myomorph.viewer import replay_charts as charts
-from myomorph.viewer.replay import MuscleIndex
-from myomorph.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
-from myomorph.viewer.replay_scene import outline
-from myomorph.viewer.web_page import quaternions
+from myomorph.core.model.contacts import ContactForces, Site
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.model.model import Marker
+from myomorph.core.model.series import Emg, ForcePlate, Markers, Motion
+from myomorph.core.model.surface import Surface
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.report.scene.shapes import normals, outward, reduced, sphere
+from myomorph.lab.uncertainty.spread import Spread, Uncertainty
+from myomorph.lab.viewer import replay_charts as charts
+from myomorph.lab.viewer.replay import MuscleIndex
+from myomorph.lab.viewer.replay_body import SLACK, TIGHT, WEIGHT, PlayedBody, arrows, tubes
+from myomorph.lab.viewer.replay_scene import outline
+from myomorph.lab.viewer.web_page import quaternions
 from walker import GRAVITY, everything, model, motion, steps
 
 WAYS = ("up", "ahead", "right")

@@ -16,13 +16,13 @@ from PIL import Image
 from tests.walker import having
 
 from browser import Browser, browser_program, wait
-from myomorph.model.errors import BadData
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Marker
-from myomorph.model.series import ForcePlate, Markers
-from myomorph.report.trial.report_input import ReportInput
-from myomorph.uncertainty.spread import Spread, Uncertainty
-from myomorph.viewer.replay import Replay
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Marker
+from myomorph.core.model.series import ForcePlate, Markers
+from myomorph.lab.report.trial.report_input import ReportInput
+from myomorph.lab.uncertainty.spread import Spread, Uncertainty
+from myomorph.lab.viewer.replay import Replay
 from walker import everything
 
 pytest.importorskip("viser")

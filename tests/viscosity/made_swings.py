@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.inertia import inertia_matrices, parameters_of
-from myomorph.viscosity.swings.recording import SwingRecording
+from myomorph.core.model.inertia import inertia_matrices, parameters_of
+from myomorph.swings.viscosity.swings.recording import SwingRecording
 
 STEP = 0.01
 GRAVITY = np.array([0.0, -9.81, 0.0])

@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import inertia_matrices
-from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.trust.law import PassiveLaw, hinge_slopes, resistances
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import inertia_matrices
+from myomorph.swings.viscosity.swings.recording import SwingRecording
+from myomorph.swings.viscosity.trust.law import PassiveLaw, hinge_slopes, resistances
 from truths.mechanical_joint import moment_rows
 
 GRAVITY = np.array([0.0, -9.81, 0.0])

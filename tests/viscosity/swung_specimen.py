@@ -9,18 +9,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from myomorph.model.arrays import Array
-from myomorph.model.functions import linear
-from myomorph.model.inertia import inertia_matrices, inertial_parameters
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.limb import with_clusters
-from myomorph.viscosity.specimen.bodies import moved_parameters
-from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.functions import linear
+from myomorph.core.model.inertia import inertia_matrices, inertial_parameters
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.swings.simulate.limb import with_clusters
+from myomorph.swings.viscosity.specimen.bodies import moved_parameters
+from myomorph.swings.viscosity.specimen.model import (
+    Specimen,
+    SpecimenNames,
+    SwingTrial,
+    build_specimen,
+)
 
 STEP = 1e-3
 EVERY = 5

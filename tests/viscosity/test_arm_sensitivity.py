@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from swung_limb import LIMB, RATES, STARTS, law, released, swung
 
-from myomorph.model.errors import BadData
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.trust.moment_arms import (
+from myomorph.core.model.errors import BadData
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.trust.moment_arms import (
     MomentArmOptions,
     moment_arm_sensitivity,
     with_attachments,

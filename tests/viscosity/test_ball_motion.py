@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
-from myomorph.simulate.laboratory import Sampled
-from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.swings.motion import (
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.filters import differentiate
+from myomorph.swings.simulate.laboratory import Sampled
+from myomorph.swings.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.swings.viscosity.swings.motion import (
     angular_motion,
     continuous,
     differentiate_joint,

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from swung_limb import GRAVITY, LIMB, released
 
-from myomorph.model.errors import BadData
-from myomorph.viscosity.identification.base_load import BaseLoad, with_base_load
-from myomorph.viscosity.identification.budget import ErrorOptions
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.identification.instruments import Instruments
-from myomorph.viscosity.trust.checks import base_findings
+from myomorph.core.model.errors import BadData
+from myomorph.swings.viscosity.identification.base_load import BaseLoad, with_base_load
+from myomorph.swings.viscosity.identification.budget import ErrorOptions
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.instruments import Instruments
+from myomorph.swings.viscosity.trust.checks import base_findings
 
 OPTIONS = ViscosityOptions(draws=20)
 PLACE = np.array([0.04, 0.03, -0.05])

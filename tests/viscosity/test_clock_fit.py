@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.motion.clocks import ClockOptions
-from myomorph.motion.filters import natural_spline
-from myomorph.viscosity.swings.plate import wrench_clock
+from myomorph.core.model.errors import BadData
+from myomorph.core.motion.clocks import ClockOptions
+from myomorph.core.motion.filters import natural_spline
+from myomorph.swings.viscosity.swings.plate import wrench_clock
 
 PENDULUM = """
 <mujoco><option timestep="0.0005" integrator="RK4"/><worldbody><body>

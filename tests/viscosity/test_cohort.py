@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.provenance import Estimate
-from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, specimen_row
+from myomorph.core.model.provenance import Estimate
+from myomorph.swings.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, specimen_row
 from swing_cohort import published_row, specimens
 
 

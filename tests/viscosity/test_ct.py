@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.series import Markers
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.model.surface import Surface
-from myomorph.morph.maps.linear import Similarity
-from myomorph.viscosity.study.calibration import ScanFiles, model_from_scans, read_picks
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity
+from myomorph.swings.viscosity.study.calibration import ScanFiles, model_from_scans, read_picks
 from scans import cluster, made_scan
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
@@ -35,8 +35,8 @@ def specimen(data, tmp_path_factory):
     """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its
     markers truly are.
     """
-    from myomorph.io.mesh import read_mesh
-    from myomorph.morph.registration.clusters import bone_surface
+    from myomorph.core.io.mesh import read_mesh
+    from myomorph.core.surfaces.clusters import bone_surface
 
     folder = tmp_path_factory.mktemp("ct")
     model = read_osim(data(MODEL))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.viscosity.trust.cutoff import (
+from myomorph.core.model.errors import BadData
+from myomorph.swings.viscosity.trust.cutoff import (
     MAX_CUTOFF,
     MIN_CUTOFF,
     choice_of,

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.viscosity.identification.budget import ErrorOptions, disturbed
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
+from myomorph.swings.viscosity.identification.budget import ErrorOptions, disturbed
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.instruments import Instruments, estimate_instruments
 from truths.mechanical_joint import mechanical_joint
 
 DAMPING = 0.055

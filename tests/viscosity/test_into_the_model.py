@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from myomorph.demo.arm import osim_text
-from myomorph.io.mjcf.couplings import write_dampers
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
-from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.identified_model import dampers_of, joint_bushing
+from myomorph.core.io.mjcf.couplings import write_dampers
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.passive_dynamics import line_viscosity, with_passive_dynamics
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.passive import passive_generalized_forces
+from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.show.demo.arm import osim_text
+from myomorph.swings.viscosity.identified_model import dampers_of, joint_bushing
 from truths.coordinate_dampers import coordinate_damping, coordinate_stiffness
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"

@@ -9,13 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_limb import LAWS, LIMB, law, released, swung
 
-from myomorph.model.errors import UnknownName
-from myomorph.motion.filters import lowpass
-from myomorph.viscosity.identification.inertia import InertiaOptions
-from myomorph.viscosity.swings.sums import effective_samples
-from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
-from myomorph.viscosity.trust.freed import DRY, acting_law
-from myomorph.viscosity.trust.law import (
+from myomorph.core.model.errors import UnknownName
+from myomorph.core.motion.filters import lowpass
+from myomorph.swings.viscosity.identification.inertia import InertiaOptions
+from myomorph.swings.viscosity.swings.sums import effective_samples
+from myomorph.swings.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
+from myomorph.swings.viscosity.trust.freed import DRY, acting_law
+from myomorph.swings.viscosity.trust.law import (
     PassiveLaw,
     PassiveProblem,
     bounded_least_squares,
@@ -23,7 +23,7 @@ from myomorph.viscosity.trust.law import (
     law_columns,
     resistances,
 )
-from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws
+from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
 from truths.mechanical_joint import mechanical_joint
 
 AXIS = np.array([0.6, 0.0, 0.8])

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.core.model.errors import BadData, UnknownName
 from truths.decays import compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 TIME = np.arange(0.0, 20.0, 0.02)

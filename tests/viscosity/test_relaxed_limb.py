@@ -11,17 +11,22 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.cli.program import main
-from myomorph.model.errors import BadData, BadFile
-from myomorph.viscosity.relaxed.drops import activities, find_drops
-from myomorph.viscosity.relaxed.identify import LimbBody, fit_swings, identify_limb, quantities
-from myomorph.viscosity.relaxed.swing_equation import swing_equation
-from myomorph.viscosity.study.limb_files import limb_body
-from myomorph.viscosity.study.limb_step import read_limb
-from myomorph.viscosity.study.plan import read_viscosity_plan
-from myomorph.viscosity.study.run import run_viscosity
-from myomorph.viscosity.study.template import study_template
-from myomorph.viscosity.trust.law import PassiveLaw
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.cli.program import main
+from myomorph.swings.viscosity.relaxed.drops import activities, find_drops
+from myomorph.swings.viscosity.relaxed.identify import (
+    LimbBody,
+    fit_swings,
+    identify_limb,
+    quantities,
+)
+from myomorph.swings.viscosity.relaxed.swing_equation import swing_equation
+from myomorph.swings.viscosity.study.limb_files import limb_body
+from myomorph.swings.viscosity.study.limb_step import read_limb
+from myomorph.swings.viscosity.study.plan import read_viscosity_plan
+from myomorph.swings.viscosity.study.run import run_viscosity
+from myomorph.swings.viscosity.study.template import study_template
+from myomorph.swings.viscosity.trust.law import PassiveLaw
 from truths.relaxed_limbs import HOLD, MUSCLE, RATE, RelaxedLeg, drop_leg, leg_model, write_leg
 
 LEG = RelaxedLeg()

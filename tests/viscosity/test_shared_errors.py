@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from made_swings import Made, eleven, three_releases
 
-from myomorph.model.errors import BadData, BadFile
-from myomorph.store.settings import settings_of
-from myomorph.store.study_file import checked
-from myomorph.viscosity.identification.budget import ErrorOptions, disturbed
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.identification.shared_errors import with_shared_errors
-from myomorph.viscosity.study.plan import StudyOptions, viscosity_tables
-from myomorph.viscosity.study.template import write_template
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.store.settings import settings_of
+from myomorph.lab.store.study_file import checked
+from myomorph.swings.viscosity.identification.budget import ErrorOptions, disturbed
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.shared_errors import with_shared_errors
+from myomorph.swings.viscosity.study.plan import StudyOptions, viscosity_tables
+from myomorph.swings.viscosity.study.template import write_template
 from truths.mechanical_joint import mechanical_joint
 
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)

@@ -12,24 +12,24 @@ from scipy.spatial.transform import Rotation
 from swung_specimen import CENTER, NAMES, arm_model, limb_parameters
 
 from mujoco_models import compiled
-from myomorph.io.formats import read_model
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.model.errors import BadModel, UnknownName
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Model
-from myomorph.model.passive_dynamics import line_viscosity
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.limb import TRIANGLE, with_clusters
-from myomorph.viscosity.specimen.bodies import moved_parameters
-from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.specimen.muscles import FIGURE_1, fig1_muscles
-from myomorph.viscosity.swings.motion import lengthening, limb_motion
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Model
+from myomorph.core.model.passive_dynamics import line_viscosity
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.swings.simulate.limb import TRIANGLE, with_clusters
+from myomorph.swings.viscosity.specimen.bodies import moved_parameters
+from myomorph.swings.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.swings.viscosity.specimen.muscles import FIGURE_1, fig1_muscles
+from myomorph.swings.viscosity.swings.motion import lengthening, limb_motion
 
 AT_REST = Motion(np.zeros(1), (), np.zeros((1, 0)))
 THORACOSCAPULAR = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.viscosity.identification.identify import identify_specimen
-from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
-from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
-from myomorph.viscosity.swings.sums import swing_sums
+from myomorph.swings.viscosity.identification.identify import identify_specimen
+from myomorph.swings.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.swings.viscosity.identification.torque import (
+    counted_from,
+    neutral_position,
+    spring_misfit,
+)
+from myomorph.swings.viscosity.swings.sums import swing_sums
 from truths.mechanical_joint import mechanical_joint
 
 

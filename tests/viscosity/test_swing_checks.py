@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 from swung_limb import GRAVITY, LAWS, LIMB, released
 
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.trust.checks import condition_findings, plate_zero, recording_findings
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.trust.checks import (
+    condition_findings,
+    plate_zero,
+    recording_findings,
+)
 from truths.mechanical_joint import mechanical_joint
 
 

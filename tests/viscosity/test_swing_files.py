@@ -10,17 +10,22 @@ import numpy as np
 import pytest
 from swung_specimen import arm_specimen, swing
 
-from myomorph.contact.plate_placements import MarkedWeight
-from myomorph.io.c3d.write import write_c3d
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import write_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
-from myomorph.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Table, Wrenches
-from myomorph.model.spatial import axis_rotation
-from myomorph.viscosity.study.calibration import PlateFiles, calibrate, placed, plate_residuals
-from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
-from myomorph.viscosity.study.swing_files import (
+from myomorph.core.contact.plate_placements import MarkedWeight
+from myomorph.core.io.c3d.write import write_c3d
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import write_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording, Table, Wrenches
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.swings.viscosity.study.calibration import (
+    PlateFiles,
+    calibrate,
+    placed,
+    plate_residuals,
+)
+from myomorph.swings.viscosity.study.plan import SpecimenFiles, SwingFiles
+from myomorph.swings.viscosity.study.swing_files import (
     carrying,
     open_specimen,
     open_swing,
@@ -28,7 +33,7 @@ from myomorph.viscosity.study.swing_files import (
     turned,
     wrench_of_table,
 )
-from myomorph.viscosity.swings.plate import wrench_about
+from myomorph.swings.viscosity.swings.plate import wrench_about
 
 DOWN = np.array([0.0, -9.80665, 0.0])
 LABELS = [

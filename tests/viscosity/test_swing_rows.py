@@ -10,20 +10,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_specimen, limb_parameters, swing
 
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.model.spatial import Transform
-from myomorph.motion.clocks import Clock
-from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.swings.recording import (
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.clocks import Clock
+from myomorph.swings.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+from myomorph.swings.viscosity.swings.recording import (
     REACH,
     SwingRecording,
     swing_numbers,
     touched_frames,
     whole_frames,
 )
-from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import (
+from myomorph.swings.viscosity.tracking.track import track
+from myomorph.swings.viscosity.tracking.tracked import (
     TrackedSpecimen,
     TrackedTrial,
     TrackingOptions,

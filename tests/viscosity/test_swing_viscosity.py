@@ -9,15 +9,19 @@ import pytest
 from made_swings import MUSCLES, Made, eleven, inertia_columns, skew, swing, three_releases
 from scipy.spatial.transform import Rotation
 
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.inertia import pseudo_inertias
-from myomorph.viscosity.identification.condition import Influences, solve_condition
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
-from myomorph.viscosity.identification.torque import joint_viscosity, muscle_problem, torque_problem
-from myomorph.viscosity.swings import sums as swing_prediction
-from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.swings.sums import PLATE, swing_sums
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.inertia import pseudo_inertias
+from myomorph.swings.viscosity.identification.condition import Influences, solve_condition
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.swings.viscosity.identification.torque import (
+    joint_viscosity,
+    muscle_problem,
+    torque_problem,
+)
+from myomorph.swings.viscosity.swings import sums as swing_prediction
+from myomorph.swings.viscosity.swings.recording import SwingRecording
+from myomorph.swings.viscosity.swings.sums import PLATE, swing_sums
 
 BARE = Made(damping=0.05, stiffness=2.0)
 WHOLE = replace(BARE, mass=2.5, **eleven(np.random.default_rng(0)))

@@ -12,17 +12,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
 
-from myomorph.io.formats import read_model
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.limb import with_clusters
-from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
-from myomorph.viscosity.specimen.muscles import fig1_muscles
-from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackingOptions
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.swings.simulate.limb import with_clusters
+from myomorph.swings.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+from myomorph.swings.viscosity.specimen.muscles import fig1_muscles
+from myomorph.swings.viscosity.tracking.track import track
+from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen, TrackingOptions
 
 MARKERS_ONLY = TrackingOptions(clock=False, find_contact=False, center="model")
 SPECIMEN = arm_specimen()

@@ -10,17 +10,17 @@ import io
 import numpy as np
 import pytest
 
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadFile
-from myomorph.viscosity.cohort import MEAN, SPECIMENS, specimen_row
-from myomorph.viscosity.report.page import viscosity_page
-from myomorph.viscosity.report.specimen_report import (
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.swings.viscosity.cohort import MEAN, SPECIMENS, specimen_row
+from myomorph.swings.viscosity.report.page import viscosity_page
+from myomorph.swings.viscosity.report.specimen_report import (
     SpecimenReport,
     ViscosityInput,
     specimen_report,
 )
-from myomorph.viscosity.study import results as files
-from myomorph.viscosity.study.results import DIGITS, STORE, read_store, write_value
+from myomorph.swings.viscosity.study import results as files
+from myomorph.swings.viscosity.study.results import DIGITS, STORE, read_store, write_value
 from swing_cohort import MUSCLES, specimens
 
 COLUMNS = [

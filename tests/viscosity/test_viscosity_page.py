@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.provenance import Estimate
-from myomorph.report.charts.marks import Level
-from myomorph.report.charts.points import Cloud, xy_plot
-from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
-from myomorph.report.page.parts import Note
-from myomorph.viscosity.cohort import MEAN, SD, SPECIMENS, cohort
-from myomorph.viscosity.report.page import viscosity_page
-from myomorph.viscosity.report.specimen_report import (
+from myomorph.core.model.provenance import Estimate
+from myomorph.lab.report.charts.marks import Level
+from myomorph.lab.report.charts.points import Cloud, xy_plot
+from myomorph.lab.report.charts.rows import Beside, interval_bars, interval_rows
+from myomorph.lab.report.page.parts import Note
+from myomorph.swings.viscosity.cohort import MEAN, SD, SPECIMENS, cohort
+from myomorph.swings.viscosity.report.page import viscosity_page
+from myomorph.swings.viscosity.report.specimen_report import (
     ArmError,
     ArmSpread,
     CutoffScan,
@@ -28,7 +28,12 @@ from myomorph.viscosity.report.specimen_report import (
     ViscosityInput,
     specimen_report,
 )
-from myomorph.viscosity.report.tables import scientific, table_section, truth_grid, with_interval
+from myomorph.swings.viscosity.report.tables import (
+    scientific,
+    table_section,
+    truth_grid,
+    with_interval,
+)
 from swing_cohort import AXES, specimens
 
 

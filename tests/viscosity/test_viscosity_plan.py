@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.model.errors import BadFile
-from myomorph.viscosity.study.plan import read_viscosity_plan
+from myomorph.core.model.errors import BadFile
+from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 
 SMALLEST = """
 [study]

@@ -10,16 +10,16 @@ import json
 import numpy as np
 import pytest
 
-from myomorph.cli.program import main
-from myomorph.model.errors import BadData, BadFile
-from myomorph.study.run.dry_run import dry_run
-from myomorph.viscosity.cohort import SPECIMENS
-from myomorph.viscosity.report.specimen_report import specimen_report
-from myomorph.viscosity.study import specimen_step
-from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
-from myomorph.viscosity.study.results import read_store
-from myomorph.viscosity.study.run import graph_of, run_viscosity
-from myomorph.viscosity.study.specimen import Studied
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.cli.program import main
+from myomorph.lab.study.run.dry_run import dry_run
+from myomorph.swings.viscosity.cohort import SPECIMENS
+from myomorph.swings.viscosity.report.specimen_report import specimen_report
+from myomorph.swings.viscosity.study import specimen_step
+from myomorph.swings.viscosity.study.plan import StudyOptions, read_viscosity_plan
+from myomorph.swings.viscosity.study.results import read_store
+from myomorph.swings.viscosity.study.run import graph_of, run_viscosity
+from myomorph.swings.viscosity.study.specimen import Studied
 from swing_cohort import specimens
 
 

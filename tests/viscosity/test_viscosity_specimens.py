@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from swung_specimen import arm_specimen, swing
 
-from myomorph.cli.program import main
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import write_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadFile
-from myomorph.model.series import Markers, Table
-from myomorph.viewer.replay_body import PlayedBody
-from myomorph.viscosity.study.plan import read_viscosity_plan
-from myomorph.viscosity.study.results import read_store
-from myomorph.viscosity.study.run import run_viscosity
-from myomorph.viscosity.study.viewing import swings_of
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import write_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Markers, Table
+from myomorph.lab.cli.program import main
+from myomorph.lab.viewer.replay_body import PlayedBody
+from myomorph.swings.viscosity.study.plan import read_viscosity_plan
+from myomorph.swings.viscosity.study.results import read_store
+from myomorph.swings.viscosity.study.run import run_viscosity
+from myomorph.swings.viscosity.study.viewing import swings_of
 
 JOINT = 0.05
 TOTAL = 0.09

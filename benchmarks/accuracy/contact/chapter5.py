@@ -17,12 +17,12 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms
-from myomorph.cli.program import main
-from myomorph.demo.performances import Written, contact_rows, write_performance
-from myomorph.io.contact_events import read_events
-from myomorph.io.loads import read_external_loads
-from myomorph.model.arrays import Array
-from myomorph.simulate.performances import STICK_OF
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.model.arrays import Array
+from myomorph.lab.cli.program import main
+from myomorph.show.demo.performances import Written, contact_rows, write_performance
+from myomorph.show.simulate.performances import STICK_OF
 
 Row = dict[str, object]
 OF_ARMS = re.compile(r"(^|_)(arm|elbow)_")  # In names of coordinates.

@@ -22,8 +22,8 @@ from benchmarks.hands_spine import (
     spine,
 )
 from benchmarks.hands_wheel import at_each_time, directions, hands_off, of_each_cycle, wheels
-from myomorph.model.arrays import Array
-from myomorph.tension.tension import Tension
+from myomorph.core.model.arrays import Array
+from myomorph.core.tension.tension import Tension
 
 Row = dict[str, object]
 LIFTING = 0.3

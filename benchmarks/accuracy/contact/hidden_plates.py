@@ -15,17 +15,17 @@ import myomorph as mm
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
-from myomorph.contact.shared import shared_wrenches
-from myomorph.contact.states import (
+from myomorph.core.contact.shared import shared_wrenches
+from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
     contact_activations,
     hysteresis,
     steady,
 )
-from myomorph.model.arrays import Array
-from myomorph.model.series import Table
-from myomorph.tension.tension import Tension
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Table
+from myomorph.core.tension.tension import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
 LOADED = 0.05

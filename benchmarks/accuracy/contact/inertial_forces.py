@@ -27,14 +27,14 @@ from benchmarks.hidden_plates import (
     opened,
     tracked,
 )
-from myomorph.cli import main
-from myomorph.contact.site_motion import rest_on_floor, walked
-from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations
-from myomorph.motion.sensors.mounting import trunk_acceleration
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.motion.sync import cut
-from myomorph.tension.contact_setting import all_loads
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.contact.site_motion import rest_on_floor, walked
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.contact.states import ActivationOptions, ContactStateOptions, contact_activations
+from myomorph.core.motion.sensors.mounting import trunk_acceleration
+from myomorph.core.motion.sync import cut
+from myomorph.core.tension.contact_setting import all_loads
+from myomorph.lab.cli import main
 
 Row = dict[str, object]
 WALKS = tuple(case for case in CASES if case.name.startswith("walk"))

@@ -16,14 +16,14 @@ import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.accuracy.tension.passive import TRUNK
 from benchmarks.opensim_static import static_optimization, write_actuators
-from myomorph.model.paths import MovingPathPoint
-from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.bushings import angular_velocities
-from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.loops import close_loops, closed_motion, loop_torques
-from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.terms.actuators import default_reserves
+from myomorph.core.model.paths import MovingPathPoint
+from myomorph.core.muscles.coupled_arms import loop_couplings, loop_groups
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.bushings import angular_velocities
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.loops import close_loops, closed_motion, loop_torques
+from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.tension.terms.actuators import default_reserves
 
 FOLDER = "shoulder-thoracoscapular"
 MODELS = ("model_cmc/TSM_subject_CMC_{}Weight.osim", "model_rmr/TSM_subject_{}Weight.osim")
@@ -194,7 +194,7 @@ def _tool(path: Path, model: mm.Model, motion: mm.Motion) -> np.ndarray:
 
     The tool differentiates the filtered coordinates that it is given with the same splines as ours.
     """
-    from myomorph.io.sto import table_from_motion, write_sto
+    from myomorph.core.io.sto import table_from_motion, write_sto
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "q.mot"

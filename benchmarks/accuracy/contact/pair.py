@@ -13,18 +13,18 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms_of_vectors
-from myomorph.contact.pair import action_reaction
-from myomorph.model.contacts import Site
-from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.fighter import PARTS
-from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
-from myomorph.simulate.plan import Kind
-from myomorph.tension.emg_calibration import calibrate_emg
-from myomorph.tension.emg_held_out import EmgTrial
-from myomorph.tension.emg_targets import emg_targets
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_held_out import EmgTrial
+from myomorph.core.contact.pair import action_reaction
+from myomorph.core.model.contacts import Site
+from myomorph.core.tension.emg_targets import emg_targets
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.tension.terms.emg import EmgTarget
+from myomorph.show.simulate.bout import FEET, GRIPS
+from myomorph.show.simulate.fighter import PARTS
+from myomorph.show.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
+from myomorph.show.simulate.plan import Kind
 
 Row = dict[str, object]
 

@@ -9,14 +9,14 @@ from collections.abc import Iterator
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.impacts import calibrate_impulse, effective_mass, velocity_change
-from myomorph.contact.sound import HeardImpact, HeardImpacts, hear_impacts
-from myomorph.model.contacts import Site
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint
-from myomorph.model.spatial import Transform
-from myomorph.motion.filters import lowpass
-from myomorph.simulate.drums import Scene, Truth, instruments, record
+from myomorph.core.contact.impacts import calibrate_impulse, effective_mass, velocity_change
+from myomorph.core.contact.sound import HeardImpact, HeardImpacts, hear_impacts
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.filters import lowpass
+from myomorph.show.simulate.drums import Scene, Truth, instruments, record
 
 NEAR = 0.02
 """A stroke is heard where one is found on its drum within this time [s]."""

@@ -13,15 +13,15 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms
-from myomorph.contact.feet_on_steps import feet_on_steps, stair_wrenches
-from myomorph.contact.stairs import COMPONENTS, Step, step_loads
-from myomorph.model.arrays import Array
-from myomorph.model.contacts import Site
-from myomorph.model.model import Marker
-from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.morph.mirror.model import with_other_side
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.bones.morph.mirror.model import with_other_side
+from myomorph.core.contact.feet_on_steps import feet_on_steps, stair_wrenches
+from myomorph.core.contact.stairs import COMPONENTS, Step, step_loads
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.model import Marker
+from myomorph.core.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from truths.mouse_hindlimb import mouse_hindlimb_model
 
 Row = dict[str, object]

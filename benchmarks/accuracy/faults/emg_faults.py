@@ -11,12 +11,12 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.tension.emg import WALKS, Walk
 from benchmarks.accuracy.tension.knee import CHANNELS, CUTOFF, STRIDES, STUDY, inputs_of, raw_emg
-from myomorph.model.arrays import Array
-from myomorph.motion.emg_activation import channel_means, shifted
-from myomorph.motion.emg_checks import noise_faults
-from myomorph.tension.emg_calibration import calibrate_emg
-from myomorph.tension.emg_held_out import EmgTrial, swapped_channels
-from myomorph.tension.emg_targets import EmgOptions
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_held_out import EmgTrial, swapped_channels
+from myomorph.core.model.arrays import Array
+from myomorph.core.motion.emg_activation import channel_means, shifted
+from myomorph.core.motion.emg_checks import noise_faults
+from myomorph.core.tension.emg_targets import EmgOptions
 
 Row = dict[str, object]
 

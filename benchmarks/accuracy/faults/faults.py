@@ -15,11 +15,11 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS
-from myomorph.model.findings import Finding
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.motion.sync import cut
-from myomorph.store.settings import ForceOptions
-from myomorph.study.inputs.external_forces import on_feet, raw_loads
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.core.motion.sync import cut
+from myomorph.lab.store.settings import ForceOptions
+from myomorph.lab.study.inputs.external_forces import on_feet, raw_loads
 
 Row = dict[str, object]
 

@@ -17,11 +17,11 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.faults.faults import texts_of
 from benchmarks.recordings import RECORDINGS
-from myomorph.model.findings import Finding
-from myomorph.motion.ik import tracked_markers
-from myomorph.motion.label_repair import front_pairs, limb_pairs, side_pairs
-from myomorph.motion.marker_checks import checked_kinematics
-from myomorph.study.inputs.reading import fitted_to
+from myomorph.core.model.findings import Finding
+from myomorph.core.motion.ik import tracked_markers
+from myomorph.core.motion.label_repair import front_pairs, limb_pairs, side_pairs
+from myomorph.core.motion.marker_checks import checked_kinematics
+from myomorph.lab.study.inputs.reading import fitted_to
 
 Row = dict[str, object]
 Change = Callable[[mm.Model, mm.Markers], mm.Markers | None]

@@ -28,8 +28,8 @@ from benchmarks.accuracy.faults.faults import (
     late,
     scaled_mass,
 )
-from myomorph.cli import main
-from myomorph.study.inputs.external_forces import on_feet
+from myomorph.lab.cli import main
+from myomorph.lab.study.inputs.external_forces import on_feet
 
 SAMPLES = "c3d-vendor-samples/C3DSamples"
 GAIT = "c3d-gait-plugingait"

@@ -32,14 +32,14 @@ from benchmarks.accuracy.faults.marker_faults import (
 from benchmarks.accuracy.faults.unseen_faults import GAIT, SAMPLES, through_the_commands
 from benchmarks.accuracy.faults.unseen_faults import RAW as OF_FORCES
 from benchmarks.accuracy.faults.unseen_faults import Raw as RawForces
-from myomorph.model.arrays import Array
-from myomorph.model.findings import Finding
-from myomorph.motion.marker_checks import checked_kinematics
-from myomorph.store import results
-from myomorph.store.results import get_findings
-from myomorph.study.analyze.recordings import Recording, bare, look_at
-from myomorph.study.subject.calibrating import FINDINGS as BEFORE
-from myomorph.study.trial.steps.ik import FINDINGS
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.findings import Finding
+from myomorph.core.motion.marker_checks import checked_kinematics
+from myomorph.lab.analyze.recordings import Recording, bare, look_at
+from myomorph.lab.store import results
+from myomorph.lab.store.results import get_findings
+from myomorph.lab.study.subject.calibrating import FINDINGS as BEFORE
+from myomorph.lab.study.trial.steps.ik import FINDINGS
 
 Row = dict[str, object]
 

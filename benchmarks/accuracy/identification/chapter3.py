@@ -21,16 +21,16 @@ import myomorph as mm
 from benchmarks.accuracy.identification.identification import GAIT, OPENCAP, RAJAGOPAL, RUN
 from benchmarks.results import Row
 from data_collection import data_folder
-from myomorph.identify.body.regions import regions_of
-from myomorph.identify.subject import GENERIC
-from myomorph.io.loads import read_external_loads, write_external_loads
-from myomorph.io.osim.write import write_osim
-from myomorph.io.trc import write_trc
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Coupler, Joint
-from myomorph.report.trial.identification_tables import spine_groups
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.body.identify.subject import GENERIC
+from myomorph.body.shape.regions import regions_of
+from myomorph.core.io.loads import read_external_loads, write_external_loads
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Coupler, Joint
+from myomorph.lab.report.trial.identification_tables import spine_groups
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 from truths.simulated_bodies import many_coordinates
 from truths.simulated_engines import SimbodyEngine
 from truths.simulated_subject import (

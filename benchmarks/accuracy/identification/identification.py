@@ -14,23 +14,27 @@ from threadpoolctl import threadpool_limits
 
 import myomorph as mm
 from benchmarks.recordings import read_markers
-from myomorph.identify.base_parameters import base_parameters, held_in
-from myomorph.identify.body.points import MassPoints
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.mass_points import MassPointOptions, solve_mass_points
-from myomorph.identify.parts import parts_of
-from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
-from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.model.soft_tissue import SoftTissue
-from myomorph.report.trial.identification_tables import segment_sheet
-from myomorph.study.inputs.external_forces import force_table
-from myomorph.study.subject.body_points import OWN, body_points
-from myomorph.study.subject.identifying import MAPS
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.body.identify.base_parameters import base_parameters, held_in
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.mass_points import MassPointOptions, solve_mass_points
+from myomorph.body.identify.parts import parts_of
+from myomorph.body.identify.pseudo_inertia import (
+    PseudoInertiaOptions,
+    possible_reference,
+    solve_ridge,
+)
+from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.body.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions
+from myomorph.body.shape.points import MassPoints
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.lab.report.trial.identification_tables import segment_sheet
+from myomorph.lab.study.inputs.external_forces import force_table
+from myomorph.lab.study.subject.body_points import OWN, body_points
+from myomorph.lab.study.subject.identifying import MAPS
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 
 CUTOFF = 6.0
 SPACING = 0.02

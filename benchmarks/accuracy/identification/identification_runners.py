@@ -13,21 +13,21 @@ from threadpoolctl import threadpool_limits
 
 import myomorph as mm
 from benchmarks.accuracy.identification.identification import CUTOFF, SPACING, SUBJECTS, opened
-from myomorph.identify.base_parameters import base_parameters
-from myomorph.identify.determined import LINK_SD, NINETY
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.motion_noise import noise_of, plus
-from myomorph.identify.parts import parts_of
-from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.refine.refinement import SubjectTrial
-from myomorph.identify.soft_tissue import Use
-from myomorph.identify.subject import GENERIC, IdentificationOptions
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
-from myomorph.model.soft_tissue import SoftTissue
-from myomorph.rigid.regressor import base_regressor, reference_points
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.body.identify.base_parameters import base_parameters
+from myomorph.body.identify.determined import LINK_SD, NINETY
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.motion_noise import noise_of, plus
+from myomorph.body.identify.parts import parts_of
+from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.body.identify.soft_tissue import Use
+from myomorph.body.identify.subject import GENERIC, IdentificationOptions
+from myomorph.body.refine.refinement import SubjectTrial
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.core.rigid.regressor import base_regressor, reference_points
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 
 RUNNER = "Hamner, calibrated"
 TRAIN = "run200"

@@ -18,21 +18,21 @@ from scipy.optimize import nnls
 
 import myomorph as mm
 from benchmarks.speed.masspoints import LINKS, MASS, Program, made_body, measured
-from myomorph.identify.body.envelope import envelope_points
-from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.points import Links, MassPoints, fill, links_of
-from myomorph.identify.body.shape import body_shape
-from myomorph.identify.body.weights import (
+from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
+from myomorph.body.shape.envelope import envelope_points
+from myomorph.body.shape.fit_pose import pose_model_to_skin
+from myomorph.body.shape.points import Links, MassPoints, fill, links_of
+from myomorph.body.shape.shape import body_shape
+from myomorph.body.shape.weights import (
     WeightMap,
     bone_weights,
     cog_weights,
     links_with_mass,
     nearest_weights,
 )
-from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.segments import Segment, segments_of
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.segments import Segment, segments_of
 
 Row = dict[str, object]
 

@@ -23,27 +23,27 @@ from benchmarks.accuracy.identification.identification import (
 )
 from benchmarks.accuracy.kinematics.calibration import GAIT, HAMNER, OPENCAP, RAJAGOPAL, recorded
 from benchmarks.accuracy.kinematics.calibration_static import KNEE, LENHART
-from myomorph.identify.refine.fit import refine, refined_parts
-from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.predictions import errors_on
-from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
-from myomorph.identify.refine.trial_data import opened
-from myomorph.identify.subject import IdentificationOptions
-from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.osim.setup_parts import read_marker_set
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import with_inertial_parameters
-from myomorph.model.model import Marker
-from myomorph.model.soft_tissue import SoftTissue
-from myomorph.motion.lengths import lengths_of
-from myomorph.motion.sync import cut
-from myomorph.study.inputs.loads import ExternalLoads
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.calibrating import standing_markers
-from myomorph.study.subject.identifying import MAPS
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
-from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.body.identify.subject import IdentificationOptions
+from myomorph.body.refine.fit import refine, refined_parts
+from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.predictions import errors_on
+from myomorph.body.refine.refinement import Errors, Refinement, SubjectTrial
+from myomorph.body.refine.trial_data import opened
+from myomorph.core.io.mjcf.read import model_from_mujoco
+from myomorph.core.io.osim.setup_parts import read_marker_set
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import with_inertial_parameters
+from myomorph.core.model.model import Marker
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.core.motion.lengths import lengths_of
+from myomorph.core.motion.sync import cut
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.calibrating import standing_markers
+from myomorph.lab.study.subject.identifying import MAPS
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.lab.study.trial.steps.ik import solve_kinematics
+from myomorph.lab.study.trial.trial_inputs import open_trial
 from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (

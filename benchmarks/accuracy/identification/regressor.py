@@ -21,24 +21,29 @@ from benchmarks.speed.identify import RATE, other_masses, simulated
 from data_collection import data_folder
 from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates
 from mujoco_models import load
-from myomorph.identify.base import BaseFit, BaseOptions, fit_base
-from myomorph.identify.base_parameters import base_parameters
-from myomorph.identify.least_squares import Recording
-from myomorph.identify.null_space import (
+from myomorph.body.identify.base import BaseFit, BaseOptions, fit_base
+from myomorph.body.identify.base_parameters import base_parameters
+from myomorph.body.identify.least_squares import Recording
+from myomorph.body.identify.null_space import (
     held_values,
     numerical_null_space,
     random_states,
     tree_null_space,
 )
-from myomorph.identify.sequential import SequentialFit
-from myomorph.io.loads import read_external_loads
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import GROUND
-from myomorph.motion.filters import lowpass
-from myomorph.motion.sync import cut
-from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.regressor import base_regressor, base_wrench, reference_points, regressor_blocks
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import GROUND
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.dynamics import motion_arrays
+from myomorph.core.rigid.regressor import (
+    base_regressor,
+    base_wrench,
+    reference_points,
+    regressor_blocks,
+)
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.live.sequential import SequentialFit
 from opensim_inverse import opensim_torques
 from real_models import MODELS
 from trees import floating_tree, to_mujoco, to_pinocchio

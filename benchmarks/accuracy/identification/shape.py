@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import myomorph as mm
-from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.points import SPACING, fill, links_of
-from myomorph.identify.body.shape import DENSITY, body_shape
-from myomorph.identify.body.skin import inside
-from myomorph.identify.body.weights import links_with_mass
-from myomorph.model.segments import SEGMENTS, Segment
+from myomorph.body.shape.fit_pose import pose_model_to_skin
+from myomorph.body.shape.points import SPACING, fill, links_of
+from myomorph.body.shape.shape import DENSITY, body_shape
+from myomorph.body.shape.skin import inside
+from myomorph.body.shape.weights import links_with_mass
+from myomorph.core.model.segments import SEGMENTS, Segment
 
 PEOPLE = {
     "[D]'s subject": (1.822, 0.870, 66.8, "male"),

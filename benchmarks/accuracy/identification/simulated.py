@@ -16,14 +16,14 @@ import numpy as np
 import myomorph as mm
 from benchmarks.errors import rms
 from data_collection import data_folder
-from myomorph.identify import base, least_squares
-from myomorph.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions
-from myomorph.model.arrays import Array
-from myomorph.model.inertia import inertial_parameters
-from myomorph.rigid.regressor import base_wrench
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.body.identify import base, least_squares
+from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.body.identify.subject import GENERIC, SHAPE, IdentificationOptions
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.rigid.regressor import base_wrench
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 from truths.simulated_bodies import full_body, many_coordinates
 from truths.simulated_engines import Engine, SimbodyEngine, TreeEngine
 from truths.simulated_subject import (

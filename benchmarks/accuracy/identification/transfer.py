@@ -13,13 +13,13 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms_of_vectors
-from myomorph.identify.body.regions import centers_of, regions_of
-from myomorph.identify.transfer import Transfer
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
-from myomorph.model.model import Marker
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.regressor import base_regressor
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.identify.transfer import Transfer
+from myomorph.body.shape.regions import centers_of, regions_of
+from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.core.model.model import Marker
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.regressor import base_regressor
+from myomorph.core.rigid.tree import compile_tree
 
 LOWER = "rajagopal-walk-emg/subject_walk_scaled.osim"
 MOTION = "rajagopal-walk-emg/coordinates.sto"

@@ -31,24 +31,24 @@ from benchmarks.accuracy.tension.knee import (
     measured,
 )
 from benchmarks.recordings import RECORDINGS
-from myomorph.io.loads import write_external_loads
-from myomorph.model.arrays import Array
-from myomorph.model.segments import joint_labels
-from myomorph.motion.sync import cut
-from myomorph.rigid.kinematics import marker_positions
-from myomorph.store.results import Stored, read_result
-from myomorph.study.inputs.input import ByType
-from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
-from myomorph.study.inputs.motion import MotionFile
-from myomorph.study.trial.steps.drawn_trials import drawn_costs, drawn_criterion
-from myomorph.study.trial.steps.ik import recorded_poses
-from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
-from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
-from myomorph.uncertainty.bodies import Draw, drawn_subject
-from myomorph.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
-from myomorph.uncertainty.spread import FACTORS, LEVEL
+from myomorph.core.io.loads import write_external_loads
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.segments import joint_labels
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.lab.store.results import Stored, read_result
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.loads import ExternalLoads, LoadsFile
+from myomorph.lab.study.inputs.motion import MotionFile
+from myomorph.lab.study.trial.steps.drawn_trials import drawn_costs, drawn_criterion
+from myomorph.lab.study.trial.steps.ik import recorded_poses
+from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
+from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
+from myomorph.lab.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import Sources
+from myomorph.lab.uncertainty.spread import FACTORS, LEVEL
 
 Row = dict[str, object]
 

@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.accuracy.intervals.uncertainty_measured import Held, drawn
 from benchmarks.hidden_plates import CASES, opened
 from benchmarks.results import load
-from myomorph.motion.turns import floating_coordinates
-from myomorph.uncertainty.spread import FACTORS
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.lab.uncertainty.spread import FACTORS
 
 Row = dict[str, object]
 

@@ -13,14 +13,14 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import read_markers
-from myomorph.io.osim.setup_parts import read_marker_set
-from myomorph.model.landmarks import Measurement
-from myomorph.model.scale import scale
-from myomorph.motion import measurements
-from myomorph.motion.calibration import Calibration
-from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.lengths import lengths_of
-from myomorph.motion.sync import cut
+from myomorph.body.calibrate.calibration import Calibration
+from myomorph.core.io.osim.setup_parts import read_marker_set
+from myomorph.core.model.landmarks import Measurement
+from myomorph.core.model.scale import scale
+from myomorph.core.motion import measurements
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.lengths import lengths_of
+from myomorph.core.motion.sync import cut
 
 OPENCAP = "opencap-subject4-multitask"
 GAIT = "opensim-gait-subject01"

@@ -22,7 +22,7 @@ from benchmarks.accuracy.kinematics.calibration import (
     tracked,
 )
 from benchmarks.accuracy.kinematics.scale import BODY, MEASUREMENT, PAIR, TASK
-from myomorph.io.osim.setup_parts import read_ik_tasks, read_marker_set, write_marker_set
+from myomorph.core.io.osim.setup_parts import read_ik_tasks, read_marker_set, write_marker_set
 
 opensim.Logger.setLevelString("Off")
 

@@ -13,13 +13,13 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.kinematics.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, tracked
 from benchmarks.accuracy.kinematics.calibration_static import KNEE, implant_markers, implant_names
-from myomorph.io.osim.setup_parts import read_marker_set
-from myomorph.model.arrays import Array
-from myomorph.model.scale import scale
-from myomorph.motion.calibration import NORMAL_90, Calibration
-from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.calibrate.calibration import NORMAL_90, Calibration
+from myomorph.core.io.osim.setup_parts import read_marker_set
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.scale import scale
+from myomorph.core.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 LEG = ("pelvis", "hip", "knee", "ankle", "subtalar", "lumbar")
 FRAMES = 100

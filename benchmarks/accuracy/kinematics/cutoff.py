@@ -13,13 +13,13 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_markers
-from myomorph.model.arrays import Array
-from myomorph.model.series import Markers
-from myomorph.motion.automatic_cutoff import automatic_cutoff
-from myomorph.motion.filters import lowpass, natural_spline
-from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from truths.mouse_motion import mouse
 
 FIXED = (

@@ -25,23 +25,23 @@ from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simul
 import myomorph as mm
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.recordings import RECORDINGS
-from myomorph.io.inertial.read import read_inertial
-from myomorph.model.inertial_sensors import InertialSensors
-from myomorph.model.spatial import (
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.io.inertial.read import read_inertial
+from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.spatial import (
     axis_rotation,
     quaternion_from_rotation,
     rotation_from_quaternion,
     vector_from_rotation,
 )
-from myomorph.motion.ik import KinematicsFit, inverse_kinematics
-from myomorph.motion.sensors.mounting import SensorOptions, with_orientations
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.motion.sync import cut
-from myomorph.rigid.kinematics import marker_positions
-from myomorph.rigid.tree import compile_tree
-from myomorph.store.results import read_result
-from myomorph.store.stored import get_markers
-from myomorph.uncertainty.sources import Sources
+from myomorph.core.motion.ik import KinematicsFit, inverse_kinematics
+from myomorph.core.motion.sensors.mounting import SensorOptions, with_orientations
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.store.results import read_result
+from myomorph.lab.store.stored import get_markers
+from myomorph.lab.uncertainty.sources import Sources
 from sensor_files import write_orientations
 
 Row = dict[str, object]

@@ -21,17 +21,17 @@ import myomorph as mm
 from benchmarks.accuracy.kinematics.inertial import Row, outside
 from benchmarks.accuracy.tension.knee import command
 from benchmarks.recordings import RECORDINGS
-from myomorph.io.sto import read_sto
-from myomorph.model.inertial_sensors import InertialSensors
-from myomorph.model.model import Frame
-from myomorph.model.spatial import (
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.model import Frame
+from myomorph.core.model.spatial import (
     Transform,
     axis_rotation,
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.motion.ik import inverse_kinematics
 from sensor_files import write_orientations
 
 RATE = 100.0

@@ -13,20 +13,20 @@ import numpy as np
 import myomorph as mm
 from benchmarks import opensim_tools
 from benchmarks.recordings import FORCE_CASES, MARKER_CASES, ForceCase, MarkerCase, read_markers
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.sto import table_from_motion
-from myomorph.model.arrays import Array
-from myomorph.model.model import Marker, Model
-from myomorph.model.series import Markers
-from myomorph.motion.ik import pose_problem, tracked_markers
-from myomorph.motion.newton import SCOUT, solve_poses
-from myomorph.motion.starts import scout_poses
-from myomorph.motion.sync import cut
-from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import close_loops, free_coordinates
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.io.sto import table_from_motion
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Marker, Model
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import pose_problem, tracked_markers
+from myomorph.core.motion.newton import SCOUT, solve_poses
+from myomorph.core.motion.starts import scout_poses
+from myomorph.core.motion.sync import cut
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.loops import close_loops, free_coordinates
+from myomorph.core.rigid.tree import compile_tree
 
 
 def marker_rmse(

@@ -9,13 +9,13 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms_known
+from myomorph.core.model.arrays import Array
+from myomorph.core.motion.online import OnlineKinematics, SteadyKinematics
+from myomorph.core.motion.sync import cut
+from myomorph.lab.study.inputs.external_forces import force_table
 from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.loop import follow
 from myomorph.live.sources import Replay, open_recording
-from myomorph.model.arrays import Array
-from myomorph.motion.online import OnlineKinematics, SteadyKinematics
-from myomorph.motion.sync import cut
-from myomorph.study.inputs.external_forces import force_table
 
 Row = dict[str, object]
 

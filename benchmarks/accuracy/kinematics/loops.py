@@ -14,18 +14,18 @@ from benchmarks import opensim_tools
 from benchmarks.accuracy.kinematics.kinematics import markers_at, motion_from_opensim
 from benchmarks.recordings import read_markers
 from looped import looped_tree, mujoco_constraints, pinocchio_rates
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.sync import cut
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import (
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.loops import (
     close_loops,
     closure,
     closure_jacobian,
     free_coordinates,
     project_rates,
 )
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.rigid.tree import compile_tree
 from truths.opensim_loops import point_constraint
 
 BONE_PINS = "shoulder-bonepin/subject1_abdbonepin.osim"

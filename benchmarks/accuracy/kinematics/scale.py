@@ -18,8 +18,8 @@ from scipy.optimize import least_squares
 
 import myomorph as mm
 from benchmarks.opensim_tools import read_table
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.opensim_tools.run import run_tool
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.exchange.opensim.run import run_tool
 
 opensim.Logger.setLevelString("Off")
 

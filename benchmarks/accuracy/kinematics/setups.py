@@ -17,7 +17,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.opensim_tools import read_table
 from benchmarks.run_setup import run_in_opensim
-from myomorph.opensim_tools.run import run_tool
+from myomorph.exchange.opensim.run import run_tool
 
 ROOM = "p/q/r/s"
 """The setup's folder in the copy, so deep that `../../..` stays inside it."""
@@ -95,7 +95,7 @@ NEEDS = {
         (
             (f"{LENHART}lenhart2015.osim", "../../../models/lenhart2015/lenhart2015.osim"),
             *(
-                (f"{LENHART}motion/{name}", f"../../../models/lenhart2015/motion_data/{name}")
+                (f"{LENHART}core/motion/{name}", f"../../../models/lenhart2015/motion_data/{name}")
                 for name in ("overground_17_ext_loads.xml", "overground_17_grf.mot")
             ),
             (f"{LENHART}reference_comak/walking_values.sto", "../results/comak/walking_values.sto"),

@@ -13,16 +13,16 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_markers
-from myomorph.analysis.cycles import over_cycles
-from myomorph.analysis.phases import contacts
-from myomorph.analysis.strides import Stride
-from myomorph.analysis.walking import walking_strides
-from myomorph.contact.plates import force_plates, wrenches_from_plates
-from myomorph.io.c3d.read import read_c3d
-from myomorph.io.loads import read_external_loads
-from myomorph.io.qualisys_mat import read_qualisys_mat
-from myomorph.model.arrays import Array
-from myomorph.motion.sync import cut
+from myomorph.core.contact.plates import force_plates, wrenches_from_plates
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.qualisys_mat import read_qualisys_mat
+from myomorph.core.model.arrays import Array
+from myomorph.core.motion.sync import cut
+from myomorph.lab.analysis.cycles import over_cycles
+from myomorph.lab.analysis.phases import contacts
+from myomorph.lab.analysis.strides import Stride
+from myomorph.lab.analysis.walking import walking_strides
 
 Row = dict[str, object]
 NEAR = 0.15

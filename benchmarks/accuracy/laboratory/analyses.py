@@ -15,7 +15,7 @@ import myomorph as mm
 from benchmarks.accuracy.kinematics.setups import GAIT, SMALL, apart
 from benchmarks.opensim_tools import read_table
 from benchmarks.run_setup import run_in_opensim
-from myomorph.opensim_tools.run import run_tool
+from myomorph.exchange.opensim.run import run_tool
 
 WALK = "walk-so-jointload-emg/"
 WALKER = f"{WALK}Rajagopal_scaled_Sub1_gasAvoid.osim"

@@ -20,9 +20,9 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms_known
-from myomorph.cli import main
-from myomorph.model.arrays import Array
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.cli import main
 
 Row = dict[str, object]
 JOINTS = ("hip_flexion", "knee_angle", "ankle_angle")

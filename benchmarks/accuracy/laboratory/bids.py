@@ -16,8 +16,8 @@ import numpy as np
 
 import myomorph as mm
 from data_collection import data_folder
-from myomorph.study.convert.bids_dataset import export_bids, read_bids
-from myomorph.study.inputs.emg_files import channels_of
+from myomorph.exchange.bids.dataset import export_bids, read_bids
+from myomorph.lab.study.inputs.emg_files import channels_of
 
 Row = dict[str, object]
 

@@ -10,15 +10,15 @@ from functools import lru_cache
 import numpy as np
 from scipy import stats
 
-from myomorph.analysis.conditions import OUTLIER_SCORE, modified_z
-from myomorph.analysis.permutations import (
+from myomorph.core.model.arrays import Array
+from myomorph.lab.analysis.conditions import OUTLIER_SCORE, modified_z
+from myomorph.lab.analysis.permutations import (
     g_interval,
     hedges_g,
     holm,
     p_floor,
     permutation_test,
 )
-from myomorph.model.arrays import Array
 
 Row = dict[str, object]
 ALPHA = 0.05

@@ -21,8 +21,8 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms_known
-from myomorph.cli import main
-from myomorph.motion.protocols import recognize
+from myomorph.core.motion.protocols import recognize
+from myomorph.lab.cli import main
 
 Row = dict[str, object]
 FOLDER = "MYOMORPH_LABORATORIES"

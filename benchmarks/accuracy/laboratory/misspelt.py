@@ -8,8 +8,8 @@ import tempfile
 from pathlib import Path
 
 import myomorph as mm
-from myomorph.cli import main
-from myomorph.model.errors import BadFile
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.cli import main
 
 Row = dict[str, object]
 OPTIONS = {

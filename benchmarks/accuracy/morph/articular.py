@@ -12,17 +12,17 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.model.surface import pieces_of, turned_outward
-from myomorph.morph.maps.linear import Similarity, procrustes
-from myomorph.morph.registration.alignment import automatic_landmarks
-from myomorph.morph.shapes.articular import (
+from myomorph.bones.morph.registration.alignment import automatic_landmarks
+from myomorph.bones.morph.shapes.articular import (
     articular_cylinder,
     articular_sphere,
     spherical_patches,
     warning_of,
 )
-from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
-from myomorph.morph.shapes.surface_points import Shape
+from myomorph.bones.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
+from myomorph.core.model.surface import pieces_of, turned_outward
+from myomorph.core.surfaces.linear_maps import Similarity, procrustes
+from myomorph.core.surfaces.surface_points import Shape
 from truths.leg_shapes import leg_shapes
 
 Row = dict[str, object]

@@ -19,13 +19,13 @@ from scipy.spatial.transform import Rotation
 import myomorph as mm
 from benchmarks.accuracy.morph.shapes import attachments, cases
 from data_collection import data_folder
-from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.registration.bone_checks import repaired_bone
-from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.transfer.body_transfer import Transfer
-from myomorph.morph.transfer.points import place_of, put_on_surface
-from myomorph.study.subject.morph_files import source_bones
+from myomorph.bones.morph.maps.fields import FeaturePoints
+from myomorph.bones.morph.registration.bone_checks import repaired_bone
+from myomorph.bones.morph.transfer.body_transfer import Transfer
+from myomorph.bones.morph.transfer.points import place_of, put_on_surface
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.core.surfaces.linear_maps import procrustes
+from myomorph.core.surfaces.surface_points import Shape
 from truths.leg_shapes import leg_shapes
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"

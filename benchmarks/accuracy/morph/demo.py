@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.demo.morph import MorphDemo, run_morph_demo
-from myomorph.morph.morphed import Morph
+from myomorph.bones.demo import MorphDemo, run_morph_demo
+from myomorph.bones.morph.morphed import Morph
 
 Row = dict[str, object]
 

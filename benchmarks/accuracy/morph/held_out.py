@@ -25,14 +25,14 @@ from benchmarks.accuracy.morph.correspondence import (
 )
 from benchmarks.accuracy.morph.shapes import BODIES, attachments, mean_shape
 from data_collection import data_folder
-from myomorph.model.arrays import Array
-from myomorph.morph.arm_intervals import with_arm_intervals
-from myomorph.morph.checks.checks import check_morph
-from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PointMap, fit_map
-from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.study.subject.morph_files import source_bones
+from myomorph.bones.morph.arm_intervals import with_arm_intervals
+from myomorph.bones.morph.checks.checks import check_morph
+from myomorph.bones.morph.checks.moment_arms import compare_moment_arms, compared_coordinates
+from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, PointMap, fit_map
+from myomorph.bones.morph.morphed import Morph, MorphOptions
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.core.model.arrays import Array
+from myomorph.core.surfaces.linear_maps import procrustes
 from truths.leg_shapes import leg_shapes
 
 Row = dict[str, object]

@@ -13,16 +13,16 @@ from given_maps import given, grown, poses_of, sheared, similar
 
 import myomorph as mm
 from mujoco_models import load
-from myomorph.io.osim.read import read_osim
-from myomorph.model.model import GROUND
-from myomorph.model.paths import PathWrap
-from myomorph.model.sides import split_side
-from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.maps.fields import BoneMap
-from myomorph.morph.mirror.model import mirrored_motion
-from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
-from myomorph.morph.transfer.virtual_links import branch_load
-from myomorph.rigid.kinematics import standing_poses
+from myomorph.bones.morph.maps.fields import BoneMap
+from myomorph.bones.morph.mirror.model import mirrored_motion
+from myomorph.bones.morph.morphed import Morph, MorphOptions, TransferredPoint
+from myomorph.bones.morph.transfer.virtual_links import branch_load
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.model import GROUND
+from myomorph.core.model.paths import PathWrap
+from myomorph.core.model.sides import split_side
+from myomorph.core.model.spatial import rotation_from_euler_xyz
+from myomorph.core.rigid.kinematics import standing_poses
 
 OPENSIM = (
     "ceinms-emg-walk/model/gait2392.osim",

@@ -11,11 +11,11 @@ import numpy as np
 
 import myomorph as mm
 from mujoco_models import load
-from myomorph.model.arrays import Array
-from myomorph.model.sides import mirror_names
-from myomorph.morph.mirror.model import mirrored_motion
-from myomorph.morph.mirror.sides import other_side_of
-from myomorph.muscles.kinematics import MuscleKinematics
+from myomorph.bones.morph.mirror.model import mirrored_motion
+from myomorph.bones.morph.mirror.sides import other_side_of
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.sides import mirror_names
+from myomorph.core.muscles.kinematics import MuscleKinematics
 from truths.mouse_hindlimb import mouse_hindlimb_model
 
 Row = dict[str, object]

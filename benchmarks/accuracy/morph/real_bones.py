@@ -14,18 +14,18 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.morph.demo import demo_morph
 from data_collection import data_folder
-from myomorph.io.landmarks import read_landmarks
-from myomorph.morph.checks.checks import check_morph
-from myomorph.morph.checks.clearance import WEIGHT, Clearance, clear_paths
-from myomorph.morph.checks.moment_arms import compared_coordinates
-from myomorph.morph.checks.path_changes import Ground, path_changes
-from myomorph.morph.checks.warnings import CheckOptions, MorphChecks
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
-from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.transfer.body_transfer import Transfer
-from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.morphing import MorphSettings, map_bones
+from myomorph.bones.morph.checks.checks import check_morph
+from myomorph.bones.morph.checks.clearance import WEIGHT, Clearance, clear_paths
+from myomorph.bones.morph.checks.moment_arms import compared_coordinates
+from myomorph.bones.morph.checks.path_changes import Ground, path_changes
+from myomorph.bones.morph.checks.warnings import CheckOptions, MorphChecks
+from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
+from myomorph.bones.morph.morphed import Morph, MorphOptions
+from myomorph.bones.morph.transfer.body_transfer import Transfer
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.bones.study.morphing import MorphSettings, map_bones
+from myomorph.core.io.landmarks import read_landmarks
+from myomorph.core.surfaces.linear_maps import procrustes
 
 MODEL = "rajagopal-walk-emg/subject_walk_scaled.osim"
 GEOMETRY = "bones-opensim-rajagopal/Geometry"

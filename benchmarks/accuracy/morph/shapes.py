@@ -17,11 +17,11 @@ from scipy.spatial import cKDTree
 
 import myomorph as mm
 from data_collection import data_folder
-from myomorph.model.arrays import Array
-from myomorph.model.paths import PathPoint
-from myomorph.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, inverted
-from myomorph.morph.maps.linear import AffineMap, procrustes
-from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
+from myomorph.bones.morph.maps.fields import FeaturePoints, MapOptions, PointMap, fit_map, inverted
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.paths import PathPoint
+from myomorph.core.surfaces.linear_maps import AffineMap, procrustes
+from myomorph.core.surfaces.rigid_registration import SurfaceOptions, register_surface
 from truths.leg_shapes import BONES, leg_shapes
 
 Row: TypeAlias = dict[str, object]

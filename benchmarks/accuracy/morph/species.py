@@ -22,9 +22,9 @@ from benchmarks.species_cases import (
     from_man_by_joints,
     mouse,
 )
-from myomorph.morph.species.counterparts import MuscleHomology, Posed
-from myomorph.muscles.path import compile_paths
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.species.counterparts import MuscleHomology, Posed
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.muscles.path import compile_paths
 from truths.mouse_hindlimb import mouse_hindlimb_model
 
 ANATOMIST = "mouse-hindlimb-muscles/mouse_hindlimb.json"

@@ -16,13 +16,13 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.morph.species import Compared, Ground, Muscles, arms_row, compare, percent
 from benchmarks.species_cases import MAN, from_arm, given_map, man, mouse, segment_frame
-from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.morphed import Morph, MorphOptions
-from myomorph.morph.species.architecture import QUANTILE, Size, architectures
-from myomorph.morph.species.counterparts import Posed
-from myomorph.morph.species.maps import joint_distances
-from myomorph.morph.transfer.model import graft_muscles
-from myomorph.study.subject.species_morphing import read_species
+from myomorph.bones.morph.morphed import Morph, MorphOptions
+from myomorph.bones.morph.species.architecture import QUANTILE, Size, architectures
+from myomorph.bones.morph.species.counterparts import Posed
+from myomorph.bones.morph.species.maps import joint_distances
+from myomorph.bones.morph.transfer.model import graft_muscles
+from myomorph.bones.study.species_morphing import read_species
+from myomorph.core.surfaces.linear_maps import Similarity
 
 FORELIMB = "mouse-arm-muscles/akira_muscle.xml"
 METHODS = ("scaling", "SSD", "RBF")

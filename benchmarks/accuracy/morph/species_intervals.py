@@ -16,11 +16,11 @@ import myomorph as mm
 from benchmarks.accuracy.morph import species_arm
 from benchmarks.accuracy.morph.species import ANATOMIST, Ground, Muscles, on_skeleton, percent
 from benchmarks.species_cases import BONES, MAN, MOUSE, anatomist_on_skeleton, bones_of_man
-from myomorph.morph.maps.fields import FeaturePoints, MapKind, MapOptions, fit_map
-from myomorph.morph.morphed import Morph
-from myomorph.morph.species.counterparts import MuscleHomology
-from myomorph.study.subject.morphing import Morphed, MorphSettings
-from myomorph.study.subject.species_morphing import SpeciesFiles, read_species, species_files
+from myomorph.bones.morph.maps.fields import FeaturePoints, MapKind, MapOptions, fit_map
+from myomorph.bones.morph.morphed import Morph
+from myomorph.bones.morph.species.counterparts import MuscleHomology
+from myomorph.bones.study.morphing import Morphed, MorphSettings
+from myomorph.bones.study.species_morphing import SpeciesFiles, read_species, species_files
 
 LEG = "human-mouse"
 ARM = "human-mouse-arm"

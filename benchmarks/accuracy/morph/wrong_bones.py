@@ -11,10 +11,10 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.morph.correspondence import WITHIN
 from benchmarks.accuracy.morph.shapes import Case, attachments, cases
-from myomorph.model.errors import BadData
-from myomorph.morph.transfer.body_transfer import Transfer
-from myomorph.morph.transfer.points import put_on_surface
-from myomorph.study.subject.morphing import MorphSettings, map_bones
+from myomorph.bones.morph.transfer.body_transfer import Transfer
+from myomorph.bones.morph.transfer.points import put_on_surface
+from myomorph.bones.study.morphing import MorphSettings, map_bones
+from myomorph.core.model.errors import BadData
 from truths.leg_shapes import leg_shapes
 
 PERSONS = (4,)

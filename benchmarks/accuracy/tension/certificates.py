@@ -24,22 +24,22 @@ from benchmarks.accuracy.contact.pair import (
     recorded_motion,
 )
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
-from myomorph.contact.states import preferred_directions
-from myomorph.rigid.frames import over_frames
-from myomorph.simulate.bout import FEET
-from myomorph.simulate.pair import VirtualPair
-from myomorph.tension.certificates import (
+from myomorph.core.contact.states import preferred_directions
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.tension.certificates import (
     CertificateOptions,
     contact_intervals,
     group_functions,
     open_bounds,
     solved_frames,
 )
-from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
-from myomorph.tension.relaxation import RESIDUAL_SHARE, Relaxation, relaxations
-from myomorph.tension.simplex import extremes
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.contacts import ContactTask
+from myomorph.core.tension.problem import TensionInputs, TensionProblem, tension_problem
+from myomorph.core.tension.relaxation import RESIDUAL_SHARE, Relaxation, relaxations
+from myomorph.core.tension.simplex import extremes
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.contacts import ContactTask
+from myomorph.show.simulate.bout import FEET
+from myomorph.show.simulate.pair import VirtualPair
 from truths.optimality import optimality
 
 Row = dict[str, object]

@@ -22,9 +22,9 @@ from benchmarks.opensim_forward import SliderMuscles, forward_forces
 from benchmarks.opensim_moco import RESERVE, RESIDUAL, MocoFound, moco_inverse
 from benchmarks.recordings import read_torques
 from benchmarks.speed.elastic import stride, tiled, with_degroote
-from myomorph.model.arrays import Array
-from myomorph.model.model import Actuator
-from myomorph.tension.tension import Tension
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Actuator
+from myomorph.core.tension.tension import Tension
 
 RATE = 100.0
 """Frames a second that are solved."""
@@ -127,7 +127,7 @@ def fine_distances(
     given = mm.Series(torques.time[each], torques.names, torques.values[each])
     one = mm.solve_tension(model, coarse, given, FINE_OPTIONS, actuators)
     # Every frame of the finer steps is solved, which Myomorph else does not with so many.
-    with mock.patch("myomorph.tension.elastic.problem.solved_every", return_value=1):
+    with mock.patch("myomorph.core.tension.elastic.problem.solved_every", return_value=1):
         other = mm.solve_tension(model, motion, torques, FINE_OPTIONS, actuators)
     assert one.fibers is not None
     assert other.fibers is not None

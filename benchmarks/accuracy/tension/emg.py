@@ -20,17 +20,17 @@ from benchmarks.accuracy.tension.knee import command
 from benchmarks.accuracy.tension.knee import raw_emg as implant_emg
 from benchmarks.hidden_plates import subject_model
 from benchmarks.recordings import RECORDINGS
-from myomorph.io.loads import read_external_loads
-from myomorph.model.arrays import Array
-from myomorph.motion.emg_activation import ChannelMap, EmgCalibration
-from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.motion.filters import lowpass
-from myomorph.motion.sync import cut
-from myomorph.study.trial.emg_tables import EMG_TABLE
-from myomorph.tension.emg_calibration import calibrate_emg
-from myomorph.tension.emg_held_out import EmgTrial
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.tension.emg_tracking import few_frames
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_held_out import EmgTrial
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.model.arrays import Array
+from myomorph.core.motion.emg_activation import ChannelMap, EmgCalibration
+from myomorph.core.motion.envelope import EnvelopeOptions
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.sync import cut
+from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.core.tension.emg_tracking import few_frames
+from myomorph.lab.study.trial.emg_tables import EMG_TABLE
 
 Row = dict[str, object]
 

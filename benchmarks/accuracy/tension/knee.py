@@ -19,15 +19,15 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms
-from myomorph.cli import main
-from myomorph.io.formats import read_trial
-from myomorph.io.loads import read_external_loads, write_external_loads
-from myomorph.io.sto import table_from_motion
-from myomorph.model.arrays import Array
-from myomorph.motion.automatic_cutoff import automatic_cutoff
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.contact_points import contact_points
+from myomorph.core.io.formats import read_trial
+from myomorph.core.io.loads import read_external_loads, write_external_loads
+from myomorph.core.io.sto import table_from_motion
+from myomorph.core.model.arrays import Array
+from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.cli import main
+from myomorph.lab.study.inputs.contact_points import contact_points
 
 Row = dict[str, object]
 

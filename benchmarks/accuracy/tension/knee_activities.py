@@ -18,18 +18,18 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.tension.knee import Row, command
-from myomorph.io.loads import read_external_loads
-from myomorph.io.mjcf.read import composed_model
-from myomorph.model.arrays import Array
-from myomorph.muscles.patella import extensors, tendon_arms
-from myomorph.muscles.path import compile_paths
-from myomorph.muscles.published_arms import BANDS, knee_arms
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.knees import flexion_coordinate, knee_joints
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.analyze import generic_model as shipped
-from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
-from myomorph.tension.terms.actuators import RESERVE_FORCE, default_reserves
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.mjcf.read import composed_model
+from myomorph.core.model.arrays import Array
+from myomorph.core.muscles.patella import extensors, tendon_arms
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.published_arms import BANDS, knee_arms
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.terms.actuators import RESERVE_FORCE, default_reserves
+from myomorph.lab.analyze import generic_model as shipped
 
 OPENCAP = "opencap-subject4-multitask"
 SQUATS = "opencap-subject4-squats"

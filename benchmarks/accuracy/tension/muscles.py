@@ -16,8 +16,8 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS
-from myomorph.muscles.kinematics import MuscleKinematics
-from myomorph.muscles.path import Paths, compile_paths
+from myomorph.core.muscles.kinematics import MuscleKinematics
+from myomorph.core.muscles.path import Paths, compile_paths
 
 SAME = 1e-4
 STEP = 1e-5
@@ -231,7 +231,7 @@ def _at(motion: mm.Motion, frame: int, values: np.ndarray) -> mm.Motion:
 
 def _consistent_speeds(paths: Paths, values: np.ndarray, motion: mm.Motion) -> np.ndarray:
     """The motion's speeds, those of dependent coordinates as their couplers give them."""
-    from myomorph.rigid.coordinates import couple_rates_frames
+    from myomorph.core.rigid.coordinates import couple_rates_frames
 
     speeds = np.array(motion.velocities)
     couple_rates_frames(

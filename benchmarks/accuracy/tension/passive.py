@@ -16,15 +16,15 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
-from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.loops import closed_motion
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.actuators import default_reserves
-from myomorph.viscosity.cohort import MEAN
-from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian
-from myomorph.viscosity.specimen.muscles import fig1_muscles
+from myomorph.core.model.passive_dynamics import line_viscosity, with_passive_dynamics
+from myomorph.core.rigid.dynamics import rates_of
+from myomorph.core.rigid.loops import closed_motion
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.actuators import default_reserves
+from myomorph.swings.viscosity.cohort import MEAN
+from myomorph.swings.viscosity.identified_model import joint_bushing, joint_jacobian
+from myomorph.swings.viscosity.specimen.muscles import fig1_muscles
 from truths.coordinate_dampers import coordinate_damping
 
 FOLDER = "shoulder-thoracoscapular"

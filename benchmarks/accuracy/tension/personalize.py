@@ -15,9 +15,9 @@ from scipy.io import loadmat
 import myomorph as mm
 from benchmarks.accuracy.tension.emg import WALKS, Walk
 from benchmarks.errors import rms
-from myomorph.motion.emg_activation import USUAL
-from myomorph.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.tension.personal.generic_map import map_generic
+from myomorph.body.personalize.generic_map import map_generic
+from myomorph.core.motion.emg_activation import USUAL
+from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
 from truths.simulated_muscles import (
     Errors,
     Spread,

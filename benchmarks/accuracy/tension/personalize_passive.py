@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 import myomorph as mm
 from benchmarks.errors import rms_known
-from myomorph.model.arrays import Array
+from myomorph.core.model.arrays import Array
 from truths.simulated_muscles import resting_torques
 
 Row = dict[str, object]

@@ -17,16 +17,16 @@ import myomorph as mm
 from benchmarks.accuracy.tension.tension import ENTRY, FEET, LOADS
 from benchmarks.errors import rms
 from benchmarks.opensim_static import write_actuators
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.osim.read import read_osim
-from myomorph.model.arrays import Array
-from myomorph.model.model import Actuator
-from myomorph.rigid.dynamics import joint_wrenches, motion_arrays
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.reaction import JointReactions
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.emg import EmgTarget
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.actuators import read_actuators
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Actuator
+from myomorph.core.rigid.dynamics import joint_wrenches, motion_arrays
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.reaction import JointReactions
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.emg import EmgTarget
 from trees import random_tree, to_pinocchio
 
 Row = dict[str, object]
@@ -100,7 +100,7 @@ def _row(
 
 
 def _pendulums(folder: Path) -> Iterator[Row]:
-    from myomorph.opensim_tools.run import run_tool
+    from myomorph.exchange.opensim.run import run_tool
 
     for model, setup in PENDULUMS:
         here = folder / "opensim-reference-small"
@@ -198,7 +198,7 @@ def write_loads(folder: Path, work: Path, torques: bool) -> Path:
 def _in_opensim(case: str, write: Callable[[Path], tuple[Path, Path]]) -> Row:
     import opensim
 
-    from myomorph.opensim_tools.run import run_tool
+    from myomorph.exchange.opensim.run import run_tool
 
     opensim.Logger.setLevelString("Off")
     with tempfile.TemporaryDirectory() as work:

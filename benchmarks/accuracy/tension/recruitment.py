@@ -13,9 +13,9 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.errors import rms
-from myomorph.model.arrays import Array
-from myomorph.tension.recruitment import recruitment_terms
-from myomorph.tension.tension import Tension
+from myomorph.core.model.arrays import Array
+from myomorph.core.tension.recruitment import recruitment_terms
+from myomorph.core.tension.tension import Tension
 from truths.recruitment_programs import (
     Criterion,
     Walk,

@@ -13,13 +13,13 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.tension.passive import TRUNK
-from myomorph.model.arrays import Array
-from myomorph.model.model import Actuator
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.loops import closed_motion
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.actuators import default_reserves
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Actuator
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.loops import closed_motion
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.actuators import default_reserves
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 MOTION = "shoulder-thoracoscapular/ik/ABD01.mot"

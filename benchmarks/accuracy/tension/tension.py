@@ -18,12 +18,12 @@ import numpy as np
 import myomorph as mm
 from benchmarks.opensim_static import StaticResult, static_optimization, write_actuators
 from benchmarks.recordings import RECORDINGS, read_torques
-from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.sto import table_from_motion
-from myomorph.model.model import Actuator
-from myomorph.rigid.tree import compile_tree
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.actuators import default_reserves
+from myomorph.core.io.osim.actuators import read_actuators
+from myomorph.core.io.sto import table_from_motion
+from myomorph.core.model.model import Actuator
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.actuators import default_reserves
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,12 @@ from benchmarks.hands_lift import LIFTS, MASS, hands_measured, recorded
 from benchmarks.hands_lift_forces import holding, left_floor
 from benchmarks.hands_lift_forces import task as lift_task
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
-from myomorph.contact.states import preferred_directions
-from myomorph.model.arrays import Array
-from myomorph.motion.emg_activation import USUAL, channel_means, shifted
-from myomorph.tension.recruitment import KNEE_LOAD, RecruitmentOptions, recruitment_terms
-from myomorph.tension.tension import Tension
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.core.contact.states import preferred_directions
+from myomorph.core.model.arrays import Array
+from myomorph.core.motion.emg_activation import USUAL, channel_means, shifted
+from myomorph.core.tension.recruitment import KNEE_LOAD, RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.tension import Tension
+from myomorph.core.tension.terms.contacts import ContactOptions, ContactTask
 
 SECONDS = 8.0
 """Of each walk: some strides, so that the table is made in a minute."""

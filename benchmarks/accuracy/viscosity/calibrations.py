@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.plate_calibration import calibrate_plate, residuals, sizes
-from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
-from myomorph.contact.plates import plate_axes
-from myomorph.io.c3d.read import read_c3d
-from myomorph.model.arrays import Array
-from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
-from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.registration.clusters import surface_parts
-from myomorph.morph.registration.rigid import register_surface
-from myomorph.motion.filters import natural_spline
-from myomorph.viscosity.swings.plate import wrench_clock
+from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
+from myomorph.core.contact.plates import plate_axes
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import PlateRecording
+from myomorph.core.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
+from myomorph.core.motion.filters import natural_spline
+from myomorph.core.surfaces.clusters import surface_parts
+from myomorph.core.surfaces.linear_maps import Similarity
+from myomorph.core.surfaces.rigid_registration import register_surface
+from myomorph.swings.plate_calibration import calibrate_plate, residuals, sizes
+from myomorph.swings.viscosity.swings.plate import wrench_clock
 from truths.handle_sensor import fit_handle, grip_point, object_motion
 from truths.plate_checks import check_plate, pose_deviations
 

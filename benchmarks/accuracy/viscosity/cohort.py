@@ -10,9 +10,9 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from myomorph.model.arrays import Array
-from myomorph.model.provenance import Estimate
-from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.provenance import Estimate
+from myomorph.swings.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort
 
 Row = dict[str, object]
 

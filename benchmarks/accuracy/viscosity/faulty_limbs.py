@@ -23,11 +23,17 @@ from benchmarks.accuracy.viscosity.handling import (
     slipped,
     still,
 )
-from myomorph.model.arrays import Array
-from myomorph.model.series import Wrenches
-from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import BaseLoad, HeldLimb, fixed_points, swing_mjcf
-from myomorph.simulate.shoulder import (
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Wrenches
+from myomorph.swings.simulate.laboratory import (
+    Noise,
+    Sampled,
+    measured_markers,
+    measured_wrench,
+    simulate,
+)
+from myomorph.swings.simulate.limb import BaseLoad, HeldLimb, fixed_points, swing_mjcf
+from myomorph.swings.simulate.shoulder import (
     BASE,
     FIRST,
     FURTHER,
@@ -39,11 +45,11 @@ from myomorph.simulate.shoulder import (
     mounted,
     released,
 )
-from myomorph.viscosity.cohort import SPECIMENS
-from myomorph.viscosity.identification.budget import ErrorOptions
-from myomorph.viscosity.specimen.model import Specimen, SwingTrial
-from myomorph.viscosity.trust.law import HINGES
-from myomorph.viscosity.trust.moment_arms import MomentArmOptions
+from myomorph.swings.viscosity.cohort import SPECIMENS
+from myomorph.swings.viscosity.identification.budget import ErrorOptions
+from myomorph.swings.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.swings.viscosity.trust.law import HINGES
+from myomorph.swings.viscosity.trust.moment_arms import MomentArmOptions
 from truths.soft_limbs import SoftTissue
 
 SECONDS = 8.0

@@ -11,12 +11,12 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.io.mjcf.write import text
-from myomorph.model.arrays import Array
-from myomorph.model.series import Markers
-from myomorph.simulate.laboratory import Sampled, sampled
-from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
-from myomorph.viscosity.trust.law import hinge_slopes
+from myomorph.core.io.mjcf.write import text
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Markers
+from myomorph.swings.simulate.laboratory import Sampled, sampled
+from myomorph.swings.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
+from myomorph.swings.viscosity.trust.law import hinge_slopes
 
 ANCHOR = (-0.055, 0.0, -0.06)
 """Where the base is clamped, from the joint's center, in the base's frame: the middle of the

@@ -14,15 +14,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, faulty_limb, random_faults
-from myomorph.model.provenance import Estimate
-from myomorph.viscosity.cohort import specimen_row
-from myomorph.viscosity.identification.base_load import BaseLoad as BaseMass
-from myomorph.viscosity.identification.identify import QUANTITIES_OF, is_narrow
-from myomorph.viscosity.study.conditions import Prepared, identify_conditions
-from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
-from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.trust.checks import TOO_SMALL, condition_findings
-from myomorph.viscosity.trust.freed import DRY
+from myomorph.core.model.provenance import Estimate
+from myomorph.swings.viscosity.cohort import specimen_row
+from myomorph.swings.viscosity.identification.base_load import BaseLoad as BaseMass
+from myomorph.swings.viscosity.identification.identify import QUANTITIES_OF, is_narrow
+from myomorph.swings.viscosity.study.conditions import Prepared, identify_conditions
+from myomorph.swings.viscosity.study.plan import SpecimenFiles, StudyOptions
+from myomorph.swings.viscosity.tracking.track import track
+from myomorph.swings.viscosity.trust.checks import TOO_SMALL, condition_findings
+from myomorph.swings.viscosity.trust.freed import DRY
 
 Row = dict[str, object]
 

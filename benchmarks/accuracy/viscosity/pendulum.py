@@ -14,7 +14,7 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.optimize import brentq
 
-from myomorph.model.arrays import Array
+from myomorph.core.model.arrays import Array
 from truths.decays import Decay, compare_decays, compound_inertia, fit_decay, torsional_inertia
 
 BICYCLES = ("Browser", "Pista", "Rigid")

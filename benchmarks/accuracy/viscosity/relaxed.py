@@ -22,9 +22,9 @@ from scipy.io import loadmat
 from tests.truths.relaxed_limbs import RelaxedLeg, write_leg
 
 import myomorph as mm
-from myomorph.model.arrays import Array
-from myomorph.viscosity.relaxed.drops import Drop, find_drops
-from myomorph.viscosity.relaxed.identify import (
+from myomorph.core.model.arrays import Array
+from myomorph.swings.viscosity.relaxed.drops import Drop, find_drops
+from myomorph.swings.viscosity.relaxed.identify import (
     SPRUNG,
     LimbOptions,
     LimbResult,
@@ -32,8 +32,8 @@ from myomorph.viscosity.relaxed.identify import (
     guess,
     state_at,
 )
-from myomorph.viscosity.relaxed.swing_equation import swing_equation
-from myomorph.viscosity.study.limb_step import study_limb
+from myomorph.swings.viscosity.relaxed.swing_equation import swing_equation
+from myomorph.swings.viscosity.study.limb_step import study_limb
 
 Row = dict[str, object]
 FOLDER = "MYOMORPH_PENDULUM"

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array
-from myomorph.model.provenance import Estimate
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.provenance import Estimate
 
 Row = dict[str, object]
 
@@ -65,9 +65,9 @@ def modelled(points: Array) -> Array:
 
 def scan_run(number: int) -> ScanRun:
     """One specimen with muscles of full size from its files, by the defaults of a study."""
-    from myomorph.demo.shoulder import write_shoulder_study
-    from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
-    from myomorph.viscosity.study.specimen import study_specimen
+    from myomorph.swings.demo import write_shoulder_study
+    from myomorph.swings.viscosity.study.plan import StudyOptions, read_viscosity_plan
+    from myomorph.swings.viscosity.study.specimen import study_specimen
 
     with tempfile.TemporaryDirectory() as folder:
         path = write_shoulder_study(

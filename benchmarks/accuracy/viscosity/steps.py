@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.errors import rms
-from myomorph.viscosity.identification.identify import (
+from myomorph.swings.viscosity.identification.identify import (
     Condition,
     ViscosityOptions,
     identify_specimen,

@@ -24,8 +24,8 @@ SLIP = {"elbow_flexion_r": np.deg2rad(5.0)}
 @lru_cache(maxsize=1)
 def _virtual() -> Any:
     """Specimen 1 of [S], three releases without muscles, its plate exact and on the markers' clock."""
-    from myomorph.simulate.laboratory import Noise
-    from myomorph.simulate.shoulder import virtual_specimen
+    from myomorph.swings.simulate.laboratory import Noise
+    from myomorph.swings.simulate.shoulder import virtual_specimen
 
     return virtual_specimen(1, seconds=SECONDS, noise=Noise(0.0, 0.0, 0.0))
 
@@ -38,10 +38,10 @@ def _trials(
 
     `slip` is added to what the wires hold [rad].
     """
-    from myomorph.simulate.laboratory import Noise, measured_markers
-    from myomorph.simulate.limb import HeldLimb, with_clusters
-    from myomorph.simulate.shoulder import HELD
-    from myomorph.viscosity.specimen.model import SwingTrial
+    from myomorph.swings.simulate.laboratory import Noise, measured_markers
+    from myomorph.swings.simulate.limb import HeldLimb, with_clusters
+    from myomorph.swings.simulate.shoulder import HELD
+    from myomorph.swings.viscosity.specimen.model import SwingTrial
 
     virtual = _virtual()
     random = np.random.default_rng(7)
@@ -66,7 +66,7 @@ def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.nd
     """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its
     axes.
     """
-    from myomorph.viscosity.tracking.tracked import swing_recordings
+    from myomorph.swings.viscosity.tracking.tracked import swing_recordings
 
     turns = []
     rates = []
@@ -83,9 +83,9 @@ def measure_noise() -> Iterable[Row]:
     """A row a size of cluster: errors of a frame by itself and through the filter; root mean
     squares.
     """
-    from myomorph.simulate.shoulder import HELD
-    from myomorph.viscosity.tracking.track import track
-    from myomorph.viscosity.tracking.tracked import TrackingOptions
+    from myomorph.swings.simulate.shoulder import HELD
+    from myomorph.swings.viscosity.tracking.track import track
+    from myomorph.swings.viscosity.tracking.tracked import TrackingOptions
 
     for arm in ARMS:
         specimen, trials, exact = _trials(arm, NOISE)
@@ -148,8 +148,8 @@ FAULTS: dict[str, Callable[[np.ndarray, dict[str, int], np.ndarray], None] | Non
 
 def measure_faults() -> Iterable[Row]:
     """A row a fault, made in the first of three trials: the worst frame's error, and what is said."""
-    from myomorph.viscosity.tracking.track import track
-    from myomorph.viscosity.tracking.tracked import TrackingOptions
+    from myomorph.swings.viscosity.tracking.track import track
+    from myomorph.swings.viscosity.tracking.tracked import TrackingOptions
 
     specimen, trials, exact = _trials(0.04, NOISE)
     slipped = _trials(0.04, NOISE, SLIP)[1][0].markers.values

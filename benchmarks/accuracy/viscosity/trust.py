@@ -14,17 +14,21 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from myomorph.model.paths import PathPoint
-from myomorph.simulate.laboratory import measured_markers, measured_wrench, simulate
-from myomorph.simulate.shoulder import virtual_specimen
-from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.specimen.model import Specimen
-from myomorph.viscosity.swings.motion import lengthening, limb_motion
-from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import swing_recordings
-from myomorph.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
-from myomorph.viscosity.trust.models import PassiveComparison, compare_passive_laws
-from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
+from myomorph.core.model.paths import PathPoint
+from myomorph.swings.simulate.laboratory import measured_markers, measured_wrench, simulate
+from myomorph.swings.simulate.shoulder import virtual_specimen
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.specimen.model import Specimen
+from myomorph.swings.viscosity.swings.motion import lengthening, limb_motion
+from myomorph.swings.viscosity.tracking.track import track
+from myomorph.swings.viscosity.tracking.tracked import swing_recordings
+from myomorph.swings.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
+from myomorph.swings.viscosity.trust.models import PassiveComparison, compare_passive_laws
+from myomorph.swings.viscosity.trust.moment_arms import (
+    OFFSET,
+    MomentArmOptions,
+    moment_arm_sensitivity,
+)
 from truths.mechanical_joint import (
     BASE_MARKERS,
     CENTER,

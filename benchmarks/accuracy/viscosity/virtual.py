@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from myomorph.model.provenance import Estimate
+from myomorph.core.model.provenance import Estimate
 
 Row = dict[str, object]
 
@@ -40,12 +40,15 @@ def joint_run(seed: int) -> JointRun:
     Every fifth joint has no spring. Markers 0.3 mm, force 0.3 N, moment 0.06 N m, clocks apart by
     up to 20 ms.
     """
-    from myomorph.simulate.laboratory import Noise
-    from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-    from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
-    from myomorph.viscosity.tracking.track import track
-    from myomorph.viscosity.tracking.tracked import swing_recordings
-    from myomorph.viscosity.trust.cutoff import choose_cutoff
+    from myomorph.swings.simulate.laboratory import Noise
+    from myomorph.swings.viscosity.identification.identify import (
+        ViscosityOptions,
+        identify_specimen,
+    )
+    from myomorph.swings.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
+    from myomorph.swings.viscosity.tracking.track import track
+    from myomorph.swings.viscosity.tracking.tracked import swing_recordings
+    from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
     from truths.mechanical_joint import mechanical_joint
 
     random = np.random.default_rng(seed)
@@ -128,14 +131,14 @@ class SpecimenRun(NamedTuple):
 
 def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     """One virtual specimen of tables I and II through tracking, clocks, cutoff and identification."""
-    from myomorph.demo.shoulder import truth_of
-    from myomorph.simulate.shoulder import virtual_specimen
-    from myomorph.viscosity.cohort import specimen_row
-    from myomorph.viscosity.identification.identify import identify_specimen
-    from myomorph.viscosity.tracking.track import track
-    from myomorph.viscosity.tracking.tracked import swing_recordings
-    from myomorph.viscosity.trust.cutoff import choose_cutoff
-    from myomorph.viscosity.trust.moment_arms import (
+    from myomorph.swings.demo import truth_of
+    from myomorph.swings.simulate.shoulder import virtual_specimen
+    from myomorph.swings.viscosity.cohort import specimen_row
+    from myomorph.swings.viscosity.identification.identify import identify_specimen
+    from myomorph.swings.viscosity.tracking.track import track
+    from myomorph.swings.viscosity.tracking.tracked import swing_recordings
+    from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
+    from myomorph.swings.viscosity.trust.moment_arms import (
         OFFSET,
         MomentArmOptions,
         moment_arm_sensitivity,
@@ -185,7 +188,7 @@ def measure_cohort() -> Iterable[Row]:
     """A row a quantity: mean of the truth of the six, mean found with its interval, and single
     specimens' errors.
     """
-    from myomorph.viscosity.cohort import cohort
+    from myomorph.swings.viscosity.cohort import cohort
 
     six = [one for one in specimen_runs() if not one.full_size]
     for line in cohort([one.found for one in six]):

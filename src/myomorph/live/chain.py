@@ -9,30 +9,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.contact.assign import OnlineFeet
-from myomorph.contact.site_motion import OnlineFootPath, root_places
-from myomorph.live.limits import FrameLimits, Instant, LimitOptions, LiveLimits
-from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
-from myomorph.live.sources import Source
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model, index_of
-from myomorph.motion.causal import CausalFilter, CausalStream
-from myomorph.motion.measurements import default_markers
-from myomorph.motion.online import (
+from myomorph.core.contact.assign import OnlineFeet
+from myomorph.core.contact.site_motion import OnlineFootPath, root_places
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model, index_of
+from myomorph.core.motion.causal import CausalFilter, CausalStream
+from myomorph.core.motion.measurements import default_markers
+from myomorph.core.motion.online import (
     BLEND,
     OnlineKinematics,
     OnlineOrientations,
     SteadyFrame,
     SteadyKinematics,
 )
-from myomorph.motion.sensors.mounting import SensorMounting
-from myomorph.rigid.dynamics import OnlineDynamics
-from myomorph.tension.dual import MISSING, OPTIMAL
-from myomorph.tension.problem import OnlineTension, TensionFrame
-from myomorph.tension.tension import TensionOptions
-from myomorph.tension.terms.actuators import floating_joints
-from myomorph.uncertainty.sources import Sources
+from myomorph.core.motion.sensors.mounting import SensorMounting
+from myomorph.core.rigid.dynamics import OnlineDynamics
+from myomorph.core.tension.dual import MISSING, OPTIMAL
+from myomorph.core.tension.problem import OnlineTension, TensionFrame
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.actuators import floating_joints
+from myomorph.lab.uncertainty.sources import Sources
+from myomorph.live.limits import FrameLimits, Instant, LimitOptions, LiveLimits
+from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
+from myomorph.live.sources import Source
 
 KEPT = 2.0  # Forces that no frame has asked for are kept so long [s].
 

@@ -16,23 +16,23 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.identify.base_parameters import held_in
-from myomorph.identify.online import OnlineIdentification, OnlineOptions, OnlineState
+from myomorph.body.identify.base_parameters import held_in
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.segments import Segment, segments_of
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.model.surface import Surface
+from myomorph.core.motion.online import SteadyFrame
+from myomorph.lab.store.settings import with_settings
+from myomorph.lab.study.subject.identifying import SubjectMotion, _surfaces, open_motions
 from myomorph.live.chain import Poses
+from myomorph.live.identification_page import Clock, Display, TerminalDisplay, WebDisplay
 from myomorph.live.loop import SOLVED, Delays, follow
+from myomorph.live.online_identification import OnlineIdentification, OnlineOptions, OnlineState
 from myomorph.live.sources import LiveRecording, Replay, Source, open_recording
 from myomorph.live.streams import LabStreams
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
-from myomorph.model.segments import Segment, segments_of
-from myomorph.model.series import Motion, Wrenches
-from myomorph.model.surface import Surface
-from myomorph.motion.online import SteadyFrame
-from myomorph.store.settings import with_settings
-from myomorph.study.subject.identifying import SubjectMotion, _surfaces, open_motions
-from myomorph.viewer.identification_page import Clock, Display, TerminalDisplay, WebDisplay
 
 INTERVAL = 0.2  # Time between two looks at the estimate [s].
 SHARE = 0.25  # Part of the time that looking may take.

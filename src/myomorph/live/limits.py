@@ -14,21 +14,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.motion.causal import CausalFilter, CausalStream
-from myomorph.rigid.dynamics import OnlineDynamics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
-from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.problem import OnlineTension
-from myomorph.tension.tension import TensionOptions
-from myomorph.uncertainty.bodies import Draw, drawn_subject
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.online_errors import AngleErrors, MarkerErrors, OnlineInputs
-from myomorph.uncertainty.sources import Sources
-from myomorph.uncertainty.spread import FACTORS, LEVEL, NOT_NEGATIVE
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.motion.causal import CausalFilter, CausalStream
+from myomorph.core.rigid.dynamics import OnlineDynamics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.dual import OPTIMAL
+from myomorph.core.tension.problem import OnlineTension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.lab.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
+from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import Sources
+from myomorph.lab.uncertainty.spread import FACTORS, LEVEL, NOT_NEGATIVE
+from myomorph.live.online_errors import AngleErrors, MarkerErrors, OnlineInputs
 
 # What has limits, in the order of a row.
 TABLES = ("coordinates", "torques", "activations", "forces")

@@ -18,9 +18,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
 from myomorph.live.sources import Source
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
 
 WAIT = 0.02  # Longest sleep without a look at the source [s].
 GAP = 0.1  # Time without a sample of force after which forces are unknown [s].

@@ -11,13 +11,13 @@ from multiprocessing.connection import Connection
 import numpy as np
 import psutil
 
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import MyomorphError
+from myomorph.core.model.model import Model
+from myomorph.core.model.surface import Surface
 from myomorph.live.chain import ChainFrame, LiveChain
+from myomorph.live.live_page import ChainViewer, Shown
 from myomorph.live.loop import SOLVED, STATES, Delays
-from myomorph.model.arrays import Array
-from myomorph.model.errors import MyomorphError
-from myomorph.model.model import Model
-from myomorph.model.surface import Surface
-from myomorph.viewer.live_page import ChainViewer, Shown
 
 DRAWN = 30.0  # Frames a second that the page is sent [Hz].
 # Longest time that the page may take to start, compilation on a new machine included [s].

@@ -14,24 +14,19 @@ from typing import IO
 
 import numpy as np
 
-from myomorph.io.inertial.read import read_inertial
-from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
-from myomorph.live.limits import TABLES, LimitOptions
-from myomorph.live.loop import STATES, Delays, LiveSession, Output, follow
-from myomorph.live.page import LivePage
-from myomorph.live.sources import Replay, Source, open_recording, read_forces_of
-from myomorph.live.streams import LabOutlet, LabStreams
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
-from myomorph.model.provenance import Source as Input
-from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
-from myomorph.motion.sensors.mounting import SensorMounting, with_orientations
-from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.store import stored as store
-from myomorph.store.results import (
+from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.core.io.inertial.read import read_inertial
+from myomorph.core.io.sto import table_from_motion, write_sto
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.provenance import Source as Input
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
+from myomorph.core.motion.sensors.mounting import SensorMounting, with_orientations
+from myomorph.core.tension.tension import Tension, TensionOptions
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.results import (
     STORED,
     file_source,
     new_result,
@@ -39,15 +34,20 @@ from myomorph.store.results import (
     value_source,
     whole_folder,
 )
-from myomorph.store.settings import plain_settings
-from myomorph.store.uncertainty_store import put_uncertainty
-from myomorph.study.inputs import reading
-from myomorph.study.inputs.imu import NONE, ImuFiles
-from myomorph.study.trial.reporting import surfaces_of
-from myomorph.study.trial.steps.id import torque_table
-from myomorph.tension.tension import Tension, TensionOptions
-from myomorph.uncertainty.sources import Sources
-from myomorph.uncertainty.spread import Spread, Uncertainty
+from myomorph.lab.store.settings import plain_settings
+from myomorph.lab.store.uncertainty_store import put_uncertainty
+from myomorph.lab.study.inputs import reading
+from myomorph.lab.study.inputs.imu import NONE, ImuFiles
+from myomorph.lab.study.trial.reporting import surfaces_of
+from myomorph.lab.study.trial.steps.id import torque_table
+from myomorph.lab.uncertainty.sources import Sources
+from myomorph.lab.uncertainty.spread import Spread, Uncertainty
+from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
+from myomorph.live.limits import TABLES, LimitOptions
+from myomorph.live.loop import STATES, Delays, LiveSession, Output, follow
+from myomorph.live.page import LivePage
+from myomorph.live.sources import Replay, Source, open_recording, read_forces_of
+from myomorph.live.streams import LabOutlet, LabStreams
 
 
 @dataclass(frozen=True)

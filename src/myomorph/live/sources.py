@@ -9,17 +9,17 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from myomorph.contact.plates import wrenches_from_plates
-from myomorph.identify.online import total_wrench
-from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
-from myomorph.model.inertial_sensors import InertialSensors
-from myomorph.model.model import GROUND, Model
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.motion.sync import cut
-from myomorph.study.inputs import reading
-from myomorph.study.inputs.external_forces import force_table, read_loads
-from myomorph.study.inputs.loads import TABLES
+from myomorph.core.contact.plates import wrenches_from_plates
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.series import Markers, Motion, Series, Wrenches
+from myomorph.core.motion.sync import cut
+from myomorph.lab.study.inputs import reading
+from myomorph.lab.study.inputs.external_forces import force_table, read_loads
+from myomorph.lab.study.inputs.loads import TABLES
+from myomorph.live.online_identification import total_wrench
 
 CHUNK = 0.05  # Time that a recording played as fast as it goes gives at once [s].
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.identify.online import total_wrench
+from myomorph.core.model.arrays import Array, frozen_array
+from myomorph.core.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.live.chain import ChainFrame, LiveChain
+from myomorph.live.online_identification import total_wrench
 from myomorph.live.sources import Arrived, Source
-from myomorph.model.arrays import Array, frozen_array
-from myomorph.model.errors import BadData, MyomorphError, UnknownName
 
 _AXIS = re.compile(r"^(.*?)[ _.:-]?([wxyz])$", re.IGNORECASE)
 _FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from myomorph.model.surface import Surface
+from myomorph.core.model.surface import Surface
 
 
 def surface_of(mesh: trimesh.Trimesh) -> Surface:

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from skins import sphere
 
-from myomorph.identify.body.envelope import HULL, INERTIA, TISSUE, envelope_points
-from myomorph.identify.body.points import MassPoints, links_of
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Body, Mesh
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
+from myomorph.body.shape.envelope import HULL, INERTIA, TISSUE, envelope_points
+from myomorph.body.shape.points import MassPoints, links_of
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Body, Mesh
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
 
 
 def default_pose(model):

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from skins import capsule
 
-from myomorph.identify.body.fit_pose import pose_model_to_skin
-from myomorph.identify.body.points import links_of
-from myomorph.identify.body.regions import Standing, regions_of
-from myomorph.identify.body.shape import body_shape
-from myomorph.identify.body.skin import Skin, inside
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.series import Motion
-from myomorph.model.surface import Surface
-from myomorph.rigid.tree import compile_tree
+from myomorph.body.shape.fit_pose import pose_model_to_skin
+from myomorph.body.shape.points import links_of
+from myomorph.body.shape.regions import Standing, regions_of
+from myomorph.body.shape.shape import body_shape
+from myomorph.body.shape.skin import Skin, inside
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.series import Motion
+from myomorph.core.model.surface import Surface
+from myomorph.core.rigid.tree import compile_tree
 
 absent = importlib.util.find_spec("anny") is None
 needs_anny = pytest.mark.skipif(
@@ -96,7 +96,7 @@ def test_a_known_pose_comes_back_from_landmarks(data):
             values[j] = np.clip(values[j] + rng.uniform(-0.15, 0.15), low, high)
     pose = Motion(np.zeros(1), model.coordinate_names, values[None])
     places = Standing(model, pose, regions_of(model)).places
-    from myomorph.rigid.kinematics import forward_kinematics
+    from myomorph.core.rigid.kinematics import forward_kinematics
 
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
     bodies = np.array([tree.body_index[marker.body] for marker in model.markers])

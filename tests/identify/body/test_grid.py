@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from skins import box, capsule, sphere
 
-from myomorph.identify.body.points import DENSITIES, fill, reference_masses
-from myomorph.identify.body.skin import Skin, check_skin, inside
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.body.shape.points import DENSITIES, fill, reference_masses
+from myomorph.body.shape.skin import Skin, check_skin, inside
+from myomorph.core.model.errors import BadData, UnknownName
 
 
 @pytest.mark.parametrize(

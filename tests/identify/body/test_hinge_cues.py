@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.identify.body.center_fit import AXIS_LENGTH, CenterFit, hinge_cues
-from myomorph.identify.body.regions import HINGES, Region, Standing, regions_of
-from myomorph.model.series import DEFAULT_POSE
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.jump import leg_model
+from myomorph.body.shape.center_fit import AXIS_LENGTH, CenterFit, hinge_cues
+from myomorph.body.shape.regions import HINGES, Region, Standing, regions_of
+from myomorph.core.model.series import DEFAULT_POSE
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analyze.leg_model import leg_model
 
 
 def test_a_model_on_itself_has_its_cues_in_place():

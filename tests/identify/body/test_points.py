@@ -2,8 +2,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from myomorph.identify.body.points import Links, MassPoints
-from myomorph.model.inertia import inertia_matrices
+from myomorph.body.shape.points import Links, MassPoints
+from myomorph.core.model.inertia import inertia_matrices
 
 
 def test_parameters_of_points_are_those_of_equation_3_9():

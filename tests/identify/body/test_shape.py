@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.identify.body.fit_pose import landmark_of_marker
-from myomorph.identify.body.points import fill
-from myomorph.identify.body.shape import DENSITY, _centers, body_shape, circumference, measurements
-from myomorph.identify.body.skin import inside
-from myomorph.identify.body.statistical_body import (
+from myomorph.body.shape.fit_pose import landmark_of_marker
+from myomorph.body.shape.points import fill
+from myomorph.body.shape.shape import DENSITY, _centers, body_shape, circumference, measurements
+from myomorph.body.shape.skin import inside
+from myomorph.body.shape.statistical_body import (
     AGES,
     FREE,
     LOCAL,
@@ -20,8 +20,8 @@ from myomorph.identify.body.statistical_body import (
     segment_of_bone,
     statistical_body,
 )
-from myomorph.model.errors import BadData
-from myomorph.model.segments import SEGMENTS, Segment
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.segments import SEGMENTS, Segment
 
 absent = importlib.util.find_spec("anny") is None
 needs_anny = pytest.mark.skipif(

@@ -7,10 +7,10 @@ import pytest
 import trimesh
 from skins import box, capsule, sphere, surface_of
 
-from myomorph.identify.body.skin import check_skin, inside, winding_numbers
-from myomorph.io.mesh import read_mesh
-from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface
+from myomorph.body.shape.skin import check_skin, inside, winding_numbers
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.surface import Surface
 
 
 def joined(*surfaces):

@@ -5,16 +5,16 @@ import pytest
 from scipy import sparse
 
 from made_bodies import filled, random_links
-from myomorph.identify.body.points import Links
-from myomorph.identify.body.weights import (
+from myomorph.body.shape.points import Links
+from myomorph.body.shape.weights import (
     bone_weights,
     checked_weights,
     cog_weights,
     links_with_mass,
     nearest_weights,
 )
-from myomorph.io.formats import read_model
-from myomorph.model.errors import BadData
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.errors import BadData
 
 
 @pytest.fixture(scope="module")

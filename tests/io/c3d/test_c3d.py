@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.raw import read_raw_c3d
-from myomorph.io.c3d.read import emg_channels, read_c3d
-from myomorph.io.parsing.guard import run_guarded
-from myomorph.model.errors import BadFile
-from myomorph.model.series import Event
+from myomorph.core.io.c3d.raw import read_raw_c3d
+from myomorph.core.io.c3d.read import emg_channels, read_c3d
+from myomorph.core.io.parsing.guard import run_guarded
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Event
 
 SAMPLES = "c3d-vendor-samples/C3DSamples"
 ORG = f"{SAMPLES}/c3d.org"

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.raw import read_raw_c3d
-from myomorph.io.c3d.read import read_c3d
-from myomorph.io.c3d.write import write_c3d, write_trial
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.series import Analog, Event, Markers, PlateRecording, Trial
+from myomorph.core.io.c3d.raw import read_raw_c3d
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.c3d.write import write_c3d, write_trial
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.series import Analog, Event, Markers, PlateRecording, Trial
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.io.formats import is_composed, read_model
-from myomorph.model.errors import BadFile
-from myomorph.store.results import file_source
+from myomorph.core.io.formats import is_composed, read_model
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.results import file_source
 
 pytest.importorskip("myo_sim")
 

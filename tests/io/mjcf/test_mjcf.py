@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from mujoco_models import MODELS, State, compiled, load, qpos_from_coordinates, random_motion
-from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco, read_mjcf
-from myomorph.model.errors import BadFile, BadModel
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.mjcf.read import coordinates_from_qpos, model_from_mujoco, read_mjcf
+from myomorph.core.model.errors import BadFile, BadModel
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 
 mujoco = pytest.importorskip("mujoco")
 FRAMES = 3

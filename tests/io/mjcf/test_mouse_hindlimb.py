@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
 from opensim_oracle import ask
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 

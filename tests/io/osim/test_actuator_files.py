@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadFile, UnknownName
+from myomorph.core.io.osim.actuators import read_actuators
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadFile, UnknownName
 
 TWO = """<OpenSimDocument Version="40000"><ForceSet name="set"><objects>
  <CoordinateActuator name="a"><min_control>-Inf</min_control><max_control>2</max_control>

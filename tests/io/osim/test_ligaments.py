@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.join import join_models
-from myomorph.model.scale import scale
-from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.join import join_models
+from myomorph.core.model.scale import scale
+from myomorph.core.muscles.kinematics import default_path_lengths
 
 FILE = "lenhart-knee-contact-walk/lenhart2015.osim"
 

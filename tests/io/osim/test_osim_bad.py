@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.read import read_osim
-from myomorph.io.parsing.xml import read_xml
-from myomorph.model.errors import BadFile, BadModel, MyomorphError, UnknownName
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.parsing.xml import read_xml
+from myomorph.core.model.errors import BadFile, BadModel, MyomorphError, UnknownName
 
 ROD = """<?xml version="1.0" encoding="UTF-8"?>
 <OpenSimDocument Version="40000">

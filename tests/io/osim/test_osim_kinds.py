@@ -9,8 +9,8 @@ import pytest
 from lxml import etree
 
 import opensim_oracle
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
 from osim_models import body_poses, point_place, random_values
 
 pytest.importorskip("opensim")

@@ -12,13 +12,13 @@ from lxml import etree
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.io.osim.document import read_document
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
-from myomorph.model.spatial import Transform, euler_xyz_from_rotation
-from myomorph.study.analyze.generic_model import generic_model
+from myomorph.core.io.osim.document import read_document
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.spatial import Transform, euler_xyz_from_rotation
+from myomorph.lab.analyze.generic_model import generic_model
 from osim_models import FILES, body_poses, point_place
 
 pytest.importorskip("opensim")

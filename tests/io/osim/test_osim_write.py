@@ -14,13 +14,18 @@ from lxml import etree
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.io.mjcf.read import read_mjcf
-from myomorph.io.osim.document import Document, Node, legal
-from myomorph.io.osim.functions import natural_spline, read_function, smooth_step, write_function
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadModel
-from myomorph.model.functions import (
+from myomorph.core.io.mjcf.read import read_mjcf
+from myomorph.core.io.osim.document import Document, Node, legal
+from myomorph.core.io.osim.functions import (
+    natural_spline,
+    read_function,
+    smooth_step,
+    write_function,
+)
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadModel
+from myomorph.core.model.functions import (
     PiecewisePolynomial,
     SineProduct,
     constant,
@@ -29,8 +34,8 @@ from myomorph.model.functions import (
     polynomial,
     simm_spline,
 )
-from myomorph.model.model import Body, Model
-from myomorph.model.paths import PassiveTorque
+from myomorph.core.model.model import Body, Model
+from myomorph.core.model.paths import PassiveTorque
 from osim_models import FILES, body_poses, random_values
 
 # What a written file says differently by its nature: where it is, and where meshes hang in it.
@@ -196,7 +201,7 @@ def test_a_failed_write_leaves_nothing_and_spoils_nothing(pendulum, tmp_path, mo
     def fail(*_arguments, **_options):
         raise OSError("disk full")
 
-    monkeypatch.setattr("myomorph.io.osim.write.etree.tostring", fail)
+    monkeypatch.setattr("myomorph.core.io.osim.write.etree.tostring", fail)
     with pytest.raises(OSError, match="disk full"):
         write_osim(replace(pendulum, name="other"), path)
     assert path.read_bytes() == before

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.scale_setup import ScaleSetup
-from myomorph.io.osim.setup_parts import read_marker_set, write_marker_set, write_scale_set
-from myomorph.io.osim.tool_setups import read_setup
-from myomorph.model.errors import BadData, BadFile
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.scale_setup import ScaleSetup
+from myomorph.core.io.osim.setup_parts import read_marker_set, write_marker_set, write_scale_set
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.exchange.opensim.tool_setups import read_setup
 
 TOOL = """<OpenSimDocument Version="40000"><ScaleTool name="s"><mass>{mass}</mass>
 <GenericModelMaker><model_file>m.osim</model_file></GenericModelMaker>

@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from myomorph.io.osim.setup_parts import read_ik_tasks
-from myomorph.io.osim.tool_setups import (
+from myomorph.core.io.osim.setup_parts import read_ik_tasks
+from myomorph.core.model.errors import BadFile
+from myomorph.exchange.opensim.tool_setups import (
     AnalyzeSetup,
     InverseDynamicsSetup,
     InverseKinematicsSetup,
     read_setup,
 )
-from myomorph.model.errors import BadFile
 
 
 def test_only_applied_tasks_count(data):

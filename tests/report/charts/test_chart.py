@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from myomorph.model.series import Event
-from myomorph.report.charts.axis import number, scaled_unit, ticks
-from myomorph.report.charts.cells import heat_map, pooled
-from myomorph.report.charts.curves import Line, time_plot
-from myomorph.report.charts.marks import Level, decimate, envelope
-from myomorph.report.charts.points import floor_plot
-from myomorph.report.charts.rows import bar_plot
-from myomorph.report.scene.image import HEAT, png
+from myomorph.core.model.series import Event
+from myomorph.lab.report.charts.axis import number, scaled_unit, ticks
+from myomorph.lab.report.charts.cells import heat_map, pooled
+from myomorph.lab.report.charts.curves import Line, time_plot
+from myomorph.lab.report.charts.marks import Level, decimate, envelope
+from myomorph.lab.report.charts.points import floor_plot
+from myomorph.lab.report.charts.rows import bar_plot
+from myomorph.lab.report.scene.image import HEAT, png
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 10))

@@ -3,9 +3,9 @@ import re
 import pytest
 from lxml import etree
 
-from myomorph.analysis.contact_states import graph_rows
-from myomorph.model.contacts import Contacts, Touch
-from myomorph.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop, contact_graph
+from myomorph.core.model.contacts import Contacts, Touch
+from myomorph.lab.analysis.contact_states import graph_rows
+from myomorph.lab.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop, contact_graph
 
 TAP = Contacts(
     ("toe_l", "heel_r", "toe_r"),

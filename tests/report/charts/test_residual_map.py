@@ -11,8 +11,8 @@ import pytest
 import trimesh
 from matplotlib.image import imread
 
-from myomorph.model.surface import Surface
-from myomorph.report.charts.pictures import residual_map
+from myomorph.core.model.surface import Surface
+from myomorph.lab.report.charts.pictures import residual_map
 
 
 def pictures(drawn):

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from boxed_leg import FRONT, HALF, grown, leg, morph_of, muscle, with_muscle
-from myomorph.model.provenance import Provenance, Source
-from myomorph.morph.checks.checks import check_morph
-from myomorph.report.morph.morph_page import morph_page
-from myomorph.report.morph.tables import morphing_tables
-from myomorph.report.page.parts import Note, Section
+from myomorph.bones.morph.checks.checks import check_morph
+from myomorph.bones.report.morph_page import morph_page
+from myomorph.bones.report.tables import morphing_tables
+from myomorph.core.model.provenance import Provenance, Source
+from myomorph.lab.report.page.parts import Note, Section
 
 MADE = Provenance(
     "morph",

@@ -5,16 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.model.functions import linear
-from myomorph.model.model import Mesh
-from myomorph.model.paths import MovingPathPoint, Path, PathPoint
-from myomorph.model.series import Series
-from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.model.surface import Surface
-from myomorph.report.scene.pictures import HIDDEN, MAX_TRIANGLES, frames_to_play, pictures, player
-from myomorph.report.scene.raster import FAR, Canvas, View
-from myomorph.report.scene.scene import make_scene
-from myomorph.report.scene.shapes import coarser, normals, primitive, stick
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Mesh
+from myomorph.core.model.paths import MovingPathPoint, Path, PathPoint
+from myomorph.core.model.series import Series
+from myomorph.core.model.spatial import Transform, axis_rotation
+from myomorph.core.model.surface import Surface
+from myomorph.lab.report.scene.pictures import (
+    HIDDEN,
+    MAX_TRIANGLES,
+    frames_to_play,
+    pictures,
+    player,
+)
+from myomorph.lab.report.scene.raster import FAR, Canvas, View
+from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.shapes import coarser, normals, primitive, stick
 from walker import GRAVITY, Tension, model, motion, steps
 
 IDENTITY = Transform.identity()

@@ -9,36 +9,36 @@ from lxml import etree, html
 from scipy import sparse
 from tests.walker import shown
 
-from myomorph.identify.base import BaseFit, Tare
-from myomorph.identify.base_parameters import BaseParameters
-from myomorph.identify.body.points import MassPoints, links_of
-from myomorph.identify.determined import Determined
-from myomorph.identify.subject import Identification
-from myomorph.identify.unseen import Unseen
-from myomorph.identify.validation import Consistency, CrossValidation, LinkConsistency
-from myomorph.model.inertia import inertial_parameters
-from myomorph.model.model import Body, Joint, Model
-from myomorph.model.segments import segments_of
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
-from myomorph.motion.calibration import (
+from myomorph.body.calibrate.calibration import (
     Calibration,
     CalibrationOptions,
     LengthEstimate,
     MarkerEstimate,
 )
-from myomorph.motion.lengths import Length
-from myomorph.report.charts.axis import number
-from myomorph.report.trial.identification import identification_sections
-from myomorph.report.trial.identification_tables import (
+from myomorph.body.identify.base import BaseFit, Tare
+from myomorph.body.identify.base_parameters import BaseParameters
+from myomorph.body.identify.determined import Determined
+from myomorph.body.identify.subject import Identification
+from myomorph.body.identify.unseen import Unseen
+from myomorph.body.identify.validation import Consistency, CrossValidation, LinkConsistency
+from myomorph.body.shape.points import MassPoints, links_of
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Body, Joint, Model
+from myomorph.core.model.segments import segments_of
+from myomorph.core.model.series import Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.lengths import Length
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.trial.identification import identification_sections
+from myomorph.lab.report.trial.identification_tables import (
     ATHLETES,
     identification_tables,
     segment_share,
     spine_groups,
     spine_sheet,
 )
-from myomorph.report.trial.report_input import IdentificationInput
-from myomorph.report.trial.trial_page import report_page
+from myomorph.lab.report.trial.report_input import IdentificationInput
+from myomorph.lab.report.trial.trial_page import report_page
 from walker import model as walker
 
 TABLE_3_1 = {

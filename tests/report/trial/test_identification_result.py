@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from myomorph.identify.body.points import MassPoints, links_of
-from myomorph.identify.recordings import RecordingOptions, usable
-from myomorph.identify.subject import Identification, IdentificationOptions, identify
-from myomorph.identify.validation import COMPONENTS, CrossValidation, cross_validate
-from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.report.trial.identification import identification_sections
-from myomorph.report.trial.identification_tables import identification_tables
-from myomorph.report.trial.report_input import IdentificationInput
-from myomorph.study.inputs.external_forces import read_loads
-from myomorph.study.inputs.reading import open_model, read_motion
+from myomorph.body.identify.recordings import RecordingOptions, usable
+from myomorph.body.identify.subject import Identification, IdentificationOptions, identify
+from myomorph.body.identify.validation import COMPONENTS, CrossValidation, cross_validate
+from myomorph.body.shape.points import MassPoints, links_of
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.lab.report.trial.identification import identification_sections
+from myomorph.lab.report.trial.identification_tables import identification_tables
+from myomorph.lab.report.trial.report_input import IdentificationInput
+from myomorph.lab.study.inputs.external_forces import read_loads
+from myomorph.lab.study.inputs.reading import open_model, read_motion
 
 
 def balls(model: Model) -> MassPoints:

@@ -7,9 +7,13 @@ import pytest
 from lxml import etree
 from tests.walker import having, shown
 
-from myomorph.analysis.center_of_mass import centroid
-from myomorph.analysis.phases import Phase
-from myomorph.analysis.presets import (
+from myomorph.core.model.contacts import Cone, ContactForces, Contacts, Site, Touch
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.join import join_models, join_motions
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.lab.analysis.center_of_mass import centroid
+from myomorph.lab.analysis.phases import Phase
+from myomorph.lab.analysis.presets import (
     CUTS,
     MUSCLES,
     PRESETS,
@@ -17,28 +21,24 @@ from myomorph.analysis.presets import (
     named_muscles,
     preset_of,
 )
-from myomorph.analysis.selection import centroids, subjects
-from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
-from myomorph.model.errors import BadData, UnknownName
-from myomorph.model.join import join_models, join_motions
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.report.charts.pictures import even_times, picture_strip, pictures_beside
-from myomorph.report.charts.tracks import Backdrop
-from myomorph.report.scene.pictures import pictures, proportion
-from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.analysis_sections import analysis_sections
-from myomorph.report.trial.estimated_forces import (
+from myomorph.lab.analysis.selection import centroids, subjects
+from myomorph.lab.report.charts.pictures import even_times, picture_strip, pictures_beside
+from myomorph.lab.report.charts.tracks import Backdrop
+from myomorph.lab.report.scene.pictures import pictures, proportion
+from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.trial.analysis_sections import analysis_sections
+from myomorph.lab.report.trial.estimated_forces import (
     acting_forces,
     contact_verdicts,
     group_forces,
     groups_of,
     situation_of,
 )
-from myomorph.report.trial.motion_analysis import analyse
-from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.report_input import AnalysisChoice, InfeasibleContact, ReportInput
-from myomorph.report.trial.trial_page import report_page
-from myomorph.store import settings
+from myomorph.lab.report.trial.motion_analysis import analyse
+from myomorph.lab.report.trial.prepared import prepare
+from myomorph.lab.report.trial.report_input import AnalysisChoice, InfeasibleContact, ReportInput
+from myomorph.lab.report.trial.trial_page import report_page
+from myomorph.lab.store import settings
 from walker import GRAVITY, Tension, everything, model, motion, steps
 
 WEIGHT = 60.0 * GRAVITY

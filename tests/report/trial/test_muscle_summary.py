@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.model import GROUND
-from myomorph.report.trial.summary_lines import muscles_line
-from myomorph.study.workers.ahead import two_links
+from myomorph.core.model.model import GROUND
+from myomorph.lab.report.trial.summary_lines import muscles_line
+from myomorph.lab.study.workers.ahead import two_links
 
 TIME = np.linspace(0.0, 1.0, 101)
 

@@ -6,11 +6,11 @@ import pytest
 from lxml import etree, html
 from tests.walker import having, shown
 
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.series import Emg, Event, Series, Wrenches
-from myomorph.report.page.parts import Note
-from myomorph.report.trial.report_input import ReportInput, Truth
-from myomorph.report.trial.trial_page import report_page
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.series import Emg, Event, Series, Wrenches
+from myomorph.lab.report.page.parts import Note
+from myomorph.lab.report.trial.report_input import ReportInput, Truth
+from myomorph.lab.report.trial.trial_page import report_page
 from walker import everything
 
 

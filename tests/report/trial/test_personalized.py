@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.report.trial.personalized import personal_lines
-from myomorph.study.workers.ahead import two_links
-from myomorph.tension.personal.fit import HeldOut
-from myomorph.tension.personal.personalize import Estimate, Personalized
+from myomorph.body.personalize.fit import HeldOut
+from myomorph.body.personalize.personalize import Estimate, Personalized
+from myomorph.lab.report.trial.personalized import personal_lines
+from myomorph.lab.study.workers.ahead import two_links
 
 
 def held(score, left):

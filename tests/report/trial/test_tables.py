@@ -3,9 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from myomorph.analysis.columns import compared
-from myomorph.model.series import Markers, Motion, Series, Wrenches
-from myomorph.report.trial import tables
+from myomorph.core.model.series import Markers, Motion, Series, Wrenches
+from myomorph.lab.analysis.columns import compared
+from myomorph.lab.report.trial import tables
 from walker import GRAVITY, Tension, fitted, model, motion
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.validation import uncertainty_section, unit_of
-from myomorph.uncertainty.spread import Shares, Spread, Uncertainty
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.report.trial.prepared import prepare
+from myomorph.lab.report.trial.validation import uncertainty_section, unit_of
+from myomorph.lab.uncertainty.spread import Shares, Spread, Uncertainty
 from walker import everything, model
 
 NAMES = ("pelvis_tx", "hip_flexion_r")

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.study.analyze.anatomy import architectures, strength_of, with_architecture
-from myomorph.study.analyze.generic_model import generic_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.lab.analyze.anatomy import architectures, strength_of, with_architecture
+from myomorph.lab.analyze.generic_model import generic_model
 
 pytest.importorskip("myo_sim")
 RAJAGOPAL = "rajagopal-walk-emg/raw/Rajagopal2016.osim"

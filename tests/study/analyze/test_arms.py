@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.trc import write_trc
-from myomorph.model.series import Markers, Motion
-from myomorph.motion.measurements import default_markers
-from myomorph.motion.protocols import protocols
-from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.analyze.analyze import prepare_request
-from myomorph.study.analyze.arms import have_arms
-from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.measurements import default_markers
+from myomorph.core.motion.protocols import protocols
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analyze.analyze import prepare_request
+from myomorph.lab.analyze.arms import have_arms
+from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
 
 pytest.importorskip("myo_sim")
 LABELS = protocols().protocols["rajagopal"].labels

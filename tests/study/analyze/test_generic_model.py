@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.series import Motion
-from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.pose_checks import turned_findings
-from myomorph.motion.protocols import protocols
-from myomorph.motion.turns import floating_coordinates
-from myomorph.muscles.path import compile_paths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.analyze.generic_model import (
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.pose_checks import turned_findings
+from myomorph.core.motion.protocols import protocols
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analyze.generic_model import (
     generic_model,
     in_opensim_form,
     legs_and_trunk,

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from made_standing import standing
-from myomorph.io.trc import read_trc, write_trc
-from myomorph.model.errors import BadData
-from myomorph.model.series import Markers
-from myomorph.model.spatial import axis_rotation
-from myomorph.motion.protocols import protocols, recognize
-from myomorph.study.analyze.analyze import prepare_request
-from myomorph.study.analyze.proposed_protocol import LANDMARKS, proposed_sites
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest, read_protocols
+from myomorph.core.io.trc import read_trc, write_trc
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.motion.protocols import protocols, recognize
+from myomorph.lab.analyze.analyze import prepare_request
+from myomorph.lab.analyze.proposed_protocol import LANDMARKS, proposed_sites
+from myomorph.lab.analyze.recorded_trial import AnalyzeRequest, read_protocols
 
 pytest.importorskip("myo_sim")
 

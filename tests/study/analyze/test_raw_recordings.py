@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from made_standing import standing
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData, BadFile
-from myomorph.study.analyze.plate_cover import uncovered_share
-from myomorph.study.analyze.recordings import files_of, look_at, standing_height
-from myomorph.study.inputs.laboratory import UPRIGHT, Laboratory
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.analyze.plate_cover import uncovered_share
+from myomorph.lab.analyze.recordings import files_of, look_at, standing_height
+from myomorph.lab.study.inputs.laboratory import UPRIGHT, Laboratory
 
 
 @pytest.mark.parametrize("up", list(UPRIGHT))
@@ -75,8 +75,8 @@ def test_what_is_no_recording_is_refused(tmp_path) -> None:
 def test_a_recording_without_markers_says_what_to_give(tmp_path) -> None:
     body = standing()
     write_trc(replace(body, values=np.full_like(body.values, np.nan)), tmp_path / "empty.trc")
-    from myomorph.study.analyze.analyze import prepare_request
-    from myomorph.study.analyze.recorded_trial import AnalyzeRequest
+    from myomorph.lab.analyze.analyze import prepare_request
+    from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
 
     with pytest.raises(BadData, match="give the recording of the markers"):
         prepare_request(AnalyzeRequest((tmp_path / "empty.trc",), 70.0), tmp_path / "out")
@@ -92,5 +92,5 @@ def test_plates_that_nobody_steps_on_cover_no_frame_though_feet_have_no_landmark
     )
     write_trc(bare, tmp_path / "x.trc")
     unloaded = (body.time, np.zeros(len(body)), np.zeros((len(body), 3)))
-    monkeypatch.setattr("myomorph.study.analyze.plate_cover.total_force", lambda *_: unloaded)
+    monkeypatch.setattr("myomorph.lab.analyze.plate_cover.total_force", lambda *_: unloaded)
     assert uncovered_share(look_at(tmp_path / "x.trc"), 700.0) > 0.9

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.cli import main
-from myomorph.model.errors import BadData, BadFile
-from myomorph.rigid.tree import compile_tree
-from myomorph.study.analyze.recordings import files_of, look_at
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analyze.recordings import files_of, look_at
+from myomorph.lab.cli import main
 from sensor_files import write_orientations
 from truths.simulated_sensors import NO_ERRORS, simulated_sensors
 
@@ -22,7 +22,7 @@ MASS = 85.0
 def walk(data):
     """A recorded walk on the generic model, its sensors, and those of the calibration pose."""
     pytest.importorskip("myo_sim")
-    from myomorph.study.analyze.generic_model import generic_model
+    from myomorph.lab.analyze.generic_model import generic_model
 
     model, _ = generic_model({}, HEIGHT, MASS)
     home = "rajagopal-walk-emg"

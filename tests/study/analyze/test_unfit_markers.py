@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from made_standing import standing
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.series import Markers
-from myomorph.motion.protocols import recognize
-from myomorph.study.analyze.analyze import prepare_request
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest
-from myomorph.study.analyze.unfit_markers import is_arm
-from myomorph.study.inputs.input import ByType
-from myomorph.study.inputs.loads import LoadsFile
-from myomorph.study.inputs.time_span import TimeSpan
-from myomorph.study.plan.plan import read_plan
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.protocols import recognize
+from myomorph.lab.analyze.analyze import prepare_request
+from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
+from myomorph.lab.analyze.unfit_markers import is_arm
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.loads import LoadsFile
+from myomorph.lab.study.inputs.time_span import TimeSpan
+from myomorph.lab.study.plan.plan import read_plan
 
 KINDS = {
     "an arm": ("R.Epi.Lat", "R.Epi.Med", "R.Wrist.Rad", "R.Wrist.Ulna", "R.Hand"),

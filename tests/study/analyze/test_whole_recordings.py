@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.cli import main
-from myomorph.study.inputs.reading import read_recording
-from myomorph.study.trial.load import load
+from myomorph.lab.cli import main
+from myomorph.lab.study.inputs.reading import read_recording
+from myomorph.lab.study.trial.load import load
 
 pytest.importorskip("myo_sim")
 

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 
 from made_standing import standing
-from myomorph.io.formats import read_model
-from myomorph.io.sto import write_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.series import Table
-from myomorph.motion.measurements import default_markers
-from myomorph.study.analyze.analyze import prepare_request, prepare_study
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest
-from myomorph.study.inputs.contact_points import ContactPointsFile
-from myomorph.study.inputs.contacts import ContactsFile
-from myomorph.study.inputs.emg import EmgFiles
-from myomorph.study.inputs.input import ByType
-from myomorph.study.inputs.laboratory import Laboratory
-from myomorph.study.inputs.loads import LoadsFile
-from myomorph.study.inputs.mass import BodyMass
-from myomorph.study.inputs.time_span import TimeSpan
-from myomorph.study.plan.plan import read_plan
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import write_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.series import Table
+from myomorph.core.motion.measurements import default_markers
+from myomorph.lab.analyze.analyze import prepare_request, prepare_study
+from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
+from myomorph.lab.study.inputs.contact_points import ContactPointsFile
+from myomorph.lab.study.inputs.contacts import ContactsFile
+from myomorph.lab.study.inputs.emg import EmgFiles
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.laboratory import Laboratory
+from myomorph.lab.study.inputs.loads import LoadsFile
+from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.inputs.time_span import TimeSpan
+from myomorph.lab.study.plan.plan import read_plan
 
 
 def test_a_prepared_study_is_read_as_a_plan(tmp_path: Path) -> None:

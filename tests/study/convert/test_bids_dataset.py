@@ -11,30 +11,30 @@ import edfio
 import numpy as np
 import pytest
 
-from myomorph.demo.arm import example_files
-from myomorph.io.bids.recording import (
+from myomorph.core.io.c3d.write import write_trial
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData, BadFile, MissingPackage
+from myomorph.core.model.series import Emg, Event, Series, Trial
+from myomorph.exchange.bids.dataset import export_bids, read_bids
+from myomorph.exchange.bids.recording import (
     force_signals,
     plates_of,
     read_emg,
     read_motion_trial,
     write_emg,
 )
-from myomorph.io.bids.signals import Channel, read_signals, signals_of, write_signals
-from myomorph.io.c3d.write import write_trial
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData, BadFile, MissingPackage
-from myomorph.model.series import Emg, Event, Series, Trial
-from myomorph.store.results import read_result
-from myomorph.study.analyze.recordings import files_of
-from myomorph.study.convert.bids_dataset import export_bids, read_bids
-from myomorph.study.convert.bids_tables import plain_provenance
-from myomorph.study.convert.convert import convert
-from myomorph.study.inputs.emg_files import channels_of
-from myomorph.study.inputs.reading import read_recording
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.exchange.bids.signals import Channel, read_signals, signals_of, write_signals
+from myomorph.exchange.bids.tables import plain_provenance
+from myomorph.lab.analyze.recordings import files_of
+from myomorph.lab.convert.convert import convert
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs.emg_files import channels_of
+from myomorph.lab.study.inputs.reading import read_recording
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.show.demo.arm import example_files
 
 STUDY = """[study]
 name = "reaching"

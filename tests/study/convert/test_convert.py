@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.c3d.read import read_c3d
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import read_trc
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.series import Z_UP_TO_Y_UP, Markers
-from myomorph.study.convert.axes import axes_of_text, turned
-from myomorph.study.convert.convert import ConvertOptions, convert, side_of
-from myomorph.study.convert.recording import Recording, read_parts
-from myomorph.study.inputs.plate_wrenches import recorded_wrenches
-from myomorph.study.inputs.reading import read_recording
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import read_trc
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Markers
+from myomorph.lab.convert.axes import axes_of_text, turned
+from myomorph.lab.convert.convert import ConvertOptions, convert, side_of
+from myomorph.lab.convert.recording import Recording, read_parts
+from myomorph.lab.study.inputs.plate_wrenches import recorded_wrenches
+from myomorph.lab.study.inputs.reading import read_recording
 
 WALKS = ("knee-implant-walk/walk1.c3d", "c3d-gait-plugingait/HC002D/Straight/HC002D06.c3d")
 

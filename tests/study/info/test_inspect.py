@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.sto import write_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadFile, MyomorphError
-from myomorph.model.series import Markers, Table
-from myomorph.study.info.inspect import inspect
-from myomorph.study.info.inspect_recording import Inspection
+from myomorph.core.io.sto import write_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadFile, MyomorphError
+from myomorph.core.model.series import Markers, Table
+from myomorph.lab.info.inspect import inspect
+from myomorph.lab.info.inspect_recording import Inspection
 
 KINDS = (".trc", ".mot", ".sto", ".c3d")
 

@@ -8,12 +8,17 @@ import typing
 
 import pytest
 
-from myomorph.cli import personalize
-from myomorph.cli.step_command import step_command
-from myomorph.store.settings import settings_of
-from myomorph.study.inputs.table import all_keys
-from myomorph.study.plan.subject_tables import SubjectTable, input_keys, step_settings, trial_table
-from myomorph.study.trial.steps.tension import STEP as TENSION
+from myomorph.lab.cli import personalize
+from myomorph.lab.cli.step_command import step_command
+from myomorph.lab.store.settings import settings_of
+from myomorph.lab.study.inputs.table import all_keys
+from myomorph.lab.study.plan.subject_tables import (
+    SubjectTable,
+    input_keys,
+    step_settings,
+    trial_table,
+)
+from myomorph.lab.study.trial.steps.tension import STEP as TENSION
 
 RUN = {"out": "run --out", "threads": "run --workers", "options": "[options.STEP]"}
 """Parameters that belong to a run of the whole study."""

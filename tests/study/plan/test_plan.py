@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.model.errors import BadFile
-from myomorph.study.inputs.beside import plain_stem
-from myomorph.study.inputs.contact_points import ContactPointsFile
-from myomorph.study.inputs.contacts import ContactsFile
-from myomorph.study.inputs.emg import EmgFiles
-from myomorph.study.inputs.loads import LoadsFile, loads_by_name
-from myomorph.study.inputs.mass import BodyMass
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.plan.subject_tables import step_settings
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.study.inputs.beside import plain_stem
+from myomorph.lab.study.inputs.contact_points import ContactPointsFile
+from myomorph.lab.study.inputs.contacts import ContactsFile
+from myomorph.lab.study.inputs.emg import EmgFiles
+from myomorph.lab.study.inputs.loads import LoadsFile, loads_by_name
+from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.plan.subject_tables import step_settings
 
 SMALLEST = """
 [study]
@@ -202,9 +202,9 @@ def test_options_are_those_of_the_steps():
     """
     from dataclasses import fields
 
-    from myomorph.tension.recruitment import RecruitmentOptions
-    from myomorph.tension.tension import TensionOptions
-    from myomorph.tension.terms.contacts import ContactOptions
+    from myomorph.core.tension.recruitment import RecruitmentOptions
+    from myomorph.core.tension.tension import TensionOptions
+    from myomorph.core.tension.terms.contacts import ContactOptions
 
     settings = {one.name: one for one in step_settings()["tension"]}
     own = {

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from myomorph.store.results import file_name
-from myomorph.study.plan.measures import LARGEST, UNITS, read_measures
-from myomorph.study.plan.plan_checks import check_names, folder_key
-from myomorph.study.plan.subject_tables import filtered_steps, merged
-from myomorph.study.trial.trial_inputs import TrialFiles
+from myomorph.lab.store.results import file_name
+from myomorph.lab.study.plan.measures import LARGEST, UNITS, read_measures
+from myomorph.lab.study.plan.plan_checks import check_names, folder_key
+from myomorph.lab.study.plan.subject_tables import filtered_steps, merged
+from myomorph.lab.study.trial.trial_inputs import TrialFiles
 
 DEVICES = [
     "CON",

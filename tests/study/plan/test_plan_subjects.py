@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.model.errors import BadFile
-from myomorph.study.inputs.mass import BodyMass
-from myomorph.study.plan.plan import read_plan
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.plan.plan import read_plan
 
 FOLDERS = """
 [study]

@@ -18,13 +18,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, BadFile, MyomorphError
-from myomorph.model.model import Model
-from myomorph.store.outcome import Outcome
-from myomorph.study.run import dask_workers
-from myomorph.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
-from myomorph.study.run.dask_workers import DaskWorkers
-from myomorph.study.workers.jobs import Ended, Job
+from myomorph.core.model.errors import BadData, BadFile, MyomorphError
+from myomorph.core.model.model import Model
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.study.run import dask_workers
+from myomorph.lab.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
+from myomorph.lab.study.run.dask_workers import DaskWorkers
+from myomorph.lab.study.workers.jobs import Ended, Job
 from truths.cluster import Cluster, cluster_in
 from truths.interrupted_checks import differences, left_over
 
@@ -311,7 +311,7 @@ def test_processes_that_are_not_fit_are_named_with_what_to_do(tmp_path: Path) ->
 def test_workers_of_another_version_get_no_job(
     cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("myomorph.study.run.dask_cluster.__version__", "99.0")
+    monkeypatch.setattr("myomorph.lab.study.run.dask_cluster.__version__", "99.0")
     with pytest.raises(
         BadData,
         match=r"no worker can be used: worker tcp://\S+ has Myomorph .* this program is 99.0",

@@ -7,12 +7,12 @@ import shutil
 import pytest
 
 from identified_arm import put_on_plate
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run, dry_run_lines
-from myomorph.study.run.job_plan import graph_of
-from myomorph.study.run.run import run_study
-from myomorph.study.run.step_times import in_words
-from myomorph.study.step.job_steps import AFTER_OTHERS
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.dry_run import dry_run, dry_run_lines
+from myomorph.lab.study.run.job_plan import graph_of
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.run.step_times import in_words
+from myomorph.lab.study.step.job_steps import AFTER_OTHERS
 
 STUDY = """
 [study]
@@ -85,7 +85,7 @@ def test_it_says_what_a_run_then_does(arm, study, monkeypatch, tmp_path):
     monkeypatch.setenv("MYOMORPH_STEP_TIMES", str(tmp_path / "times.csv"))
     # A job during which kernels are compiled tells nothing of times, and the tests beside this one
     # compile some.
-    monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: 0)
+    monkeypatch.setattr("myomorph.lab.study.run.step_times._kernels", lambda: 0)
     run_study(read_plan(study), arm.out)
     rows = looked(study, arm.out)
     assert all(not row.computed for row in rows.values())

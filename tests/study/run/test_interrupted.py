@@ -14,9 +14,9 @@ import psutil
 import pytest
 from benchmarks.accuracy.faults.interrupted import SETTINGS, begin, end_of, mounted, others_of
 
-from myomorph.demo.arm import example_files
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.show.demo.arm import example_files
 from truths.cluster import cluster_in, cut_off, machines, namespaces_work
 from truths.interrupted_checks import (
     computed_twice,

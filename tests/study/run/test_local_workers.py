@@ -13,9 +13,9 @@ import psutil
 import pytest
 import worker_jobs as made
 
-from myomorph.model.errors import BadData
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.workers.local_workers import InProcess, LocalWorkers, local_workers
+from myomorph.core.model.errors import BadData
+from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.study.workers.local_workers import InProcess, LocalWorkers, local_workers
 
 LONG = 120.0
 
@@ -97,7 +97,7 @@ import sys, time
 sys.path[:0] = [{tests!r}]
 import worker_jobs as made
 from pathlib import Path
-from myomorph.study.workers.local_workers import LocalWorkers
+from myomorph.lab.study.workers.local_workers import LocalWorkers
 workers = LocalWorkers(1)
 workers.start(made.job(made.sleep, "a", mark=Path({mark!r})), None)
 time.sleep(600)
@@ -132,7 +132,7 @@ def test_how_many_workers():
 
 
 def test_on_a_new_machine_the_first_job_compiles_alone(hands, monkeypatch):
-    monkeypatch.setattr("myomorph.study.workers.local_workers.motion_cached", lambda: False)
+    monkeypatch.setattr("myomorph.lab.study.workers.local_workers.motion_cached", lambda: False)
     jobs = [made.job(made.plain, name) for name in ("a", "b", "c")]
     for job in jobs[:2]:
         hands.start(job, None)

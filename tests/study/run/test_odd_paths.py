@@ -14,9 +14,9 @@ from urllib.parse import unquote
 
 import pytest
 
-from myomorph.demo.arm import example_files
-from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.write import write_osim
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.osim.write import write_osim
+from myomorph.show.demo.arm import example_files
 
 STUDY = """
 [study]
@@ -86,7 +86,7 @@ def test_names_that_only_some_systems_have(tmp_path: Path, command, name: str) -
 
 def test_a_model_may_name_its_meshes_as_windows_does(tmp_path: Path) -> None:
     """Backslashes and another case: the file is found, in this model and in a copy of it."""
-    from myomorph.io.mesh import read_surfaces
+    from myomorph.core.io.mesh import read_surfaces
 
     arm = example_files(tmp_path)
     mesh = "<Mesh name='m'><mesh_file>Geometry\\Bone.OBJ</mesh_file></Mesh>"

@@ -7,10 +7,10 @@ import shutil
 import pytest
 
 from identified_arm import put_on_plate
-from myomorph.model.errors import BadFile
-from myomorph.store.results import read_result
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 
 STUDY = """
 [study]

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.sto import read_sto
-from myomorph.store.results import read_result
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.step.step import step_of
-from myomorph.study.trial.steps import muscles
+from myomorph.core.io.sto import read_sto
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.step.step import step_of
+from myomorph.lab.study.trial.steps import muscles
 
 STUDY = """
 [study]

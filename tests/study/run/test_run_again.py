@@ -14,15 +14,15 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.demo.arm import example_files
-from myomorph.model.errors import BadData, BadFile
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.plan.plan_checks import OF_STUDY
-from myomorph.study.run.run import run_study
-from myomorph.study.step.step import step_of
-from myomorph.study.step.step_table import STEPS
-from myomorph.study.trial import run_trial as module
-from myomorph.study.workers.local_workers import LocalWorkers
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.plan.plan_checks import OF_STUDY
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.step.step import step_of
+from myomorph.lab.study.step.step_table import STEPS
+from myomorph.lab.study.trial import run_trial as module
+from myomorph.lab.study.workers.local_workers import LocalWorkers
+from myomorph.show.demo.arm import example_files
 
 STUDY = """
 [study]

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 import worker_jobs as made
 
-from myomorph.model.errors import BadFile
-from myomorph.store.outcome import Outcome
-from myomorph.study.run.run import Schedule
-from myomorph.study.run.work import Work
-from myomorph.study.workers.jobs import Ended
-from myomorph.study.workers.local_workers import InProcess
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.study.run.run import Schedule
+from myomorph.lab.study.run.work import Work
+from myomorph.lab.study.workers.jobs import Ended
+from myomorph.lab.study.workers.local_workers import InProcess
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from dataclasses import replace
 import pytest
 
 from identified_arm import put_on_plate
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run
-from myomorph.study.run.job_plan import graph_of
-from myomorph.study.run.run import run_study
-from myomorph.study.run.step_times import (
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.dry_run import dry_run
+from myomorph.lab.study.run.job_plan import graph_of
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.run.step_times import (
     MAX_SAMPLES,
     Learning,
     Sample,
@@ -64,7 +64,7 @@ def test_a_run_teaches_the_dry_run_of_another_study(arm, plan, kept, monkeypatch
     # A job during which kernels are compiled teaches nothing: they are compiled before, and those
     # that tests beside this one compile are not heard.
     run_study(plan, arm.folder / "compiled")
-    monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: 0)
+    monkeypatch.setattr("myomorph.lab.study.run.step_times._kernels", lambda: 0)
     outcome = run_study(plan, arm.folder / "first")[0]
     samples = read_samples(kept)
     assert {sample.step for sample in samples} == {"ik", "id"}
@@ -100,7 +100,7 @@ def test_jobs_that_compiled_are_left_out(arm, plan, kept, monkeypatch, tmp_path)
     (work,) = graph.works
     learning = Learning({work.key: work})
     counts = iter([10, 86, 86, 86])
-    monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: next(counts))
+    monkeypatch.setattr("myomorph.lab.study.run.step_times._kernels", lambda: next(counts))
     outcome = replace(work.outcome, frames=61, seconds=1.0, timed=(("ik", 0.5),))
     learning.started(work.key)
     learning.ended(outcome)

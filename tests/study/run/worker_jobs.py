@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.store.outcome import Outcome
-from myomorph.study.workers.jobs import Job
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.study.workers.jobs import Job
 
 
 def outcome(name, *done):
@@ -58,7 +58,7 @@ def speak(model, name):
 
 def no_space(model, name):
     error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    from myomorph.store.outcome import failed
+    from myomorph.lab.store.outcome import failed
 
     return failed(outcome(name), error, "ik")
 

@@ -7,22 +7,22 @@ from types import ModuleType
 
 import pytest
 
-from myomorph.model.provenance import Provenance
-from myomorph.store.results import provenance_of, value_source
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run
-from myomorph.study.run.job_plan import graph_of
-from myomorph.study.run.run import run_study
-from myomorph.study.step.folder_steps import FolderOutput
-from myomorph.study.step.step import Step, step_of
-from myomorph.study.step.step_table import STEPS
-from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.summary.study_inputs import StudyInputs
-from myomorph.viscosity.study import run as viscosity
-from myomorph.viscosity.study import specimen_step
-from myomorph.viscosity.study.cohort_step import CohortInputs
-from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles, ViscosityPlan
-from myomorph.viscosity.study.specimen_step import SpecimenInputs, specimen_provenance
+from myomorph.core.model.provenance import Provenance
+from myomorph.lab.store.results import provenance_of, value_source
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.dry_run import dry_run
+from myomorph.lab.study.run.job_plan import graph_of
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.step.folder_steps import FolderOutput
+from myomorph.lab.study.step.step import Step, step_of
+from myomorph.lab.study.step.step_table import STEPS
+from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
+from myomorph.lab.study.summary.study_inputs import StudyInputs
+from myomorph.swings.viscosity.study import run as viscosity
+from myomorph.swings.viscosity.study import specimen_step
+from myomorph.swings.viscosity.study.cohort_step import CohortInputs
+from myomorph.swings.viscosity.study.plan import SpecimenFiles, SwingFiles, ViscosityPlan
+from myomorph.swings.viscosity.study.specimen_step import SpecimenInputs, specimen_provenance
 
 STUDY = """
 [study]

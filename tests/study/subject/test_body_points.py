@@ -6,10 +6,10 @@ import importlib.util
 
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.model.segments import segments_of
-from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.subject_files import BodyOptions, BodyShape
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.segments import segments_of
+from myomorph.lab.study.subject.body_points import body_points
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
 
 needs_anny = pytest.mark.skipif(
     importlib.util.find_spec("anny") is None,

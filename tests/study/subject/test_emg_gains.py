@@ -9,19 +9,19 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.io.sto import read_sto, write_sto
-from myomorph.model.errors import BadFile
-from myomorph.model.series import Emg, Table
-from myomorph.motion.emg_activation import EmgCalibration, Synergies, SynergyWeights
-from myomorph.study.inputs.emg_gains import (
+from myomorph.core.io.sto import read_sto, write_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Emg, Table
+from myomorph.core.motion.emg_activation import EmgCalibration, Synergies, SynergyWeights
+from myomorph.lab.study.inputs.emg_gains import (
     SubjectGains,
     common_scale,
     read_gains,
     rescaled,
     write_gains,
 )
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 
 
 def gains() -> SubjectGains:

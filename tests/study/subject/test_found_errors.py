@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.model.inertia import inertial_parameters
-from myomorph.study.subject.found_errors import identified_errors
-from myomorph.uncertainty.bodies import Draw, drawn_model
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import GROUPS, Sources
+from myomorph.core.io.formats import read_model
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.lab.study.subject.found_errors import identified_errors
+from myomorph.lab.uncertainty.bodies import Draw, drawn_model
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import GROUPS, Sources
 
 NONE = Sources(**{name: 0.0 for names in GROUPS.values() for name in names})
 

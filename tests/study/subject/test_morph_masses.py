@@ -11,11 +11,11 @@ import pytest
 import trimesh
 
 from boxed_leg import grown, leg, morph_of
-from myomorph.model.errors import BadData
-from myomorph.model.inertia import inertial_parameters, pseudo_inertias
-from myomorph.model.model import Body
-from myomorph.model.surface import Surface
-from myomorph.study.subject.morph_masses import with_morphed_masses
+from myomorph.bones.study.morph_masses import with_morphed_masses
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters, pseudo_inertias
+from myomorph.core.model.model import Body
+from myomorph.core.model.surface import Surface
 
 
 @pytest.fixture

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from myomorph.cli.program import main
-from myomorph.io.formats import read_model
-from myomorph.io.mesh import read_mesh
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.functions import linear
-from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Mesh, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.spatial import Transform
-from myomorph.study.subject.morph_files import MorphFiles, bone_files, read_bones
-from myomorph.study.subject.morphing import MorphSettings, morph_files, summary, write_morphed
-from myomorph.study.subject.subjects import tables_folder
+from myomorph.bones.study.morph_files import MorphFiles, bone_files, read_bones
+from myomorph.bones.study.morphing import MorphSettings, morph_files, summary, write_morphed
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Marker, Mesh, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.spatial import Transform
+from myomorph.lab.cli.program import main
+from myomorph.lab.study.subject.subjects import tables_folder
 
 GROWTH = np.array([1.1, 0.9, 1.2])
 SLIDE = 0.012
@@ -312,7 +312,7 @@ def test_a_study_says_what_its_bones_lack(leg, tmp_path, capsys):
 
 
 def test_bones_of_odd_names_have_files_of_their_own():
-    from myomorph.study.subject.morphing import _bone_files
+    from myomorph.bones.study.morphing import _bone_files
 
     files = _bone_files(("a b", "a_b", "A_B", "../up", "..", "femur_r"))
     assert files["femur_r"] == "femur_r.obj"

@@ -7,16 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import read_sto, table_from_motion, write_sto
-from myomorph.model.series import Motion
-from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
-from myomorph.report.trial.identification_tables import tissue_sheet
-from myomorph.store.results import read_result
-from myomorph.study.inputs import refined
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import read_sto, table_from_motion, write_sto
+from myomorph.core.model.series import Motion
+from myomorph.core.model.soft_tissue import SoftTissue, coordinate_groups
+from myomorph.lab.report.trial.identification_tables import tissue_sheet
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs import refined
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 
 OPENCAP = "opencap-subject4-multitask"
 STUDY = """

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadData, BadFile
-from myomorph.morph.registration.smooth import MatchOptions
-from myomorph.morph.species.counterparts import Posed
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.subject.morph_files import source_bones
-from myomorph.study.subject.morphing import MorphSettings, write_morphed
-from myomorph.study.subject.species_morphing import (
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.bones.morph.species.counterparts import Posed
+from myomorph.bones.study.morph_files import source_bones
+from myomorph.bones.study.morphing import MorphSettings, write_morphed
+from myomorph.bones.study.species_morphing import (
     SpeciesFiles,
     read_species,
     species_files,
     species_tables,
 )
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.lab.study.inputs.reading import open_model
 from opensim_oracle import ask
 
 OWN = """
@@ -162,7 +162,7 @@ def test_an_unknown_table_tells_which_there_are(tmp_path):
 
 
 def test_the_tables_come_with_the_package():
-    assert (files("myomorph.morph") / "data" / "human_mouse.toml").is_file()
+    assert (files("myomorph.bones.morph") / "data" / "human_mouse.toml").is_file()
 
 
 def table_bodies() -> list[str]:

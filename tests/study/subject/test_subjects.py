@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from identified_arm import UPPER, put_on_plate
-from myomorph.io.osim.read import read_osim
-from myomorph.store.results import read_result
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.core.io.osim.read import read_osim
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 
 STUDY = """
 [study]

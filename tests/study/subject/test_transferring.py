@@ -7,11 +7,11 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadFile
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 
 STUDY = """
 [study]

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from made_walker import PERIOD, recording, walker
-from myomorph.analysis.groups import Animal
-from myomorph.io.osim.write import write_osim
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadFile
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.trial.trial_strides import in_one_turn
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.analysis.groups import Animal
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.trial.trial_strides import in_one_turn
 
 STUDY = """
 [study]

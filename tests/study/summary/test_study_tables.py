@@ -16,16 +16,16 @@ import pyarrow.parquet as pq
 import pytest
 
 from made_walker import recording, walker
-from myomorph.io.osim.write import write_osim
-from myomorph.io.trc import write_trc
-from myomorph.model.series import Series
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.summary import study_tables
-from myomorph.study.summary.condition_values import GrowingCondition, RunningMeans, described
-from myomorph.study.summary.study_tables import FILES, PAGE, SignSearch, gather_study
-from myomorph.study.trial.tidy import OF_STRIDE, OF_TRIAL
-from myomorph.study.trial.trial_inputs import Value
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.series import Series
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.summary import study_tables
+from myomorph.lab.study.summary.condition_values import GrowingCondition, RunningMeans, described
+from myomorph.lab.study.summary.study_tables import FILES, PAGE, SignSearch, gather_study
+from myomorph.lab.study.trial.tidy import OF_STRIDE, OF_TRIAL
+from myomorph.lab.study.trial.trial_inputs import Value
 
 SUBJECT = """[[subject]]
 name = "{0}"

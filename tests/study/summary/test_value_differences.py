@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from myomorph.model.series import Series
-from myomorph.study.summary.condition_values import GrowingCondition, OutlierSearch
-from myomorph.study.summary.value_differences import (
+from myomorph.core.model.series import Series
+from myomorph.lab.study.summary.condition_values import GrowingCondition, OutlierSearch
+from myomorph.lab.study.summary.value_differences import (
     KEPT_DRAWS,
     MeasuredValues,
     difference_rows,
     differences,
 )
-from myomorph.study.trial.tidy import OF_TRIAL
-from myomorph.study.trial.trial_inputs import Value
-from myomorph.uncertainty.spread import ValueErrors, of_subject, widened_errors
+from myomorph.lab.study.trial.tidy import OF_TRIAL
+from myomorph.lab.study.trial.trial_inputs import Value
+from myomorph.lab.uncertainty.spread import ValueErrors, of_subject, widened_errors
 
 NAME = ("id", "knee_angle_r_moment, maximum")
 DRAWS = KEPT_DRAWS

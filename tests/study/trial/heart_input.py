@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from myomorph.model.errors import BadFile
-from myomorph.store.results import ResultWriter, file_source
-from myomorph.study.inputs.beside import companion
-from myomorph.study.inputs.input import Beside, Input, Opened, Opening
-from myomorph.study.inputs.keys import File
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.store.results import ResultWriter, file_source
+from myomorph.lab.study.inputs.beside import companion
+from myomorph.lab.study.inputs.input import Beside, Input, Opened, Opening
+from myomorph.lab.study.inputs.keys import File
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.io.sto import write_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Series, Table
-from myomorph.report.page.parts import Grid, Section
-from myomorph.report.trial.report_input import ReportInput
-from myomorph.store.results import Stored
-from myomorph.study.inputs.input import OptionSet
-from myomorph.study.step.step import Step, StepOutput
-from myomorph.study.trial.steps.id import Torques
-from myomorph.study.trial.trial_inputs import Signals, TrialInputs, all_drawn
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Series, Table
+from myomorph.lab.report.page.parts import Grid, Section
+from myomorph.lab.report.trial.report_input import ReportInput
+from myomorph.lab.store.results import Stored
+from myomorph.lab.study.inputs.input import OptionSet
+from myomorph.lab.study.step.step import Step, StepOutput
+from myomorph.lab.study.trial.steps.id import Torques
+from myomorph.lab.study.trial.trial_inputs import Signals, TrialInputs, all_drawn
 
 
 @dataclass(frozen=True)

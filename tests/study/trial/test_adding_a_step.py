@@ -7,15 +7,15 @@ import csv
 import numpy as np
 import pytest
 
-from myomorph.cli import main
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadFile
-from myomorph.store.results import read_result
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run
-from myomorph.study.run.job_plan import graph_of
-from myomorph.study.run.run import run_study
-from myomorph.study.step.step_table import STEPS
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.cli import main
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.dry_run import dry_run
+from myomorph.lab.study.run.job_plan import graph_of
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.step.step_table import STEPS
 
 STUDY = """
 [study]

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from tests.study.trial.heart_input import HeartFile
 
-from myomorph.cli.options import inputs_class, inputs_of_flags
-from myomorph.model.errors import BadFile
-from myomorph.store.results import read_result
-from myomorph.study.inputs.table import INPUTS
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run
-from myomorph.study.run.job_plan import graph_of
-from myomorph.study.run.run import run_study
+from myomorph.core.model.errors import BadFile
+from myomorph.lab.cli.options import inputs_class, inputs_of_flags
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs.table import INPUTS
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.dry_run import dry_run
+from myomorph.lab.study.run.job_plan import graph_of
+from myomorph.lab.study.run.run import run_study
 
 STUDY = """
 [study]

@@ -9,12 +9,12 @@ import sys
 
 from filelock import FileLock
 
-from myomorph.rigid.kernels import LOCK, kernel_folder
-from myomorph.study.workers.ahead import TENDONS, compile_muscles
+from myomorph.core.rigid.kernels import LOCK, kernel_folder
+from myomorph.lab.study.workers.ahead import TENDONS, compile_muscles
 
 USE = """
-from myomorph.study.workers import ahead
-from myomorph.muscles.path_kernels import path_frames
+from myomorph.lab.study.workers import ahead
+from myomorph.core.muscles.path_kernels import path_frames
 wraps = frozenset({ahead.TENDONS})
 assert ahead.cached(wraps)
 assert not ahead.cached(frozenset())
@@ -34,7 +34,7 @@ def test_what_the_child_compiles_is_found_in_the_cache(tmp_path):
         )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     subprocess.run(
-        [sys.executable, "-m", "myomorph.study.workers.ahead", "tendons"],
+        [sys.executable, "-m", "myomorph.lab.study.workers.ahead", "tendons"],
         check=True,
         env=environment,
     )
@@ -42,7 +42,7 @@ def test_what_the_child_compiles_is_found_in_the_cache(tmp_path):
 
 
 def test_nothing_is_compiled_where_no_later_step_needs_it():
-    from myomorph.study.workers.ahead import compile_ahead
+    from myomorph.lab.study.workers.ahead import compile_ahead
 
     for steps in ((), ("ik",), ("ik", "id"), ("muscles",)):
         waiting = compile_ahead(steps)
@@ -51,8 +51,8 @@ def test_nothing_is_compiled_where_no_later_step_needs_it():
 
 
 def test_the_rules_by_which_paths_wrap_are_those_of_their_kernels():
-    from myomorph.muscles.path import compile_paths
-    from myomorph.study.workers.ahead import SURFACES, TENDONS, two_links, wraps_of
+    from myomorph.core.muscles.path import compile_paths
+    from myomorph.lab.study.workers.ahead import SURFACES, TENDONS, two_links, wraps_of
 
     for wraps in (set(), {SURFACES}, {TENDONS}, {SURFACES, TENDONS}):
         model = two_links(frozenset(wraps))

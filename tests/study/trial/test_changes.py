@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from myomorph.model.provenance import Provenance, Source
-from myomorph.study.step.job_steps import changes
+from myomorph.core.model.provenance import Provenance, Source
+from myomorph.lab.study.step.job_steps import changes
 
 BEFORE = Provenance(
     step="id",

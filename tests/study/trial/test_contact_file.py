@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.io.wavfile import write as write_wav
 
-from myomorph.io.osim.read import read_osim
-from myomorph.model.contacts import Contacts, Site
-from myomorph.model.errors import BadFile
-from myomorph.study.inputs.contact_file import contact_files, read_contacts
-from myomorph.tension.contact_setting import unreported_feet
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.contacts import Contacts, Site
+from myomorph.core.model.errors import BadFile
+from myomorph.core.tension.contact_setting import unreported_feet
+from myomorph.lab.study.inputs.contact_file import contact_files, read_contacts
 
 SITE = """
 [[site]]

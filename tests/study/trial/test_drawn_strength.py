@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.study.trial.steps.drawn_quantities import Strength, TooWeak
+from myomorph.lab.study.trial.steps.drawn_quantities import Strength, TooWeak
 
 
 def tension(hip, toes, hip_reserve, toe_reserve):

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.io.wavfile import write as write_wav
 
-from myomorph.io.contact_events import read_events
-from myomorph.io.loads import read_external_loads
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.io.loads import read_external_loads
 
 RATE = 48000
 STROKES = ((0.15, 0.4), (0.45, 0.8))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.store.results import new_result, read_result
-from myomorph.store.stored import get_conflicts, put_conflicts
-from myomorph.tension.emg_conflicts import EmgConflict
+from myomorph.core.tension.emg_conflicts import EmgConflict
+from myomorph.lab.store.results import new_result, read_result
+from myomorph.lab.store.stored import get_conflicts, put_conflicts
 
 
 @pytest.mark.parametrize("count", [0, 2])

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.sto import write_sto
-from myomorph.model.errors import BadFile, UnknownName
-from myomorph.model.series import Table
-from myomorph.motion.envelope import envelopes
-from myomorph.study.inputs.emg_files import open_emg
-from myomorph.study.inputs.emg_names import muscles_of_channels
-from myomorph.study.inputs.reading import open_model
-from myomorph.study.inputs.table import settings_of_keys
-from myomorph.study.step.step import step_of
-from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
-from myomorph.study.trial.trial_step import step_provenance
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.errors import BadFile, UnknownName
+from myomorph.core.model.series import Table
+from myomorph.core.motion.envelope import envelopes
+from myomorph.lab.study.inputs.emg_files import open_emg
+from myomorph.lab.study.inputs.emg_names import muscles_of_channels
+from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.study.inputs.table import settings_of_keys
+from myomorph.lab.study.step.step import step_of
+from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
+from myomorph.lab.study.trial.trial_step import step_provenance
 
 WALK = "rajagopal-walk-emg"
 HEAD = "emg\nversion=1\nnRows=3\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n"

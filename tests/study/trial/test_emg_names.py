@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from myomorph.model.errors import BadData
-from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.inputs.emg import EmgFiles
-from myomorph.study.inputs.emg_files import OTHER_SENSORS
-from myomorph.study.inputs.emg_names import muscles_of_channels, plain_channel
-from myomorph.study.inputs.keys import keys_of
+from myomorph.core.model.errors import BadData
+from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.study.inputs.emg import EmgFiles
+from myomorph.lab.study.inputs.emg_files import OTHER_SENSORS
+from myomorph.lab.study.inputs.emg_names import muscles_of_channels, plain_channel
+from myomorph.lab.study.inputs.keys import keys_of
 
 pytest.importorskip("myo_sim")
 

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.loads import loads_table
-from myomorph.io.sto import write_sto
-from myomorph.model.errors import BadData
-from myomorph.model.series import ForcePlate, Trial
-from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import clock_shift, resample_wrenches
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.regressor import sum_of_wrenches
-from myomorph.store.settings import ForceOptions
-from myomorph.study.inputs.external_forces import on_feet, plate_wrenches, read_loads
-from myomorph.study.inputs.keys import keys_of
-from myomorph.study.inputs.loads import LoadsFile, loads_by_name
-from myomorph.study.inputs.reading import open_model, read_motion
-from myomorph.study.subject.identifying import open_motions
+from myomorph.core.io.loads import loads_table
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import ForcePlate, Trial
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import clock_shift, resample_wrenches
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.regressor import sum_of_wrenches
+from myomorph.lab.store.settings import ForceOptions
+from myomorph.lab.study.inputs.external_forces import on_feet, plate_wrenches, read_loads
+from myomorph.lab.study.inputs.keys import keys_of
+from myomorph.lab.study.inputs.loads import LoadsFile, loads_by_name
+from myomorph.lab.study.inputs.reading import open_model, read_motion
+from myomorph.lab.study.subject.identifying import open_motions
 
 FOLDER = "rajagopal-walk-emg"
 

@@ -8,21 +8,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.model import Model
-from myomorph.model.series import Motion, Series
-from myomorph.motion.filters import differentiate
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.report.page.parts import PageHead
-from myomorph.report.trial.muscle_sections import _fiber_lines, fiber_section
-from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.report_input import Kinematics, ReportInput
-from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.store.results import new_result, read_result
-from myomorph.store.stored import get_tension, put_tension
-from myomorph.study.step.step import StepOutput
-from myomorph.study.trial.fiber_step import (
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.dual import STALLED
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import Tension, TensionOptions
+from myomorph.lab.report.page.parts import PageHead
+from myomorph.lab.report.trial.muscle_sections import _fiber_lines, fiber_section
+from myomorph.lab.report.trial.prepared import prepare
+from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
+from myomorph.lab.store.results import new_result, read_result
+from myomorph.lab.store.stored import get_tension, put_tension
+from myomorph.lab.study.step.step import StepOutput
+from myomorph.lab.study.trial.fiber_step import (
     LARGE_STRAIN,
     WORK,
     fiber_notes,
@@ -31,9 +34,6 @@ from myomorph.study.trial.fiber_step import (
     fiber_work,
     write_fibers,
 )
-from myomorph.tension.dual import STALLED
-from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import Tension, TensionOptions
 
 ARM = "opensim-reference-small/"
 ELASTIC = TensionOptions(tendons="elastic")

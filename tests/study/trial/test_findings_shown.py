@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.cli.running import print_outcome
-from myomorph.model.findings import Finding
-from myomorph.model.series import Motion, Series, Wrenches
-from myomorph.report.page.parts import PageHead
-from myomorph.report.trial.report_input import ReportInput
-from myomorph.store.outcome import Outcome
-from myomorph.store.results import new_result, put_findings, read_result
-from myomorph.store.stored import put_torques
-from myomorph.study.step.step import step_of
-from myomorph.study.trial.steps.id import FINDINGS, Torques
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.lab.cli.running import print_outcome
+from myomorph.lab.report.page.parts import PageHead
+from myomorph.lab.report.trial.report_input import ReportInput
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.results import new_result, put_findings, read_result
+from myomorph.lab.store.stored import put_torques
+from myomorph.lab.study.step.step import step_of
+from myomorph.lab.study.trial.steps.id import FINDINGS, Torques
 
 TIME = np.arange(4) / 10.0
 FOUND = (

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from myomorph import differentiate, inverse_dynamics, resample_wrenches
-from myomorph.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, gait_curves
-from myomorph.io.formats import read_model
-from myomorph.io.loads import read_external_loads
-from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.scale import scale
-from myomorph.report.page.parts import PageHead
-from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.report_input import Kinematics, ReportInput
-from myomorph.study.trial.gait_norms import adult_norm, checked_norms, norm_of
-from myomorph.study.trial.reporting import GaitNorms, write_report
-from myomorph.uncertainty.spread import Uncertainty
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.sto import motion_from_table, read_sto
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.scale import scale
+from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, gait_curves
+from myomorph.lab.report.page.parts import PageHead
+from myomorph.lab.report.trial.prepared import prepare
+from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
+from myomorph.lab.study.trial.gait_norms import adult_norm, checked_norms, norm_of
+from myomorph.lab.study.trial.reporting import GaitNorms, write_report
+from myomorph.lab.uncertainty.spread import Uncertainty
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.segments import feet_of
-from myomorph.model.series import ForcePlate, Markers, Trial
-from myomorph.motion.measurements import default_markers
-from myomorph.study.inputs import reading
-from myomorph.study.inputs.external_forces import on_feet, plate_wrenches, read_loads
-from myomorph.study.inputs.reading import fitted_to, open_model, read_motion
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import ForcePlate, Markers, Trial
+from myomorph.core.motion.measurements import default_markers
+from myomorph.lab.study.inputs import reading
+from myomorph.lab.study.inputs.external_forces import on_feet, plate_wrenches, read_loads
+from myomorph.lab.study.inputs.reading import fitted_to, open_model, read_motion
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import myomorph as mm
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, BadFile
-from myomorph.model.series import Markers, Trial
-from myomorph.study.inputs.reading import with_labels
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.tension.dual import STATUS_NAMES
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.series import Markers, Trial
+from myomorph.core.tension.dual import STATUS_NAMES
+from myomorph.lab.study.inputs.reading import with_labels
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 from truths.mouse_recordings import GAIT_LABELS, both_hindlimbs
 
 RECORDING = "mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d"

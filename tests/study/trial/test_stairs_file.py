@@ -7,23 +7,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.io.channels import read_channels
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import write_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadFile
-from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
-from myomorph.model.paths import Muscle, Path, PathPoint
-from myomorph.model.series import Markers, Motion, Table
-from myomorph.model.spatial import Transform
-from myomorph.store.contact_store import get_contact_forces
-from myomorph.store.results import read_result
-from myomorph.store.stored import get_wrenches
-from myomorph.study.inputs.contact_file import contact_files, read_contacts, read_stairs
-from myomorph.study.inputs.external_forces import read_loads
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
+from myomorph.core.io.channels import read_channels
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import write_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.functions import linear
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.core.model.paths import Muscle, Path, PathPoint
+from myomorph.core.model.series import Markers, Motion, Table
+from myomorph.core.model.spatial import Transform
+from myomorph.lab.store.contact_store import get_contact_forces
+from myomorph.lab.store.results import read_result
+from myomorph.lab.store.stored import get_wrenches
+from myomorph.lab.study.inputs.contact_file import contact_files, read_contacts, read_stairs
+from myomorph.lab.study.inputs.external_forces import read_loads
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
 
 MASS = 0.025
 WEIGHT = MASS * 9.80665
@@ -218,11 +218,11 @@ def test_one_axis_is_open_until_it_is_told(tmp_path):
 
 
 def test_tensions_find_what_one_axis_leaves_open(tmp_path):
-    from myomorph.rigid.dynamics import inverse_dynamics
-    from myomorph.tension.contact_setting import Measurements, set_contacts
-    from myomorph.tension.solve import solve_tension
-    from myomorph.tension.tension import TensionOptions
-    from myomorph.tension.terms.contacts import ContactOptions
+    from myomorph.core.rigid.dynamics import inverse_dynamics
+    from myomorph.core.tension.contact_setting import Measurements, set_contacts
+    from myomorph.core.tension.solve import solve_tension
+    from myomorph.core.tension.tension import TensionOptions
+    from myomorph.core.tension.terms.contacts import ContactOptions
 
     model, motion, _, _ = recording(tmp_path, ("fz",))
     write(tmp_path, ("fz",))

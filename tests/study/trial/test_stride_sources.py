@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from made_walker import PERIOD, recording, walker
-from myomorph.analysis.foot_events import Limb
-from myomorph.analysis.strides import find_strides
-from myomorph.analysis.walking import walking_strides
-from myomorph.model.series import Event, Series, Trial, Wrenches
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sync import cut
-from myomorph.store.results import new_result, read_result
-from myomorph.store.stored import put_events, put_motion
-from myomorph.study.inputs.input import ByType
-from myomorph.study.inputs.markers import Recording
-from myomorph.study.trial.steps.id import Torques
-from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.steps.tension import strides_of_trial
-from myomorph.study.trial.trial_inputs import TrialInputs
-from myomorph.study.trial.trial_strides import StridePlan, trial_strides
+from myomorph.core.model.series import Event, Series, Trial, Wrenches
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.sync import cut
+from myomorph.lab.analysis.foot_events import Limb
+from myomorph.lab.analysis.strides import find_strides
+from myomorph.lab.analysis.walking import walking_strides
+from myomorph.lab.store.results import new_result, read_result
+from myomorph.lab.store.stored import put_events, put_motion
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.markers import Recording
+from myomorph.lab.study.trial.steps.id import Torques
+from myomorph.lab.study.trial.steps.ik import Poses
+from myomorph.lab.study.trial.steps.tension import strides_of_trial
+from myomorph.lab.study.trial.trial_inputs import TrialInputs
+from myomorph.lab.study.trial.trial_strides import StridePlan, trial_strides
 
 SHIFT = 0.03
 """By which the recording's events are later than those of the motion [s]."""

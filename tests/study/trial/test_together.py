@@ -9,21 +9,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.demo.arm import table_text
-from myomorph.io.contact_events import read_events
-from myomorph.io.loads import read_external_loads
-from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadFile
-from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
-from myomorph.store.contact_store import get_contact_forces
-from myomorph.store.results import read_result
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.trial.reporting import report_folder
+from myomorph.core.io.contact_events import read_events
+from myomorph.core.io.loads import read_external_loads
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.store.contact_store import get_contact_forces
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.trial.reporting import report_folder
+from myomorph.show.demo.arm import table_text
 
 HAND = np.array([0.0, -0.28, 0.0])
 MASS = 1.5

@@ -8,23 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import myomorph.analysis.walking as strides_module
+import myomorph.lab.analysis.walking as strides_module
 from made_walker import PERIOD, recording, walker
-from myomorph.io.osim.write import write_osim
-from myomorph.io.sto import read_sto
-from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData
-from myomorph.model.series import Wrenches
-from myomorph.store.outcome import Outcome
-from myomorph.store.results import value_source
-from myomorph.study.inputs.loads import ExternalLoads
-from myomorph.study.inputs.table import settings_of_keys
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.trial import reporting
-from myomorph.study.trial.reporting import TrialResults
-from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.tidy import (
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.sto import read_sto
+from myomorph.core.io.trc import write_trc
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Wrenches
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.results import value_source
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.inputs.table import settings_of_keys
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.trial import reporting
+from myomorph.lab.study.trial.reporting import TrialResults
+from myomorph.lab.study.trial.run_trial import run_trial
+from myomorph.lab.study.trial.tidy import (
     CURVES,
     OF_STRIDE,
     OF_TRIAL,
@@ -36,7 +36,7 @@ from myomorph.study.trial.tidy import (
     read_values,
     write_trial_values,
 )
-from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
+from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
 
 ANGLE = "joint angle [°]"
 TORQUE = "joint torque [N·m/kg]"

@@ -9,26 +9,26 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.io.sto import read_sto
-from myomorph.model.errors import BadFile
-from myomorph.store.results import read_result
-from myomorph.study.inputs.table import settings_of_keys
-from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.run import run_study
-from myomorph.study.trial.load import load
-from myomorph.study.trial.steps.drawn_trials import chain_of, drawn_costs, drawn_criterion
-from myomorph.study.trial.steps.id import solve_dynamics
-from myomorph.study.trial.steps.ik import recorded_poses
-from myomorph.study.trial.steps.uncertainty import attempts
-from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
-from myomorph.study.workers.local_workers import LocalWorkers
-from myomorph.tension.recruitment import RecruitmentOptions
-from myomorph.tension.tension import TensionOptions
-from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import GROUPS, Sources
-from myomorph.uncertainty.spread import FACTORS
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.core.tension.recruitment import RecruitmentOptions
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.lab.store.results import read_result
+from myomorph.lab.study.inputs.table import settings_of_keys
+from myomorph.lab.study.plan.plan import read_plan
+from myomorph.lab.study.run.run import run_study
+from myomorph.lab.study.trial.load import load
+from myomorph.lab.study.trial.steps.drawn_trials import chain_of, drawn_costs, drawn_criterion
+from myomorph.lab.study.trial.steps.id import solve_dynamics
+from myomorph.lab.study.trial.steps.ik import recorded_poses
+from myomorph.lab.study.trial.steps.uncertainty import attempts
+from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
+from myomorph.lab.study.workers.local_workers import LocalWorkers
+from myomorph.lab.uncertainty.bodies import Draw
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import GROUPS, Sources
+from myomorph.lab.uncertainty.spread import FACTORS
 
 NONE = {name: 0.0 for names in GROUPS.values() for name in names}
 STUDY = """

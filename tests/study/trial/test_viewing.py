@@ -15,14 +15,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.cli import main
-from myomorph.io.osim.read import read_osim
-from myomorph.model.errors import BadFile
-from myomorph.model.series import Motion
-from myomorph.store import stored
-from myomorph.store.results import STORED, file_source, new_result, provenance_of
-from myomorph.study.trial.viewing import open_replay, recordings
-from myomorph.viewer.replay_body import PlayedBody
+from myomorph.core.io.osim.read import read_osim
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.series import Motion
+from myomorph.lab.cli import main
+from myomorph.lab.store import stored
+from myomorph.lab.store.results import STORED, file_source, new_result, provenance_of
+from myomorph.lab.study.trial.viewing import open_replay, recordings
+from myomorph.lab.viewer.replay_body import PlayedBody
 
 Write = Callable[..., Path]
 
@@ -165,7 +165,7 @@ def test_results_are_shown_from_any_folder(
 @pytest.mark.skipif(os.name != "posix", reason="sends Ctrl-C as a signal")
 def test_the_command_says_where_and_ends_with_ctrl_c(write: Write) -> None:
     path = write(f"walk{STORED}", "walk")
-    command = [sys.executable, "-m", "myomorph.cli", "view", str(path), "--no-browser"]
+    command = [sys.executable, "-m", "myomorph.lab.cli", "view", str(path), "--no-browser"]
     # A shell that runs the tests in the background has its children ignore Ctrl-C.
     heeded = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from myomorph.tension.personal import fit as room
-from myomorph.tension.personal.fit import BETTER, held_out
+from myomorph.body.personalize import fit as room
+from myomorph.body.personalize.fit import BETTER, held_out
 
 PARTS = (slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8), slice(8, 8))
 """Two muscles, each a group of its own: fiber, point, force, strain, and no gains."""

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.io.formats import read_model
-from myomorph.muscles.hill import hill_forces, muscle_model
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.tension.personal.fibers import LENGTHS, follow, muscle_shapes
-from myomorph.tension.personal.prior import sizes_of
+from myomorph.body.personalize.fibers import LENGTHS, follow, muscle_shapes
+from myomorph.body.personalize.prior import sizes_of
+from myomorph.core.io.formats import read_model
+from myomorph.core.muscles.hill import hill_forces, muscle_model
+from myomorph.core.muscles.kinematics import muscle_kinematics
 from truths.simulated_muscles import (
     as_degroote,
     integrated_degroote,

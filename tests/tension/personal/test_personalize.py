@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from benchmarks.accuracy.tension.personalize import ARM, CAREFUL, passive_trial
 
-from myomorph.io.formats import read_model
-from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, BadModel
-from myomorph.model.series import Series
-from myomorph.tension.personal.fibers import MuscleSizes, muscle_shapes
-from myomorph.tension.personal.fit import fit, held_out, split
-from myomorph.tension.personal.generic_map import map_generic
-from myomorph.tension.personal.personalize import PersonalizeOptions, personalize
-from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of, with_sizes
-from myomorph.tension.personal.recordings import PersonalTrial, torque_floors, windows_of
+from myomorph.body.personalize.fibers import MuscleSizes, muscle_shapes
+from myomorph.body.personalize.fit import fit, held_out, split
+from myomorph.body.personalize.generic_map import map_generic
+from myomorph.body.personalize.personalize import PersonalizeOptions, personalize
+from myomorph.body.personalize.prior import PriorOptions, prior_of, sizes_of, with_sizes
+from myomorph.body.personalize.recordings import PersonalTrial, torque_floors, windows_of
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.series import Series
 from truths.simulated_muscles import (
     Spread,
     as_degroote,
@@ -171,7 +171,7 @@ def test_the_range_of_fibers_that_is_assumed_makes_no_interval_narrower(
     plain = fit(prior, shapes, windows, floors, steps=1)
     pull = 50.0 * np.eye(len(plain.p))[:12]
     monkeypatch.setattr(
-        "myomorph.tension.personal.fit._outside", lambda *_: (pull, np.full(12, 5.0))
+        "myomorph.body.personalize.fit._outside", lambda *_: (pull, np.full(12, 5.0))
     )
     pulled = fit(prior, shapes, windows, floors, steps=1)
     assert np.abs(pulled.p - plain.p).max() > 0.05

@@ -1,0 +1,308 @@
+"""Options and results of kinematic identification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.lengths import Length
+from myomorph.core.rigid.coordinates import Ints
+
+STATIC = "static trial"
+FUNCTIONAL = "joint centers and axes"
+SYMMETRY = "symmetric posture"
+GENERIC = "generic model"
+SOURCES = (STATIC, FUNCTIONAL, SYMMETRY, GENERIC)
+SLIDE = 0.005
+SLIDE_TURN = 0.05
+"""How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard
+deviations.
+"""
+
+NORMAL_90 = 1.645  # Standard deviations to either side of a 90 % interval
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """Options of kinematic identification.
+
+    Attributes
+    ----------
+    frames : at most so many, those whose postures differ most
+    symmetric : the right and the left side have the same lengths
+    method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does
+        ("alternating")
+    mass : of the whole body [kg]; by default what the stretching gives
+    length_sd : how much a segment's length differs from the overall size, as a standard deviation
+    shape_sd : how much a segment's stretch across differs from that along
+    side_sd : how much a length of the right differs from the left's, as a share; where the data
+        show more, a wider prior takes its place, with a warning
+    posture_sd : how much the mean angle of a joint differs between right and left, and the trunk's
+        mean from upright to the side [rad]; more where both sides were not recorded alike
+    marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies
+        much farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of
+        human size, on a smaller one less in proportion (`length_unit`)
+    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark, which is
+        not let go [m]; by default 0.01 likewise
+    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the
+        skin; 0 takes it from the residual, right for markers without skin; by default 0.005
+        likewise
+    zero_sd : how far the axes of the generic model's bones are turned against the person's [rad];
+        it widens the intervals of zero angles. 4 degrees, as angles differ between examiners who
+        palpate the same landmarks (Della Croce et al. 2005)
+    slide_sd : how far all markers of a segment slide as one while the body moves, along one axis
+        [m]; it widens the intervals of lengths, marker places and zero angles. By default as
+        `noise`. Shifts and turns of whole clusters are most of what skin does in walking (Barré et
+        al. 2017)
+    slide_turn_sd : how far they turn as one about each axis [rad]; by default 3 degrees where
+        `slide_sd` is 5 mm, and in proportion (of the order of the 1 to 6 by which fluoroscopy finds
+        the hip's angles from markers off, Fiorentino et al. 2017); without effect where `slide_sd`
+        is 0
+    independent_frames : so many frames of moving skin and clothes say as much as all, for its
+        movement is alike from frame to frame; without effect where the residual gives the noise
+    static_sd : of the coordinates that are known in the static trial [rad]
+    iterations : at most so many steps
+    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
+    fixed_markers : markers that stay where the model has them
+    static : a recording of standing still
+    static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model
+        stands
+    posture_weight : as in `InverseKinematicsOptions`, but smaller, for lengths must not feel it
+    """
+
+    frames: int = 50
+    symmetric: bool = False
+    method: Literal["joint", "alternating"] = "joint"
+    mass: float | None = None
+    length_sd: float = 0.05
+    shape_sd: float = 0.05
+    side_sd: float = 0.01
+    posture_sd: float = 0.07
+    marker_sd: float | None = None
+    fixed_sd: float | None = None
+    noise: float | None = None
+    zero_sd: float = 0.07
+    slide_sd: float | None = None
+    slide_turn_sd: float | None = None
+    independent_frames: int = 6
+    static_sd: float = 0.1
+    iterations: int = 60
+    marker_weights: Mapping[str, float] = field(default_factory=dict)
+    fixed_markers: tuple[str, ...] = ()
+    static: Markers | None = None
+    static_pose: Mapping[str, float] | None = None
+    posture_weight: float = 1e-10
+
+
+@dataclass(frozen=True)
+class Distances:
+    """What the options say of distances, on a body of some size [m]."""
+
+    marker: float
+    fixed: float
+    noise: float
+    unit: float
+    slide: float
+    turn: float
+
+    @classmethod
+    def of(cls, options: CalibrationOptions, unit: float) -> Distances:
+        """As specified, or those of a human body times the `length_unit` of this one."""
+
+        def specified(value: float | None, usual: float) -> float:
+            return usual * unit if value is None else value
+
+        noise = specified(options.noise, SLIDE)
+        slide = noise if options.slide_sd is None else options.slide_sd
+        turn = (
+            SLIDE_TURN * slide / (SLIDE * unit)
+            if options.slide_turn_sd is None
+            else options.slide_turn_sd
+        )
+        return cls(
+            specified(options.marker_sd, 0.02),
+            specified(options.fixed_sd, 0.01),
+            noise,
+            unit,
+            slide,
+            turn,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LengthEstimate:
+    """A length as the recordings show it.
+
+    Attributes
+    ----------
+    length : which one
+    factor, sd : of the given model's length, and the standard deviation that noise and prior leave
+    prior_sd : standard deviation before any marker was seen, the overall size known
+    generic, value : distance between joint centers along the axis before and after [m]
+    """
+
+    length: Length
+    factor: float
+    sd: float
+    prior_sd: float
+
+    @property
+    def generic(self) -> float:
+        """Distance on the given model [m]."""
+        return self.length.extent
+
+    @property
+    def value(self) -> float:
+        """Distance found [m]."""
+        return self.length.extent * self.factor
+
+    @property
+    def shown(self) -> bool:
+        """Whether the recordings say more of it than was known before: they halve its standard
+        deviation.
+        """
+        return self.sd < 0.5 * self.prior_sd
+
+
+@read_only
+class MarkerEstimate:
+    """A marker where the recordings show it.
+
+    Attributes
+    ----------
+    name, body : of the marker, and that it is on
+    location : (3,) on its stretched body [m]
+    shift : (3,) from where stretching alone puts it [m]
+    sd : (3,) standard deviation along the body's axes [m]
+    before, after : root mean square distance from the recordings on the given model and at the end
+        [m]
+    """
+
+    name: str
+    body: str
+    location: Array
+    shift: Array
+    sd: Array
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroAngle:
+    """The zero of one coordinate.
+
+    Attributes
+    ----------
+    coordinate : name
+    offset : mean angle on the found model less that on the generic one at the body's size [rad]
+    sd : standard deviation of what every angle of this coordinate is off by [rad]
+    shares : of what is known of the zero, by source
+    """
+
+    coordinate: str
+    offset: float
+    sd: float
+    shares: Mapping[str, float]
+
+    @property
+    def source(self) -> str:
+        """What fixes the zero most; of equal ones the first of `SOURCES`."""
+        return max(SOURCES, key=lambda source: self.shares[source])
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of the offset, 90 % [rad]."""
+        return self.offset - NORMAL_90 * self.sd, self.offset + NORMAL_90 * self.sd
+
+
+@dataclass(frozen=True)
+class SideEstimate:
+    """A length of both sides, as the data show it without the assumption that sides are alike.
+
+    Attributes
+    ----------
+    first, second : names of the lengths
+    difference, sd : first less second, as a share of the length, and its standard deviation
+    differs : whether the data show more than `side_sd` explains, so that the sides were set free
+    """
+
+    first: str
+    second: str
+    difference: float
+    sd: float
+    differs: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A model of the recorded body, and how far to trust it.
+
+    Attributes
+    ----------
+    options : of the calibration
+    lengths : every length of the model that may change
+    markers : every marker, with its shift
+    model : stretched, markers placed
+    factors : (3,) of every body
+    size : overall size relative to the given model
+    noise : of a marker along one axis, as counted for `independent_frames`, or found [m]
+    frames : for each recording (the static one last) its chosen frames
+    angles : for each recording (frames, coordinates) of the chosen frames [rad or m]
+    before, after : for each recording (frames, markers) distances on the given model and on the
+        found one [m]
+    marker_names : of the columns of `before` and `after`
+    converged : whether the last step was small
+    steps, last_change : of all stages; largest change in the last one, of a factor or in
+        `length_unit`
+    zero_angles : what fixes the zero of each angle, and how well
+    sides : what the data say of the lengths of both sides
+    costs : the objective after every step of the last stage [m^2]
+    notes : what the recordings do not show, one line each
+    warnings : what of the recordings the model's joints cannot explain, and whether it was left out
+    """
+
+    model: Model
+    options: CalibrationOptions
+    factors: Mapping[str, Array]
+    lengths: tuple[LengthEstimate, ...]
+    markers: tuple[MarkerEstimate, ...]
+    size: float
+    noise: float
+    frames: tuple[Ints, ...]
+    angles: tuple[Array, ...]
+    before: tuple[Array, ...]
+    after: tuple[Array, ...]
+    marker_names: tuple[str, ...]
+    converged: bool
+    costs: tuple[float, ...]
+    notes: tuple[str, ...]
+    steps: int = 0
+    last_change: float = 0.0
+    zero_angles: tuple[ZeroAngle, ...] = ()
+    sides: tuple[SideEstimate, ...] = ()
+    warnings: tuple[Finding, ...] = ()
+
+    @property
+    def rms_before(self) -> float:
+        """Root mean square distance of all markers on the given model [m]."""
+        return root_mean_square(self.before)
+
+    @property
+    def rms_after(self) -> float:
+        """Root mean square distance of all markers on the found model [m]."""
+        return root_mean_square(self.after)
+
+
+def root_mean_square(errors: Sequence[Array]) -> float:
+    """Of distances in several arrays, NaN left out."""
+    everything = np.concatenate([error.ravel() for error in errors]) if errors else np.zeros(0)
+    return (
+        float(np.sqrt(np.nanmean(everything**2))) if np.isfinite(everything).any() else float("nan")
+    )

@@ -1,0 +1,259 @@
+"""Base parameters of one body, by least squares on the measured base wrench of its motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.body.identify.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    base_sizes,
+    held_in,
+    link_levels,
+)
+from myomorph.body.identify.least_squares import (
+    Recording,
+    Rows,
+    Solution,
+    correlation_times,
+    gather,
+    levels,
+    rank_and_condition,
+    residuals,
+    solve,
+)
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Model
+
+
+@dataclass(frozen=True)
+class BaseOptions:
+    """Settings of `fit_base`."""
+
+    # point in ground that moments are about, as of a plate [m]; None for the base's origin
+    reference: tuple[float, float, float] | None = None
+    # moment_noise, force_noise: standard deviation of the measured base wrench [N m], [N]; None
+    # estimates one for each of the six rows from the residuals
+    moment_noise: float | None = None
+    force_noise: float | None = None
+    # count only as many independent frames as the residuals' autocorrelation leaves, because
+    # filtered frames repeat each other
+    correlated: bool = True
+    fixed: bool = False  # the base stands still, as on a plate that it is bolted to
+    # estimate a constant wrench beside the parameters, as a plate tared with the body on it leaves;
+    # without it the constant is still estimated apart and reported
+    tare: bool = False
+    # standard deviation of a weak prior about the model's own parameters, in multiples of their
+    # size; what the motion does not excite stays at the model's value
+    prior: float = 100.0
+    # a base parameter counts as identifiable where its standard deviation is below this share of
+    # its size
+    identifiable: float = 0.2
+    # singular values below this share of the largest do not count for the rank, columns scaled to
+    # length 1
+    rank_tolerance: float = 1e-6
+    block: int = 512  # frames that are taken at a time
+
+    def __post_init__(self) -> None:
+        for name in (
+            "moment_noise",
+            "force_noise",
+            "prior",
+            "identifiable",
+            "rank_tolerance",
+            "block",
+        ):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise BadData(f"{name} is {value:g}: expected above 0")
+
+
+@read_only
+class Tare:
+    """A constant wrench that fits the data beside the parameters: a plate's offset or tare."""
+
+    # constant, sd: (6,) moment about the ground's origin [N m] and force [N], as recorded less as
+    # true
+    constant: Array
+    sd: Array
+    rms_without: Array  # (6,) residuals of both fits [N m]
+    rms_with: Array  # (6,) residuals of both fits [N]
+
+    @property
+    def significant(self) -> bool:
+        """Whether the constant is more than 5 standard deviations, and helps a row by more than a
+        tenth.
+        """
+        sure = bool((np.abs(self.constant) > 5.0 * self.sd).any())
+        return sure and bool((self.rms_with < 0.9 * self.rms_without).any())
+
+
+@read_only
+class BaseFit:
+    """Base parameters of a body with what the data say of each.
+
+    Attributes
+    ----------
+    base : what is estimated
+    estimate, sd : (n,) base parameters and standard deviations, in units of each
+    size : (n,) how large each would be in the model, for comparison
+    information, z : (n, n) upper triangular R and (n,) with R phi_B = z in units of noise, data
+        alone
+    relative_sd : (n,) sd / |estimate|
+    identifiable : (n,) whether this motion tells it (`BaseOptions.identifiable`)
+    levels : (n,) share of what is known of each that comes from the motion rather than from the
+        model, 0 to 1
+    link_levels : of every body, the mean over the base parameters named after it
+    rank : of the information, columns scaled to length 1
+    condition : largest over smallest singular value of the scaled information, inf where singular
+    sigma : (6,) noise of a row [N m], [N]
+    samples : (6,) independent samples of each row, at most `frames`
+    frames : that were used
+    left_out : number of frames left out, by reason
+    residual_rms, wrench_rms : (6,) of what is left, and of what was measured [N m], [N]
+    carried_mass : what the mean force carries [kg]: far from the body's mass, a plate was tared
+        with the body on it, or stood apart from a foot
+    tare : the constant that would fit best beside the parameters
+    options : as given
+    """
+
+    base: BaseParameters
+    estimate: Array
+    sd: Array
+    size: Array
+    information: Array
+    z: Array
+    rank: int
+    condition: float
+    identifiable: np.ndarray
+    levels: Array
+    link_levels: Mapping[str, float]
+    sigma: Array
+    samples: Array
+    frames: int
+    left_out: Mapping[str, int]
+    residual_rms: Array
+    wrench_rms: Array
+    carried_mass: float
+    tare: Tare
+    options: BaseOptions = field(default_factory=BaseOptions)
+
+    def __post_init__(self) -> None:
+        for name in ("left_out", "link_levels"):
+            object.__setattr__(self, name, FrozenMap(dict(getattr(self, name))))
+
+    @property
+    def relative_sd(self) -> Array:
+        """(n,) standard deviation over the estimate's magnitude."""
+        return self.sd / np.maximum(np.abs(self.estimate), 1e-300)
+
+    def rows(self) -> tuple[Array, Array]:
+        """(A (n, 10 bodies), b (n,)) in units of noise: |A phi - b|^2 is the data's misfit of phi,
+        A = R Z.
+        """
+        return self.information @ self.base.combination, np.array(self.z)
+
+
+def fit_base(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters | None = None,
+    options: BaseOptions | None = None,
+) -> BaseFit:
+    """Base parameters that reproduce the measured base wrench best, [D] eq. 3.1.
+
+        minimise  sum_rows |Y_B phi_B - f|^2 / sigma_row^2
+
+    by QR factors that take block after block of frames, so that memory does not grow with them.
+    Each of the six rows keeps a factor of its own: their noise is estimated from the residuals, and
+    weighed, without going through the frames again. A second, cheap pass gives the residuals'
+    autocorrelation.
+
+    `base`: by default those of the model, with coordinates that are locked (and, on a base that is
+    fixed, those of its joint to the ground) where the recordings have them.
+    """
+    options = options or BaseOptions()
+    if base is None:
+        held = held_in(model, [recording.motion for recording in recordings], options.fixed)
+        base = base_parameters(model, options.fixed, held)
+    if base.bodies != model.body_names:
+        raise BadData(
+            f"base parameters are of bodies {base.bodies[:3]}..., the model has"
+            f" {model.body_names[:3]}..."
+        )
+    rows = gather(model, recordings, base, options.reference, options.block)
+    n = len(base)
+    sizes = base_sizes(model, base)
+    mean = base.of(inertial_parameters(model))
+    spread = options.prior * sizes
+    sigma = _noise(rows, mean, spread, options)
+    samples = np.full(6, float(rows.frames))
+    if options.correlated:
+        first = solve(rows.plain, sigma, mean, spread)
+        left = residuals(model, recordings, base, first.solution, options.reference, options.block)
+        samples = rows.frames / correlation_times(left)
+    weight = sigma * np.sqrt(rows.frames / samples)
+    plain = solve(rows.plain, weight, mean, spread)
+    tared = solve(rows.factors, weight, mean, spread)
+    tare = Tare(
+        constant=tared.solution[n:],
+        sd=tared.sd[n:],
+        rms_without=rows.rms(plain.solution),
+        rms_with=rows.rms(tared.solution),
+    )
+    chosen: Solution = tared if options.tare else plain
+    estimate = chosen.solution[:n]
+    sd = chosen.sd[:n]
+    R, z = chosen.without(n)
+    rank, condition = rank_and_condition(R, options.rank_tolerance)
+    basis = levels(R, mean, sizes)
+    square = float(model.gravity @ model.gravity)
+    return BaseFit(
+        base=base,
+        estimate=estimate,
+        sd=sd,
+        size=sizes,
+        information=R,
+        z=z,
+        rank=rank,
+        condition=condition,
+        identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), sizes),
+        levels=basis,
+        link_levels=link_levels(model, base, basis),
+        sigma=sigma,
+        samples=samples,
+        frames=rows.frames,
+        left_out=rows.left_out,
+        residual_rms=tare.rms_with if options.tare else tare.rms_without,
+        wrench_rms=rows.wrench_rms,
+        carried_mass=(
+            -float(rows.mean_force @ model.gravity) / square if square > 0.0 else float("nan")
+        ),
+        tare=tare,
+        options=options,
+    )
+
+
+def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Array:
+    """(6,) noise of the rows: as given, or from the residuals of a fit weighed by it."""
+    measured = rows.wrench_rms
+    floor = 1e-9 * np.maximum(measured, measured.max() * 1e-3) + 1e-12
+    noise = np.array([options.moment_noise] * 3 + [options.force_noise] * 3, dtype=np.float64)
+    known = np.isfinite(noise)
+    sigma: Array = np.where(known, noise, np.maximum(0.05 * measured, floor))
+    if known.all():
+        return sigma
+    freedom = max(1.0 - len(mean) / (6.0 * rows.frames), 0.1)
+    for _ in range(8):
+        left = rows.rms(solve(rows.plain, sigma, mean, spread).solution) / np.sqrt(freedom)
+        before = sigma
+        sigma = np.where(known, noise, np.maximum(left, floor))
+        if np.all(np.abs(sigma - before) < 0.01 * before):
+            break
+    return sigma

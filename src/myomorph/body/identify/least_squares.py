@@ -1,0 +1,482 @@
+"""Recordings as rows [Y_B, constants, measured wrench], folded block by block into triangular
+factors R x = z.
+
+R^T R is the information. R of a QR decomposition goes on growing: [R; rows] is reduced to a new R
+by Householder reflections, a few rows at a time and without BLAS. For six rows at a time the
+compiled loops are as fast as LAPACK's, and its threads, which disturb work beside them, are not
+needed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from myomorph.body.identify.base_parameters import BaseParameters
+from myomorph.core.model.arrays import Array, checked_array, read_only, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.rigid.kernels import kernel
+from myomorph.core.rigid.regressor import (
+    BLOCK,
+    base_regressor,
+    base_wrench,
+    regressor_blocks,
+    sum_of_wrenches,
+)
+
+FILTER_REACH = 3.0  # How far a filter's ends reach, times 1 / cutoff, until rounding
+MIN_RUN = 8  # Frames in a row that are filtered
+# A constant moment about the ground's origin and a constant force, as a plate's tare leaves
+CONSTANTS = 6
+UNWANTED = "left out by the user"
+UNSEEN = "motion missing"
+UNMEASURED = "force missing"
+
+
+@kernel
+def fold(R, rows):
+    """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in
+    place. `rows` is used up.
+    """
+    for j in range(R.shape[0]):
+        x0 = rows[0, j]
+        x1 = rows[1, j]
+        x2 = rows[2, j]
+        x3 = rows[3, j]
+        x4 = rows[4, j]
+        x5 = rows[5, j]
+        square = x0 * x0 + x1 * x1 + x2 * x2 + x3 * x3 + x4 * x4 + x5 * x5
+        if square == 0.0:
+            continue
+        diagonal = R[j, j]
+        length = math.sqrt(diagonal * diagonal + square)
+        new = -length if diagonal > 0.0 else length
+        factor = (new - diagonal) / new
+        scale = 1.0 / (diagonal - new)
+        x0 = x0 * scale
+        x1 = x1 * scale
+        x2 = x2 * scale
+        x3 = x3 * scale
+        x4 = x4 * scale
+        x5 = x5 * scale
+        R[j, j] = new
+        # Views that start at 0: only so does the compiler take several columns at a time, three
+        # times faster.
+        r = R[j, j + 1 :]
+        b0 = rows[0, j + 1 :]
+        b1 = rows[1, j + 1 :]
+        b2 = rows[2, j + 1 :]
+        b3 = rows[3, j + 1 :]
+        b4 = rows[4, j + 1 :]
+        b5 = rows[5, j + 1 :]
+        for row in range(r.shape[0]):
+            w = factor * (
+                r[row]
+                + x0 * b0[row]
+                + x1 * b1[row]
+                + x2 * b2[row]
+                + x3 * b3[row]
+                + x4 * b4[row]
+                + x5 * b5[row]
+            )
+            r[row] -= w
+            b0[row] -= w * x0
+            b1[row] -= w * x1
+            b2[row] -= w * x2
+            b3[row] -= w * x3
+            b4[row] -= w * x4
+            b5[row] -= w * x5
+
+
+@kernel
+def fold_rows(R, new, rows):
+    """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used
+    up.
+    """
+    for first in range(0, new.shape[0], 6):
+        rows[:] = 0.0
+        for index in range(min(6, new.shape[0] - first)):
+            rows[index] = new[first + index]
+        fold(R, rows)
+
+
+@kernel
+def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
+    """Turn row i of the base wrench in some frames into a factor (n + 7, n + 7), in place.
+    `Y`, `constants`, `wrench` (frames, 6, 10 bodies), (frames, 6, 6), (frames, 6); `columns` (n,)
+    those of Y that count; `used`: the frames that count; `rows` (6, n + 7), used up.
+    """
+    n = columns.shape[0]
+    for first in range(0, used.shape[0], 6):
+        rows[:] = 0.0
+        for row in range(min(6, used.shape[0] - first)):
+            f = used[first + row]
+            for j in range(n):
+                rows[row, j] = Y[f, i, columns[j]]
+            for j in range(6):
+                rows[row, n + j] = constants[f, i, j]
+            rows[row, n + 6] = wrench[f, i]
+        fold(R, rows)
+
+
+def absorb(factor: Array, rows: Array) -> Array:
+    """The factor R of the QR decomposition of [factor; rows], (k, k) upper triangular.
+    `factor` (k, k) upper triangular; `rows` (m, k); leading zeros of a row cost nothing.
+    """
+    triangle = np.array(factor, dtype=np.float64, order="C")
+    fold_rows(
+        triangle, np.array(rows, dtype=np.float64, order="C"), np.empty((6, triangle.shape[1]))
+    )
+    return triangle
+
+
+def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
+    """Triangular system (R, z) of data [R, z] (n, n + 1) and independent priors of n parameters.
+    A factor (unknowns, unknowns + 1) with more unknowns than the prior knows has those last; they
+    stay without one.
+    """
+    unknowns = len(factor)
+    n = len(mean)
+    whole = np.zeros((unknowns + 1, unknowns + 1))
+    whole[:unknowns] = factor
+    rows = np.zeros((n, unknowns + 1))
+    rows[:, :n] = np.diag(1.0 / sd)
+    rows[:, -1] = mean / sd
+    done = absorb(whole, rows)
+    return done[:unknowns, :unknowns], done[:unknowns, unknowns]
+
+
+def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
+    """Rank, and the largest over the smallest singular value, of R with columns scaled to length 1.
+    The condition number is infinite where rounding cannot tell it from that.
+    """
+    length = np.linalg.norm(R, axis=0)
+    values = np.linalg.svd(R / np.where(length > 0.0, length, 1.0), compute_uv=False)
+    rank = int(np.sum(values > tolerance * values[0])) if values[0] > 0.0 else 0
+    singular = values[-1] <= len(R) * np.finfo(float).eps * values[0]
+    return rank, float("inf") if singular else float(values[0] / values[-1])
+
+
+@read_only
+class Solution:
+    """A least-squares problem in triangular form, and its solution with a prior."""
+
+    R: Array  # (k, k) with R x = z, data alone, in units of noise
+    z: Array  # (k,) with R x = z, data alone, in units of noise
+    # solution, sd: (k,) with the prior
+    solution: Array
+    sd: Array
+
+    def without(self, n: int) -> tuple[Array, Array]:
+        """R and z of the first n unknowns, whatever the others are."""
+        size = len(self.z)
+        if n == size:
+            return self.R, self.z
+        # With the others first, their rows can be left out: they can be met for any value of the
+        # rest.
+        order = np.concatenate([np.arange(n, size), np.arange(n)])
+        turned = absorb(np.zeros((size + 1, size + 1)), np.column_stack([self.R[:, order], self.z]))
+        return turned[size - n : size, size - n : size], turned[size - n : size, size]
+
+
+def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
+    """Weigh triangular factors (m, k + 1, k + 1) by the noise (m,) of their rows, with a prior on
+    the first n unknowns. `mean`, `sd` (n,) of the prior.
+    """
+    size = factors.shape[2] - 1
+    data = np.zeros((size + 1, size + 1))
+    for factor, noise in zip(factors, sigma, strict=True):
+        data = absorb(data, factor / noise)
+    R, z = with_prior(data[:size], mean, sd)
+    estimate = scipy.linalg.solve_triangular(R, z)
+    return Solution(
+        R=data[:size, :size], z=data[:size, size], solution=estimate, sd=row_lengths_of_inverse(R)
+    )
+
+
+def row_lengths_of_inverse(R: Array) -> Array:
+    """(k,) standard deviations of unknowns whose information is R^T R."""
+    return np.linalg.norm(scipy.linalg.solve_triangular(R, np.eye(len(R))), axis=1)
+
+
+def levels(R: Array, mean: Array, sizes: Array) -> Array:
+    """(n,) share of what is known that comes from data R (n, n): 1 - var / size^2, 0 to 1.
+    var is the variance with data, had the mean been right to within the sizes before.
+    """
+    whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), mean, sizes)
+    return np.clip(1.0 - np.square(row_lengths_of_inverse(whole) / sizes), 0.0, 1.0)
+
+
+@read_only
+class Finer:
+    """A motion and its forces with little filter: what they make is filtered after it is made.
+    A filter of angles and one of forces do not agree: what turns pulls by the square of its rate,
+    which is faster than the angle. Rows and forces that pass the same filter afterwards do (Gautier
+    1997).
+    """
+
+    motion: Motion  # with velocities and accelerations
+    wrenches: Wrenches  # through the same filter as the motion
+    cutoff: float  # of the filter for rows and forces [Hz]
+
+    def passed(self, values: Array) -> Array:
+        """What the filter leaves of values (frames, ...), each unbroken run of finite frames by
+        itself.
+        """
+        flat = values.reshape(len(values), -1)
+        result = np.full(flat.shape, np.nan)
+        rate = 1.0 / float(np.median(np.diff(self.motion.time)))
+        for start, stop in runs(np.asarray(np.isfinite(flat).all(axis=1))):
+            if stop - start >= MIN_RUN:
+                result[start:stop] = lowpass(flat[start:stop], rate, self.cutoff)
+        return result.reshape(values.shape)
+
+
+@read_only
+class Recording:
+    """One motion and the forces measured with it, on the same clock.
+
+    Attributes
+    ----------
+    motion : with velocities and accelerations, through the same filter as the forces
+    wrenches : every external force; NaN where one is missing
+    use : (frames,) which frames count, e.g. those with both feet on plates; all where None
+    finer : the same frames with little filter, from which masses are identified; None where nothing
+        was filtered
+    """
+
+    motion: Motion
+    wrenches: Wrenches
+    use: np.ndarray | None = None
+    finer: Finer | None = None
+
+    def __post_init__(self) -> None:
+        if self.use is not None:
+            checked_array(self.use, (len(self.motion),), "`use`, one value a frame of the motion,")
+
+    def moved(self, change: Callable[[Motion], Motion]) -> Recording:
+        """The recording with another motion, with both filters."""
+        finer = (
+            None if self.finer is None else replace(self.finer, motion=change(self.finer.motion))
+        )
+        return replace(self, motion=change(self.motion), finer=finer)
+
+    @property
+    def alike(self) -> float:
+        """Frames that the filter makes say the same."""
+        rate = 1.0 / float(np.median(np.diff(self.motion.time))) if len(self.motion) > 1 else 0.0
+        return 1.0 if self.finer is None else max(1.0, 0.5 * rate / self.finer.cutoff)
+
+    def rows(self, model: Model) -> Iterator[tuple[slice, Array, Array]]:
+        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6)
+        about the base.
+        """
+        finer = self.finer
+        if finer is None:
+            measured = base_wrench(model, self.motion, self.wrenches)
+            for block in regressor_blocks(model, self.motion):
+                yield block.frames, block.rows, measured[block.frames]
+            return
+        measured = base_wrench(model, finer.motion, finer.wrenches)
+        frames = len(finer.motion)
+        margin = int(FILTER_REACH / finer.cutoff / float(np.median(np.diff(finer.motion.time)))) + 1
+        for start in range(0, frames, BLOCK):
+            stop = min(start + BLOCK, frames)
+            around = slice(max(0, start - margin), min(frames, stop + margin))
+            rows = base_regressor(model, finer.motion.frames(around))
+            passed = finer.passed(np.concatenate([rows, measured[around, :, None]], axis=2))
+            passed = passed[start - around.start : stop - around.start]
+            yield slice(start, stop), passed[:, :, :-1], passed[:, :, -1]
+
+    def missing(self, model: Model, parameters: Array) -> Array:
+        """(frames, 6) wrench about the base that parameters (bodies, 10) need beyond the measured
+        one [N m], [N].
+        """
+        source = self if self.finer is None else self.finer
+        blocks = regressor_blocks(model, source.motion)
+        needed = np.concatenate([block.rows @ parameters.ravel() for block in blocks])
+        left = needed - base_wrench(model, source.motion, source.wrenches)
+        return left if self.finer is None else self.finer.passed(left)
+
+
+@read_only
+class Rows:
+    """What all frames say, condensed."""
+
+    # (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the wrench
+    factors: Array
+    frames: int  # that were used
+    left_out: dict[str, int]  # number of frames left out, by reason
+
+    @cached_property
+    def plain(self) -> Array:
+        """(6, n + 1, n + 1) triangular factors without the columns of constants."""
+        n = self.factors.shape[2] - CONSTANTS - 1
+        parts = np.delete(self.factors, np.s_[n : n + CONSTANTS], axis=2)
+        return np.stack([absorb(np.zeros((n + 1, n + 1)), part) for part in parts])
+
+    @property
+    def wrench_rms(self) -> Array:
+        """(6,) of what was measured [N m], [N]."""
+        return np.sqrt(np.square(self.factors[:, :, -1]).sum(axis=1) / self.frames)
+
+    @property
+    def mean_force(self) -> Array:
+        """(3,) of what was measured [N]."""
+        # The columns of constants hold a one in every row of their own force.
+        mean: Array = np.array(
+            [self.factors[3 + i, :, -4 + i] @ self.factors[3 + i, :, -1] for i in range(3)]
+        )
+        return mean / self.frames
+
+    def rms(self, solution: Array) -> Array:
+        """(6,) of what parameters (n,), or parameters and constants (n + 6,), leave [N m], [N]."""
+        x = np.zeros(self.factors.shape[2])
+        x[: len(solution)] = solution
+        x[-1] = -1.0
+        return np.sqrt(np.square(self.factors @ x).sum(axis=1) / self.frames)
+
+
+def gather(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters,
+    reference: tuple[float, float, float] | None,
+    block: int,
+) -> Rows:
+    """Condense recordings by QR, so that memory does not grow with the frames."""
+    n = len(base)
+    factors = np.zeros((6, n + CONSTANTS + 1, n + CONSTANTS + 1))
+    left_out = {UNWANTED: 0, UNSEEN: 0, UNMEASURED: 0}
+    frames = 0
+    for recording in recordings:
+        total = _measured(model, recording)
+        for part in regressor_blocks(model, recording.motion, reference, block):
+            wanted = (
+                np.ones(len(part.rows), bool)
+                if recording.use is None
+                else np.asarray(recording.use)[part.frames]
+            )
+            # A sum, because a missing coordinate shows in it and costs no copy.
+            moving = np.isfinite(part.rows.sum(axis=(1, 2)))
+            pushed = np.isfinite(total[part.frames]).all(axis=1)
+            for reason, lacking in (
+                (UNWANTED, ~wanted),
+                (UNSEEN, wanted & ~moving),
+                (UNMEASURED, wanted & moving & ~pushed),
+            ):
+                left_out[reason] += int(lacking.sum())
+            used = np.flatnonzero(wanted & moving & pushed)
+            if not len(used):
+                continue
+            if not frames:
+                _check_base(part.rows[used[0]], base)
+            frames += len(used)
+            wrench = _about(total[part.frames], part.reference)
+            constants = _constants(part.reference)
+            _fold(factors, part.rows, base.columns, constants, wrench, used)
+    if not frames:
+        reasons = ", ".join(f"{reason}: {count}" for reason, count in left_out.items() if count)
+        raise BadData(f"no frame can be used to identify ({reasons or 'there are none'})")
+    return Rows(factors, frames, left_out)
+
+
+def residuals(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters,
+    estimate: Array,
+    reference: tuple[float, float, float] | None,
+    block: int,
+) -> list[Array]:
+    """(frames, 6) what base parameters leave of each recording's wrench, NaN where it is not used."""
+    parameters = np.zeros(base.combination.shape[1])
+    parameters[base.columns] = estimate
+    left = []
+    for recording in recordings:
+        residual = _measured(model, recording)
+        for part in regressor_blocks(model, recording.motion, reference, block):
+            residual[part.frames] = (
+                _about(residual[part.frames], part.reference) - part.rows @ parameters
+            )
+        if recording.use is not None:
+            residual[~np.asarray(recording.use, bool)] = np.nan
+        left.append(residual)
+    return left
+
+
+def correlation_times(left: Sequence[Array]) -> Array:
+    """(6,) frames that make one independent sample: 1 + 2 sum of autocorrelations, by Geyer's rule.
+    Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical
+    Science 7(4):473). Frames that are left out count as zeros, which takes nothing from the lags'
+    mean.
+    """
+    longest = max(len(lags) for lags in left)
+    covariance = np.zeros((longest, 6))
+    for lags in left:
+        values = np.where(np.isfinite(lags), lags, 0.0)
+        spectrum = np.fft.rfft(values, 2 * len(values), axis=0)
+        covariance[: len(values)] += np.fft.irfft(np.abs(spectrum) ** 2, 2 * len(values), axis=0)[
+            : len(values)
+        ]
+    pairs = longest // 2
+    if not pairs:
+        return np.ones(6)
+    rho = covariance / np.maximum(covariance[0], 1e-300)
+    sums = rho[: 2 * pairs].reshape(pairs, 2, 6).sum(axis=1)
+    positive = np.cumprod(sums > 0.0, axis=0)
+    return np.maximum(2.0 * (sums * positive).sum(axis=0) - 1.0, 1.0)
+
+
+def _measured(model: Model, recording: Recording) -> Array:
+    """(frames, 6) measured moment about the ground's origin and force."""
+    return sum_of_wrenches(
+        model, recording.motion, recording.wrenches, np.zeros((len(recording.motion), 3))
+    )
+
+
+def _about(total: Array, points: Array) -> Array:
+    """A wrench (frames, 6) about the ground's origin, about points (frames, 3)."""
+    return np.concatenate([total[:, :3] - np.cross(points, total[:, 3:]), total[:, 3:]], axis=1)
+
+
+def _constants(points: Array) -> Array:
+    """(frames, 6, 6) rows about points (frames, 3) of a constant wrench about the ground's origin."""
+    rows = np.tile(np.eye(6), (len(points), 1, 1))
+    for i, a, b in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rows[:, i, 3 + b], rows[:, i, 3 + a] = -points[:, a], points[:, b]
+    return rows
+
+
+def _fold(
+    factors: Array, Y: Array, columns: np.ndarray, constants: Array, wrench: Array, used: np.ndarray
+) -> None:
+    """Fold frames into the factor of each row of the wrench, the rows shared among the cores."""
+    # A copy, because a kernel is compiled anew for an array that is read-only.
+    chosen = columns.copy()
+
+    def some(start: int, stop: int) -> None:
+        scratch = np.empty((6, factors.shape[2]))
+        for i in range(start, stop):
+            fold_frames(factors[i], i, Y, chosen, constants, wrench, used, scratch)
+
+    over_frames(some, 6, chunk=1)
+
+
+def _check_base(rows: Array, base: BaseParameters) -> None:
+    difference = np.abs(rows - rows[:, base.columns] @ base.combination).max()
+    if difference > 1e-6 * np.abs(rows).max():
+        raise BadData(
+            "these base parameters do not fit the motion: coordinates that they hold still move or"
+            f" rest at other values ({', '.join(list(base.held)[:4]) or 'none held'}); let fit_base"
+            " make them"
+        )

@@ -1,0 +1,313 @@
+"""What no motion can tell apart: inertial parameters that may move from a body to its parent
+unseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.inertia import parameters_of, pseudo_inertias
+from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.series import Motion
+from myomorph.core.rigid.coordinates import couple_frames, couple_rates_frames
+from myomorph.core.rigid.kinematics import Poses, forward_kinematics
+from myomorph.core.rigid.regressor import base_regressor
+from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
+
+LENGTH = 0.3  # Typical size of a segment, so that masses, first moments and inertias compare [m]
+# Size of the ten parameters of a body of 1 kg
+SCALE = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])
+# Singular values below this share of the largest are zero: poses are exact to about 1e-14
+TOLERANCE = 1e-9
+_PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
+"""Masses go to the parent rather than first moments, and those rather than inertias."""
+
+
+class NullSpace(NamedTuple):
+    """Changes of the inertial parameters that no base wrench shows."""
+
+    vectors: Array  # (10 bodies, k) a basis; vectors[dependent] is invertible
+    # (k,) the standard parameters that are left out, their part given to others
+    dependent: np.ndarray
+    # by random states, the smallest pivot that counts and the largest that does not, relative to
+    # the largest of all; the tolerance lies between
+    gap: tuple[float, float] = (1.0, 0.0)
+
+
+class Cluster(NamedTuple):
+    """Bodies whose joints share coordinates, so that they must be looked at together."""
+
+    bodies: tuple[int, ...]  # numbers in the tree's arrays (the ground is 0)
+    ancestor: int  # the one body they all hang on
+
+
+def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> NullSpace:
+    """Null space of the base rows from the tree alone: a direct sum over the joints.
+    Parameters v of a body may go to its parent where the parent cannot tell them from its own: L(X)
+    v is the same in every configuration X of the joint, and the joint's own velocity S gives v no
+    momentum, M(v) S = 0. For a hinge these are 3 (a rod on the axis), for a slide 6, for a ball
+    joint 1, for a weld 10. Joints that share coordinates through couplers are one cluster, whose
+    bodies are taken together. The sum is the whole null space where the base is free to move; where
+    it is not, more is hidden (`base_parameters` finds that from random states). `held`: coordinates
+    that do not move, with their values; by default those that are locked, at theirs.
+    """
+    tree = compile_tree(model)
+    fixed = held_values(model, held)
+    together = clusters(tree, fixed)
+    moving = random_states(
+        model, fixed, frames=24 + 4 * max(len(cluster.bodies) for cluster in together)
+    )
+    c = np.array(moving.values)
+    cdot = np.array(moving.velocities)
+    poses = forward_kinematics(tree, c)
+    twists = _twists(poses, cdot)
+    vectors: list[Array] = []
+    dependent: list[int] = []
+    for cluster in together:
+        if cluster.ancestor == 0:
+            continue
+        moving_part, fixed_part = _cluster_null_space(poses, twists, cluster)
+        if not moving_part.shape[1]:
+            continue
+        columns = np.concatenate([10 * (b - 1) + np.arange(10) for b in cluster.bodies])
+        chosen = _nicest(moving_part)
+        whole = np.zeros((10 * len(model.bodies), moving_part.shape[1]))
+        whole[columns] = moving_part
+        whole[10 * (cluster.ancestor - 1) : 10 * cluster.ancestor] -= fixed_part
+        whole = whole @ np.linalg.inv(moving_part[chosen])
+        whole[np.abs(whole) < 1e-11 * np.abs(whole).max()] = 0.0
+        vectors.append(whole)
+        dependent += list(columns[chosen])
+    empty = np.zeros((10 * len(model.bodies), 0))
+    return NullSpace(np.hstack([empty, *vectors]), np.array(dependent, np.int64))
+
+
+def numerical_null_space(
+    model: Model,
+    held: Mapping[str, float] | None = None,
+    columns: np.ndarray | None = None,
+    tolerance: float = TOLERANCE,
+) -> NullSpace:
+    """Null space of the base rows from random states, by QR with column pivoting.
+    `held`: as in `tree_null_space`; `columns`: the standard parameters to look at; all by default;
+    `tolerance`: diagonal entries of R below this share of the largest are zero, columns scaled to
+    length 1.
+    """
+    size = 10 * len(model.bodies)
+    looked_at = np.arange(size) if columns is None else np.asarray(columns)
+    states = random_states(model, held_values(model, held), frames=64 + len(looked_at) // 3)
+    rows = base_regressor(model, states).reshape(-1, size)[:, looked_at]
+    length = np.linalg.norm(rows, axis=0)
+    # A column that is nothing but rounding (the inertia of a body that never turns) must not be
+    # scaled up.
+    silent = length <= tolerance * (length / SCALE[looked_at % 10]).max() * SCALE[looked_at % 10]
+    length[silent] = np.inf
+    R, order = scipy.linalg.qr(rows / length, mode="r", pivoting=True, overwrite_a=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int(np.sum(diagonal > tolerance * diagonal[0]))
+    vectors = np.zeros((size, len(looked_at) - rank))
+    length[silent] = 1.0
+    vectors[looked_at[order[:rank]]] = (
+        -np.linalg.solve(R[:rank, :rank], R[:rank, rank:]) / length[order[:rank], None]
+    )
+    vectors[looked_at[order[rank:]]] = np.diag(1.0 / length[order[rank:]])
+    relative = np.append(diagonal, 0.0) / max(diagonal[0], 1e-300)
+    gap = (float(relative[rank - 1]) if rank else 1.0, float(relative[rank]))
+    return NullSpace(vectors * length[order[rank:]], looked_at[order[rank:]], gap)
+
+
+def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, float]:
+    """Coordinates that do not move, with their values; by default the locked ones."""
+    if held is None:
+        return {
+            coordinate.name: coordinate.default
+            for coordinate in model.coordinates
+            if coordinate.locked
+        }
+    for name in held:
+        index_of("coordinate", name, model.coordinate_names)
+    return dict(held)
+
+
+def random_states(model: Model, held: Mapping[str, float], frames: int, seed: int = 0) -> Motion:
+    """Positions, velocities and accelerations drawn independently, each coordinate in its range.
+    Held coordinates rest, dependent ones follow their couplers.
+    """
+    tree = compile_tree(model)
+    rng = np.random.default_rng(seed)
+    values = np.empty((frames, len(model.coordinates)))
+    velocities, accelerations = 3.0 * rng.normal(size=(2, frames, len(model.coordinates)))
+    for j, coordinate in enumerate(model.coordinates):
+        reach = 0.3 if coordinate.motion == "translational" else 1.5
+        low = max(coordinate.range[0], coordinate.default - reach)
+        high = min(coordinate.range[1], coordinate.default + reach)
+        if not low < high:
+            low = coordinate.default - 0.1 * reach
+            high = coordinate.default + 0.1 * reach
+        values[:, j] = rng.uniform(low, high, frames)
+        if coordinate.name in held:
+            values[:, j] = held[coordinate.name]
+            velocities[:, j] = 0.0
+            accelerations[:, j] = 0.0
+    couple_frames(tree.arrays, values)
+    couple_rates_frames(tree.arrays, values, velocities, accelerations)
+    return Motion(
+        time=np.arange(float(frames)),
+        names=model.coordinate_names,
+        values=values,
+        velocities=velocities,
+        accelerations=accelerations,
+    )
+
+
+def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
+    """The bodies of a model in clusters, each hanging on one body, that share no moving coordinate."""
+    parent = tree.arrays.parent
+    moved_by = _moving_coordinates(tree, held)
+    groups: list[tuple[set[int], set[int]]] = []
+    for b in range(1, len(parent)):
+        bodies = {b}
+        coordinates = set(moved_by[b])
+        while True:
+            between, _ = _hanging(bodies, parent)
+            joined = [group for group in groups if group[0] & between or group[1] & coordinates]
+            if not joined:
+                break
+            groups = [group for group in groups if group not in joined]
+            bodies = bodies.union(*(group[0] for group in joined))
+            coordinates = coordinates.union(*(group[1] for group in joined))
+        groups.append((bodies, coordinates))
+    return [Cluster(tuple(sorted(bodies)), _hanging(bodies, parent)[1]) for bodies, _ in groups]
+
+
+def _hanging(bodies: set[int], parent: np.ndarray) -> tuple[set[int], int]:
+    """The bodies between those given and the nearest body that all of them hang on, and that body."""
+
+    def above(b: int) -> list[int]:
+        chain = []
+        while b:
+            b = int(parent[b])
+            chain.append(b)
+        return chain
+
+    chains = [above(b) for b in bodies]
+    shared = set.intersection(*(set(chain) for chain in chains))
+    ancestor = next(b for b in chains[0] if b in shared)
+    between = {b for chain in chains for b in chain[: chain.index(ancestor)]}
+    return between, ancestor
+
+
+def _moving_coordinates(tree: Tree, held: Mapping[str, float]) -> list[set[int]]:
+    """For every body, the independent coordinates that move its joint."""
+    arrays = tree.arrays
+    names = tree.model.coordinate_names
+    sources: dict[int, set[int]] = {j: {j} for j in range(len(names))}
+    for coupler, dependent in enumerate(arrays.coupler_coordinate):
+        sources[int(dependent)] = set().union(
+            *(sources[int(j)] for j in arrays.coupler_source[coupler] if j >= 0)
+        )
+    moved: list[set[int]] = [set() for _ in arrays.parent]
+    for coupler, b in enumerate(arrays.axis_body):
+        for j in arrays.axis_coordinate[coupler]:
+            if j >= 0:
+                moved[b] |= {i for i in sources[int(j)] if names[i] not in held}
+    return moved
+
+
+def _twists(poses: Poses, cdot: Array) -> Array:
+    """(frames, axes, 6) what each axis adds to the twist of the bodies beyond it, about the
+    ground's origin.
+    """
+    arrays = poses.tree.arrays
+    speeds = np.zeros(poses.axis_slopes.shape[:2])
+    for s in range(2):
+        j = arrays.axis_coordinate[:, s]
+        speeds += np.where(j >= 0, poses.axis_slopes[:, :, s] * cdot[:, np.maximum(j, 0)], 0.0)
+    w = poses.axis_directions * speeds[..., None]
+    turns = (arrays.axis_kind == ROTATION)[:, None]
+    angular = np.where(turns, w, 0.0)
+    linear = np.where(turns, np.cross(poses.axis_points, w), w)
+    return np.concatenate([angular, linear], axis=2)
+
+
+def _cluster_null_space(poses: Poses, twists: Array, cluster: Cluster) -> tuple[Array, Array]:
+    """Vectors (10 cluster bodies, k) that may go to the ancestor, and (10, k) what the ancestor
+    receives.
+    """
+    tree = poses.tree
+    a = cluster.ancestor
+    back = poses.rotations[:, a].transpose(0, 2, 1)
+    moved = []
+    momenta = []
+    for b in cluster.bodies:
+        rotation = back @ poses.rotations[:, b]
+        origin = np.einsum("fij,fj->fi", back, poses.origins[:, b] - poses.origins[:, a])
+        moved.append(parameters_in_parent(rotation, origin))
+        axes = tree.supports[b] & ~tree.supports[a]
+        twist = twists[:, axes].sum(axis=1)
+        # About the ancestor's origin and along its axes.
+        linear = twist[:, 3:] + np.cross(twist[:, :3], poses.origins[:, a])
+        velocity = np.concatenate([_turned(back, twist[:, :3]), _turned(back, linear)], axis=1)
+        momenta.append(momentum_rows(velocity) @ moved[-1])
+    L = np.concatenate(moved, axis=2)
+    P = np.concatenate(momenta, axis=2)
+    conditions = np.concatenate([(L[1:] - L[:1]) / SCALE[:, None], P[1:] / LENGTH], axis=1)
+    scale = np.tile(SCALE, len(cluster.bodies))
+    conditions = conditions.reshape(-1, len(scale)) * scale
+    R = np.linalg.qr(conditions, mode="r")
+    _, values, right = np.linalg.svd(R)
+    # A weld meets no condition at all; the unit of comparison is then the size of L itself.
+    rank = int(np.sum(values > TOLERANCE * max(values[0], 1.0)))
+    vectors = right[rank:].T * scale[:, None]
+    return vectors, L[0] @ vectors
+
+
+def _turned(rotations: Array, vectors: Array) -> Array:
+    return np.einsum("fij,fj->fi", rotations, vectors)
+
+
+def _nicest(vectors: Array) -> np.ndarray:
+    """Rows of vectors (10 n, k) that make an invertible matrix, masses before moments before
+    inertias.
+    """
+    scaled = (vectors / np.tile(SCALE, len(vectors) // 10)[:, None]) * np.tile(
+        _PREFERENCE, len(vectors) // 10
+    )[:, None]
+    _, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
+    return np.sort(order[: vectors.shape[1]])
+
+
+def parameters_in_parent(rotation: Array, origin: Array) -> Array:
+    """(..., 10, 10) L: inertial parameters in a parent's frame from those in a child's.
+    `rotation`, `origin` (..., 3, 3), (..., 3) pose of the child in the parent [m].
+    """
+    pose = np.zeros((*rotation.shape[:-2], 4, 4))
+    pose[..., :3, :3] = rotation
+    pose[..., :3, 3] = origin
+    pose[..., 3, 3] = 1.0
+    unit = pseudo_inertias(np.eye(10))
+    moved = np.einsum("...ij,njk,...lk->...nil", pose, unit, pose)
+    return np.ascontiguousarray(np.swapaxes(parameters_of(moved), -1, -2))
+
+
+def momentum_rows(twist: Array) -> Array:
+    """(..., 6, 10) angular momentum about the origin and linear momentum of unit parameters.
+    l = I w + h x v,  p = m v + w x h, for a twist (..., 6) of angular velocity w and velocity v of
+    the origin.
+    """
+    w = twist[..., :3]
+    v = twist[..., 3:]
+    rows = np.zeros((*twist.shape[:-1], 6, 10))
+    for axis, e in enumerate(np.eye(3)):
+        rows[..., :3, 1 + axis] = np.cross(e, v)
+        rows[..., 3:, 1 + axis] = np.cross(w, e)
+        rows[..., axis, 4 + axis] = w[..., axis]
+    rows[..., 3:, 0] = v
+    for i, a, b in ((7, 1, 2), (8, 2, 0), (9, 0, 1)):
+        rows[..., a, i], rows[..., b, i] = w[..., b], w[..., a]
+    return rows

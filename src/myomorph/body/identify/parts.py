@@ -1,0 +1,337 @@
+"""Parts of recordings, each condensed apart, to fit some and predict the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from myomorph.body.identify.base_parameters import BaseParameters
+from myomorph.body.identify.least_squares import Recording, absorb
+from myomorph.core.model.arrays import Array, checked_array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Model
+from myomorph.core.rigid.regressor import base_wrench
+
+MIN_PARTS = 4
+# Time at each side of a cut that neither part has, because neighboring frames say the same [s]
+GAP = 0.1
+MAX_GAP_SHARE = 0.15  # The same at most, as a share of a part
+MAX_NOISE = 0.5
+"""Share of what data say of a combination of parameters that noise of the motion is taken to have
+made, at most.
+"""
+# Singular value, of the largest, from which frames show a combination of base parameters at all
+SEEN = 1e-6
+BORDER = -1
+"""Fold of frames beside a cut: they are fitted with all others, but neither held out nor fitted
+while others are.
+"""
+
+
+@read_only
+class TissueColumns:
+    """Unknowns beside the base parameters: by how much soft tissue moves more than the body's mass
+    (`SoftTissue`).
+    """
+
+    # of each recording (frames, 6, groups), what a unit of each unknown adds to the measured wrench
+    # [N m], [N]
+    slopes: tuple[Array, ...]
+    least: Array  # (groups,) lowest value of each, where the mass moves as the markers
+    mean: Array  # (groups,) before anything is measured
+    root: Array  # (groups, groups) whose square is the inverse of their covariance then
+
+
+@read_only
+class Parts:
+    """What parts of recordings say of the base parameters, moments and forces apart."""
+
+    base: BaseParameters  # what the factors are of
+    # (parts, 2, g + n + 1, g + n + 1) triangular, |R (t, x, -1)|^2 is the squared misfit of soft
+    # tissue t, of g groups, and base parameters x in the moments [N m] and the forces [N] of a part
+    factors: Array
+    frames: np.ndarray  # (parts,)
+    # (parts,) what is held out together: the recording where there are several, else the piece of
+    # time
+    folds: np.ndarray
+    pieces: np.ndarray  # (parts,) piece of time, or `BORDER`
+    least: int  # parts that each recording was cut into
+    # (n,) base parameters of the model, about which equations with noise are corrected
+    center: Array
+    # (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b],
+    # which fits are corrected by (`motion_noise`); None corrects nothing
+    added: Array | None = None
+    tissue: TissueColumns | None = None  # of the first columns; None where there are none
+    alike: float = 1.0  # frames that a filter makes say the same, which count as one
+
+    def __post_init__(self) -> None:
+        size = self.groups + len(self.base) + 1
+        checked_array(self.factors, (len(self.frames), 2, size, size), "factors of parts")
+        if self.added is not None:
+            checked_array(self.added, self.factors.shape, "what noise added to parts")
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @property
+    def groups(self) -> int:
+        """Number of unknowns of soft tissue."""
+        return 0 if self.tissue is None else len(self.tissue.mean)
+
+    @property
+    def names(self) -> list[int]:
+        """The folds that can be held out."""
+        return [int(fold) for fold in np.unique(self.folds) if fold != BORDER]
+
+    @property
+    def several(self) -> bool:
+        """Whether whole recordings are held out, not pieces of one."""
+        return not np.array_equal(self.folds, self.pieces)
+
+    def fold(self, fold: int) -> np.ndarray:
+        """Numbers of the parts of one fold."""
+        return np.flatnonzero(self.folds == fold)
+
+    def without(self, fold: int) -> np.ndarray:
+        """Numbers of the parts to fit while one fold is held out."""
+        return np.flatnonzero((self.folds != fold) & (self.folds != BORDER))
+
+    def only(self, parts: Sequence[int] | np.ndarray) -> Parts:
+        """Some of the parts; where they are all of one recording, its pieces of time are the folds."""
+        chosen = np.asarray(parts)
+        folds = self.folds[chosen]
+        folds = self.pieces[chosen] if len(np.unique(folds[folds != BORDER])) < 2 else folds
+        return replace(
+            self,
+            factors=self.factors[chosen],
+            frames=self.frames[chosen],
+            folds=folds,
+            pieces=self.pieces[chosen],
+            added=None if self.added is None else self.added[chosen],
+        )
+
+    def unknowns(self, parameters: Array, tissue: Array | None = None) -> Array:
+        """(g + n + 1,) soft tissue (g,), by default where it was linearized, base parameters and
+        -1.
+        """
+        first = np.zeros(self.groups) if tissue is None else tissue
+        return np.concatenate([first, self.base.of(parameters), [-1.0]])
+
+    def rms(
+        self,
+        parameters: Array,
+        parts: Sequence[int] | np.ndarray | None = None,
+        tissue: Array | None = None,
+    ) -> Array:
+        """(2,) root mean square of the moment's and the force's misfit of parameters (bodies, 10)
+        [N m], [N].
+        """
+        chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
+        squares = np.square(self.factors[chosen] @ self.unknowns(parameters, tissue)).sum(
+            axis=(0, 2)
+        )
+        return np.sqrt(squares / self.frames[chosen].sum())
+
+    def soft_tissue(
+        self, parameters: Array, noise: Array, parts: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[Array, Array]:
+        """(g,) unknowns of soft tissue that chosen parts say with parameters (bodies, 10), and
+        standard deviations.
+        """
+        g = self.groups
+        factor = self._absorbed(noise, parts)
+        left = factor[:g, -1] - factor[:g, g:-1] @ self.base.of(parameters)
+        found = (
+            scipy.linalg.solve_triangular(factor[:g, :g], left)
+            if self.tissue is not None
+            else np.zeros(0)
+        )
+        least = np.zeros(0) if self.tissue is None else self.tissue.least
+        return np.maximum(found, least), np.linalg.norm(np.linalg.inv(factor[:g, :g]), axis=1)
+
+    def _absorbed(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
+        """(g + n + 1, g + n + 1) factor of chosen parts in units of noise (2,), with what is known
+        of soft tissue.
+        """
+        factor: Array = np.zeros(self.factors.shape[2:])
+        for part in np.arange(len(self)) if parts is None else np.asarray(parts):
+            for kind, weight in enumerate(self.weights(noise)):
+                factor = absorb(factor, self.factors[part, kind] * weight)
+        if self.tissue is not None:
+            rows = np.zeros((self.groups, len(factor)))
+            rows[:, : self.groups] = self.tissue.root
+            rows[:, -1] = self.tissue.root @ self.tissue.mean
+            factor = absorb(factor, rows)
+        return factor
+
+    def weights(self, noise: Array) -> Array:
+        """(2,) of a component of the moment's and the force's misfit, whose noise (2,) is that of
+        the vector.
+        """
+        # A vector of three components has three times the variance of one.
+        return np.sqrt(3.0 / self.alike) / noise
+
+    def carried(self, noise: Array) -> Array:
+        """(g, n) change of soft tissue that goes with a unit of each base parameter."""
+        factor = self._absorbed(noise)
+        g = self.groups
+        return np.asarray(np.linalg.solve(factor[:g, :g], factor[:g, g:-1]), dtype=np.float64)
+
+    def factor(
+        self, noise: Array, parts: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[Array, Array]:
+        """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise
+        (2,). Soft tissue is what fits phi_B best. Where noise of the motion is known (`added`), R
+        and z are those of the motion without it, on the mean.
+        """
+        chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
+        g = self.groups
+        factor = self._absorbed(noise, chosen)
+        if self.added is not None:
+            added = np.einsum("pkij,k->ij", self.added[chosen], np.square(self.weights(noise)))
+            center = np.concatenate([np.zeros(g), self.center])
+            R, z = without_noise(factor[:-1, :-1], np.array(factor[:-1, -1]), added, center)
+            if not g:
+                return R, z
+            factor = absorb(np.zeros_like(factor), np.column_stack([R, z]))
+        # Soft tissue comes first, so that its rows can be met whatever the base parameters are.
+        return factor[g:-1, g:-1], np.array(factor[g:-1, -1])
+
+    def rows(
+        self, noise: Array, parts: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[Array, Array]:
+        """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of
+        noise (2,).
+        """
+        R, z = self.factor(noise, parts)
+        return R @ self.base.combination, z
+
+    def estimate(self, noise: Array, mean: Array, spread: Array) -> Array:
+        """(n,) base parameters by least squares, with a prior of (mean, spread) for what no frame
+        shows.
+        """
+        R, z = self.factor(noise)
+        rows = np.vstack([R, np.diag(1.0 / spread)])
+        return scipy.linalg.lstsq(rows, np.concatenate([z, mean / spread]))[0]
+
+
+def parts_of(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters,
+    least: int = MIN_PARTS,
+    tissue: TissueColumns | None = None,
+) -> Parts:
+    """Recordings cut in time into `least` parts each, with gaps between them.
+    Whole recordings are held out where there are several: halves of one motion are too much alike
+    to tell how masses do on another. `tissue`: beside the base parameters, of the same recordings.
+    """
+    g = 0 if tissue is None else len(tissue.mean)
+    n = g + len(base)
+    factors = []
+    frames = []
+    folds = []
+    pieces = []
+    for number, recording in enumerate(recordings):
+        use = (
+            np.ones(len(recording.motion), bool)
+            if recording.use is None
+            else np.asarray(recording.use)
+        )
+        use = use & np.isfinite(base_wrench(model, recording.motion, recording.wrenches)).all(
+            axis=1
+        )
+        piece = _pieces(recording.motion.time, use, least)
+        sums = np.zeros((least + 1, 2, n + 1, n + 1))
+        for block, regressor, measured in recording.rows(model):
+            known = np.isfinite(measured).all(axis=1)
+            for lag in range(BORDER, least):
+                wanted = use[block] & known & (piece[block] == lag)
+                if not wanted.any():
+                    continue
+                wrench = measured[wanted]
+                for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
+                    table = np.empty((3 * int(wanted.sum()), n + 1), order="F")
+                    if tissue is not None:
+                        table[:, :g] = tissue.slopes[number][block][wanted][:, rows].reshape(-1, g)
+                    table[:, g:-1] = regressor[wanted][:, rows][:, :, base.columns].reshape(
+                        -1, n - g
+                    )
+                    table[:, -1] = wrench[:, rows].ravel()
+                    sums[lag, kind] = absorb(sums[lag, kind], table)
+        for lag in (*range(least), BORDER):
+            count = int((use & (piece == lag)).sum())
+            if count:
+                factors.append(sums[lag])
+                frames.append(count)
+                pieces.append(BORDER if lag == BORDER else number * least + lag)
+                folds.append(number if len(recordings) > 1 else pieces[-1])
+    if not frames:
+        raise BadData("no frame can be used to identify")
+    center = base.of(inertial_parameters(model))
+    return Parts(
+        base=base,
+        factors=np.stack(factors),
+        frames=np.array(frames),
+        folds=np.array(folds),
+        pieces=np.array(pieces),
+        least=least,
+        center=center,
+        added=None,
+        tissue=tissue,
+        alike=float(np.mean([recording.alike for recording in recordings])),
+    )
+
+
+def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:
+    """(R, z) whose squares lack what noise added to them, where |R x - z|^2 is the misfit of x.
+    The pull of the data at x is corrected in full. Their hold on x is only where noise made up to
+    `MAX_NOISE` of it: beyond, it keeps the rest, since a hold that is not positive has no least
+    misfit. `R` (n, n); `z` (n,); `added` (n + 1, n + 1) to the squares of [R, z]; `center` (n,)
+    where x is expected, from which the pull is counted.
+    """
+    _, sizes, right = np.linalg.svd(R)
+    seen = sizes > SEEN * sizes[0]
+    whitened = right[seen] / sizes[seen, None]
+    share, axes = np.linalg.eigh(whitened @ added[:-1, :-1] @ whitened.T)
+    kept = np.sqrt(1.0 - np.minimum(share, MAX_NOISE))
+    root = (axes * kept) @ axes.T @ (right[seen] * sizes[seen, None])
+    pull = R.T @ (z - R @ center) - (added[:-1, -1] - added[:-1, :-1] @ center)
+    aim = root @ center + (axes / kept) @ axes.T @ whitened @ pull
+    full = np.zeros_like(R)
+    full[: len(root)] = root
+    return full, np.append(aim, np.zeros(len(R) - len(aim)))
+
+
+def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
+    """(frames,) piece of time of each frame that is used, as many frames in each, `BORDER` beside a
+    cut.
+    """
+    total = max(int(use.sum()), 1)
+    place = (np.cumsum(use) - 0.5) * pieces / total
+    number = np.clip(place.astype(int), 0, pieces - 1)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    gap = min(GAP / step * pieces / total, MAX_GAP_SHARE)
+    cut = np.round(place)
+    beside = (np.abs(place - cut) < gap) & (cut > 0.5) & (cut < pieces - 0.5)
+    return np.where(beside, BORDER, number)
+
+
+def held_out(parts: Parts, fit: Callable[[int], Array], noise: Array) -> Array:
+    """(folds, 2) mean square misfit of each fold by what was fitted to the others: moment, force
+    [(N m)^2], [N^2]. `fit`: parameters (bodies, 10) fitted without a fold; `noise` (2,) of moments
+    and forces, that soft tissue is fitted with, without the fold too.
+    """
+    return np.square([predicted(parts, fold, fit(fold), noise) for fold in parts.names])
+
+
+def predicted(parts: Parts, fold: int, parameters: Array, noise: Array) -> Array:
+    """(2,) misfit of a fold by parameters (bodies, 10), with the soft tissue that the others say [N
+    m], [N].
+    """
+    tissue = parts.soft_tissue(parameters, noise, parts.without(fold))[0] if parts.groups else None
+    return parts.rms(parameters, parts.fold(fold), tissue)

@@ -1,0 +1,402 @@
+"""Which frames of a recording tell about the body: whole forces, no contact that no plate measures,
+no filter edge.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy
+
+from myomorph.body.identify.least_squares import Finer, Recording
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import cut, resample_wrenches
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.regressor import base_wrench, regressor_blocks
+from myomorph.core.rigid.tree import compile_tree
+
+NO_MOTION = "no motion: markers unseen"
+OUTSIDE = "outside the time of the forces"
+NO_FORCE = "a force is missing"
+EDGE = "edge of the filter"
+UNMEASURED = "a contact that no plate measures, as one leg off the plates"
+WINDOW = 0.2  # Time over which force must be missing to count as a contact beside the plates [s]
+MISSING_WEIGHT = 0.15  # Share of the body's weight that must be missing
+UNLOADED = 20.0  # Force under which a center of pressure may be unknown [N]
+FLIGHT = 0.05  # Share of the body's weight under which nothing touches
+# Share of the body's weight by which plates and stated mass may differ without a word
+MASS_TOLERANCE = 0.03
+REACH = 0.75
+"""How far a filter's ends and gaps reach, times 1 / cutoff: nearer, motion and forces disagree by
+more than noise.
+"""
+MAX_FORCE_DISTANCE = 0.25
+"""Distance of forces from where they should act, over the body's extent from its base, that no
+masses explain.
+"""
+# Cutoff, over that of the recording, of the motion whose rows are filtered after they are made
+FINER = 3.0
+# Largest turn of any body against the base over which a motion counts as standing still [rad]
+MIN_ROTATION = 0.1
+
+
+@dataclass(frozen=True)
+class RecordingOptions:
+    """How motion and forces are brought together.
+
+    Attributes
+    ----------
+    cutoff : low-pass filter of coordinates and forces alike [Hz]; none by default, as in OpenSim
+    min_duration : of what can be used, all recordings together [s]
+    """
+
+    cutoff: float | None = None
+    min_duration: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not 0.0 < self.cutoff < float("inf"):
+            raise BadData(f"cutoff {self.cutoff} Hz: expected a positive frequency")
+
+
+@dataclass(frozen=True, eq=False)
+class Usable:
+    """A recording on one clock, with the frames that can be used and what became of the others.
+
+    Attributes
+    ----------
+    name : of the recording
+    recording : motion with derivatives, wrenches at its times, and which frames to use
+    left_out : reason to number of frames, each frame under its first reason
+    frames : that were given
+    flight : frames of those used in which nothing touches, so that the wrench is truly zero
+    weighs : mass that the forces say, where the motion is the model's [kg]
+    notes : what looks wrong, one line each
+    """
+
+    recording: Recording
+    left_out: Mapping[str, int]
+    frames: int
+    flight: int
+    weighs: float
+    name: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def use(self) -> np.ndarray:
+        """(frames,) which frames of the recording are used."""
+        used = self.recording.use
+        return np.ones(len(self.recording.motion), bool) if used is None else used
+
+
+def usable(
+    model: Model,
+    motion: Motion,
+    wrenches: Wrenches,
+    *,
+    mass: float | None = None,
+    time: tuple[float, float] | None = None,
+    name: str = "the recording",
+    options: RecordingOptions | None = None,
+) -> Usable:
+    """Motion and forces through the same filter on one clock, and the frames that can be used.
+
+    A contact beside the plates shows in the vertical force that the motion needs, by the model's
+    masses brought to `mass`, less the one measured: where its mean over `WINDOW` passes
+    `MISSING_WEIGHT` of the body's weight, and half that window around, the frames are left out.
+
+    Parameters
+    ----------
+    model : scaled to the body
+    options : cutoff [Hz] and shortest duration [s]; see `RecordingOptions`
+    motion : coordinates as recorded; derivatives are taken here
+    wrenches : as recorded, on their own clock; NaN where missing
+    mass : of the subject [kg]; the model's by default
+    time : start and end of what is to be used, cut after filtering [s]
+    name : of the recording, for what is said about it
+
+    Returns
+    -------
+    motion with derivatives, wrenches at its times, which frames are used, and why others are not
+
+    Raises
+    ------
+    BadData : no common time, no force at all, or plates tared with the load on them
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> import numpy as np
+    >>> time = np.arange(0.0, 2.0, 0.01)
+    >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
+    >>> motion = mm.Motion(time, model.coordinate_names, angles)
+    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["shoulder"], frame="ground")
+    >>> wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
+    >>> recording = mm.usable(model, motion, wrenches)
+    >>> int(recording.use.sum()), round(recording.weighs, 3)
+    (200, 4.0)
+    """
+    options = options or RecordingOptions()
+    mass = model.mass if mass is None else mass
+    whole = differentiate(motion, options.cutoff)
+    if time is not None:
+        whole = cut(whole, *time)
+    frames = len(whole)
+    common = _in_common(name, whole, wrenches)
+    lacking = _lacking(wrenches)
+    if lacking.all():
+        raise BadData(
+            f"{name}: the forces hold no finite value: give the file that the plates wrote"
+        )
+    filled = _filled(wrenches, lacking)
+    finer = None
+    at = resample_wrenches(filled, common.time, options.cutoff)
+    if options.cutoff is not None:
+        little = FINER * options.cutoff
+        fine = cut(differentiate(motion, little), common.time[0], common.time[-1])
+        finer = Finer(fine, resample_wrenches(filled, common.time, little), options.cutoff)
+
+    margin = 0.0 if options.cutoff is None else REACH / options.cutoff
+    wanted = needed_wrench(model, common) * (mass / model.mass)
+    recorded = base_wrench(model, common, at)
+    needed = _up(model, wanted)
+    measured = _up(model, recorded)
+    weight = mass * float(np.linalg.norm(model.gravity))
+    marks = {
+        NO_MOTION: ~np.isfinite(needed),
+        NO_FORCE: _near(common.time, wrenches.time[lacking], margin),
+        EDGE: (
+            _near(common.time, _ends(motion, wrenches), margin)
+            if margin
+            else np.zeros(len(common), bool)
+        ),
+    }
+    so_far = ~np.any(list(marks.values()), axis=0)
+    if not so_far.any():
+        left_out = _counted({OUTSIDE: frames - len(common)}, marks)
+        raise BadData(f"{name}: none of the {frames} frames can be used: {_listed(left_out)}")
+    _refuse_tared(name, needed[so_far], measured[so_far], weight)
+    known = ~(marks[NO_MOTION] | marks[NO_FORCE])
+    marks[UNMEASURED] = _unmeasured(common.time, needed - measured, known, weight)
+    use = ~np.any(list(marks.values()), axis=0)
+    _refuse_elsewhere(name, model, common, (wanted - recorded)[:, :3], weight, use)
+    flight = use & (np.abs(measured) < FLIGHT * weight)
+    # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
+    say = use if use.any() else _best_carried(common.time, needed, measured, known)
+    weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
+    note = (
+        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a"
+        " plate's zero or gain is off, a load is carried, or the mass is wrong"
+    )
+    return Usable(
+        recording=Recording(motion=common, wrenches=at, use=use, finer=finer),
+        left_out=FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
+        frames=frames,
+        flight=int(flight.sum()),
+        weighs=float(weighs),
+        name=name,
+        notes=(note,) if abs(weighs / mass - 1.0) > MASS_TOLERANCE else (),
+    )
+
+
+def _in_common(name: str, motion: Motion, wrenches: Wrenches) -> Motion:
+    """The part of the motion during which forces were recorded."""
+    within = (motion.time >= wrenches.time[0] - 1e-9) & (motion.time <= wrenches.time[-1] + 1e-9)
+    if within.sum() < 2:
+        raise BadData(
+            f"{name}: motion ({motion.time[0]:g} to {motion.time[-1]:g} s) and forces"
+            f" ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s) have no time in common"
+        )
+    return cut(motion, float(motion.time[within][0]), float(motion.time[within][-1]))
+
+
+def all_left_out(recordings: tuple[Usable, ...]) -> Mapping[str, int]:
+    """Reason -> frames of all recordings left out for it."""
+    return sum((Counter(recording.left_out) for recording in recordings), Counter[str]())
+
+
+def check_excited(
+    model: Model, recordings: tuple[Usable, ...], options: RecordingOptions | None = None
+) -> None:
+    """Raise `BadData` where all recordings together are too short, or the body does not move in
+    them.
+    """
+    options = options or RecordingOptions()
+    seconds = sum(
+        float(recording.use.sum()) * _step(recording.recording.motion.time)
+        for recording in recordings
+    )
+    if seconds < options.min_duration:
+        counts = all_left_out(recordings)
+        total = sum(recording.frames for recording in recordings)
+        raise BadData(
+            f"{seconds:.2g} s of motion can be used, fewer than {options.min_duration:g}: of"
+            f" {total} frames {_listed(counts) or 'none'} are left out; record more steps on the"
+            " plates, or choose another --time"
+            + "".join(f"; {note}" for recording in recordings for note in recording.notes)
+        )
+    turn = max(_largest_turn(model, recording.recording) for recording in recordings)
+    if turn < MIN_ROTATION:
+        raise BadData(
+            f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees"
+            f" against the '{model.body_names[0]}' in {seconds:.2g} s; masses show only while limbs"
+            " and trunk move"
+        )
+
+
+def needed_wrench(model: Model, motion: Motion) -> Array:
+    """(frames, 6) moment about the base and force that the motion needs with the model's own masses
+    [N m], [N].
+    """
+    parameters = inertial_parameters(model).ravel()
+    return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
+
+
+def _up(model: Model, wrench: Array) -> Array:
+    size = float(np.linalg.norm(model.gravity))
+    if size == 0.0:
+        raise BadData(f"model '{model.name}' has no gravity, so forces cannot tell its weight")
+    return -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
+
+
+def _lacking(wrenches: Wrenches) -> np.ndarray:
+    """(samples,) whether a force, a torque, or the place of a force that counts is missing."""
+    known = np.isfinite(wrenches.forces).all(axis=2) & np.isfinite(wrenches.torques).all(axis=2)
+    unplaced = ~np.isfinite(wrenches.points).all(axis=2)
+    loaded = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2) > UNLOADED
+    return (~known | (loaded & unplaced)).any(axis=1)
+
+
+def _filled(wrenches: Wrenches, lacking: np.ndarray) -> Wrenches:
+    """Missing samples held at the next known one, so that a filter can pass over them."""
+    if not lacking.any():
+        return wrenches
+    known = np.flatnonzero(~lacking)
+    samples = np.arange(len(lacking))
+    index = known[np.searchsorted(known, samples).clip(max=len(known) - 1)]
+    return replace(
+        wrenches,
+        forces=wrenches.forces[index],
+        points=wrenches.points[index],
+        torques=wrenches.torques[index],
+    )
+
+
+def _near(time: Array, places: Array, margin: float) -> np.ndarray:
+    """(frames,) whether any of the ascending places [s] lies within the margin and half a frame."""
+    if len(places) == 0:
+        return np.zeros(len(time), bool)
+    after = np.searchsorted(places, time).clip(max=len(places) - 1)
+    nearest = np.minimum(
+        np.abs(places[after] - time), np.abs(places[(after - 1).clip(min=0)] - time)
+    )
+    return nearest <= margin + 0.5 * _step(time)
+
+
+def _ends(motion: Motion, wrenches: Wrenches) -> Array:
+    """Times at which motion or forces begin or end, gaps included, ascending [s]."""
+    seen = np.concatenate([[False], np.isfinite(motion.values).all(axis=1), [False]])
+    first = np.flatnonzero(~seen[:-1] & seen[1:])
+    after = np.flatnonzero(seen[:-1] & ~seen[1:])
+    return np.sort(
+        np.concatenate([motion.time[first], motion.time[after - 1], wrenches.time[[0, -1]]])
+    )
+
+
+def _step(time: Array) -> float:
+    return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+
+
+def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> None:
+    """The signs of a plate set to zero under the load: most of the weight lacks, always the same."""
+    lacking = needed - measured
+    if lacking.mean() < 0.5 * weight or lacking.std() > MISSING_WEIGHT * weight:
+        return
+    raise BadData(
+        f"{name}: the plates measure {measured.mean():.0f} N on average where the body needs"
+        f" {needed.mean():.0f}: they were set to zero (tared) with the load on them, or nothing"
+        " stands on them; record again with empty plates at the start, or add the missing weight"
+        " to the forces"
+    )
+
+
+def _refuse_elsewhere(
+    name: str, model: Model, motion: Motion, missing: Array, weight: float, use: np.ndarray
+) -> None:
+    """Forces so far from the body that they are another recording's, or in another frame."""
+    if not use.any():
+        return
+    arm = float(np.median(np.linalg.norm(missing[use], axis=1))) / weight
+    tree = compile_tree(model)
+    origins = forward_kinematics(
+        tree, tree.coordinates_of(motion)[np.flatnonzero(use)[:1]]
+    ).origins[0, 1:]
+    size = float(np.linalg.norm(origins - origins[0], axis=1).max())
+    if arm > MAX_FORCE_DISTANCE * size:
+        raise BadData(
+            f"{name}: the forces act {arm:.2f} m from where the body of this motion could stand on"
+            " them: do they belong to this recording, and have motion and forces the same ground"
+            " and clock?"
+        )
+
+
+def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -> np.ndarray:
+    """(frames,) whether so much force lacks for so long that something beside the plates must carry
+    the body.
+    """
+    frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
+    share = np.where(known, lacking / weight, 0.0)
+    counted = scipy.ndimage.uniform_filter1d(known.astype(np.float64), frames)
+    mean = scipy.ndimage.uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
+    return (
+        scipy.ndimage.binary_dilation(
+            known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)
+        )
+        & known
+    )
+
+
+def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
+    """(frames,) the tenth of the known frames around which the plates carry most of what the body
+    needs.
+    """
+    frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
+    carried = scipy.ndimage.uniform_filter1d(np.where(known, measured, 0.0), frames)
+    weighed = scipy.ndimage.uniform_filter1d(np.where(known, needed, 1.0), frames)
+    share = np.where(known, carried / np.maximum(weighed, 1.0), -np.inf)
+    return known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
+
+
+def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[str, int]:
+    """Frames by reason, each under the first that it has; reasons without frames are not told."""
+    counts = dict(first)
+    taken = np.zeros(len(next(iter(marks.values()))), bool)
+    for reason, marked in marks.items():
+        counts[reason] = int((marked & ~taken).sum())
+        taken |= marked
+    return {reason: count for reason, count in counts.items() if count}
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} ({reason})" for reason, count in counts.items())
+
+
+def _largest_turn(model: Model, recording: Recording) -> float:
+    """Largest angle by which any body turns against the base, from its first usable pose [rad]."""
+    tree = compile_tree(model)
+    values = tree.coordinates_of(recording.motion)[recording.use]
+    if not len(values):
+        return 0.0
+    rotations = forward_kinematics(tree, values[:: max(1, len(values) // 200)]).rotations[:, 1:]
+    against = np.einsum("fji,fbjk->fbik", rotations[:, 0], rotations)
+    cosine = 0.5 * (np.einsum("bik,fbik->fb", against[0], against) - 1.0)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())

@@ -1,0 +1,590 @@
+"""The whole identification: forces, motion and the shape of a body in, a model of that body out,
+[D] 3.2.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from myomorph.body.identify.base import BaseFit, BaseOptions, fit_base
+from myomorph.body.identify.base_parameters import BaseParameters, base_parameters, held_in
+from myomorph.body.identify.determined import Determined, determined
+from myomorph.body.identify.least_squares import Recording, correlation_times
+from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
+from myomorph.body.identify.motion_noise import MotionNoise, motion_noise
+from myomorph.body.identify.parts import Parts, parts_of
+from myomorph.body.identify.pseudo_inertia import (
+    PseudoInertiaFit,
+    PseudoInertiaOptions,
+    possible_reference,
+    solve_pseudo_inertia,
+)
+from myomorph.body.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
+from myomorph.body.identify.soft_tissue import Fitted, Use, with_soft_tissue
+from myomorph.body.identify.unseen import (
+    ChosenPrior,
+    Paper,
+    Strength,
+    Unseen,
+    thinned,
+    unseen_parts,
+)
+from myomorph.body.identify.validation import Consistency, Inside, consistency
+from myomorph.body.shape.points import MassPoints
+from myomorph.core.model.arrays import Array, frozen_array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
+from myomorph.core.model.model import Model
+from myomorph.core.model.soft_tissue import SoftTissue
+
+GENERIC = "generic, scaled"
+SHAPE = "shape only"
+CONIC = "identified, pseudo-inertia"
+MAX_MASS_CHANGE = 0.6
+MIN_MASS_SHARE = 0.003
+"""Change of a link's mass, of itself, that is reported; and the share of the body under which a
+link does not count.
+"""
+
+
+@dataclass(frozen=True)
+class IdentificationOptions:
+    """Options of identification.
+
+    Attributes
+    ----------
+    method : "points" for masses of points, "pseudo-inertia" for possible parameters without points
+    mass_sd : relative standard deviation of a link's mass before anything is measured, which says
+        how much the data may change the shape's masses; by default what predicts unseen parts of
+        the recordings best
+    prior : "relative" weighs data by their noise and each link's mass by `mass_sd`; "paper" is
+        [D]'s own setting, `weight_phi` and `weight_rho` in its units, for masses of points
+    weight_phi, weight_rho : of base parameters and of points' masses with prior "paper": W_phi,
+        W_rho of [D] eq. 3.10
+    point_floor : least mass of a point with prior "paper", as a share of the mean; [D] asks for
+        more than 0
+    keep_mass : with prior "paper", whether the whole mass is kept exactly, which [D] does not ask
+        for
+    compare : also solve by the other method and the other weight maps, for the tables
+    motion_sd : standard deviation of the noise that the filter leaves in a coordinate, which
+        intervals carry [rad or m]; 0 for a motion without noise. By default that of markers with 2
+        mm of noise
+    if_worse : masses of the model where identified ones predict recordings that were not used worse
+        than the generic model's do: "generic" keeps those, "identified" takes the identified ones
+        all the same and warns
+    soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen
+        parts of the recordings better, "always" or "never"; never with prior "paper"
+    """
+
+    method: Literal["points", "pseudo-inertia"] = "points"
+    mass_sd: float | None = None
+    prior: Literal["relative", "paper"] = "relative"
+    weight_phi: float = 1.0
+    weight_rho: float = 1.0
+    point_floor: float = 1e-3
+    keep_mass: bool = True
+    compare: bool = True
+    motion_sd: float = 0.002
+    if_worse: Literal["generic", "identified"] = "generic"
+    soft_tissue: Use = "auto"
+
+    def __post_init__(self) -> None:
+        if self.mass_sd is not None and not self.mass_sd > 0.0:
+            raise BadData(f"mass_sd is {self.mass_sd:g}: expected above 0")
+        if self.prior not in ("relative", "paper"):
+            raise BadData(f"prior is '{self.prior}': expected 'relative' or 'paper'")
+        weighed = (self.weight_phi, self.weight_rho, self.point_floor, self.keep_mass)
+        if self.prior != "paper" and weighed != (1.0, 1.0, 1e-3, True):
+            raise BadData(
+                "weight_phi, weight_rho, point_floor and keep_mass are of prior 'paper': give it"
+                " with them"
+            )
+        if self.prior == "paper" and (self.method != "points" or self.mass_sd is not None):
+            raise BadData(
+                "prior 'paper' is of mass points and has no mass_sd: give it with method 'points'"
+                " alone"
+            )
+        if not 0.0 <= self.motion_sd < 0.2:
+            raise BadData(
+                f"motion_sd is {self.motion_sd:g}: expected radians and metres, 0 to below 0.2"
+            )
+        if self.if_worse not in ("generic", "identified"):
+            raise BadData(f"if_worse is '{self.if_worse}': expected 'generic' or 'identified'")
+        if self.soft_tissue not in ("auto", "always", "never"):
+            raise BadData(
+                f"soft_tissue is '{self.soft_tissue}': expected 'auto', 'always' or 'never'"
+            )
+
+
+@read_only
+class Identification:
+    """A model of one body, and how far to trust it.
+
+    Attributes
+    ----------
+    model : with the identified inertial parameters
+    chosen : name among `parameters` of those that the model has
+    identified : name of those that were identified, which the model has unless they predict unseen
+        motion worse
+    parameters : (bodies, 10) by name: each way of identifying, the shape alone, the generic model
+        at its mass
+    residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment
+        [N m] and force [N]
+    unseen : the same of identified and generic masses on what was not used: recordings given apart,
+        else each recording or part in turn, with the strength of the prior chosen without it
+    tried : relative standard deviation of the prior -> held-out misfit (2,)
+    mass_sd : the one that was used
+    noise : (2,) misfit that a moment and a force are taken to have without any fault of the masses
+        [N m], [N]
+    base : the base parameters, with what the data say of each
+    points : the mass points of the chosen way
+    known : which parameters the data determine, and how far each may be off
+    consistency : of every link, for each way
+    recordings : what was used of each, and why not more
+    soft_tissue : that was taken from the motion before masses were fitted, which the masses are
+        for; None for none
+    notes : what looks wrong, one line each
+    """
+
+    model: Model
+    chosen: str
+    identified: str
+    parameters: Mapping[str, Array]
+    residuals: Mapping[str, Array]
+    unseen: Unseen
+    tried: Mapping[float, Array]
+    mass_sd: float
+    noise: Array
+    base: BaseFit
+    points: MassPoints
+    known: Determined
+    consistency: Mapping[str, Consistency]
+    recordings: tuple[Usable, ...]
+    soft_tissue: SoftTissue | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def from_shape(self) -> Mapping[str, tuple[str, ...]]:
+        """Body -> its parameters that the data do not determine, so that they come from the shape
+        of the body.
+        """
+        return FrozenMap(
+            {
+                name: tuple(PARAMETERS[j] for j in np.flatnonzero(~row))
+                for name, row in zip(self.model.body_names, self.known.data, strict=True)
+                if not row.all()
+            }
+        )
+
+    @property
+    def sd(self) -> Array:
+        """(bodies, 10) standard deviation of the error of the model's parameters [kg, kg m, kg
+        m^2].
+        """
+        return self.known.sd if self.chosen == self.identified else self.known.prior_sd
+
+    @property
+    def from_data(self) -> np.ndarray:
+        """(bodies, 10) which of the model's parameters the data determine."""
+        return self.known.data & (self.chosen == self.identified)
+
+    @property
+    def link_shares(self) -> Array:
+        """(bodies,) how much of what is known of each link comes from the data rather than from the
+        shape, 0 to 1.
+        """
+        return np.asarray(self.known.shares.mean(axis=1))
+
+    @property
+    def masses(self) -> Mapping[str, Array]:
+        """(bodies,) masses by the name of the way that gives them [kg]."""
+        return {name: table[:, 0] for name, table in self.parameters.items()}
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """Reason -> frames of all recordings left out for it."""
+        return FrozenMap(dict(all_left_out(self.recordings)))
+
+
+def identify(
+    model: Model,
+    recordings: Sequence[Usable],
+    points: Mapping[str, MassPoints],
+    *,
+    mass: float | None = None,
+    inside: Inside | None = None,
+    options: IdentificationOptions | None = None,
+    recording: RecordingOptions | None = None,
+    unseen: Sequence[Usable] = (),
+    advance: Callable[[int], None] = lambda done: None,
+) -> Identification:
+    """Inertial parameters of every link that explain the measured forces and that a body can have.
+
+    Noise of moments and forces is at first the misfit of the scaled model, then what the fit leaves
+    of parts of the recordings that it did not see, as long as that falls: the residual of the fit
+    itself would be too small, since faults of kinematics do not shrink with more frames. The same
+    parts choose how far the data may move the masses away from the shape (`mass_sd`).
+
+    Before that, each recording, or each part of a single one, is predicted by masses identified
+    without it. Where these predict worse than the generic model, the generic masses are kept
+    (`if_worse`) and the first note says so.
+
+    Where markers move more than the body's mass, coordinates are filtered by 1 / (1 + alpha w^2)
+    before accelerations count, if that predicts unseen parts better (`soft_tissue`): masses then
+    explain forces that soft tissue does not.
+
+    Source: [D], chapter 3; Ayusawa, Venture and Nakamura 2014; Lee, Wensing and Park 2020; see
+    docs/identification.md.
+
+    Parameters
+    ----------
+    model : scaled to the body; its inertial parameters are the generic ones
+    recordings : of `recordings.usable`
+    points : mass points of the body by the name of their weight map, the one to use first
+    mass : of the whole body, kept exactly [kg]; the model's by default
+    inside : tells whether points are inside the skin, in the pose of the mass points
+    options : method, noise and how far masses may move; see `IdentificationOptions`
+    recording : as the recordings were made usable; tells the least time that is asked of them
+    unseen : recordings that masses are not identified from; where given, they alone decide whether
+        identified masses predict worse than the generic model
+    advance : called with the number of ways solved, as they are
+
+    Returns
+    -------
+    the model with the parameters found, all alternatives beside them, residuals of moments [N m]
+    and forces [N], and what of each link the data showed
+
+    Raises
+    ------
+    BadData : too little can be used, or nothing moves
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> model, time = mm.read_model("arm.osim"), np.arange(0.0, 2.0, 0.01)
+    >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
+    >>> motion = mm.Motion(time, model.coordinate_names, angles)
+    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["shoulder"], frame="ground")
+    >>> wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
+    >>> points, _, _ = mm.body_points(model, mm.BodyShape(), model.mass, mm.BodyOptions(spacing=0.05))
+    >>> options = mm.IdentificationOptions(compare=False)
+    >>> found = mm.identify(model, [mm.usable(model, motion, wrenches)], points, options=options)
+    >>> [round(float(body.mass), 1) for body in found.model.bodies]
+    [2.0, 2.0]
+    """
+    options = options or IdentificationOptions()
+    mass = model.mass if mass is None else mass
+    if not points:
+        raise BadData("identification needs mass points: give those of at least one weight map")
+    check_excited(model, tuple(recordings), recording)
+    first_map = next(iter(points))
+    body_points = points[first_map]
+    few_points = thinned(body_points)
+    scaled = inertial_parameters(model) * (mass / model.mass)
+    generic = with_inertial_parameters(model, scaled)
+    paper = _paper(generic, options, mass)
+    strength = Strength(
+        points=few_points,
+        generic=inertial_parameters(generic),
+        method=options.method,
+        mass_sd=options.mass_sd,
+        paper=paper,
+    )
+
+    # Equations of the motion: as markers show it, without soft tissue, without noise of the filter.
+    used = [values.recording for values in recordings]
+    base = base_parameters(model, held=held_in(model, [values.motion for values in used]))
+    marker_parts = parts_of(generic, used, base)
+    fitted = Fitted(
+        recordings=tuple(used),
+        parts=marker_parts,
+        tissue=None,
+        choice=strength.choose(marker_parts),
+    )
+    if paper is None:
+        fitted = with_soft_tissue(generic, fitted, strength, options.soft_tissue)
+    parts = fitted.parts
+    chosen_prior = fitted.choice
+    noise_of_motion = None
+    if options.motion_sd and paper is None:
+        cutoff = recording.cutoff if recording else None
+        noise_of_motion = _noise_of_motion(generic, fitted, strength, options.motion_sd, cutoff)
+        parts = noise_of_motion.corrected
+        chosen_prior = strength.choose(parts)
+
+    # Every way to identify, beside the shape alone and the generic model.
+    rows = parts.rows(chosen_prior.noise)
+    solved = _solved(points, rows, mass, chosen_prior.mass_sd, options, advance)
+    if paper is not None:
+        solved[f"identified, {first_map}"] = paper.solve(body_points, parts, chosen_prior.noise)
+    identified = f"identified, {first_map}" if options.method == "points" else CONIC
+    parameters = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
+    parameters[SHAPE] = body_points.parameters(body_points.reference)
+    parameters[GENERIC] = inertial_parameters(generic)
+
+    # Masses that predict worse than the generic model's are not used.
+    if unseen:
+        held_out_misfits = _on_other_recordings(
+            generic, unseen, base, parameters[identified], parameters[GENERIC], fitted.tissue
+        )
+    else:
+        names = tuple(values.name for values in recordings)
+        held_out_misfits = unseen_parts(parts, strength, names, marker_parts)
+    chosen = identified
+    if held_out_misfits.worse and options.if_worse == "generic":
+        chosen = GENERIC
+
+    misfits = [_used(values, generic, parameters[identified]) for values in fitted.recordings]
+    # Frames that make one independent sample, beyond those that count as one already.
+    frames_a_sample = max(1.0, float(np.mean(correlation_times(misfits))) / parts.alike)
+    return Identification(
+        model=with_inertial_parameters(model, parameters[chosen]),
+        chosen=chosen,
+        identified=identified,
+        parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
+        residuals=FrozenMap(
+            {
+                name: (marker_parts if name == GENERIC else parts).rms(masses)
+                for name, masses in parameters.items()
+            }
+        ),
+        unseen=held_out_misfits,
+        tried=FrozenMap(chosen_prior.misfits),
+        mass_sd=chosen_prior.mass_sd,
+        noise=chosen_prior.noise,
+        base=_base_fit(generic, fitted, base, chosen_prior),
+        points=body_points,
+        known=_known(
+            few_points,
+            parts,
+            noise_of_motion,
+            parameters[identified],
+            chosen_prior,
+            mass,
+            frames_a_sample,
+        ),
+        consistency=FrozenMap(
+            {
+                name: consistency(model.body_names, masses, inside=inside, points=body_points)
+                for name, masses in parameters.items()
+            }
+        ),
+        recordings=tuple(recordings),
+        soft_tissue=fitted.tissue if chosen == identified else None,
+        notes=(
+            *_verdict(held_out_misfits, chosen == identified),
+            *_not_converged(solved),
+            *_far_from_shape(
+                model, parameters[chosen][:, 0], parameters[SHAPE][:, 0], chosen_prior.mass_sd
+            ),
+            *(note for recording in recordings for note in recording.notes),
+        ),
+    )
+
+
+def _paper(generic: Model, options: IdentificationOptions, mass: float) -> Paper | None:
+    """The problem with [D]'s own weights, None where data are weighed by their noise."""
+    if options.prior != "paper":
+        return None
+    weights = MassPointOptions(
+        prior="paper",
+        W_phi=options.weight_phi,
+        W_rho=options.weight_rho,
+        floor=options.point_floor,
+    )
+    return Paper(model=generic, options=weights, mass=mass if options.keep_mass else None)
+
+
+def _noise_of_motion(
+    generic: Model, fitted: Fitted, strength: Strength, sd: float, cutoff: float | None
+) -> MotionNoise:
+    """What noise of the motion adds to the equations.
+
+    Parameters
+    ----------
+    sd : of the noise that the filter leaves in a coordinate [rad or m]
+    cutoff : of the filter [Hz], None for the usual one
+    """
+    noise, misfits, mass_sd = fitted.choice
+    added = motion_noise(generic, fitted.recordings, fitted.parts, sd, cutoff)
+    # What parts that were not fitted leave is as much as noise can have made.
+    return added.at_most(misfits[mass_sd], strength.fit(fitted.parts, noise, mass_sd))
+
+
+def _base_fit(
+    generic: Model, fitted: Fitted, base: BaseParameters, chosen_prior: ChosenPrior
+) -> BaseFit:
+    """Base parameters, with the misfit of held-out parts for the noise of their equations."""
+    moment, force = chosen_prior.misfits[chosen_prior.mass_sd]
+    # Of one component: misfits are those of vectors.
+    options = BaseOptions(moment_noise=moment / np.sqrt(3.0), force_noise=force / np.sqrt(3.0))
+    return fit_base(generic, fitted.recordings, base, options)
+
+
+def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[str]:
+    return [
+        f"{name}: not proven to be the optimum"
+        for name, solution in solved.items()
+        if not solution.converged
+    ]
+
+
+def _used(recording: Recording, model: Model, parameters: Array) -> Array:
+    """(frames, 6) what parameters leave of a recording's wrench, NaN where it is not used."""
+    left = recording.missing(model, parameters)
+    if recording.use is not None:
+        left[~recording.use] = np.nan
+    return left
+
+
+def _known(
+    points: MassPoints,
+    parts: Parts,
+    noise_of_motion: MotionNoise | None,
+    parameters: Array,
+    chosen_prior: ChosenPrior,
+    mass: float,
+    frames_a_sample: float,
+) -> Determined:
+    """What the data determine, with noise of the motion apart from what else made the misfit.
+
+    Parameters
+    ----------
+    parameters : (bodies, 10) that were identified
+    mass : of the body [kg]
+    frames_a_sample : frames that make one independent sample
+    """
+    noise = chosen_prior.noise
+    mass_sd = chosen_prior.mass_sd
+    rows, _ = parts.rows(noise)
+    if noise_of_motion is None:
+        return determined(points, rows, mass, mass_sd, frames_a_sample)
+    # Variances add up: what noise of the motion did not make of the misfit is noise of forces.
+    share = np.square(noise_of_motion.misfit(parameters) / noise)
+    force_noise = noise / np.maximum(np.sqrt(np.clip(1.0 - share, 0.0, 1.0)), 1e-9)
+    force_rows, _ = noise_of_motion.parts.rows(force_noise)
+    scores = noise_of_motion.scores(noise, parameters)
+    return determined(points, rows, mass, mass_sd, frames_a_sample, force_rows, scores)
+
+
+def _on_other_recordings(
+    model: Model,
+    recordings: Sequence[Usable],
+    base: BaseParameters,
+    identified: Array,
+    generic: Array,
+    tissue: SoftTissue | None,
+) -> Unseen:
+    """Misfit of identified and generic masses on recordings that were held out.
+
+    Identified masses move as soft tissue leaves them, the generic ones as markers do.
+
+    Parameters
+    ----------
+    identified, generic : (bodies, 10) parameters
+    """
+    used = [recording for recording in recordings if recording.use.any()]
+    markers = [parts_of(model, [values.recording], base, least=1) for values in used]
+    parts = markers
+    if tissue is not None:
+        softened = [values.recording.moved(tissue.of) for values in used]
+        parts = [parts_of(model, [values], base, least=1) for values in softened]
+    return Unseen(
+        identified=np.reshape([part.rms(identified) for part in parts], (-1, 2)),
+        generic=np.reshape([part.rms(generic) for part in markers], (-1, 2)),
+        frames=np.array([part.frames.sum() for part in parts], int),
+        what="recordings that were not used",
+        names=tuple(values.name for values in used),
+    )
+
+
+def _verdict(unseen: Unseen, taken: bool) -> tuple[str, ...]:
+    """A line where identified masses do not predict what was not used, first of all notes."""
+    if not len(unseen.frames):
+        return (
+            (
+                "the recording is too short to hold parts of it out: whether the masses predict"
+                " anything is unknown"
+            ),
+        )
+    where = f"on {unseen.what}: {unseen.words}"
+    cause = "the motion is too short or too uniform, or forces and motion do not belong together"
+    if unseen.worse and taken:
+        return (
+            (
+                f"identified masses predict no better than the generic model {where}; {cause};"
+                " taken all the same"
+            ),
+        )
+    if unseen.worse:
+        return (
+            "the generic model's masses are kept, identified ones predict no better than the"
+            f" generic model {where}; "
+            f'{cause}; if_worse = "identified" takes them',
+        )
+    if not unseen.losses:
+        return ()
+    return (
+        (
+            "identified masses predict worse than the generic model in the"
+            f" {', the '.join(unseen.losses[:3])}"
+        ),
+    )
+
+
+def _solved(
+    points: Mapping[str, MassPoints],
+    rows: tuple[Array, Array],
+    mass: float,
+    mass_sd: float,
+    options: IdentificationOptions,
+    advance: Callable[[int], None],
+) -> dict[str, MassPointFit | PseudoInertiaFit]:
+    """Fits of the requested way, and of the others to compare, to rows A x = b of unit noise."""
+    first = next(iter(points))
+    solved: dict[str, MassPointFit | PseudoInertiaFit] = {}
+    for name, point in points.items():
+        if options.compare or (name == first and options.method == "points"):
+            solved[f"identified, {name}"] = solve_mass_points(
+                point, *rows, mass=mass, options=MassPointOptions(mass_sd=mass_sd)
+            )
+            advance(1)
+    if options.compare or options.method == "pseudo-inertia":
+        shape = possible_reference(points[first].parameters(points[first].reference))
+        solved[CONIC] = solve_pseudo_inertia(
+            *rows, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=mass_sd)
+        )
+        advance(1)
+    return solved
+
+
+def _far_from_shape(model: Model, masses: Array, shape: Array, mass_sd: float) -> tuple[str, ...]:
+    """Which links got a mass that is hard to believe, and the motion that would show it, as one
+    line.
+    """
+    names = model.body_names
+    far = np.flatnonzero(
+        (shape > MIN_MASS_SHARE * shape.sum()) & (np.abs(masses - shape) > MAX_MASS_CHANGE * shape)
+    )
+    if not len(far):
+        return ()
+    turned = {joint.child: joint.coordinates for joint in model.joints}
+    worst = far[np.argsort(-np.abs(masses - shape)[far])][:3]
+    listed = ", ".join(
+        f"'{names[i]}' {masses[i]:.2f} kg (shape {shape[i]:.2f}; record "
+        f"{', '.join(turned.get(names[i], ())) or 'its joint'} moving fast while other joints rest)"
+        for i in worst
+    )
+    return (
+        (
+            f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed};"
+            " faults of the motion that return with every step may be in them: record the"
+            f" movements named, or hold masses with a mass_sd below {mass_sd:g}"
+        ),
+    )

@@ -1,0 +1,243 @@
+"""Recordings as personalization takes them: paths, moment arms, torques and EMG in windows of even
+frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.muscles.hill import compile_hill
+from myomorph.core.muscles.kinematics import muscle_kinematics
+from myomorph.core.tension.problem import TensionInputs, tension_problem
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.actuators import default_reserves
+from myomorph.core.tension.terms.emg import EmgTarget
+
+FRAME = 0.01  # Between the frames at which fibers are followed [s]
+WINDOW = 1.2
+LEAD = 0.15
+"""Fibers are followed in windows so long [s]; of each the first part only lets them find their
+lengths.
+"""
+MIN_COUNT = 6  # Frames of a recording
+LEAST_ERROR = 0.1
+LEAST_SHARE = 0.01
+"""Least errors of torques: a share of the reserves' strength, and of the torques' root mean square.
+"""
+LEAST_ARM = 1e-3
+"""Coordinates about which no muscle has a moment arm of this share of the longest say nothing of
+muscles.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class PersonalTrial:
+    """A recording that muscles are fitted to.
+
+    Attributes
+    ----------
+    name : for messages and reports
+    motion : with velocities
+    torques : of inverse dynamics (frames, coordinates), at the motion's times [N m or N]
+    emg : activations that EMG shows, at the motion's times, before gains; None for none
+    passive : whether muscles were at rest and every frame held still, as where passive torques were
+        measured; torques are then those that muscles and joints apply, NaN or without a column
+        where nothing was measured
+    """
+
+    name: str
+    motion: Motion
+    torques: Series
+    emg: EmgTarget | None = None
+    passive: bool = False
+
+
+@read_only
+class Windows:
+    """One recording, cut into windows that overlap by what lets the fibers find their lengths."""
+
+    name: str
+    time: Array  # (windows, frames) [s]
+    lengths: Array  # (windows, frames, muscles) of the paths [m]
+    speeds: Array  # (windows, frames, muscles) of the paths [m/s]
+    arms: Array  # (windows, frames, rows, muscles) [m/rad or m/m]
+    # (windows, frames, rows) that muscles have to give, NaN where not measured [N m or N]
+    torques: Array
+    emg: Array  # (windows, frames, muscles) NaN where unknown
+    counted: np.ndarray  # (windows, frames) whether the frame is compared
+    step: float  # between frames [s], infinite where every frame is held still
+
+
+def windows_of(
+    model: Model, trials: Sequence[PersonalTrial]
+) -> tuple[list[Windows], tuple[str, ...]]:
+    """The recordings in windows, and the names of the coordinates whose torques are compared."""
+    read = [_Read(model, trial) for trial in trials]
+    reach = np.max(
+        [np.abs(np.nan_to_num(recording.arms)).max(axis=(0, 2)) for recording in read], axis=0
+    )
+    kept = reach > LEAST_ARM * reach.max(initial=0.0)
+    # What no recording measured, as joints without a passive torque, is not compared.
+    kept &= np.any([np.isfinite(recording.torques).any(axis=0) for recording in read], axis=0)
+    if not kept.any():
+        raise BadData(
+            f"model '{model.name}': no muscle has a moment arm about a free coordinate whose torque"
+            " is known"
+        )
+    names = tuple(name for name, keep in zip(read[0].rows, kept, strict=True) if keep)
+    return [recording.windows(kept) for recording in read], names
+
+
+class _Read:
+    """What one recording gives, on its own clock."""
+
+    def __init__(self, model: Model, trial: PersonalTrial):
+        motion = trial.motion
+        if motion.velocities is None:
+            raise BadData(f"'{trial.name}': the motion has no velocities: differentiate it first")
+        self.trial = trial
+        self.time = np.array(motion.time)
+        moved = muscle_kinematics(model, motion, moment_arms=False)
+        assert moved.velocities is not None
+        self.lengths = np.array(moved.lengths)
+        self.speeds = np.array(moved.velocities)
+        # With a force of F0 at any length, columns of A are moment arms times F0: couplers and
+        # loops are folded in.
+        options = TensionOptions(curves="constant", passive=False)
+        torques, measured = (trial.torques, None) if not trial.passive else _measured(model, trial)
+        problem = tension_problem(
+            TensionInputs(model=model, motion=motion, torques=torques, options=options)
+        )
+        balance = problem.balance(0, len(motion))
+        force = np.maximum(compile_hill(model).force, 1e-9)
+        self.rows = problem.assembly.rows
+        dense = problem.separable.dense(balance.values)[
+            :, problem.assembly.coordinate_row, : len(force)
+        ]
+        self.arms = np.ascontiguousarray(dense / force)
+        self.torques = np.array(balance.torques)
+        if measured is not None:
+            self.torques[
+                ~measured[:, [model.coordinate_names.index(name) for name in self.rows]]
+            ] = np.nan
+        self.emg = np.full(self.lengths.shape, np.nan)
+        if trial.passive:
+            self.emg[:] = 0.0
+        elif trial.emg is not None:
+            columns = [model.muscle_names.index(name) for name in trial.emg.muscles]
+            self.emg[:, columns] = np.maximum(trial.emg.activations, 0.0)
+
+    def windows(self, kept: np.ndarray) -> Windows:
+        """Cut at even times."""
+        parts = (self.lengths, self.speeds, self.arms[:, kept], self.torques[:, kept])
+        whole = parts[:3] if self.trial.passive else parts
+        good = np.all(
+            [np.isfinite(array.reshape(len(array), -1)).all(axis=1) for array in whole], axis=0
+        )
+        good &= np.isfinite(parts[3]).any(axis=1)
+        if good.sum() < MIN_COUNT:
+            raise BadData(
+                f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques,"
+                f" expected {MIN_COUNT}"
+            )
+        if self.trial.passive:
+            lengths, speeds, arms, torques = (part[good][None] for part in parts)
+            counted = np.ones((1, int(good.sum())), bool)
+            at_rest = self.emg[good][None]
+            time = self.time[good][None]
+            still = np.zeros_like(speeds)
+            return Windows(
+                name=self.trial.name,
+                time=time,
+                lengths=lengths,
+                speeds=still,
+                arms=arms,
+                torques=torques,
+                emg=at_rest,
+                counted=counted,
+                step=np.inf,
+            )
+        start = self.time[good][0]
+        stop = self.time[good][-1]
+        count = max(int(np.floor((stop - start) / FRAME + 1e-6)) + 1, 2)
+        time = start + FRAME * np.arange(count)
+        curves = (scipy.interpolate.CubicSpline(self.time[good], part[good]) for part in parts)
+        lengths, speeds, arms, torques = (curve(time) for curve in curves)
+        emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
+        # A frame is compared where its neighbours in the recording are known.
+        near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))
+        size = round(WINDOW / FRAME)
+        lead = round(LEAD / FRAME)
+        body = size - lead
+        number = max(int(np.ceil((count - lead) / body)), 1)
+        index = np.minimum(
+            np.arange(number)[:, None] * body + np.arange(min(size, count)), count - 1
+        )
+        inside = np.arange(number)[:, None] * body + np.arange(min(size, count)) < count
+        counted = near[index] & inside & (np.arange(index.shape[1]) >= min(lead, count // 3))
+        return Windows(
+            name=self.trial.name,
+            time=time[index],
+            lengths=lengths[index],
+            speeds=speeds[index],
+            arms=arms[index],
+            torques=torques[index],
+            emg=emg[index],
+            counted=counted,
+            step=FRAME,
+        )
+
+
+def _measured(model: Model, trial: PersonalTrial) -> tuple[Series, np.ndarray]:
+    """Passive torques of all coordinates, 0 where not measured, and (frames, coordinates) where
+    they were.
+    """
+    values = np.full((len(trial.motion), len(model.coordinates)), np.nan)
+    known = [name for name in trial.torques.names if name in model.coordinate_names]
+    if not known:
+        raise BadData(
+            f"'{trial.name}': no column is the torque of a coordinate of model '{model.name}'"
+        )
+    for name in known:
+        values[:, model.coordinate_names.index(name)] = trial.torques[name]
+    measured = np.isfinite(values)
+    return (
+        Series(trial.motion.time, model.coordinate_names, np.where(measured, values, 0.0)),
+        measured,
+    )
+
+
+def _known_at(time: Array, own: Array, values: Array) -> Array:
+    """Values at other times, NaN beside gaps."""
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.full(len(time), np.nan)
+    result = np.interp(time, own[known], values[known])
+    far = _gap(own[known], time) > 1.5 * np.median(np.diff(own))
+    return np.where(far, np.nan, result)
+
+
+def _gap(own: Array, time: Array) -> Array:
+    """How far each time is from the nearest of `own`, ascending [s]."""
+    after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+    return np.minimum(np.abs(own[after] - time), np.abs(own[after - 1] - time))
+
+
+def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
+    """(rows,) least error of the torques: 0.1 N m on a body of human size, and 1 % of what is
+    carried [N m or N].
+    """
+    size = {reserve.coordinate: reserve.optimal_force for reserve in default_reserves(model)}
+    least = np.array([size.get(name, 1.0) for name in names])
+    every = np.concatenate([window.torques[window.counted] for window in windows])
+    counts = np.maximum(np.isfinite(every).sum(axis=0), 1)
+    carried = np.sqrt(np.nansum(every**2, axis=0) / counts)
+    return np.maximum(LEAST_ERROR * least, LEAST_SHARE * carried)

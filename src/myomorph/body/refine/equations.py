@@ -1,0 +1,404 @@
+"""The cost of the problem of motion, body and masses, and its normal equations about a point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from myomorph.body.identify.pseudo_inertia import tangents
+from myomorph.body.refine.frame_kernels import difference_frames
+from myomorph.body.refine.problem import WIDTH, Problem, Rates, TrialData, Unknowns
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.series import Motion
+from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.frames import over_frames
+from myomorph.core.rigid.regressor import regressor_blocks
+from myomorph.core.rigid.tree import TreeArrays, compile_tree
+
+# How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]
+POSTURE_SD = 0.2
+# How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]
+ACCELERATION_SD = 20.0
+BOUND_SD = 0.01  # How far a coordinate goes beyond its bounds [rad or m]
+MASS_SD = 1e-4  # Of the whole body's mass, of itself: it is known
+LENGTH_STEP = 1e-5
+UNEXPLAINED = 2.0
+"""A frame whose residual is so many times the usual one, after motions alone were refined, loses
+weight: something that no plate measures, as a chair, carries a part of the body there.
+"""
+
+
+@read_only
+class TrialEquations:
+    """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared
+    unknowns.
+    """
+
+    band: Array
+    right: Array
+    cross: Array
+
+
+@read_only
+class Equations:
+    """Normal equations of all unknowns: H step = -g."""
+
+    trials: tuple[TrialEquations, ...]
+    # H, g: of the shared unknowns
+    H: Array
+    g: Array
+
+
+def cost(problem: Problem, at: Unknowns) -> float:
+    """Squares in units of standard deviations."""
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
+    total = float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
+    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
+        rates = problem.rates(trial, coefficients)
+        errors, residual = problem.predict(tree, locations, trial, rates)
+        weights = _weights(problem, trial)
+        total += weights.marker * float(
+            np.einsum("fmi,fmi,m->", errors, errors, problem.pose.markers.weight)
+        )
+        total += weights.share * float(
+            trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1)
+        )
+        free = problem.pose.free
+        moved = coefficients - _start(trial, tuple(free.tolist()))
+        for nu, weight in ((0, weights.value), (2, weights.acceleration)):
+            total += float(np.sum(weight * trial.basis.at(moved, nu) ** 2))
+        total += float(np.sum(weights.bound * _beyond(problem, rates[0][:, free]) ** 2))
+    return total
+
+
+@read_only
+class _Weights:
+    """Of one frame's squares, a frame counting for its share of the time over which errors are
+    alike.
+    """
+
+    marker: float
+    share: float
+    value: Array
+    acceleration: Array
+    bound: float
+
+
+def _weights(problem: Problem, trial: TrialData) -> _Weights:
+    options = problem.options
+    step = float(np.median(np.diff(trial.time)))
+    share = min(1.0, step / options.marker_time)
+    unit = problem.pose.unit[problem.pose.free]
+    return _Weights(
+        share / problem.marker_variance,
+        min(1.0, 2.0 * options.cutoff * step),
+        share / (POSTURE_SD * unit) ** 2,
+        share / (ACCELERATION_SD * unit) ** 2,
+        share / BOUND_SD**2,
+    )
+
+
+@lru_cache(maxsize=64)
+def _start(trial: TrialData, free: tuple[int, ...]) -> Array:
+    """(coefficients, free) of the splines nearest to inverse kinematics: the same for every point
+    of a search.
+    """
+    return trial.basis.fitted(trial.start[:, list(free)])
+
+
+def _beyond(problem: Problem, values: Array) -> Array:
+    """(frames, free) how far coordinates are beyond their bounds, 0 inside."""
+    low = problem.pose.lower
+    high = problem.pose.upper
+    return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
+
+
+def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Array]]:
+    """Columns, rows and misses of what is held likely of the shared unknowns."""
+    lengths, places, masses = problem.columns()
+    rows = []
+    if problem.body:
+        length_sd = problem.options.length_sd
+        marker_sd = problem.marker_sd
+        rows.append((lengths, np.eye(len(at.factors)) / length_sd, (at.factors - 1.0) / length_sd))
+        rows.append((places, np.eye(at.shifts.size) / marker_sd, at.shifts.ravel() / marker_sd))
+    if problem.masses:
+        prior = problem.prior
+        T = tangents(at.parameters[prior.moved])
+        blocks = np.zeros((10 * len(T) + 1, 10 * len(T)))
+        for index, block in enumerate(prior.rows @ T):
+            blocks[10 * index : 10 * index + 10, 10 * index : 10 * index + 10] = block
+        total = MASS_SD * prior.reference[:, 0].sum()
+        blocks[-1] = T[:, 0].ravel() / total
+        miss = (at.parameters[:, 0].sum() - prior.reference[:, 0].sum()) / total
+        rows.append((masses, blocks, np.append(prior.misses(at.parameters).ravel(), miss)))
+    return rows
+
+
+def with_trust(problem: Problem, at: Unknowns) -> Problem:
+    """The problem with the weights of the frames that the residuals at a point ask for, see
+    `UNEXPLAINED`.
+    """
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
+    trials = []
+    for trial, coefficients in zip(problem.trials, at.motions, strict=True):
+        residual = problem.predict(tree, locations, trial, problem.rates(trial, coefficients))[1]
+        sizes = np.linalg.norm(residual / problem.residual_sd, axis=1)
+        usual = max(1.0, float(np.median(sizes[trial.use]))) if trial.use.any() else 1.0
+        trust = (UNEXPLAINED * usual / np.maximum(sizes, UNEXPLAINED * usual)) ** 2
+        trials.append(replace(trial, trust=trust))
+    return replace(problem, trials=tuple(trials))
+
+
+def linearize(problem: Problem, at: Unknowns) -> Equations:
+    """Normal equations at a point."""
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
+    p = problem.count
+    H = np.zeros((p, p))
+    g = np.zeros(p)
+    nearby = _neighbors(problem, at)
+    trials = tuple(
+        _trial_equations(problem, at, trial, coefficients, tree, locations, nearby, H, g)
+        for trial, coefficients in zip(problem.trials, at.motions, strict=True)
+    )
+    for columns, rows, miss in _prior_rows(problem, at):
+        H[columns, columns] += rows.T @ rows
+        g[columns] += rows.T @ miss
+    return Equations(trials, H, g)
+
+
+def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]:
+    """Trees and marker positions with each length a little longer."""
+    result = []
+    tree = problem.arrays(at)
+    for i in range(len(at.factors) if problem.body else 0):
+        factors = at.factors.copy()
+        factors[i] += LENGTH_STEP
+        pre, post, coefficients = _length_slopes(problem)[i]
+        longer = tree._replace(
+            pre_p=tree.pre_p + LENGTH_STEP * pre,
+            post_p=tree.post_p + LENGTH_STEP * post,
+            functions=tree.functions._replace(
+                coefficients=tree.functions.coefficients + LENGTH_STEP * coefficients
+            ),
+        )
+        result.append((longer, problem.placed(factors, at.shifts)))
+    return result
+
+
+@lru_cache(maxsize=4)
+def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
+    """How each length changes the constants of the tree: all but linear, so that once is enough."""
+    unstretched = compile_tree(problem.model).arrays
+    result = []
+    for i in range(len(problem.lengths)):
+        factors = np.ones(len(problem.lengths))
+        factors[i] += LENGTH_STEP
+        longer = compile_tree(problem.stretched(factors)).arrays
+        pairs = (
+            (longer.pre_p, unstretched.pre_p),
+            (longer.post_p, unstretched.post_p),
+            (longer.functions.coefficients, unstretched.functions.coefficients),
+        )
+        pre, post, coefficients = ((a - b) / LENGTH_STEP for a, b in pairs)
+        result.append((pre, post, coefficients))
+    return result
+
+
+@read_only
+class _Slopes:
+    """Derivatives of a trial's frames."""
+
+    rates: Array  # (3, frames, 6, free) of the residual in values, rates and accelerations
+    moved: Array  # (frames, free, 3 markers) of the markers
+    lengths_of_markers: Array  # (frames, 3 markers, lengths)
+    lengths_of_residual: Array  # (frames, 6, lengths)
+    turned: Array  # (frames, markers, 3, 3) of each marker in its own position
+    masses: Array  # (frames, 6, 10 links moved)
+
+
+def slopes(
+    problem: Problem,
+    at: Unknowns,
+    trial: TrialData,
+    rates: Rates,
+    nearby: list[tuple[TreeArrays, Array]],
+) -> _Slopes:
+    """Derivatives of markers and residuals of every frame in all unknowns; `rates` are consistent."""
+    free = problem.pose.free
+    frames = len(trial.time)
+    m = len(problem.locations)
+    tree = problem.arrays(at)
+    locations = problem.placed(at.factors, at.shifts)
+    of_rates = np.empty((3, frames, 6, len(free)))
+    moved = np.empty((frames, len(free), 3 * m))
+    wrench = trial.wrench
+
+    def part(start: int, stop: int) -> None:
+        s = slice(start, stop)
+        difference_frames(
+            tree,
+            problem.pose.markers.body,
+            locations,
+            free,
+            *(rate[s] for rate in rates),
+            wrench[s],
+            of_rates[0, s],
+            of_rates[1, s],
+            of_rates[2, s],
+            moved[s],
+        )
+
+    over_frames(part, frames)
+    of_rates[:, ~trial.use] = 0.0
+    errors, residual = problem.predict(tree, locations, trial, rates)
+    by_length = np.empty((frames, 3 * m, len(nearby)))
+    residual_by_length = np.empty((frames, 6, len(nearby)))
+    for i, (other, places) in enumerate(nearby):
+        longer, more = problem.predict(other, places, trial, rates)
+        by_length[:, :, i] = (longer - errors).reshape(frames, -1) / LENGTH_STEP
+        residual_by_length[:, :, i] = (more - residual) / LENGTH_STEP
+    turned = np.empty((frames, m, 3, 3))
+    for i in range(3 if problem.body else 0):
+        turned[:, :, :, i] = (
+            problem.predict(tree, locations + np.eye(3)[i], trial, rates)[0] - errors
+        )
+    by_mass = np.zeros((frames, 6, 0))
+    if problem.masses:
+        by_mass = _by_mass(problem, at, trial, rates)
+    return _Slopes(of_rates, moved, by_length, residual_by_length, turned, by_mass)
+
+
+def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: Rates) -> Array:
+    moved = problem.prior.moved
+    model = problem.stretched(at.factors)
+    T = tangents(at.parameters[moved])
+    result = np.zeros((len(trial.time), 6, 10 * len(moved)))
+    motion = Motion(
+        trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates[:3])
+    )
+    for block in regressor_blocks(model, motion):
+        by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]
+        result[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(
+            len(by_link), 6, -1
+        )
+    result[~trial.use] = 0.0
+    return result
+
+
+def _trial_equations(
+    problem: Problem,
+    at: Unknowns,
+    trial: TrialData,
+    coefficients: Array,
+    tree: TreeArrays,
+    locations: Array,
+    nearby: list[tuple[TreeArrays, Array]],
+    H: Array,
+    g: Array,
+) -> TrialEquations:
+    """Normal equations of a trial; what it says of the shared unknowns is added to H, g."""
+    n = len(problem.pose.free)
+    p = problem.count
+    basis = trial.basis
+    rates = problem.rates(trial, coefficients)
+    errors, residual = problem.predict(tree, locations, trial, rates)
+    of = slopes(problem, at, trial, rates, nearby)
+    weights = _weights(problem, trial)
+    seen = np.isfinite(trial.observed).all(axis=2)
+    marker_root = np.sqrt(
+        np.repeat(np.where(seen, weights.marker * problem.pose.markers.weight, 0.0), 3, axis=1)
+    )
+    residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
+    misses = marker_root * errors.reshape(len(errors), -1)
+    beyond = _beyond(problem, rates[0][:, problem.pose.free])
+    departed = coefficients - _start(trial, tuple(problem.pose.free.tolist()))
+    values = basis.at(departed)
+    bends = basis.at(departed, 2)
+    window = WIDTH * n
+    band = np.zeros((window, basis.count * n))
+    right = np.zeros(basis.count * n)
+    cross = np.zeros((basis.count * n, p))
+    row, column = np.tril_indices(window)
+    # Markers do not feel masses, which come last.
+    shared = problem.columns()[2].start
+    alphas = problem.alphas
+    for first in np.unique(basis.first):
+        f = np.flatnonzero(basis.first == first)
+        w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
+        # Residual rows depend on the window through values, rates and accelerations.
+        A = sum(
+            w[:, None, :, None] * of.rates[nu, f][:, :, None, :]
+            for nu, w in enumerate((w0, w1, w2))
+        )
+        A = (A * residual_root[f][:, :, None, None]).reshape(6 * len(f), window)
+        b = (residual_root[f] * residual[f]).ravel()
+        M = of.moved[f] * marker_root[f, None]
+        shared_markers, shared_residual = _shared_rows(problem, of, f, marker_root, residual_root)
+        block = A.T @ A
+        per_frame = np.einsum("fir,fjr->fij", M, M, optimize=True)
+        if problem.tissue is not None:
+            # Markers depend on the window through values less alpha times accelerations.
+            soft = alphas * per_frame
+            mixed = np.einsum("fa,fb,fij->aibj", w0, w2, soft, optimize=True).reshape(
+                window, window
+            )
+            both = np.einsum("fa,fb,fij->aibj", w2, w2, alphas[:, None] * soft, optimize=True)
+            block += both.reshape(window, window) - mixed - mixed.T
+        diagonal = weights.value + weights.bound * (beyond[f] != 0.0)
+        per_frame[:, np.arange(n), np.arange(n)] += diagonal
+        block += np.einsum("fa,fb,fij->aibj", w0, w0, per_frame, optimize=True).reshape(
+            window, window
+        )
+        bend = np.einsum("fa,fb->ab", w2, w2)
+        block += np.kron(bend, np.diag(weights.acceleration))
+        seen = np.einsum("fir,fr->fi", M, misses[f])
+        pull = seen + weights.value * values[f] + weights.bound * beyond[f]
+        bent = weights.acceleration * bends[f] - alphas * seen
+        gradient = np.einsum("fa,fi->ai", w0, pull) + np.einsum("fa,fi->ai", w2, bent)
+        span = slice(first * n, first * n + window)
+        band[row - column, first * n + column] += block[row, column]
+        right[span] += gradient.ravel() + A.T @ b
+        if p:
+            joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
+            parts = (
+                [(w0, joined)]
+                if problem.tissue is None
+                else [(w0, joined), (w2, -alphas[:, None] * joined)]
+            )
+            for w, of_coordinates in parts:
+                crossed = np.einsum("fa,fip->aip", w, of_coordinates, optimize=True)
+                cross[span, :shared] += crossed.reshape(window, shared)
+            cross[span] += A.T @ shared_residual
+            flat = shared_markers.reshape(len(f) * errors[0].size, shared)
+            H[:shared, :shared] += flat.T @ flat
+            H += shared_residual.T @ shared_residual
+            g[:shared] += flat.T @ misses[f].ravel()
+            g += shared_residual.T @ b
+    return TrialEquations(band, right, cross)
+
+
+def _shared_rows(
+    problem: Problem, of: _Slopes, frames: Ints, marker_root: Array, residual_root: Array
+) -> tuple[Array, Array]:
+    """Weighted rows of markers (frames, 3 m, shared but masses) and residuals (6 frames, shared)."""
+    lengths, places, masses = problem.columns()
+    m = len(problem.locations)
+    markers = np.zeros((len(frames), 3 * m, masses.start))
+    residual = np.zeros((len(frames), 6, problem.count))
+    if problem.body:
+        markers[:, :, lengths] = of.lengths_of_markers[frames]
+        blocks = markers[:, :, places].reshape(len(frames), m, 3, m, 3)
+        blocks[:, np.arange(m), :, np.arange(m)] = np.swapaxes(of.turned[frames], 0, 1)
+        markers[:, :, places] = blocks.reshape(len(frames), 3 * m, 3 * m)
+        residual[:, :, lengths] = of.lengths_of_residual[frames]
+    if problem.masses:
+        residual[:, :, masses] = of.masses[frames]
+    markers *= marker_root[frames][:, :, None]
+    residual *= residual_root[frames][:, :, None]
+    return markers, residual.reshape(6 * len(frames), problem.count)

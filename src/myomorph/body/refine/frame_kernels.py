@@ -1,0 +1,184 @@
+"""Markers and the root's residual of each frame, and how they change with the coordinates and their
+rates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.core.rigid.coordinates import couple, couple_rates
+from myomorph.core.rigid.dynamics import body_wrenches
+from myomorph.core.rigid.kernels import bare, kernel
+from myomorph.core.rigid.kinematics import body_poses, body_rates
+from myomorph.core.rigid.vectors import cross, matrix, minus, plus, turned, vector
+
+STEP = 1e-6  # Step of the differences in coordinates and their rates [rad, m and 1/s of them]
+
+
+@kernel
+def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, residual):
+    """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin
+    and force. `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates) and
+    `seen`, those that markers show; dependent ones are set; `measured` (frames, 6) moment about the
+    ground's origin [N m] and force [N] of the external wrenches.
+    """
+    n = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    R = np.empty((n, 3, 3))
+    p = np.empty((n, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
+    rates = np.empty((6, n, 3))
+    for frame in range(c.shape[0]):
+        soft = differ(c[frame], seen[frame])
+        couple(T, c[frame])
+        couple_rates(T, c[frame], cdot[frame], cddot[frame])
+        body_poses(T, c[frame], R, p, w, o, dphi)
+        root_residual(
+            T,
+            c[frame],
+            cdot[frame],
+            cddot[frame],
+            R,
+            p,
+            w,
+            o,
+            measured[frame],
+            rates,
+            residual[frame],
+        )
+        couple(T, seen[frame])
+        if soft:
+            body_poses(T, seen[frame], R, p, w, o, dphi)
+        put_places(body, location, R, p, places[frame])
+
+
+@kernel
+def difference_frames(
+    T,
+    body,
+    location,
+    free,
+    c,
+    cdot,
+    cddot,
+    seen,
+    measured,
+    by_value,
+    by_rate,
+    by_acceleration,
+    moved,
+):
+    """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers
+    (frames, free, 3 m). `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`:
+    filled, of the markers in `seen`, their coordinates.
+    """
+    n = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    m = body.shape[0]
+    R = np.empty((n, 3, 3))
+    p = np.empty((n, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
+    rates = np.empty((6, n, 3))
+    at = np.empty((m, 3))
+    r = np.empty(6)
+    base = np.empty(6)
+    base_at = np.empty((m, 3))
+    x = np.empty(c.shape[1])
+    v = np.empty(c.shape[1])
+    a = np.empty(c.shape[1])
+    for frame in range(c.shape[0]):
+        # Rates and accelerations first: they share the poses of the frame.
+        soft = differ(c[frame], seen[frame])
+        body_poses(T, seen[frame], R, p, w, o, dphi)
+        put_places(body, location, R, p, base_at)
+        if soft:
+            body_poses(T, c[frame], R, p, w, o, dphi)
+        root_residual(
+            T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base
+        )
+        for change in range(2 * free.shape[0]):
+            i = change % free.shape[0]
+            restore(c[frame], cdot[frame], cddot[frame], x, v, a)
+            # The residual is linear in accelerations: a step of 1 has no error.
+            step = STEP if change < free.shape[0] else 1.0
+            if change < free.shape[0]:
+                v[free[i]] += step
+            else:
+                a[free[i]] += step
+            couple_rates(T, x, v, a)
+            root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            for q in range(6):
+                if change < free.shape[0]:
+                    by_rate[frame, q, i] = (r[q] - base[q]) / step
+                else:
+                    by_acceleration[frame, q, i] = (r[q] - base[q]) / step
+        for i in range(free.shape[0]):
+            restore(c[frame], cdot[frame], cddot[frame], x, v, a)
+            x[free[i]] += STEP
+            couple(T, x)
+            couple_rates(T, x, v, a)
+            body_poses(T, x, R, p, w, o, dphi)
+            root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            if soft:
+                x[:] = seen[frame]
+                x[free[i]] += STEP
+                couple(T, x)
+                body_poses(T, x, R, p, w, o, dphi)
+            put_places(body, location, R, p, at)
+            for q in range(6):
+                by_value[frame, q, i] = (r[q] - base[q]) / STEP
+            for marker in range(m):
+                for q in range(3):
+                    moved[frame, i, 3 * marker + q] = (at[marker, q] - base_at[marker, q]) / STEP
+
+
+@bare
+def restore(c, cdot, cddot, x, v, a):
+    """Copies of a frame's coordinates and rates."""
+    for j in range(c.shape[0]):
+        x[j], v[j], a[j] = c[j], cdot[j], cddot[j]
+
+
+@bare
+def differ(c, seen):
+    """Whether markers show other coordinates than the mass has, so that poses of both are needed."""
+    apart = 0.0
+    for j in range(c.shape[0]):
+        apart += abs(c[j] - seen[j])
+    return apart > 0.0
+
+
+@bare
+def put_places(body, location, R, p, places):
+    """Positions of markers in ground."""
+    for m in range(body.shape[0]):
+        at = plus(vector(p, body[m]), turned(matrix(R, body[m]), vector(location, m)))
+        for i in range(3):
+            places[m, i] = at[i]
+
+
+@bare
+def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
+    """What the motion needs less what was measured: moment about the base's origin and force."""
+    omega = rates[0]
+    v = rates[1]
+    alpha = rates[2]
+    a = rates[3]
+    f = rates[4]
+    m = rates[5]
+    body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a)
+    body_wrenches(T, R, p, omega, alpha, a, f, m)
+    force = (0.0, 0.0, 0.0)
+    moment = (0.0, 0.0, 0.0)
+    for b in range(1, T.parent.shape[0]):
+        force = plus(force, vector(f, b))
+        moment = plus(moment, vector(m, b))
+    force = minus(force, (measured[3], measured[4], measured[5]))
+    moment = minus(moment, (measured[0], measured[1], measured[2]))
+    moment = minus(moment, cross(vector(p, 1), force))
+    for i in range(3):
+        residual[i], residual[3 + i] = moment[i], force[i]

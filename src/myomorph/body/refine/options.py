@@ -1,0 +1,73 @@
+"""Options of `refine`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from myomorph.body.identify.soft_tissue import Use
+from myomorph.core.model.errors import BadData
+
+
+@dataclass(frozen=True)
+class RefineOptions:
+    """How much each part of the problem is believed.
+
+    Attributes
+    ----------
+    cutoff : low-pass filter of the forces; the motion has four knots a period of it [Hz]
+    marker_noise : of a marker about its position on a rigid body, along one axis, mostly movement
+        of the skin [m]; by default 0.01 on a body of human size, on a smaller one less in
+        proportion
+    marker_time : for how long the skin's movement stays alike [s]
+    force_noise : of each component of the residual force, in body weights
+    moment_noise : of each component of the residual moment, in body weights times 1 m
+    length_sd : how far a length may differ from the model's, of itself
+    marker_sd : how far a marker may lie from its position on the model [m]; by default 0.015
+        likewise
+    mass_sd : how far a link's mass may differ from the one that `identify` finds in the same
+        recordings, of itself
+    body : whether lengths and marker positions change
+    masses : whether masses, mass centers and inertias change
+    soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen
+        parts of the recordings better (with `check`), "always" or "never"
+    iterations : at most so many steps
+    check : predict every recording, or the parts of a single one, from the others, and keep the
+        model's body and masses where they predict better
+    """
+
+    cutoff: float = 6.0
+    marker_noise: float | None = None
+    marker_time: float = 0.1
+    force_noise: float = 0.005
+    moment_noise: float = 0.005
+    length_sd: float = 0.1
+    marker_sd: float | None = None
+    mass_sd: float = 0.2
+    body: bool = True
+    masses: bool = True
+    soft_tissue: Use = "auto"
+    iterations: int = 20
+    check: bool = True
+
+    def __post_init__(self) -> None:
+        for name in (
+            "cutoff",
+            "marker_time",
+            "force_noise",
+            "moment_noise",
+            "length_sd",
+            "mass_sd",
+            "iterations",
+        ):
+            if not getattr(self, name) > 0:
+                raise BadData(
+                    f"refine: {name} is {getattr(self, name):g}; expected a number above 0"
+                )
+        if self.soft_tissue not in ("auto", "always", "never"):
+            raise BadData(
+                f"soft_tissue is '{self.soft_tissue}': expected 'auto', 'always' or 'never'"
+            )
+        for name in ("marker_noise", "marker_sd"):
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise BadData(f"refine: {name} is {value:g}; expected metres above 0")

@@ -1,0 +1,181 @@
+"""What refining takes of a recording, and what it gives: body, motion and masses, held against the
+model before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.core.motion.ik import InverseKinematicsOptions
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectTrial:
+    """One recording of a subject.
+
+    Attributes
+    ----------
+    name : of the recording
+    markers : positions over time [m]
+    time : start and end of what is used [s], None for all
+    wrenches : external forces as recorded, each with its body
+    tracking : options of its inverse kinematics; weights of markers count here too
+    """
+
+    name: str
+    markers: Markers
+    wrenches: Wrenches
+    tracking: InverseKinematicsOptions = field(default_factory=InverseKinematicsOptions)
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean squares of a motion on a model.
+
+    Attributes
+    ----------
+    markers : distance of the markers [m]
+    force, moment : of the root's residual vector [N], [N m]; the moment is about the base's origin
+    """
+
+    markers: float
+    force: float
+    moment: float
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedTrial:
+    """A motion before and after.
+
+    Attributes
+    ----------
+    name : of the recording
+    frames : of the recording
+    motion : refined, with derivatives that belong to it
+    before : of inverse kinematics, low-pass filtered, on the model as given at the subject's mass
+    after : of the refined motion on the refined model, the same frames
+    used : frames in which the plates carry all, of all
+    """
+
+    name: str
+    motion: Motion
+    before: Errors
+    after: Errors
+    used: int
+    frames: int
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A recording, or a part of one, predicted by the body and masses refined on the others: plain
+    inverse kinematics.
+
+    Attributes
+    ----------
+    name : of the recording or part
+    given, refined : errors of the model as given, and of the refined one
+    markers_alone : marker error of a body that was refined from the same recordings' markers
+        without their forces [m]
+    """
+
+    name: str
+    given: Errors
+    refined: Errors
+    markers_alone: float
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """Refined to given: force and moment."""
+        return self.refined.force / self.given.force, self.refined.moment / self.given.moment
+
+    @property
+    def ratio(self) -> float:
+        """Root mean square of the ratios of force and moment."""
+        return float(np.sqrt(np.mean(np.square(self.ratios))))
+
+    @property
+    def markers_ratio(self) -> float:
+        """Marker error of the refined body to that of a body that the same markers made without
+        forces.
+        """
+        return self.refined.markers / self.markers_alone
+
+
+@read_only
+class Refinement:
+    """A subject's model and motions that agree with markers and plates.
+
+    Attributes
+    ----------
+    factors_sd : (lengths,) standard deviations of the factors
+    model : stretched, markers placed, with its masses
+    given : model it began with, at the subject's mass
+    trials : by name
+    factors : (lengths,) of the given model's, and their standard deviations
+    lengths : names of the lengths
+    parameters : (bodies, 10) inertial
+    mass_sd : (bodies,) standard deviation of the masses [kg]
+    predictions : of what was left out, empty where not asked for
+    body, masses : whether lengths and marker positions, and masses were refined in the end
+    soft_tissue : that was taken from the motions, which are those of the mass; None for none
+    kept : whether parts of the given body were kept because they predict better
+    converged : whether the last step was small
+    notes : what looks wrong, one line each
+    """
+
+    model: Model
+    given: Model
+    trials: tuple[RefinedTrial, ...]
+    lengths: tuple[str, ...]
+    factors: Array
+    factors_sd: Array
+    parameters: Array
+    mass_sd: Array
+    predictions: tuple[Prediction, ...]
+    body: bool
+    masses: bool
+    soft_tissue: SoftTissue | None
+    kept: bool
+    converged: bool
+    notes: tuple[str, ...]
+
+    @property
+    def before(self) -> Errors:
+        """Of all trials together."""
+        return _together(
+            [trial.before for trial in self.trials],
+            [trial.used for trial in self.trials],
+            self._frames,
+        )
+
+    @property
+    def after(self) -> Errors:
+        """Of all trials together."""
+        return _together(
+            [trial.after for trial in self.trials],
+            [trial.used for trial in self.trials],
+            self._frames,
+        )
+
+    @property
+    def _frames(self) -> list[int]:
+        return [trial.frames for trial in self.trials]
+
+
+def _together(errors: Sequence[Errors], used: Sequence[int], frames: Sequence[int]) -> Errors:
+    def mean(values: Sequence[float], counts: Sequence[int]) -> float:
+        return float(np.sqrt(np.average(np.square(values), weights=counts)))
+
+    return Errors(
+        mean([error.markers for error in errors], frames),
+        mean([error.force for error in errors], used),
+        mean([error.moment for error in errors], used),
+    )

@@ -1,0 +1,224 @@
+"""Recordings of a subject as the data of the one problem: through inverse kinematics, on one clock,
+thinned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.body.identify.recordings import MASS_TOLERANCE, RecordingOptions, Usable, usable
+from myomorph.body.identify.soft_tissue import usual_tissue
+from myomorph.body.identify.subject import IdentificationOptions, identify
+from myomorph.body.refine.options import RefineOptions
+from myomorph.body.refine.problem import Basis, MassPrior, Problem, TrialData
+from myomorph.body.refine.refinement import SubjectTrial
+from myomorph.body.shape.envelope import own_points
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import DEFAULT_POSE, Motion, Wrenches
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.ik import inverse_kinematics, pose_problem, tracked_markers
+from myomorph.core.motion.lengths import length_unit, lengths_of
+from myomorph.core.motion.stretch import skeleton
+from myomorph.core.rigid.regressor import base_wrench
+from myomorph.core.rigid.tree import compile_tree
+
+KNOTS = 4.0  # Knots a period of the cutoff frequency
+FRAMES_A_KNOT = 2.0  # Frames between knots that are enough
+SPACING = 0.02  # Of the mass points in each link's envelope [m]
+
+
+@read_only
+class Opened:
+    """A trial through inverse kinematics: on the markers' clock, and with the frames that count."""
+
+    trial: SubjectTrial
+    motion: Motion
+    usable: Usable
+    distances: Array  # (frames, markers) of the markers [m], NaN where unseen
+    within: np.ndarray | None = None  # (frames,) of the forces' clock that count, None for all
+
+    @property
+    def counted(self) -> Usable:
+        """The recording, of which no more frames are used than count."""
+        if self.within is None:
+            return self.usable
+        return replace(
+            self.usable, recording=replace(self.usable.recording, use=self.usable.use & self.within)
+        )
+
+
+def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
+    """A trial on a model."""
+    fit = inverse_kinematics(model, trial.markers, trial.tracking)
+    used = usable(
+        model,
+        fit.motion,
+        trial.wrenches,
+        time=trial.time,
+        name=trial.name,
+        options=RecordingOptions(cutoff=options.cutoff),
+    )
+    return Opened(trial=trial, motion=fit.motion, usable=used, distances=fit.errors)
+
+
+def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:
+    """The problem of some trials on a model."""
+    names: tuple[str, ...] = ()
+    weights: dict[str, float] = {}
+    for taken in recorded:
+        tracked, weight = tracked_markers(model, taken.trial.markers, taken.trial.tracking)
+        weights |= dict(zip(tracked, weight, strict=True))
+        names = tuple(name for name in model.marker_names if name in weights)
+    bare = skeleton(model)
+    tree = compile_tree(bare)
+    masses = inertial_parameters(model)
+    tissue = None
+    if options.masses or options.soft_tissue != "never":
+        parts = [_weighed(taken.counted, model.mass) for taken in recorded]
+        masses, tissue = identified_masses(model, parts, options)
+    pose = pose_problem(
+        tree, names, np.array([weights[name] for name in names]), recorded[0].trial.tracking
+    )
+    return Problem(
+        model=bare,
+        lengths=lengths_of(model),
+        names=names,
+        pose=pose,
+        locations=pose.markers.location.copy(),
+        trials=tuple(_trial_data(model, names, taken, options, tissue) for taken in recorded),
+        prior=MassPrior.of(masses, options.mass_sd),
+        weight=model.mass * float(np.linalg.norm(model.gravity)),
+        unit=length_unit(tree),
+        options=options,
+        body=options.body,
+        masses=options.masses,
+        tissue=tissue,
+    )
+
+
+def gain_of(usable: Usable, mass: float) -> float:
+    """By which forces are multiplied where plates weigh the body otherwise than stated by more than
+    `MASS_TOLERANCE`. A motion that had to explain what is missing would fall or rise all the time,
+    far from the markers.
+    """
+    off = np.isfinite(usable.weighs) and abs(usable.weighs / mass - 1.0) > MASS_TOLERANCE
+    return mass / usable.weighs if off else 1.0
+
+
+def _weighed(usable: Usable, mass: float) -> Usable:
+    """A recording whose plates weigh the body, see `gain_of`."""
+    gain = gain_of(usable, mass)
+    recording = usable.recording
+    if gain == 1.0:
+        return usable
+
+    def weighed(wrenches: Wrenches) -> Wrenches:
+        return replace(wrenches, forces=gain * wrenches.forces, torques=gain * wrenches.torques)
+
+    finer = recording.finer
+    finer = None if finer is None else replace(finer, wrenches=weighed(finer.wrenches))
+    return replace(
+        usable, recording=replace(recording, wrenches=weighed(recording.wrenches), finer=finer)
+    )
+
+
+def thinned(problem: Problem) -> Problem:
+    """The problem with as many frames as its knots need: skin stays alike for longer, and forces
+    are filtered.
+    """
+    rate = FRAMES_A_KNOT * KNOTS * problem.options.cutoff
+    trials = []
+    for trial in problem.trials:
+        step = max(1, int(1.0 / (rate * float(np.median(np.diff(trial.time)))) + 1e-6))
+        every = slice(None, None, step)
+        span = (float(trial.time[0]), float(trial.time[-1]))
+        basis = Basis.of(trial.time[every], 1.0 / (KNOTS * problem.options.cutoff), span)
+        trials.append(
+            replace(
+                trial,
+                time=trial.time[every],
+                observed=trial.observed[every],
+                measured=trial.measured[every],
+                use=trial.use[every],
+                trust=trial.trust[every],
+                start=trial.start[every],
+                basis=basis,
+            )
+        )
+    return replace(problem, trials=tuple(trials))
+
+
+def _trial_data(
+    model: Model,
+    names: Sequence[str],
+    recorded: Opened,
+    options: RefineOptions,
+    tissue: SoftTissue | None,
+) -> TrialData:
+    trial = recorded.trial
+    recording = recorded.usable.recording
+    use = recorded.counted.use
+    wrench = base_wrench(model, recording.motion, recording.wrenches, np.zeros(3))
+    time = recorded.motion.time
+    frames = (time >= recording.motion.time[0] - 1e-9) & (time <= recording.motion.time[-1] + 1e-9)
+    if recorded.within is not None:
+        # Markers outside of the part are not seen either.
+        inside = np.flatnonzero(frames)[recorded.within]
+        frames = np.zeros(len(time), bool)
+        frames[inside[0] : inside[-1] + 1] = True
+    chosen = np.isin(np.round(recording.motion.time, 9), np.round(time[frames], 9))
+    columns = {name: i for i, name in enumerate(trial.markers.names)}
+    observed = np.full((int(frames.sum()), len(names), 3), np.nan)
+    for i, name in enumerate(names):
+        if name in columns:
+            observed[:, i] = trial.markers.values[frames, columns[name]]
+    motion = recorded.motion if tissue is None else tissue.of(differentiate(recorded.motion))
+    start = _without_gaps(compile_tree(model).coordinates_of(motion)[frames])
+    return TrialData(
+        name=trial.name,
+        time=time[frames],
+        observed=observed,
+        measured=np.nan_to_num(wrench[chosen]),
+        use=use[chosen],
+        trust=np.ones(len(start)),
+        start=start,
+        basis=Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)),
+        gain=gain_of(recorded.usable, model.mass),
+    )
+
+
+def _without_gaps(values: Array) -> Array:
+    """Frames that saw no marker, straight between those that did."""
+    known = np.isfinite(values).all(axis=1)
+    at = np.arange(len(values))
+    return np.column_stack([np.interp(at, at[known], column[known]) for column in values.T])
+
+
+def identified_masses(
+    model: Model, recorded: Sequence[Usable], options: RefineOptions
+) -> tuple[Array, SoftTissue | None]:
+    """(bodies, 10) of `identify`, for the motion of the problem, and the soft tissue between it and
+    the markers. The model's, and soft tissue as before anything is measured, where it keeps these,
+    or the recordings are too short.
+    """
+    same = IdentificationOptions(compare=False, soft_tissue=options.soft_tissue)
+    usual = usual_tissue(model) if options.soft_tissue == "always" else None
+    points = {"own": own_points(model, DEFAULT_POSE, model.mass, SPACING)}
+    try:
+        limits = RecordingOptions(cutoff=options.cutoff)
+        identification = identify(model, recorded, points, options=same, recording=limits)
+    except BadData:
+        return inertial_parameters(model), usual
+    masses = (
+        identification.parameters[identification.chosen]
+        if options.masses
+        else inertial_parameters(model)
+    )
+    return masses, identification.soft_tissue or usual

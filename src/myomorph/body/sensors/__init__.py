@@ -1,0 +1,1 @@
+"""How inertial sensors sit on a body, and inverse kinematics with them."""

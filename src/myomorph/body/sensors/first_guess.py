@@ -1,0 +1,242 @@
+"""Where a search for the mounting of sensors begins: the calibration pose, or the motion of the
+markers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only, unit_vector
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.inertial_sensors import InertialSensors
+from myomorph.core.model.model import Model
+from myomorph.core.model.spatial import axis_rotation, rotation_from_vector, vector_from_rotation
+from myomorph.core.motion.sensors.mounting import rotations_at
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import Tree
+
+AXES = {
+    sign + name: (1.0 if sign == "" else -1.0) * row
+    for name, row in zip("xyz", np.eye(3), strict=True)
+    for sign in ("", "-")
+}
+TRIED = 24  # Headings that are tried round the circle
+FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
+REFINED = 5  # Times that the step between them is halved about the best
+RATE = 100.0  # At which speeds of rotation are compared [Hz]
+CLEAR = 0.85  # Share of a sensor's level turning about one axis, from which on it turns about this
+# Sensors have their own headings where these leave less than this share of the squares of one
+# heading
+OWN = 0.25
+STEADY = 0.05  # Added to errors that are compared, as the noise of a sensor against its bone [rad]
+MIN_LIKENESS = 0.5  # Correlation of speeds of rotation below which two clocks are not compared
+
+
+@read_only
+class CalibrationPose:
+    """Sensors while the body stands in a known pose: rotations (sensors, 3, 3) to the model's
+    ground, headings as recorded; time on the recording's clock, or that of its first frame where
+    the pose was recorded apart [s].
+    """
+
+    rotations: Array
+    coordinates: Array
+    time: float
+
+
+class Guess(NamedTuple):
+    """Where the search begins: rotations (sensors, 3, 3) to bodies, headings by which each sensor's
+    earth is turned [rad], and the second best heading's cost relative to the best's, infinite where
+    none were tried.
+    """
+
+    rotations: Array
+    headings: Array
+    ambiguity: float = np.inf
+
+
+def mean_rotation(rotations: Array) -> Array:
+    """(..., 3, 3) mean of rotations (frames, ..., 3, 3) by the polar decomposition of their sum;
+    NaN are left out.
+    """
+    U, _, V = np.linalg.svd(np.nansum(rotations, axis=0))
+    U[..., :, 2] *= np.linalg.det(U @ V)[..., None]
+    return np.asarray(U @ V)
+
+
+def calibration_pose(
+    model: Model, sensors: InertialSensors, coordinates: Array, start: float
+) -> CalibrationPose:
+    """The pose of a recording of which all frames count."""
+    rotations = rotations_at(sensors, sensors.time, model)
+    seen = np.asarray(np.isfinite(rotations).all((2, 3)))
+    silent = [name for index, name in enumerate(sensors.names) if not seen[:, index].any()]
+    if silent:
+        raise BadData(
+            f"{sensors.source or 'calibration pose'}: sensors {', '.join(silent)} recorded nothing"
+            " there"
+        )
+    return CalibrationPose(mean_rotation(rotations), coordinates, start)
+
+
+def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headings: Array) -> Guess:
+    """Mountings with which the sensors report the pose, each earth turned by its heading
+    (sensors,).
+    """
+    poses = forward_kinematics(tree, pose.coordinates[None])
+    turned = rotation_from_vector(headings[:, None] * tree.model.up) @ pose.rotations
+    own = poses.rotations[0, [tree.body_number(body) for body in bodies]]
+    return Guess(np.swapaxes(own, 1, 2) @ turned, headings)
+
+
+def named_headings(
+    model: Model, names: tuple[str, ...], pose: CalibrationPose, axes: Mapping[str, str]
+) -> Array | None:
+    """(sensors,) headings by which the named axis of a sensor points along the model's x in the
+    pose [rad]. One axis gives the heading of all sensors, several each that of its own.
+    """
+    if not axes:
+        return None
+    up = np.asarray(model.up)
+    found = dict[str, float]()
+    forward = unit_vector(np.eye(3)[0] - up[0] * up, "forward", model.name)
+    for name, axis in axes.items():
+        if name not in names:
+            raise UnknownName("sensor", name, names, "the recording")
+        if axis.casefold() not in AXES:
+            raise UnknownName("axis", axis, tuple(AXES), f"the heading of sensor '{name}'")
+        pointing = pose.rotations[names.index(name)] @ AXES[axis.casefold()]
+        level = pointing - (pointing @ up) * up
+        if np.linalg.norm(level) < 0.5:
+            raise BadData(
+                f"axis {axis} of sensor '{name}' stands upright in the calibration pose: name a"
+                " level one"
+            )
+        found[name] = float(np.arctan2(np.cross(level, forward) @ up, level @ forward))
+    if len(found) == 1:
+        return np.full(len(names), next(iter(found.values())))
+    if lost := [name for name in names if name not in found]:
+        raise BadData(
+            f"sensors {', '.join(lost)}: name the axis that points forward of one sensor, or of"
+            " every one"
+        )
+    return np.array([found[name] for name in names])
+
+
+def by_trying(
+    tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: Callable[[Guess], float]
+) -> Guess:
+    """The heading, the same of all sensors, of least `cost` [squares of the noise]; of a pose any
+    is as good.
+    """
+
+    def at(angle: float) -> tuple[float, float]:
+        return cost(from_pose(tree, bodies, pose, np.full(len(bodies), angle))), angle
+
+    def refined(tried: tuple[float, float]) -> tuple[float, float]:
+        step = 2.0 * np.pi / TRIED
+        for _ in range(REFINED):
+            step *= 0.5
+            tried = min(tried, at(tried[1] - step), at(tried[1] + step))
+        return tried
+
+    tried = [at(2.0 * np.pi * index / TRIED) for index in range(TRIED)]
+    best = int(np.argmin([value for value, _ in tried]))
+    least, angle = refined(tried[best])
+    away = [tried[(best + index) % TRIED] for index in range(3, TRIED - 2)]
+    guess = from_pose(tree, bodies, pose, np.full(len(bodies), angle))
+    return guess._replace(ambiguity=(refined(min(away))[0] + FLOOR) / (least + FLOOR))
+
+
+def turned_from_others(time: Array, earth: Array, up: Array) -> Array:
+    """(sensors,) angle between the level axis about which a sensor turns most and that of all
+    [rad], 0 where it turns about no one axis; of rotations (frames, sensors, 3, 3). Legs that swing
+    turn about the body's lateral axis.
+    """
+    steps = (
+        vector_from_rotation(earth[1:] @ np.swapaxes(earth[:-1], 2, 3))
+        / np.diff(time)[:, None, None]
+    )
+    level = np.nan_to_num(steps - (steps @ up)[..., None] * up)
+    sizes, directions = np.linalg.eigh(np.einsum("fsi,fsj->sij", level, level))
+    axes = directions[..., -1]
+    clear = sizes[:, -1] > CLEAR * sizes.sum(axis=1)
+    if not clear.any():
+        return np.zeros(len(axes))
+    # An axis has no sign.
+    common = np.linalg.eigh(np.einsum("si,sj->ij", axes[clear], axes[clear]))[1][:, -1]
+    return np.where(clear, np.arccos(np.clip(np.abs(axes @ common), 0.0, 1.0)), 0.0)
+
+
+def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple[Guess, bool]:
+    """Mountings and headings with which sensors follow bodies whose motion is known; both (frames,
+    sensors, 3, 3) to ground, NaN where unknown. All have one heading, or each its own: `anywhere`,
+    or where they follow much better then, as sensors without magnetometer do. Returns which.
+    """
+    count = bodies.shape[1]
+    known = np.asarray(np.isfinite(bodies).all((2, 3)) & np.isfinite(earth).all((2, 3)))
+
+    def mounted(index: int, angle: float) -> tuple[float, Array]:
+        own = earth[known[:, index], index]
+        seen = np.swapaxes(bodies[known[:, index], index], 1, 2)
+        if not len(own):
+            return 0.0, np.eye(3)
+        turned = seen @ axis_rotation(up, angle) @ own
+        mean = mean_rotation(turned)
+        return float((vector_from_rotation(turned @ mean.T) ** 2).sum()), mean
+
+    def heading(sensors: Sequence[int]) -> tuple[float, float]:
+        step = 2.0 * np.pi / TRIED
+        tried = min((sum(mounted(i, step * k)[0] for i in sensors), step * k) for k in range(TRIED))
+        for _ in range(4 * REFINED):
+            step *= 0.5
+            beside = (tried[1] - step, tried[1] + step)
+            tried = min(
+                tried, *((sum(mounted(i, angle)[0] for i in sensors), angle) for angle in beside)
+            )
+        return tried[0], (tried[1] + np.pi) % (2.0 * np.pi) - np.pi
+
+    together = heading(range(count))
+    each = [heading([index]) for index in range(count)]
+    floor = STEADY**2 * int(known.sum())
+    anywhere = anywhere or sum(error for error, _ in each) + floor < OWN * (together[0] + floor)
+    headings = np.array([angle for _, angle in each]) if anywhere else np.full(count, together[1])
+    return Guess(np.array([mounted(i, headings[i])[1] for i in range(count)]), headings), anywhere
+
+
+def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
+    """(times, items) speeds of rotation [rad/s] of (frames, items, 3, 3); mountings and headings do
+    not change them.
+    """
+    steps = (
+        vector_from_rotation(rotations[1:] @ np.swapaxes(rotations[:-1], 2, 3))
+        / np.diff(time)[:, None, None]
+    )
+    middle = 0.5 * (time[1:] + time[:-1])
+    speed = np.linalg.norm(steps, axis=2)
+    return np.column_stack([np.interp(at, middle, column, np.nan, np.nan) for column in speed.T])
+
+
+def clock_delay(
+    bodies: Array, sensors: Callable[[Array], Array], at: Array, search: float
+) -> tuple[float, float]:
+    """Delay of the sensors' clock [s] at which speeds of rotation, of bodies (times, sensors) at
+    even times and of sensors at any, are most alike, and their correlation there.
+    """
+    lags = np.arange(-int(search * RATE), int(search * RATE) + 1) / RATE
+    likeness = np.array([alike(bodies, sensors(at + lag)) for lag in lags])
+    best = int(np.nanargmax(likeness)) if np.isfinite(likeness).any() else len(lags) // 2
+    return float(lags[best]), float(likeness[best])
+
+
+def alike(first: Array, second: Array) -> float:
+    """Correlation of two tables (times, columns), all columns together; NaN are left out."""
+    known = np.isfinite(first) & np.isfinite(second)
+    if known.sum() < 20:
+        return np.nan
+    x = first[known] - first[known].mean()
+    y = second[known] - second[known].mean()
+    return float(x @ y / max(np.sqrt((x @ x) * (y @ y)), 1e-300))

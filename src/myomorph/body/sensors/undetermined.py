@@ -1,0 +1,135 @@
+"""Coordinates that no sensor determines, and what those of a lost sensor most likely are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.spatial import vector_from_rotation
+from myomorph.core.motion.marker_influence import STEP, nudged_poses
+from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.tree import Tree
+
+DETERMINED = 0.9
+"""A coordinate of whose usual variance the sensors explain a smaller share is not determined by
+them.
+"""
+NOISE = 0.05
+USUAL = 0.35
+"""Standard deviations of a sensor and of a coordinate, for that [rad]."""
+RIDGE = 1e-3
+"""Of the regression, relative to the variance of what explains."""
+MIN_FRAMES = 10
+"""Frames for each unknown of the regression, at least."""
+
+
+@read_only
+class LikelyAngles:
+    """Coordinates in frames in which their sensor is lost, as the others were seen to go with them
+    before or after: values (frames, columns) [rad], where the sensor is there what it shows;
+    standard deviation of what the others leave open [rad]; the frames in which a sensor is lost.
+    """
+
+    columns: Ints
+    values: Array
+    spread: Array
+    lost: np.ndarray
+
+
+class Seen(NamedTuple):
+    """Angles of joints (frames, coordinates), which sensors reported (frames, sensors), on which
+    bodies, and free joints.
+    """
+
+    values: Array
+    known: np.ndarray
+    bodies: Ints
+    joints: np.ndarray
+
+
+def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
+    """(variables,) which free coordinates are angles of joints, not of the root."""
+    floating = floating_coordinates(tree.model)
+    coordinates = tree.model.coordinates
+    return np.array(
+        [
+            coordinates[j].motion == "rotational" and coordinates[j].name not in floating
+            for j in free
+        ]
+    )
+
+
+def body_slopes(
+    tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
+) -> tuple[Array, Array]:
+    """Rotations of bodies (frames, bodies, 3, 3), and slopes (..., 3, variables), 0 at bounds if
+    `bounded`.
+    """
+    poses, held = nudged_poses(tree, problem, values)
+    rotations = poses.rotations[:, bodies].reshape(len(values), len(problem.free) + 1, -1, 3, 3)
+    steps = vector_from_rotation(rotations[:, 1:] @ np.swapaxes(rotations[:, :1], 3, 4)) / STEP
+    if bounded:
+        steps[held] = 0.0
+    return rotations[:, 0], np.moveaxis(steps, 1, 3)
+
+
+def undetermined(
+    tree: Tree, problem: PoseProblem, seen: Seen, known: np.ndarray, frame: int
+) -> np.ndarray:
+    """(variables,) which free coordinates the sensors that report (sensors,) do not determine at a
+    frame.
+    """
+    _, slopes = body_slopes(
+        tree, problem, seen.values[frame : frame + 1], seen.bodies, bounded=False
+    )
+    rows = slopes[0, known].reshape(-1, len(problem.free)) / NOISE
+    left = np.linalg.inv(rows.T @ rows + np.eye(len(problem.free)) / USUAL**2)
+    return np.asarray(1.0 - np.diag(left) / USUAL**2 < DETERMINED)
+
+
+def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> LikelyAngles | None:
+    """Coordinates of lost sensors by regression on those that the others determine, and their
+    rates. None where no sensor is lost, or it was not there for long enough to learn from.
+    """
+    whole = np.asarray(seen.known.all(axis=1))
+    ever = np.asarray(seen.known.any(axis=0))
+    if whole.all() or not ever.all() or not whole.any():
+        return None
+    free = problem.free
+    joints = seen.joints
+    middle = int(np.flatnonzero(whole)[whole.sum() // 2])
+    always = undetermined(tree, problem, seen, ever, middle)
+    values = np.array(seen.values)
+    blind_ever = np.zeros(len(free), dtype=bool)
+    spread = np.zeros(len(free))
+    for pattern in np.unique(seen.known[~whole], axis=0):
+        blind = undetermined(tree, problem, seen, pattern, middle) & ~always & joints
+        frames = (seen.known == pattern).all(axis=1)
+        explaining = free[joints & ~always & ~blind]
+        rates = np.gradient(seen.values[:, explaining], time, axis=0)
+        X = np.hstack((seen.values[:, explaining], rates / np.maximum(rates.std(axis=0), 1e-9)))
+        if not blind.any() or whole.sum() < MIN_FRAMES * (X.shape[1] + 1):
+            continue
+        X = np.hstack((X - X[whole].mean(axis=0), np.ones((len(X), 1))))
+        Y = seen.values[:, free[blind]]
+        A = X[whole]
+        normal = A.T @ A
+        normal[np.diag_indices(len(normal) - 1)] += RIDGE * np.diag(normal)[:-1]
+        B = np.linalg.solve(normal, A.T @ Y[whole])
+        values[np.ix_(frames, free[blind])] = (X @ B)[frames]
+        left = np.sqrt(np.mean((A @ B - Y[whole]) ** 2, axis=0))
+        spread[blind] = np.maximum(spread[blind], left)
+        blind_ever |= blind
+    if not blind_ever.any():
+        return None
+    columns = free[blind_ever]
+    return LikelyAngles(
+        columns=columns,
+        values=values[:, columns],
+        spread=np.maximum(spread[blind_ever], 0.02),
+        lost=~whole,
+    )

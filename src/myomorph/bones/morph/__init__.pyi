@@ -1,0 +1,19 @@
+# The public names of `mm.morph`: maps of bones, options and results of a morph, and its checks.
+from ...core.surfaces.linear_maps import Similarity as Similarity
+from .checks.checks import check_morph as check_morph
+from .checks.moment_arms import MomentArms as MomentArms
+from .checks.penetration import Penetration as Penetration
+from .checks.warnings import CheckOptions as CheckOptions
+from .checks.warnings import MorphChecks as MorphChecks
+from .checks.warnings import WrapInterval as WrapInterval
+from .maps.fields import BoneMap as BoneMap
+from .maps.fields import FeaturePoints as FeaturePoints
+from .maps.fields import MapOptions as MapOptions
+from .maps.fields import PointMap as PointMap
+from .morphed import Architecture as Architecture
+from .morphed import Morph as Morph
+from .morphed import MorphOptions as MorphOptions
+from .morphed import MuscleChange as MuscleChange
+from .morphed import RebuiltJoint as RebuiltJoint
+from .morphed import TransferredPoint as TransferredPoint
+from .registration.smooth import MatchOptions as MatchOptions

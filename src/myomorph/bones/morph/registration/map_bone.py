@@ -1,0 +1,258 @@
+"""The map from one bone to another: checks, matching, feature points, and the map through them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy
+
+from myomorph.bones.morph.maps.fields import (
+    Basis,
+    BoneMap,
+    FeaturePoints,
+    MapOptions,
+    PointMap,
+    feature_warnings,
+    fit_map,
+    inverted,
+)
+from myomorph.bones.morph.registration.alignment import automatic_landmarks
+from myomorph.bones.morph.registration.bone_checks import check_bone, repaired_bone
+from myomorph.bones.morph.registration.nonrigid import (
+    PlacedBone,
+    SurfaceMatch,
+    match_surfaces,
+    place_bone,
+)
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity, procrustes
+
+# A surface feature nearer to a landmark than this share of the features' spacing gives way to it.
+BESIDE = 0.5
+STEEP = 3.0
+"""So does one nearer than so many times the distance by which landmark and surface features
+disagree: between them the map would fold.
+"""
+
+MIN_COUNT = 20  # Matched points below which two surfaces are not the same bone.
+WRONG_SIDE = 0.7
+UNSURE_SIDE = 0.9
+"""Share of the distance that the mirrored source leaves, below which the bone is one of the other
+side, or may be: 0.2 to 0.65 of femurs, tibias and heels of the other side, 0.8 or more of those of
+the same, about 1 of a pelvis.
+"""
+
+ROUNDS = 3  # Times that features are taken out where the map folds.
+STEPS = 3  # Of `map_bone`: checked, matched, mapped.
+
+
+def map_bone(
+    body: str,
+    source: Surface | None,
+    target: Surface | None,
+    landmarks: FeaturePoints | None = None,
+    map_options: MapOptions | None = None,
+    match: MatchOptions | None = None,
+    target_body: str = "",
+    progress: Callable[[int], None] | None = None,
+    start: Similarity | None = None,
+) -> BoneMap:
+    """How what is fixed to a body becomes fixed to the target's bone.
+
+    With both surfaces the map goes through points spread over them and through the landmarks; with
+    one or none, or where the options say so, through the landmarks alone. If none are given then,
+    they are found by rules.
+
+    Source: Franke 1982; Duchon 1977; see docs/bone-maps.md.
+
+    Parameters
+    ----------
+    body : of the source
+    source, target : surfaces in their bodies' frames; None where there is none
+    landmarks : of the bone, in the source's and the target's frame
+    map_options : how the space around the bone is mapped; see `MapOptions`
+    match : how surfaces are matched; see `MatchOptions`
+    target_body : its name in the target; `body` where it is empty
+    progress : called with the steps just done, of `STEPS`
+    start : where the bone roughly lies, where landmarks do not say so: as its neighbors, in bones
+        that share a frame
+
+    Returns
+    -------
+    map from the source body's frame to the target's [m], what it was made from, its residuals and
+    notes
+
+    Raises
+    ------
+    BadData : nothing to make a map of, or bones that cannot be the same
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
+    >>> found = mm.map_bone("fore", None, None, mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> found.basis, round(float(found.whole.scale), 3)
+    ('landmarks', 1.2)
+    >>> found.map.apply(np.array([[0.1, 0.1, 0.0]])).round(3)
+    array([[0.12, 0.12, 0.  ]])
+    """
+    match = match or MatchOptions()
+    landmarks = landmarks if landmarks is not None and len(landmarks) else None
+    advance = progress or (lambda _: None)
+    notes: list[str] = []
+    measures: dict[str, float] = {}
+    basis: Basis = "landmarks"
+    if source is not None:
+        source = repaired_bone(source, f"the source's bone of '{body}'", notes)
+    placed = None
+    if target is not None:
+        target = repaired_bone(target, f"the bone of '{body}'", notes)
+        if source is not None:
+            placed = place_bone(source, target, landmarks, start, match)
+            _check_side(body, placed, notes)
+        notes += check_bone(
+            body, target, source, landmarks, None if placed is None else placed.similarity
+        )
+    advance(1)
+    if source is not None and target is not None and match.features == "dense":
+        basis = "bone"
+        surface_match = match_surfaces(source, target, landmarks, match, placed)
+        notes += surface_match.notes
+        measures |= surface_match.quality.measures(surface_match.length)
+        features = _features(body, surface_match, landmarks, match, map_options)
+    elif landmarks is not None:
+        features = landmarks
+    else:
+        features = _found_by_rules(body, source, target, placed, notes)
+    advance(1)
+    features, mapping = _unfolded(features, landmarks, source, map_options)
+    notes += feature_warnings(features)
+    inside_out = float(
+        np.mean(inverted(mapping, features.source if source is None else source.vertices))
+    )
+    if inside_out > 0:
+        notes.append(
+            f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices"
+        )
+    measures |= {"features": float(len(features)), "map inverted": inside_out}
+    advance(1)
+    return BoneMap(
+        body=body,
+        target_body=target_body or body,
+        map=mapping,
+        whole=procrustes(features.source, features.target, True, features.weights),
+        basis=basis,
+        source=source,
+        target=target,
+        features=features,
+        measures=FrozenMap(measures),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _found_by_rules(
+    body: str,
+    source: Surface | None,
+    target: Surface | None,
+    placed: PlacedBone | None,
+    notes: list[str],
+) -> FeaturePoints:
+    """Landmarks of two surfaces; raises `BadData` where there is only one of them."""
+    if source is None or target is None or placed is None:
+        lacking = " and ".join(
+            whose for whose, known in (("source", source), ("target", target)) if known is None
+        )
+        raise BadData(
+            f"'{body}': the {lacking} has no surface of this bone, and there are no landmarks: give"
+            " one or the other (the source's meshes may lie in another folder, see --geometry)"
+        )
+    result = automatic_landmarks(source, target, placed.similarity)
+    notes.append(
+        f"{len(result)} landmarks of '{body}' were found by rules: {', '.join(result.names)}"
+    )
+    return result
+
+
+def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
+    if not placed.mirrored < UNSURE_SIDE:
+        return
+    text = (
+        f"the bone of '{body}' is nearer to the mirrored bone of the source ({placed.mirrored:.2f}"
+        " times the distance): is it one of the other side?"
+    )
+    if placed.mirrored < WRONG_SIDE:
+        raise BadData(f"{text} Give the bone of this side, or mirror the model first")
+    notes.append(text)
+
+
+def _features(
+    body: str,
+    surface_match: SurfaceMatch,
+    landmarks: FeaturePoints | None,
+    match: MatchOptions,
+    map_options: MapOptions | None,
+) -> FeaturePoints:
+    """The landmarks, and the first of the evenly spread pairs that are not too near to one."""
+    if len(surface_match.pairs) < MIN_COUNT:
+        raise BadData(
+            f"the bones of '{body}' meet at {len(surface_match.pairs)} of {match.match_points}"
+            " points: are they the same bone? Give landmarks, or leave the bone out: it is then"
+            " scaled as its neighbors"
+        )
+    dense = surface_match.pairs.at(np.arange(min(match.feature_count, len(surface_match.pairs))))
+    if landmarks is None:
+        return dense
+    spacing = float(np.median(scipy.spatial.cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
+    apart = np.linalg.norm(
+        fit_map(dense, map_options).apply(landmarks.source) - landmarks.target, axis=1
+    )
+    reach = np.maximum(BESIDE * spacing, STEEP * apart / surface_match.placed.similarity.scale)
+    away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
+    return _joined(landmarks, dense.at(np.flatnonzero((away > reach).all(axis=1))))
+
+
+def _unfolded(
+    features: FeaturePoints,
+    landmarks: FeaturePoints | None,
+    source: Surface | None,
+    options: MapOptions | None,
+) -> tuple[FeaturePoints, PointMap]:
+    """The map, and the features that it needs: without the dense ones around which it would fold."""
+    mapping = fit_map(features, options)
+    first = 0 if landmarks is None else len(landmarks)
+    if source is None or len(features) == first:
+        return features, mapping
+    for _ in range(ROUNDS):
+        wrong = source.vertices[inverted(mapping, source.vertices)]
+        if not len(wrong):
+            break
+        near = scipy.spatial.cKDTree(features.source).query(wrong, 2)[1]
+        kept = np.ones(len(features), dtype=bool)
+        kept[np.unique(near)] = False
+        kept[:first] = True
+        if kept.all() or kept.sum() < MIN_COUNT:
+            break
+        features = features.at(np.flatnonzero(kept))
+        mapping = fit_map(features, options)
+    return features, mapping
+
+
+def _joined(first: FeaturePoints, then: FeaturePoints) -> FeaturePoints:
+    """Landmarks, most often without radii, and features of surfaces, without weights."""
+    source = np.concatenate((first.source, then.source))
+    target = np.concatenate((first.target, then.target))
+    unknown = np.full(len(first), np.nan) if first.radii is None else first.radii
+    weights = None if first.weights is None else np.concatenate([first.weights, np.ones(len(then))])
+    radii = None if then.radii is None else np.concatenate([unknown, then.radii])
+    return FeaturePoints(
+        names=(*first.names, *then.names),
+        source=source,
+        target=target,
+        weights=weights,
+        radii=radii,
+    )

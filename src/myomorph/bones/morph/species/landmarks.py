@@ -1,0 +1,187 @@
+"""Homologous landmarks of two species' bones, found by the rules of a species table."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.bones.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, LandmarkRule
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.surface import Surface, connected, edges_of, face_crosses
+
+# A part straddles the midline where its middle lies within this share of its width from it.
+MIDDLE = 0.1
+Landmarks = dict[str, Array]
+Ints = NDArray[np.int64]
+
+
+class Parts:
+    """The connected parts of a bone's surface in the directions of the anatomy. `joint`: (3,) where
+    the bone's first joint landmark is [m]; `half`: only what lies to the right of the body's origin
+    counts.
+    """
+
+    def __init__(self, surface: Surface, frame: AnatomicalFrame, joint: Array | None, half: bool):
+        self._points = surface.vertices @ frame.axes.T
+        faces = surface.faces[_area(surface) > 0.0]
+        # Number of the connected part of every vertex; vertices at one place are one.
+        _, place = np.unique(surface.vertices, axis=0, return_inverse=True)
+        labels = connected(int(place.max()) + 1, edges_of(place.reshape(-1)[faces]))[
+            place.reshape(-1)
+        ]
+        if half:
+            keep = self._points[:, 2] >= 0.0
+            faces = faces[keep[faces].all(axis=1)]
+        self._faces = faces
+        self._label = labels[faces[:, 0]]
+        self._names = self._named(surface, labels, frame, joint)
+
+    def _named(
+        self, surface: Surface, labels: Ints, frame: AnatomicalFrame, joint: Array | None
+    ) -> Mapping[str, list[int]]:
+        present = [int(label) for label in np.unique(self._label)]
+        areas = {
+            label: float(_area(surface)[labels[surface.faces[:, 0]] == label].sum())
+            for label in present
+        }
+        by_area = sorted(present, key=lambda label: -areas[label])
+        named = {"": present, "first": by_area[:1], "second": by_area[1:2]}
+        if joint is not None:
+            apart = np.linalg.norm(self._points - frame.axes @ joint, axis=1)
+            near = min(present, key=lambda label: float(apart[labels == label].min()))
+            across = {label: self._points[labels == label, 2] for label in present if label != near}
+            named["joint"] = [near]
+            named["middle"] = [
+                name
+                for name, x in across.items()
+                if abs(x.min() + x.max()) < 2.0 * MIDDLE * np.ptp(x)
+            ]
+        return named
+
+    def of(self, rule: LandmarkRule) -> tuple[Array, Ints]:
+        """Points (n, 3) in the directions of the anatomy, and faces, of the parts a rule looks at."""
+        wanted = self._names.get(rule.part, [])
+        faces = self._faces[np.isin(self._label, wanted)]
+        if not len(faces):
+            raise BadData(f"landmark '{rule.name}': the bone has no part '{rule.part}'")
+        used, numbers = np.unique(faces, return_inverse=True)
+        return self._points[used], np.reshape(numbers, faces.shape)
+
+
+def _area(surface: Surface) -> Array:
+    return 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
+
+
+def landmarks_by_rules(
+    rules: tuple[LandmarkRule, ...],
+    surface: Surface,
+    frame: AnatomicalFrame,
+    joints: Mapping[str, Array],
+    of_source: bool,
+    half: bool = False,
+) -> tuple[Landmarks, tuple[str, ...]]:
+    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why.
+    `joints`: centers of joints by the body that hangs on them [m]; `half`: only what lies to the
+    right of the body's origin counts.
+    """
+    landmarks: Landmarks = {}
+    for rule in rules:
+        if rule.rule == "joint":
+            name = rule.source_joint if of_source else rule.target_joint
+            if name not in joints:
+                raise BadData(
+                    f"landmark '{rule.name}': no joint of '{name}': there are"
+                    f" {', '.join(sorted(joints))}"
+                )
+            landmarks[rule.name] = np.asarray(joints[name], dtype=np.float64)
+    parts = Parts(surface, frame, next(iter(landmarks.values()), None), half)
+    notes = []
+    for rule in rules:
+        if rule.rule == "joint":
+            continue
+        try:
+            points, faces = parts.of(rule)
+            box = {**rule.within, **(rule.source_within if of_source else rule.target_within)}
+            if rule.rule == "farthest":
+                here = _farthest(rule, points, box)
+            else:
+                here = (
+                    _sections(rule, points, faces)
+                    if rule.rule == "section"
+                    else _corners(rule, points)
+                )
+        except BadData as error:
+            notes.append(str(error))
+            continue
+        landmarks |= {name: point @ frame.axes for name, point in here.items()}
+    return landmarks, tuple(notes)
+
+
+def _farthest(
+    rule: LandmarkRule, points: Array, box: Mapping[str, tuple[float, float]]
+) -> Landmarks:
+    low = points.min(axis=0)
+    extent = np.ptp(points, axis=0)
+    inside = np.ones(len(points), dtype=bool)
+    for name, (least, most) in box.items():
+        direction = DIRECTIONS.index(name)
+        share = (points[:, direction] - low[direction]) / extent[direction]
+        inside &= (share >= least) & (share <= most)
+    if not inside.any():
+        raise BadData(f"landmark '{rule.name}': the bone has no vertex in its region")
+    # Relative to the part's extents, so that a slender and a stout bone have it at the same place.
+    toward = np.array([rule.toward.get(name, 0.0) for name in DIRECTIONS]) / extent
+    region = points[inside]
+    return {rule.name: region[int(np.argmax(region @ toward))]}
+
+
+def _corners(rule: LandmarkRule, points: Array) -> Landmarks:
+    ends = np.array([points.min(axis=0), points.max(axis=0)])
+    return {
+        f"{rule.name} {i}{j}{third}": np.array([ends[i, 0], ends[j, 1], ends[third, 2]])
+        for i, j, third in itertools.product((0, 1), repeat=3)
+    }
+
+
+def _sections(rule: LandmarkRule, points: Array, faces: Ints) -> Landmarks:
+    # Along anterior the section is spanned by proximal and right, in that order.
+    order = [0, 1, 2] if rule.along == "proximal" else [1, 0, 2]
+    turned = points[:, order]
+    low = float(turned[:, 0].min())
+    extent = float(np.ptp(turned[:, 0]))
+    landmarks: Landmarks = {}
+    for share in rule.at:
+        height = low + share * extent
+        ends = section(turned, faces, height).reshape(-1, 2)
+        if not len(ends):
+            raise BadData(f"landmark '{rule.name}': no cross-section at {share:g} of the bone")
+        for angle in 2.0 * np.pi * np.arange(rule.around) / rule.around:
+            farthest = ends[int(np.argmax(ends @ [np.cos(angle), np.sin(angle)]))]
+            landmarks[f"{rule.name} {share:g} at {np.degrees(angle):.0f}"] = np.array(
+                [height, *farthest]
+            )[order]
+    return landmarks
+
+
+def section(points: Array, faces: Ints, height: float) -> Array:
+    """Straight pieces (n, 2, 2) in which a surface is cut across its first axis: ends, then the
+    other two axes.
+    """
+    above = points[:, 0] > height
+    cut = faces[(above[faces].any(axis=1)) & ~(above[faces].all(axis=1))]
+    if not len(cut):
+        return np.empty((0, 2, 2))
+    # The corner that is alone on its side of the plane comes first.
+    side = above[cut]
+    alone = np.where(side.sum(axis=1) == 1, side.argmax(axis=1), (~side).argmax(axis=1))
+    tip = points[np.take_along_axis(cut, alone[:, None], axis=1)[:, 0]]
+    pieces = np.empty((len(cut), 2, 2))
+    for axis in (1, 2):
+        other = points[np.take_along_axis(cut, (alone[:, None] + axis) % 3, axis=1)[:, 0]]
+        share = (height - tip[:, :1]) / (other[:, :1] - tip[:, :1])
+        pieces[:, axis - 1] = (tip + share * (other - tip))[:, 1:]
+    return pieces

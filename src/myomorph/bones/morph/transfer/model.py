@@ -1,0 +1,397 @@
+"""A model's muscles, and all that is fixed to its bones, transferred to other bones ([D] chapters 2
+and 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from myomorph.bones.morph.checks.clearance import cleared
+from myomorph.bones.morph.checks.moment_arms import CoordinateTable, paired_postures
+from myomorph.bones.morph.maps.fields import BoneMap
+from myomorph.bones.morph.morphed import Architecture, Morph, MorphOptions
+from myomorph.bones.morph.transfer.body_transfer import (
+    Transfer,
+    Transfers,
+    neighbor_notes,
+    not_transferred,
+    of_mass,
+    transferred_actuator,
+    transferred_body,
+    transferred_marker,
+    transferred_mesh,
+    transferred_tie,
+    with_neighbors,
+)
+from myomorph.bones.morph.transfer.joints import CenterFinder, transferred_joints
+from myomorph.bones.morph.transfer.moving_points import translated_path
+from myomorph.bones.morph.transfer.muscles import path_lengths, transferred_muscles
+from myomorph.bones.morph.transfer.paths import LinesOfAction, transferred_lines
+from myomorph.bones.morph.transfer.points import uncertain_notes
+from myomorph.bones.morph.transfer.virtual_links import (
+    balanced_links,
+    bones_around,
+    link_carriers,
+    link_notes,
+)
+from myomorph.core.model.errors import BadData, UnknownName, quoted
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import GROUND, Model, index_of
+from myomorph.core.model.paths import Ligament, Muscle, PathPoint, PathWrap
+from myomorph.core.model.scale import taut_ligaments
+from myomorph.core.muscles.kinematics import default_path_lengths
+from myomorph.core.rigid.kinematics import standing_poses
+
+
+def morph_model(
+    model: Model,
+    bones: Mapping[str, BoneMap],
+    options: MorphOptions | None = None,
+    *,
+    mass: float | None = None,
+    name: str = "",
+    together: bool = False,
+    surrounding: Mapping[str, Sequence[str]] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Morph:
+    """The model in other bones: its joints, muscles and all that is fixed to its bodies transferred
+    by the bones' maps.
+
+    Everything fixed to one body goes by that body's map alone. A body without a map takes its
+    neighbors' size; one that has no bone at all, but muscle points, is mapped by the bones around
+    it (a virtual link). The new model has the coordinates of the old one: at equal values
+    homologous directions of the bones lie alike.
+
+    Source: [D], chapter 2; Modenese et al. 2016; see docs/morphing.md.
+
+    Parameters
+    ----------
+    model : whose muscles, joints and markers are transferred
+    bones : maps by body, "ground" among them where it holds a bone; at least one
+    options : what is transferred how; see `MorphOptions`
+    mass : of the new model [kg]; by default masses grow with the bones' volumes
+    name : of the new model; by default the old one's
+    together : the target's bones share one frame, as in one scan, so that parent and child must
+        agree on joint centers
+    surrounding : bodies that are virtual links, with the bones around each
+    progress : called with the number of postures just done, of which there are `postures.COUNT` + 1
+        for each model
+
+    Returns
+    -------
+    the new model, where its points came to lie [m], its muscles' lengths [m] and notes
+
+    Raises
+    ------
+    UnknownName : a map, or a virtual link, of a body that the model does not have
+    BadData : no map, or one that turns right into left
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
+    >>> fore = mm.map_bone("fore", None, None, mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> found = mm.morph_model(mm.read_model("arm.osim"), {"fore": fore}, mass=4.0)
+    >>> found.model.markers[2].location[:2].round(3).tolist()
+    [0.048, -0.12]
+    """
+    options = options or MorphOptions()
+    _check(model, bones)
+    transfers = {body: Transfer(bone, body) for body, bone in with_neighbors(model, bones).items()}
+    joints = transferred_joints(
+        model, transfers, CenterFinder(transfers, options.joints == "fitted", together)
+    )
+    links = bones_around(model, bones, surrounding)
+    # Their joints stay where their neighbors' size puts them: the pose in which bones are compared
+    # hangs on them.
+    standing = (standing_poses(model), standing_poses(joints.skeleton)) if links else ({}, {})
+    transfers |= link_carriers(links, transfers, *standing, {link: link for link in links})
+
+    def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
+        strings = transferred_lines(
+            model,
+            model.muscles,
+            model.ligaments,
+            by,
+            model.coordinates,
+            joints.travel,
+            options.surface_within,
+        )
+        made = replace(
+            joints.skeleton,
+            gravity=by[GROUND].rotation @ model.gravity,
+            markers=tuple(transferred_marker(marker, by) for marker in model.markers),
+            actuators=tuple(transferred_actuator(actuator, by) for actuator in model.actuators),
+            loops=tuple(transferred_tie(loop, by) for loop in model.loops),
+            frames=tuple(
+                replace(frame, pose=by[frame.body].pose(frame.pose)) for frame in model.frames
+            ),
+            ground_meshes=tuple(transferred_mesh(mesh, by[GROUND]) for mesh in model.ground_meshes),
+            bushings=tuple(transferred_tie(bushing, by) for bushing in model.bushings),
+            name=name or model.name,
+            bodies=of_mass(
+                tuple(transferred_body(body, by[body.name]) for body in model.bodies), mass
+            ),
+            muscles=strings.muscles,
+            ligaments=strings.ligaments,
+            wrap_objects=strings.wrap_objects,
+            warnings=(),
+        )
+        return made, strings
+
+    if options.balance:
+        transfers = balanced_links(model, links, transfers, lambda by: transferred(by)[0])
+    moved, strings = transferred(transfers)
+    morph = _morph(model, model, moved, strings, transfers, options, joints.notes, progress)
+    return replace(morph, joints=joints.rebuilt, notes=(*morph.notes, *not_transferred(model)))
+
+
+def _morph(
+    source: Model,
+    donor: Model,
+    moved: Model,
+    strings: LinesOfAction,
+    transfers: Transfers,
+    options: MorphOptions,
+    notes: Sequence[str],
+    progress: Callable[[int], None] | None,
+    table: CoordinateTable | None = None,
+    postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+    architecture: Mapping[str, Architecture] | None = None,
+) -> Morph:
+    """What comes of transferred paths (`moved`, and `donor` with the same muscles and ligaments of
+    the source): brought out of bones, with muscles of their lengths, and with all that there is to
+    note.
+    """
+    solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
+    moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
+    lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
+    ratio = moved.mass / source.mass if source.mass > 0.0 else 1.0
+    owners = {muscle.name: muscle for muscle in source.muscles}
+    muscles, changes, unsure = transferred_muscles(
+        moved.muscles, owners, lengths, transfers, options, ratio, architecture
+    )
+    taut = taut_ligaments(
+        _in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths
+    )
+    bones = FrozenMap({body: transfer.bone for body, transfer in transfers.items()})
+    told = (*neighbor_notes(bones), *link_notes(bones), *notes, *strings.notes, *clearing, *unsure)
+    return Morph(
+        source=source,
+        model=replace(moved, muscles=muscles, ligaments=taut),
+        bones=bones,
+        points=points,
+        joints=(),
+        muscles=changes,
+        options=options,
+        notes=(*uncertain_notes(points, transfers), *told),
+    )
+
+
+def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
+    if not bones:
+        raise BadData("no bone is given: the map of at least one body is needed")
+    for body in bones:
+        if body not in (GROUND, *model.body_names):
+            raise UnknownName("body", body, model.body_names)
+
+
+def graft_muscles(
+    source: Model,
+    target: Model,
+    bones: Mapping[str, BoneMap],
+    options: MorphOptions | None = None,
+    *,
+    coordinates: CoordinateTable | None = None,
+    postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+    surrounding: Mapping[str, Sequence[str]] | None = None,
+    beside: bool = False,
+    name: str = "",
+    architecture: Mapping[str, Architecture] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Morph:
+    """The target's skeleton with the source's muscles on it, and their wrap objects and markers
+    ([D] chapter 6).
+
+    Several bodies of the source may lead to one of the target, where bones are fused. A muscle one
+    of whose bodies has no counterpart is left out, and so is a wrap object. Joints, masses and
+    meshes are the target's own. `coordinates`: target = factor source + offset; by default those of
+    the same name; conditional and moving points follow them, and fibers keep the range of
+    normalized lengths over the ranges of these; `postures`: of source and target in which their
+    bones lie alike; virtual links are mapped in them, paths compared; `surrounding`: virtual links,
+    with the bones around each; `beside`: keep the target's own muscles too; `architecture`: known
+    fiber lengths and forces, by the source's names.
+    """
+    options = options or MorphOptions()
+    _check(source, bones)
+    table = coordinates
+    if table is None:
+        table = {
+            name: (name, 1.0, 0.0)
+            for name in source.coordinate_names
+            if name in target.coordinate_names
+        }
+    transfers = {body: Transfer(bone, bone.target_body) for body, bone in bones.items()}
+    for body in bones:
+        index_of(
+            "body", transfers[body].body, (GROUND, *target.body_names), f"the target of '{body}'"
+        )
+    links = bones_around(source, bones, surrounding)
+    targets = {link: transfers[around[0]].body for link, around in links.items()}
+    standing = standing_poses(source, postures[0]), standing_poses(target, postures[1])
+    transfers |= link_carriers(links, transfers, *standing, targets)
+    left_out = _left_out(source, transfers)
+    muscles, notes = _translated(
+        source,
+        [muscle for muscle in source.muscles if muscle.name not in left_out],
+        transfers,
+        table,
+        postures[0],
+    )
+    ligaments = _whole_ligaments(source, transfers)
+    # The parts of the source's file that the ligaments' forces are in.
+    forces = {(ligament.kind, ligament.name) for ligament in ligaments}
+    kept = tuple(part for part in source.kept if (part.kind, part.name) in forces)
+    known = (*source.coordinates, *target.coordinates)
+
+    def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
+        strings = transferred_lines(
+            source, muscles, ligaments, by, known, {}, options.surface_within
+        )
+        further = (
+            mark
+            for mark in source.markers
+            if mark.body in by and mark.name not in target.marker_names
+        )
+        made = replace(
+            target,
+            name=name or target.name,
+            muscles=strings.muscles,
+            ligaments=strings.ligaments,
+            kept=(*target.kept, *kept),
+            wrap_objects=strings.wrap_objects,
+            markers=(*target.markers, *(transferred_marker(marker, by) for marker in further)),
+            warnings=(),
+        )
+        return made, strings
+
+    if options.balance:
+        held = _in_posture(source, postures[0])
+        transfers = balanced_links(
+            held, links, transfers, lambda by: _in_posture(transferred(by)[0], postures[1])
+        )
+    moved, strings = transferred(transfers)
+    donor = replace(
+        source, muscles=tuple(source.muscle(muscle.name) for muscle in muscles), ligaments=ligaments
+    )
+    morph = _morph(
+        source,
+        donor,
+        moved,
+        strings,
+        transfers,
+        options,
+        notes,
+        progress,
+        table,
+        postures,
+        architecture,
+    )
+    grown = morph.model
+    if beside:
+        grown = replace(
+            grown,
+            muscles=(*target.muscles, *grown.muscles),
+            ligaments=(*target.ligaments, *grown.ligaments),
+            wrap_objects=(*target.wrap_objects, *grown.wrap_objects),
+        )
+    return replace(morph, model=grown, left_out=FrozenMap(left_out))
+
+
+def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
+    """The model with other default values of its coordinates."""
+    changed = (
+        replace(coordinate, default=values.get(coordinate.name, coordinate.default))
+        for coordinate in model.coordinates
+    )
+    return replace(model, coordinates=tuple(changed))
+
+
+def _whole_ligaments(source: Model, transfers: Mapping[str, Transfer]) -> tuple[Ligament, ...]:
+    """Ligaments all of whose bodies have a counterpart; surfaces that have none they no longer go
+    around.
+    """
+    bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
+    ligaments = []
+    for ligament in source.ligaments:
+        if all(
+            isinstance(point, PathPoint) and point.body in transfers
+            for point in ligament.path.points
+        ):
+            wraps = tuple(
+                w
+                for w in ligament.path.wraps
+                if isinstance(w, PathWrap) and bodies[w.wrap_object] in transfers
+            )
+            ligaments.append(replace(ligament, path=replace(ligament.path, wraps=wraps)))
+    return tuple(ligaments)
+
+
+def _left_out(source: Model, transfers: Mapping[str, Transfer]) -> dict[str, str]:
+    """Why each muscle that cannot be put on the target is left out."""
+    result = {}
+    for muscle in source.muscles:
+        missing = dict.fromkeys(
+            point.body for point in muscle.path.points if point.body not in transfers
+        )
+        if missing:
+            result[muscle.name] = "the target has no counterpart of " + ", ".join(
+                f"'{body}'" for body in missing
+            )
+    return result
+
+
+def _translated(
+    source: Model,
+    muscles: Sequence[Muscle],
+    transfers: Mapping[str, Transfer],
+    table: CoordinateTable,
+    posture: Mapping[str, float],
+) -> tuple[list[Muscle], list[str]]:
+    """Muscles in the target's coordinates, around the surfaces that the target has."""
+    standing = {
+        coordinate.name: posture.get(coordinate.name, coordinate.default)
+        for coordinate in source.coordinates
+    }
+    bodies = {wrap.name: wrap.body for wrap in source.wrap_objects}
+    paths = []
+    frozen = []
+    straight = []
+    for muscle in muscles:
+        path, lost = translated_path(muscle.path, table, standing)
+        wraps: Any = tuple(
+            wrap
+            for wrap in path.wraps
+            if bodies[wrap.wrap_object] in transfers
+            and (isinstance(wrap, PathWrap) or wrap.side_body in ("", *transfers))
+        )
+        if lost:
+            frozen.append(muscle.name)
+        if len(wraps) < len(path.wraps):
+            straight.append(muscle.name)
+        paths.append(replace(muscle, path=replace(path, wraps=wraps)))
+    notes = []
+    if frozen:
+        notes.append(
+            "points stand still that follow coordinates which the target does not have:"
+            f" {quoted(frozen)}"
+        )
+    if straight:
+        notes.append(
+            "paths no longer go around surfaces of bodies that the target does not have:"
+            f" {quoted(straight)}"
+        )
+    return paths, notes

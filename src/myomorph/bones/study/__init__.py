@@ -1,0 +1,1 @@
+"""Steps of a study that make a model in other bones."""

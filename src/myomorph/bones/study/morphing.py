@@ -1,0 +1,283 @@
+"""A model in other bones, from files: bones laid on bones, muscles carried over, and the model of
+that body.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.bones.morph.arm_intervals import DRAWS, with_arm_intervals
+from myomorph.bones.morph.checks.checks import check_morph
+from myomorph.bones.morph.checks.moment_arms import COUNT
+from myomorph.bones.morph.checks.warnings import MorphChecks
+from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, MapOptions
+from myomorph.bones.morph.mirror.model import with_mirrored_bones
+from myomorph.bones.morph.morphed import Morph, MorphOptions
+from myomorph.bones.morph.registration.bone_checks import bone_length, check_exchange, check_units
+from myomorph.bones.morph.registration.map_bone import map_bone
+from myomorph.bones.morph.registration.neighbors import start_by_neighbors
+from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.report.morph_summary import morph_lines
+from myomorph.bones.study.morph_files import MorphFiles, read_bones, resized, source_bones, spread
+from myomorph.bones.study.morphed_errors import morphed_errors
+from myomorph.core.io.landmarks import read_landmark_pairs
+from myomorph.core.io.mesh import read_mesh, write_obj
+from myomorph.core.model.errors import BadData, UnknownName
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Mesh, Model
+from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.spatial import Transform
+from myomorph.core.model.surface import Surface
+from myomorph.core.rigid.kinematics import standing_poses
+from myomorph.lab.store.progress import progress
+from myomorph.lab.store.results import provenance_of
+from myomorph.lab.store.settings import SettingGroup
+from myomorph.lab.study.inputs import reading
+from myomorph.lab.study.inputs.error_size_tables import write_error_sizes
+from myomorph.lab.study.step.folder_steps import FolderOutput
+from myomorph.lab.study.step.step import Step
+from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
+from myomorph.lab.study.subject.subjects import write_made_model
+
+# Agreement of a bone's normals with the target's below which another bone is tried.
+POOR_AGREEMENT = 0.95
+
+
+@dataclass(frozen=True)
+class MorphSettings(SettingGroup):
+    """What the steps of a morph are told: how bones are matched, how space is mapped, what is made
+    of muscles.
+    """
+
+    match: MatchOptions = field(default_factory=MatchOptions)
+    map: MapOptions = field(default_factory=MapOptions)
+    morph: MorphOptions = field(default_factory=MorphOptions)
+
+
+@dataclass(frozen=True, eq=False)
+class Morphed:
+    """A morph, its checks, what it was made from, and warnings of the files."""
+
+    morph: Morph
+    checks: MorphChecks
+    provenance: Provenance
+    warnings: tuple[str, ...]
+
+
+def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None = None) -> Morphed:
+    """The source model in the target's bones."""
+    model = reading.open_model(files.source) if model is None else model
+    warnings = list(model.warnings)
+    with reading.about(files.source):
+        ours = source_bones(model, files.geometry, warnings)
+    theirs = read_bones(files.bones, model.body_names, files.unit, warnings)
+    skin = None if files.skin is None else resized(read_mesh(files.skin), files.unit)
+    if files.mass is not None and not (np.isfinite(files.mass) and files.mass > 0.0):
+        raise BadData(f"a mass of {files.mass:g} kg: expected above 0")
+    pairs = {} if files.landmarks is None else _landmarks(files.landmarks, model)
+    bones = map_bones(model, ours, theirs, pairs, settings, files.together)
+    if files.mirror:
+        bones = with_mirrored_bones(model, bones, ours, files.together, files.across)
+    with reading.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
+        morph = morph_model(
+            model,
+            bones,
+            settings.morph,
+            mass=files.mass,
+            together=files.together,
+            surrounding=files.links or None,
+            progress=advance,
+        )
+    if files.mass is not None or skin is not None:
+        from myomorph.bones.study.morph_masses import with_morphed_masses
+
+        weighed, notes = with_morphed_masses(morph, files.mass, skin)
+        morph = replace(morph, model=weighed, notes=(*morph.notes, *notes))
+    made = provenance_of("morph", files.sources(), settings.plain() | files.options())
+    checks = check_morph(morph)
+    with progress("intervals", DRAWS, "models") as advance:
+        checks = with_arm_intervals(morph, checks, advance)
+    return Morphed(
+        morph=morph, checks=checks, provenance=made, warnings=tuple(dict.fromkeys(warnings))
+    )
+
+
+def map_bones(
+    model: Model,
+    ours: Mapping[str, Surface],
+    theirs: Mapping[str, Surface],
+    pairs: Mapping[str, FeaturePoints],
+    settings: MorphSettings,
+    together: bool = False,
+) -> dict[str, BoneMap]:
+    """The map of every bone that the target has a surface or landmarks of, by body; the largest
+    first. `ours` and `theirs` are surfaces of source and target; `together` these share one frame,
+    so that those found tell where the next one lies.
+    """
+    wanted = [body for body in model.body_names if body in theirs or body in pairs]
+    wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
+    both = [body for body in wanted if body in ours and body in theirs]
+    check_units([(bone_length(theirs[body]), bone_length(ours[body])) for body in both])
+    poses = standing_poses(model) if together else {}
+    maps: dict[str, BoneMap] = {}
+    with progress("bones", len(wanted), "bones") as advance:
+        for body in wanted:
+            source = ours.get(body)
+            target = theirs.get(body)
+            points = pairs.get(body)
+            start = start_by_neighbors(model, body, maps, poses) if together else None
+            with reading.about(body):
+                maps[body] = map_bone(
+                    body, source, target, points, settings.map, settings.match, start=start
+                )
+                alike = maps[body].measures.get("agreement", 1.0)
+                if target is not None and points is None and alike < POOR_AGREEMENT:
+                    check_exchange(body, target, ours)
+            advance(1.0)
+    return {body: maps[body] for body in model.body_names if body in maps}
+
+
+def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
+    result: dict[str, FeaturePoints] = {}
+    for body, points in read_landmark_pairs(path).items():
+        if body not in model.body_names:
+            with reading.about(path):
+                raise UnknownName("body", body, model.body_names)
+        result[body] = FeaturePoints(points.names, points.source, points.target)
+    return result
+
+
+def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
+    """The step `morph` of a study: a subject's bones into its model and tables."""
+    assert subject.files.bones is not None
+    morphed = morph_files(
+        subject.files.bones, MorphSettings.of(subject.settings.get("morph", {})), subject.model
+    )
+    morphed = replace(morphed, provenance=output.made)
+    write_morphed(morphed, output.path("model"), output.tables)
+    return morphed
+
+
+def write_morphed(
+    morphed: Morphed,
+    out: Path,
+    tables: Path,
+    bones: Mapping[str, Surface] | None = None,
+    page: str = "",
+) -> tuple[str, ...]:
+    """Write the model, and beside it a folder with its bones (by default those that the maps lead
+    to), tables and report (`page` where it tells more than the morph alone); whole or not at all.
+    Returns what the model's file could not hold.
+    """
+    from myomorph.bones.report.morph_page import morph_page
+    from myomorph.bones.report.tables import morphing_tables
+    from myomorph.lab.study.trial.reporting import REPORT
+
+    if bones is None:
+        bones = {
+            bone.target_body: bone.target
+            for bone in morphed.morph.bones.values()
+            if bone.target is not None
+        }
+
+    files = _bone_files(bones)
+
+    def fill(folder: Path) -> None:
+        for body, surface in bones.items():
+            write_obj(surface, folder / files[body])
+        for name, sheet in morphing_tables(morphed.morph, morphed.checks).items():
+            (folder / name).write_text(sheet.csv(digits=6), encoding="utf-8", newline="")
+        write_error_sizes(folder, STEP.name, morphed_errors(morphed.morph))
+        text = page or morph_page(
+            morphed.morph, morphed.checks, morphed.provenance, morphed.warnings
+        )
+        (folder / REPORT).write_text(text, encoding="utf-8")
+
+    drawn = with_bones(
+        morphed.morph.model, {body: f"{tables.name}/{file}" for body, file in files.items()}
+    )
+    return write_made_model(drawn, morphed.provenance, out, tables, fill)
+
+
+def with_bones(model: Model, files: Mapping[str, str]) -> Model:
+    """The model with its bodies drawn by these files, which lie in the bodies' frames."""
+    bodies = tuple(
+        (
+            replace(body, meshes=(Mesh(files[body.name], Transform.identity(), np.ones(3)),))
+            if body.name in files
+            else body
+        )
+        for body in model.bodies
+    )
+    return replace(model, bodies=bodies)
+
+
+def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
+    """A name of a file for each body, whose own name may hold anything; none twice, whatever the
+    case.
+    """
+    result: dict[str, str] = {}
+    for body in bodies:
+        stem = name = re.sub(r"[^\w.-]", "_", body).lstrip(".") or "bone"
+        taken = {file.lower() for file in result.values()}
+        count = 1
+        while f"{name}.obj".lower() in taken:
+            count += 1
+            name = f"{stem}_{count}"
+        result[body] = f"{name}.obj"
+    return result
+
+
+def summary(morphed: Morphed) -> Iterable[str]:
+    """What was found, as lines of text; all measures of a bone are in the report and in bones.csv."""
+    morph = morphed.morph
+    for body, bone in morph.bones.items():
+        text = f"size {bone.whole.scale:.3f}"
+        if "residual [m]" in bone.measures:
+            share = 100.0 * bone.measures.get("coverage", float("nan"))
+            text += f", {1e3 * bone.measures['residual [m]']:.3g} mm apart, {share:.0f} % reached"
+        yield f"  {body:<12} by {bone.basis}: {text}"
+    yield from morph_lines(morph, morphed.checks)
+
+
+def bone_notes(morphed: Morphed) -> tuple[str, ...]:
+    """What the maps of the bones that the target has had to say, one line each, with the bone's
+    name.
+    """
+    measured = {
+        body: bone
+        for body, bone in morphed.morph.bones.items()
+        if bone.basis in ("bone", "landmarks")
+    }
+    return tuple(
+        note if f"'{body}'" in note else f"'{body}': {note}"
+        for body, bone in measured.items()
+        for note in bone.notes
+    )
+
+
+def _made_from(subject: SubjectInputs) -> Provenance:
+    bones = subject.files.bones
+    if bones is None:
+        return recordings_provenance("morph", subject)
+    return provenance_of(
+        "morph", bones.sources(), bones.options() | dict(subject.settings.get("morph", {}))
+    )
+
+
+STEP = Step(
+    name="morph",
+    scope="subject",
+    title="muscles in other bones",
+    options=(MatchOptions, MapOptions, MorphOptions),
+    tables="morph",
+    leaves=FrozenMap({"model": "morphed.osim", "meshes": "morphed.osim"}),
+    run=morph_subject,
+    made_from=_made_from,
+)

@@ -1,5 +1,0 @@
-"""Force plates: what a recording holds of them, as forces on the bodies that stand on them."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,294 @@
+"""Which body a plate's force acts on: the one whose points are nearest to the center of pressure.
+
+`OnlineFeet` does it sample by sample, without a future.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Wrenches
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+
+SHORTEST = 0.1  # A body keeps a plate at least that long before another takes over [s]
+CLEAR = 0.8  # An episode goes to one body as a whole if it has this share of the force there
+
+
+def heel_and_ball(model: Model, foot: str) -> Array:
+    """Ends (2, 3) of a foot in its body's frame: its joint, and twice the way from there to its
+    mass center [m].
+    """
+    joint = next(joint for joint in model.joints if joint.child == foot)
+    heel = joint.child_frame.translation
+    return np.stack([heel, 2.0 * model.body(foot).mass_center - heel])
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One stretch of time in which a plate carried one body."""
+
+    # plate, body: names
+    plate: str
+    body: str
+    # start, stop: first and last frame's time [s]
+    start: float
+    stop: float
+    # mean distance of the center of pressure to the body's nearest point, weighted by force [m]
+    distance: float
+    other_distance: float  # the same for the body that is second nearest, inf if there is none [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """Wrenches on bodies, the contacts found, and warnings about them."""
+
+    wrenches: Wrenches
+    contacts: tuple[Contact, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignment:
+    """Give each plate's force to the candidate body nearest to its center of pressure.
+    Every stretch of time in which a plate is loaded goes to one body, or is cut where another body
+    takes over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet
+    on one plate at once cannot be separated by one plate: the force goes to the nearer one, with a
+    warning. `wrenches`: of plates, bodies unknown; zero force where unloaded; `positions`:
+    candidate body to points fixed to it, (frames, 3) or (frames, points, 3), on the clock of
+    `wrenches`, NaN where unseen [m].
+    """
+    names = tuple(positions)
+    if not names:
+        raise BadData("no candidate body was given to assign the plates to")
+    distances = np.stack(
+        [
+            _distances(wrenches, np.asarray(positions[name], dtype=np.float64), name)
+            for name in names
+        ],
+        axis=-1,
+    )
+    frame = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1.0
+    shortest = max(1, round(SHORTEST / frame))
+    contacts: list[Contact] = []
+    warnings: list[str] = []
+    carried = np.full((len(wrenches), len(wrenches.names)), -1, dtype=np.int64)
+    for plate, plate_name in enumerate(wrenches.names):
+        size = np.linalg.norm(wrenches.forces[:, plate], axis=1)
+        for start, stop in runs(size > 0):
+            owners = _owners(distances[start:stop, plate], size[start:stop], shortest, CLEAR)
+            if owners is None:
+                warnings.append(
+                    f"no candidate body is seen while {plate_name} is loaded at"
+                    f" {wrenches.time[start]:.2f} s"
+                )
+                continue
+            carried[start:stop, plate] = owners
+            for first, last in _runs(owners):
+                here = slice(start + first, start + last)
+                contact = _contact(wrenches, plate, here, distances[here, plate], size[here], names)
+                contacts.append(contact)
+                if contact.distance > 0.6 * contact.other_distance:
+                    warnings.append(
+                        f"{contact.plate} may carry two bodies from {contact.start:.2f} to"
+                        f" {contact.stop:.2f} s: its force went to '{contact.body}',"
+                        f" {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)"
+                    )
+    return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(warnings))
+
+
+def _distances(wrenches: Wrenches, points: Array, name: str) -> Array:
+    """Distance of a body's nearest point to each plate's center of pressure (frames, plates) [m]."""
+    points = points[:, None] if points.ndim == 2 else points
+    if points.ndim != 3 or points.shape[0] != len(wrenches) or points.shape[2] != 3:
+        raise BadData(
+            f"expected positions of '{name}' of shape ({len(wrenches)}, points, 3), but got"
+            f" {points.shape}: bring them to the clock of the wrenches first"
+        )
+    apart = np.linalg.norm(points[:, None] - wrenches.points[:, :, None], axis=3)
+    return np.where(np.isfinite(apart), apart, np.inf).min(axis=2)
+
+
+def _owners(distances: Array, size: Array, shortest: int, clear: float) -> NDArray[np.int64] | None:
+    """Body (frames,) that owns each frame of one episode, or None if none is ever seen."""
+    seen = np.isfinite(distances.min(axis=1))
+    if not seen.any():
+        return None
+    nearest = np.argmin(distances, axis=1)
+    # A frame without a body in sight takes that of the last frame with one.
+    index = np.maximum.accumulate(np.where(seen, np.arange(len(size)), -1))
+    index[index < 0] = np.flatnonzero(seen)[0]
+    nearest = nearest[index]
+    shares = np.bincount(nearest, weights=size, minlength=distances.shape[1]) / size.sum()
+    if shares.max() >= clear:
+        return np.full(len(size), int(np.argmax(shares)), dtype=np.int64)
+    runs = _runs(nearest)
+    while len(runs) > 1:
+        lengths = [stop - start for start, stop in runs]
+        least = int(np.argmin(lengths))
+        if lengths[least] >= shortest:
+            break
+        start, stop = runs[least]
+        beside = [index for index in (least - 1, least + 1) if 0 <= index < len(runs)]
+        nearest[start:stop] = nearest[runs[max(beside, key=lambda index: lengths[index])][0]]
+        runs = _runs(nearest)
+    return nearest.astype(np.int64)
+
+
+def _runs(values: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """(start, stop) of every run of one value."""
+    edges = np.flatnonzero(np.diff(values)) + 1
+    bounds = [0, *edges.tolist(), len(values)]
+    return list(pairwise(bounds))
+
+
+def _contact(
+    wrenches: Wrenches,
+    plate: int,
+    here: slice,
+    distances: Array,
+    size: Array,
+    names: tuple[str, ...],
+) -> Contact:
+    finite = np.isfinite(distances)
+    weighted = np.where(finite, distances, 0.0) * size[:, None]
+    total = np.where(finite, size[:, None], 0.0).sum(axis=0)
+    means = np.where(total > 0, weighted.sum(axis=0) / np.where(total > 0, total, 1.0), np.inf)
+    body = int(np.argmin(means))
+    others = np.delete(means, body)
+    start, stop = wrenches.time[here][[0, -1]].tolist()
+    other = float(others.min()) if len(others) else float("inf")
+    return Contact(
+        plate=wrenches.names[plate],
+        body=names[body],
+        start=start,
+        stop=stop,
+        distance=float(means[body]),
+        other_distance=other,
+    )
+
+
+def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...]) -> Wrenches:
+    """One wrench for every plate and body that met; a plate that met none keeps its body unknown."""
+    parts = []
+    for plate, plate_name in enumerate(wrenches.names):
+        met = sorted(set(carried[:, plate].tolist()) - {-1})
+        for body in met or [-1]:
+            label = plate_name if len(met) < 2 else f"{plate_name}_{names[body]}"
+            parts.append((plate, label, names[body] if met else "", carried[:, plate] == body))
+    return shared_out(wrenches, parts)
+
+
+def shared_out(
+    wrenches: Wrenches, parts: Sequence[tuple[int, str, str, NDArray[np.bool_]]]
+) -> Wrenches:
+    """Parts of wrenches: of each the number of its wrench, its name, its body, and when it acts
+    (frames,).
+    """
+    numbers, names, bodies, acts = zip(*parts, strict=True)
+    taken = wrenches.columns(numbers)
+    mine = np.stack(acts, axis=1)[..., None]
+    forces = np.where(mine, taken.forces, 0.0)
+    torques = np.where(mine, taken.torques, 0.0)
+    return replace(taken, names=names, bodies=bodies, forces=forces, torques=torques)
+
+
+LOADED = 20.0  # Force from which a plate counts as loaded [N]
+SURE = 0.2  # Force from which the center of pressure is trusted, as a share of body weight
+# Distance of the center of pressure to a foot's heel or ball beyond which it is nobody's [m]
+NEAR = 0.35
+
+
+class OnlineFeet:
+    """Gives the forces of plates to bodies: to the one named, else to the foot that is nearest when
+    the load begins. While the load is small, the center of pressure shows little: the foot is asked
+    for again until the load passes `SURE`, and then kept until it ends. A plate that is loaded near
+    no foot acts on no body. `plates`: names; `bodies`: that the plates act on, "" where the nearest
+    foot is to be found. `bodies`: on which forces may act, in the order of the wrenches; `nobody`
+    (plates,) samples so far of load near no foot; `up` (3,) against gravity.
+    """
+
+    def __init__(self, model: Model, plates: Sequence[str], bodies: Sequence[str]):
+        self.plates = tuple(plates)
+        named = [body for body in bodies if body]
+        feet = feet_of(model) if len(named) < len(bodies) else ()
+        if len(named) < len(bodies) and not feet:
+            raise BadData(
+                f"no body of model '{model.name}' is called a foot: give an external loads file"
+                " (.xml) that names the bodies on the plates"
+            )
+        self.bodies = tuple(dict.fromkeys([*named, *feet]))
+        self._owner = np.array(
+            [self.bodies.index(body) if body else -1 for body in bodies], np.int64
+        )
+        self._sure = np.zeros(len(bodies), np.bool_)
+        self._sought = np.array([not body for body in bodies], np.bool_)
+        self._tree = compile_tree(model)
+        self._feet = [self.bodies.index(item) for item in feet]
+        self._numbers = [self._tree.body_index[item] for item in feet]
+        self._ends = np.array([heel_and_ball(model, item) for item in feet]).reshape(-1, 2, 3)
+        self.up = model.up
+        self._trusted = SURE * float(np.linalg.norm(model.gravity)) * model.mass
+        self.nobody = np.zeros(len(plates), np.int64)
+
+    def given(self, wrenches: Array, coordinates: Array | None) -> Array:
+        """Wrenches on the bodies.
+        `wrenches` (samples, plates, 6) moment about the ground's origin and force [N m], [N];
+        `coordinates` (coordinates,) of the newest pose, None where there is none yet. Returns
+        (samples, bodies, 6).
+        """
+        result = np.zeros((len(wrenches), len(self.bodies), 6))
+        for plate in range(len(self.plates)):
+            if not self._sought[plate]:
+                result[:, self._owner[plate]] += wrenches[:, plate]
+                continue
+            force = np.linalg.norm(wrenches[:, plate, 3:], axis=1)
+            loaded = force > LOADED
+            for first, stop in _runs(loaded) if len(loaded) else ():
+                if not loaded[first]:
+                    self._owner[plate] = -1
+                    self._sure[plate] = False
+                    continue
+                if not self._sure[plate] and coordinates is not None:
+                    most = first + int(np.argmax(force[first:stop]))
+                    nearest = self._nearest(wrenches[most, plate], coordinates)
+                    self._owner[plate] = nearest if nearest >= 0 else self._owner[plate]
+                    self._sure[plate] = nearest >= 0 and bool(force[most] > self._trusted)
+                if self._owner[plate] < 0:
+                    self.nobody[plate] += stop - first
+                else:
+                    result[first:stop, self._owner[plate]] += wrenches[first:stop, plate]
+        unknown = np.isnan(wrenches).any(axis=(1, 2))
+        result[unknown] = np.nan
+        return result
+
+    def _nearest(self, wrench: Array, coordinates: Array) -> int:
+        """Number of the body whose heel or ball is nearest to where the force meets the floor, -1
+        for none.
+        """
+        if not np.isfinite(coordinates).all():
+            return -1
+        moment = wrench[:3]
+        force = wrench[3:]
+        lift = float(force @ self.up)
+        if abs(lift) < 0.1 * LOADED:
+            return -1
+        poses = forward_kinematics(self._tree, np.array(coordinates, dtype=np.float64)[None])
+        ends = poses.origins[0, self._numbers][:, None] + self._ends @ poses.rotations[
+            0, self._numbers
+        ].swapaxes(1, 2)
+        # Where the moment along the floor vanishes, in the plane through the origin.
+        center = np.cross(self.up, moment) / lift
+        away = ends - center
+        away -= (away @ self.up)[..., None] * self.up
+        distances = np.linalg.norm(away, axis=-1).min(axis=1)
+        best = int(np.argmin(distances))
+        return self._feet[best] if distances[best] <= NEAR else -1

@@ -1,0 +1,386 @@
+"""Whether external forces belong to the motion: signs, units, axes, feet, mass and clock; what is
+wrong is named.
+
+What the motion knows of its forces: a center of pressure lies under a foot that stands, the point
+of the foot at the center of pressure does not glide over the ground, and the forces accelerate the
+center of mass. Where they disagree, the faults that recordings usually have are tried one by one,
+and one that makes them agree is put right.
+
+A foot that a body passes over is left at the end to which the body goes; a plate mirrored about its
+own middle shows the opposite. On a treadmill a mirrored center of pressure goes forwards while the
+belt carries the foot backwards, and so it passes near the other foot, which swings forwards
+meanwhile. What sets it apart from a force on the wrong foot is that a foot under load moves as the
+belt does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
+from myomorph.core.contact.force_inspection import (
+    LOAD,
+    MIRRORED_PLATE,
+    UNSURE,
+    Inspection,
+    belt_velocity,
+    change_repair,
+    foot_poses,
+    standing,
+)
+from myomorph.core.contact.force_placement import (
+    FAR,
+    FITS,
+    MARKED,
+    NEAR,
+    check_feet,
+    check_origins,
+    check_shared_plates,
+)
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.findings import Finding, repaired
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import lowpass
+
+STANDS = 0.6  # Share of its load during which a foot that carries it stands
+STEPS = 3  # Steps on a belt from which on both ways are judged
+# Of two explanations the one that leaves so much less of the distance is the right one
+CLEARER = 0.6
+LASTS = 0.25  # A step that is shorter is not judged [s]
+# Way of the center of mass along a human foot while it stands from which on it steps over the foot
+# [m]
+PASSES = 0.25
+AGAINST = 0.06
+"""Way of the center of pressure against that of the center of mass, from the first to the last
+third of a step [m].
+"""
+
+
+class Mirror(NamedTuple):
+    """A reflection of the points of a plate."""
+
+    axes: Array  # horizontal directions that are reversed (axes, 3)
+    middle: Array  # that stays where it is, along each of the axes [m]
+    distance: float  # of the centers of pressure to the feet that carry them afterwards, mean [m]
+
+
+def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
+    """Forces of belts whose center of pressure lies under the foot that they are put on only when
+    it is mirrored.
+    """
+    if not np.any(belt_velocity(inspection)):
+        return
+    stands = standing(inspection)
+    for number in inspection.numbers:
+        weights = inspection.weights(number)
+        if len(inspection.episodes(number)) < STEPS:
+            continue
+        feet = inspection.feet
+        owner = feet.owners.get(inspection.wrenches.bodies[number])
+        # Feet that may carry the force: the one that it is put on, else those that stand.
+        carriers = (
+            stands
+            if owner is None
+            else np.tile(np.arange(stands.shape[1]) == owner, (len(stands), 1))
+        )
+        centers = inspection.samples.centers(feet.up)[:, number]
+        before = _distance(inspection, centers, carriers, weights)
+        if before < NEAR * feet.unit:
+            continue
+        exchanged = np.inf
+        if owner is not None:
+            others = stands.copy()
+            others[:, owner] = False
+            if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
+                exchanged = _distance(inspection, centers, others, weights)
+        result = _mirror(inspection, centers, carriers, weights)
+        fits = (
+            _share(np.asarray(stands.any(axis=1) if owner is None else stands[:, owner]), weights)
+            > STANDS
+        )
+        if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
+            continue
+        name = inspection.name(number)
+        near = f"{100.0 * result.distance:.0f} cm"
+        axes = " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in result.axes)
+        if result.distance < CLEARER * exchanged:
+            middle = ", ".join(f"{item:.2f}" for item in result.middle)
+            text = (
+                f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the"
+                f" foot that the belt carries, {near} when mirrored along {axes} (about {middle}"
+                " m): its plate seems mirrored about its own middle, and torques there are wrong:"
+                " check the plate's corners or the sign of its moments"
+            )
+            yield Finding(MIRRORED_PLATE, name, text)
+        elif exchanged > CLEARER * result.distance:
+            text = (
+                f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the"
+                f" other one), or its plate is mirrored along {axes} ({near} from its own then):"
+                " the recording does not say which: nothing was changed; check the plate's"
+                " corners, or name its body (--bodies, --plates)"
+            )
+            yield Finding(UNSURE, name, text)
+
+
+def _share(frames: NDArray[np.bool_], weights: Array) -> float:
+    """Share of a load that acts in some frames."""
+    return float(weights[frames].sum() / weights.sum())
+
+
+def _distance(
+    inspection: Inspection, centers: Array, carriers: NDArray[np.bool_], weights: Array
+) -> float:
+    """Mean distance of centers of pressure (frames, 3) to the nearest foot that may carry them [m]."""
+    distances = np.nan_to_num(inspection.feet.distances(centers[:, None])[:, 0], nan=9.0)
+    nearest = np.where(carriers, distances, np.inf).min(axis=1)
+    known = np.isfinite(nearest) & (weights > 0.0)
+    return float(np.average(nearest[known], weights=weights[known])) if known.any() else np.inf
+
+
+def _mirror(
+    inspection: Inspection, centers: Array, carriers: NDArray[np.bool_], weights: Array
+) -> Mirror:
+    """The reflection of horizontal axes, about a middle that is looked for, that brings forces
+    nearest to feet.
+    """
+    up = inspection.feet.up
+    level = np.eye(3)[np.sort(np.argsort(np.abs(up))[:2])]
+    heels, tips = inspection.feet.soles
+    middles = 0.5 * (heels + tips)
+    feet = np.where(carriers[..., None], middles, np.nan)
+    with np.errstate(invalid="ignore"):
+        target = np.nansum(feet, axis=1) / np.maximum(carriers.sum(axis=1), 1)[:, None]
+    known = carriers.any(axis=1) & (weights > 0.0)
+    best = Mirror(level[:0], np.zeros(0), np.inf)
+    for axes in (level[:1], level[1:], level):
+        middle = np.array(
+            [np.median(0.5 * (centers[known] + target[known]) @ axis) for axis in axes]
+        )
+        for step in (0.04, 0.01):
+            around = step * np.arange(-4, 5)
+            for i in range(len(axes)):
+                tried = np.tile(middle, (len(around), 1))
+                tried[:, i] += around
+                left = [
+                    _distance(inspection, _reflected(centers, axes, candidate), carriers, weights)
+                    for candidate in tried
+                ]
+                middle = tried[int(np.argmin(left))]
+        left_at = _distance(inspection, _reflected(centers, axes, middle), carriers, weights)
+        # One axis more has to explain more.
+        if left_at < (1.0 if len(axes) == 1 else CLEARER) * best.distance:
+            best = Mirror(axes, middle, left_at)
+    return best
+
+
+def _reflected(centers: Array, axes: Array, middle: Array) -> Array:
+    """Points (frames, 3) mirrored along axes about a middle."""
+    return np.asarray(centers + 2.0 * (middle - centers @ axes.T) @ axes)
+
+
+def check_progress(inspection: Inspection) -> Iterator[Finding]:
+    """Plates whose center of pressure moves along the foot against the body.
+    An axis across the foot does not show it: the center of pressure hardly moves along it.
+    """
+    feet = inspection.feet
+    unit = inspection.feet.unit
+    heels, tips = feet.soles
+    along = tips - heels
+    along = along - (along @ feet.up)[..., None] * feet.up
+    along = along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-12)
+    for number in inspection.numbers:
+        centers = inspection.samples.centers(feet.up)[:, number]
+        weights = inspection.weights(number)
+        distances = feet.distances(centers[:, None])[:, 0]
+        judged = []
+        against = []
+        for span in inspection.episodes(number):
+            if feet.time[span.stop - 1] - feet.time[span.start] < LASTS:
+                continue
+            body = inspection.wrenches.bodies[number]
+            foot = feet.owners.get(
+                body, int(np.argmin(np.average(distances[span], axis=0, weights=weights[span])))
+            )
+            way = along[span, foot]
+            place = ((centers[span] - heels[span, foot]) * way).sum(axis=1)
+            center = ((feet.center[span] - heels[span, foot]) * way).sum(axis=1)
+            passed = float(center[-1] - center[0])
+            if abs(passed) < PASSES * unit:
+                continue
+            judged.append(span)
+            moved = float(np.sign(passed)) * _moved(place, weights[span])
+            if moved < -AGAINST * unit:
+                against.append((span, moved))
+        if against and 2 * len(against) > len(judged):
+            name = inspection.name(number)
+            times = inspection.times(span for span, _ in against)
+            mean = -float(np.mean([moved for _, moved in against]))
+            text = (
+                f"the center of pressure of force '{name}' moves {100.0 * mean:.0f} cm along the"
+                f" foot against the body in {len(against)} of {len(judged)} steps, first at"
+                f" {times[0][0]:.2f} s: its plate seems mirrored about its own middle along the"
+                " foot, and torques there are wrong: check the plate's corners or the sign of its"
+                " moments"
+            )
+            yield Finding(kind=MIRRORED_PLATE, place=name, text=text, times=times)
+
+
+def _moved(place: np.ndarray, weights: np.ndarray) -> float:
+    """Way from the first to the last third of a step, weighted by force [m]."""
+    third = max(1, len(place) // 3)
+    first, last = (
+        float(np.average(place[part], weights=weights[part]))
+        for part in (slice(third), slice(-third, None))
+    )
+    return last - first
+
+
+PULLED = 0.3  # Share of the weight that all plates together pull down where their sign is wrong
+LONGEST = 0.1  # Longest step between frames that are not taken for a gap [s]
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedForces:
+    """External forces, put right where that was safe, and what was found."""
+
+    wrenches: Wrenches
+    findings: tuple[Finding, ...]  # with `mended` where `wrenches` have it put right
+
+
+def checked_forces(
+    wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True
+) -> CheckedForces:
+    """Hold external forces against the motion, put right what is safe and name the rest.
+    Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored
+    about its own middle, other units, moments about another point than the center of pressure, a
+    wrong foot, two feet on one plate, forces under no foot, a mass that is not the model's, and a
+    clock that is not the motion's. Models without feet are not looked at. `wrenches`: in ground, at
+    their own times; a body that is not known is ""; `motion` (frames, coordinates) [rad or m];
+    `mend`: put right what is safe to put right. Returns the wrenches, as they were where nothing
+    was mended, and the findings.
+    """
+    inside = np.zeros(len(motion), bool)
+    seen = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    if len(wrenches) and len(seen):
+        # Before the first frame with a pose and after the last, a body is out of the cameras' view.
+        inside[seen[0] : seen[-1] + 1] = True
+        inside &= (motion.time >= wrenches.time[0] - 1e-6) & (
+            motion.time <= wrenches.time[-1] + 1e-6
+        )
+    if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
+        return CheckedForces(wrenches, ())
+    feet = foot_poses(model, _smooth(motion, inside))
+    if feet is None:
+        return CheckedForces(wrenches, ())
+    inspection = Inspection(wrenches, feet)
+    if not inspection.numbers:
+        return CheckedForces(wrenches, ())
+    for check in CHECKS:
+        # Each looks at forces in which what was found before is put right, whether the result has
+        # it so or not.
+        findings = tuple(check(inspection))
+        right, _ = repaired(inspection.wrenches, findings)
+        inspection = (
+            Inspection(right, feet, (*inspection.findings, *findings)) if findings else inspection
+        )
+    return CheckedForces(*repaired(wrenches, inspection.findings, mend))
+
+
+def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
+    """The frames of a motion that are looked at, evenly spaced and low-pass filtered where it has
+    no gaps.
+    """
+    time = motion.time[inside]
+    values = motion.values[inside]
+    steps = np.diff(time)
+    if len(time) <= 20 or steps.max() > LONGEST or not np.isfinite(values).all():
+        return Motion(time, motion.names, values)
+    if steps.max() > 1.2 * steps.min():
+        even = np.linspace(time[0], time[-1], len(time))
+        values = np.column_stack([np.interp(even, time, column) for column in values.T])
+        time = even
+    rate = 1.0 / float(np.mean(np.diff(time)))
+    return Motion(
+        time, motion.names, lowpass(values, rate, CUTOFF) if rate > 2.5 * CUTOFF else values
+    )
+
+
+def check_units(inspection: Inspection) -> Iterator[Finding]:
+    """Forces far too small for the model's weight: kilonewtons or body weights."""
+    weight = inspection.feet.model.weight
+    size = np.nan_to_num(np.linalg.norm(inspection.wrenches.forces[:, inspection.numbers], axis=2))
+    largest = float(size.max(initial=0.0))
+    if 0.0 < largest < 0.02 * weight and size.sum(axis=1).max() < 0.02 * weight:
+        yield Finding(
+            "unit of force",
+            inspection.name(inspection.numbers[0]),
+            f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N: are"
+            " the forces in kilonewtons or body weights? Give them in newtons",
+        )
+
+
+def check_signs(inspection: Inspection) -> Iterator[Finding]:
+    """Forces that pull to the ground: of a foot with the wrong sign, or, under no foot, a load in
+    the hands.
+    """
+    up = inspection.feet.up
+    weight = inspection.feet.model.weight
+    lifts = inspection.samples.forces @ up
+    used = [number for number in inspection.numbers if inspection.weights(number).any()]
+    pulling = [number for number in used if _lift(inspection, number) <= -0.5]
+    if not pulling:
+        return
+    loaded = inspection.samples.loaded[:, used].any(axis=1)
+    # Where all plates together pull a body down, its own weight has the wrong sign, wherever they
+    # lie.
+    all_of_it = float(lifts[loaded][:, used].sum(axis=1).mean()) < -PULLED * weight
+    for number in pulling:
+        name = inspection.name(number)
+        away = inspection.misfit(number)
+        mean = (
+            f"mean {float(lifts[inspection.weights(number) > 0.0, number].mean()):.0f} N upwards"
+            " while loaded"
+        )
+        if not all_of_it and away > FAR * inspection.feet.unit:
+            text = (
+                f"force '{name}' pulls down ({mean}) and lies {away:.2f} m from the nearest foot:"
+                " it seems a load in the hands: no foot gets it; name the body that carries it"
+                " (--bodies, --plates)"
+            )
+            yield Finding(LOAD, name, text)
+            continue
+        done = "force and moment were reversed"
+        advice = "reverse force and moment"
+        repair = change_repair(
+            number, lambda force, point, torque: (-force, point, -torque), done, advice
+        )
+        yield Finding(
+            "swapped sign", name, f"force '{name}' pulls the foot down ({mean})", repair=repair
+        )
+
+
+def _lift(inspection: Inspection, number: int) -> float:
+    """Share of a force that points up while it is loaded; 0 where it never is."""
+    weights = inspection.weights(number)
+    upwards = (inspection.samples.forces[:, number] @ inspection.feet.up)[weights > 0.0].sum()
+    return float(upwards / weights.sum()) if weights.any() else 0.0
+
+
+CHECKS: tuple[Callable[[Inspection], Iterator[Finding]], ...] = (
+    check_units,
+    check_origins,
+    check_signs,
+    check_directions,
+    check_mirrors,
+    check_progress,
+    check_feet,
+    check_shared_plates,
+    check_mass,
+    check_clock,
+)

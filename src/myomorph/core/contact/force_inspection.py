@@ -1,0 +1,358 @@
+"""External forces beside the motion that they belong to, as checks look at them: sampled at its
+times, by the feet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.contact.site_motion import center_of
+from myomorph.core.contact.sites import Foot, feet_of
+from myomorph.core.model.arrays import Array, read_only, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.findings import Finding, Repair
+from myomorph.core.model.model import Model
+from myomorph.core.model.segments import segments_of
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.rigid.kinematics import Poses, forward_kinematics, standing_poses
+from myomorph.core.rigid.tree import Tree, compile_tree
+
+# Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]
+FOOT = 0.19
+TIP = 1.35  # Where the sole ends, over that length
+
+
+@read_only
+class FootPoses:
+    """Feet and center of mass of a model at the times of a motion."""
+
+    # model, tree, poses: the model and where its bodies are
+    model: Model
+    tree: Tree
+    poses: Poses
+    time: Array  # (frames,) [s]
+    feet: tuple[Foot, ...]  # of the model, right before left
+    # body to the number of the foot that it belongs to: talus, heel bone and toes
+    owners: dict[str, int]
+
+    @property
+    def unit(self) -> float:
+        """Size of the feet over that of a human foot: what tolerances grow with."""
+        return float(np.mean([item.length for item in self.feet])) / FOOT
+
+    @property
+    def up(self) -> Array:
+        """(3,) against gravity."""
+        return np.asarray(self.model.up)
+
+    @cached_property
+    def soles(self) -> tuple[Array, Array]:
+        """Heels and tips of the soles (frames, feet, 3) [m]."""
+        heels = []
+        tips = []
+        for foot in self.feet:
+            pose = standing_poses(self.model)[foot.heel]
+            ahead = pose.rotation.T @ foot.axes[:, 0]
+            rotations, origins = self.pose_of(foot.heel)
+            heels.append(origins)
+            tips.append(origins + TIP * foot.length * rotations @ ahead)
+        return np.stack(heels, axis=1), np.stack(tips, axis=1)
+
+    @cached_property
+    def center(self) -> Array:
+        """Center of mass (frames, 3) [m]."""
+        return center_of(self.tree, self.poses, np.asarray(self.tree.arrays.mass) > 0.0)
+
+    @cached_property
+    def needed(self) -> Array:
+        """External force (frames, 3) that the center of mass needs [N]."""
+        if len(self.time) < 5:
+            return np.tile(-self.model.mass * np.asarray(self.model.gravity), (len(self.time), 1))
+        velocity = np.gradient(self.center, self.time, axis=0)
+        return np.asarray(
+            self.model.mass
+            * (np.gradient(velocity, self.time, axis=0) - np.asarray(self.model.gravity))
+        )
+
+    def pose_of(self, body: str) -> tuple[Array, Array]:
+        """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
+        b = self.tree.body_index[body]
+        return self.poses.rotations[:, b], self.poses.origins[:, b]
+
+    def distances(self, points: Array) -> Array:
+        """Of points (frames, points, 3) to the soles' middle lines (frames, points, feet); see
+        `sole_distances` [m].
+        """
+        return sole_distances(points, *self.soles, self.up)
+
+
+def sole_distances(points: Array, heels: Array, tips: Array, up: Array) -> Array:
+    """Horizontal distances (frames, points, feet) of points to lines from heels to tips (frames,
+    feet, 3) [m].
+    """
+    level = np.eye(3) - np.outer(up, up)
+    along = ((tips - heels) @ level)[:, None]
+    reach = (points[:, :, None] - heels[:, None]) @ level
+    share = np.clip(
+        (reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0
+    )
+    return np.linalg.norm(reach - share[..., None] * along, axis=3)
+
+
+def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
+    """Feet over a motion without its frames that have gaps; None for a model without feet."""
+    try:
+        feet = feet_of(model)
+        segments = segments_of(model)
+    except BadData:
+        return None
+    owners: dict[str, int] = {}
+    for number, foot in enumerate(feet):
+        of_foot = segments[foot.heel]
+        part = foot.name.removesuffix("foot_r").removesuffix("foot_l")
+        owners |= {
+            name: number
+            for name, segment in segments.items()
+            if segment == of_foot and name.startswith(part) and name not in owners
+        }
+    tree = compile_tree(model)
+    return FootPoses(
+        model=model,
+        tree=tree,
+        poses=forward_kinematics(tree, tree.coordinates_of(motion)),
+        time=np.asarray(motion.time),
+        feet=feet,
+        owners=owners,
+    )
+
+
+LOADED = 0.05  # Share of the weight from which a force counts as load
+SHORTEST = 0.05  # A load that is shorter is not judged [s]
+LOAD = "load in the hands"  # Kind of a finding: a force that no foot carries
+MIRRORED_PLATE = "mirrored plate"
+UNSURE = "wrong foot or mirrored plate"
+"""Kinds of findings about plates that may be mirrored about their own middle."""
+
+Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
+"""What makes other forces, points and torques (..., 3) of those of one wrench."""
+
+
+@read_only
+class ForceSamples:
+    """External forces at the times of a motion."""
+
+    # forces, points, torques: (frames, wrenches, 3) [N, m, N m]; zero where unknown
+    forces: Array
+    points: Array
+    torques: Array
+    # (frames, wrenches) forces large enough for their center of pressure to be believed
+    loaded: NDArray[np.bool_]
+
+    def centers(self, up: Array) -> Array:
+        """Where each wrench meets the height of its points without horizontal moment (frames,
+        wrenches, 3) [m].
+        """
+        lift = self.forces @ up
+        firm = np.abs(lift) > 0.2 * np.linalg.norm(self.forces, axis=2)
+        shift = np.cross(up, self.torques) / np.where(firm, lift, np.inf)[..., None]
+        return np.asarray(self.points + shift)
+
+
+def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
+    """The nearest samples of wrenches, 0 at times not covered; `least`: force from which one counts
+    as loaded [N].
+    """
+    after = np.clip(np.searchsorted(wrenches.time, time), 1, max(len(wrenches) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(wrenches) - 1)
+    nearest = np.where(time - wrenches.time[before] < wrenches.time[after] - time, before, after)
+    step = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1e-3
+    inside = (np.abs(wrenches.time[nearest] - time) <= max(step, 1e-6))[:, None, None]
+    forces = np.where(inside, np.nan_to_num(wrenches.forces[nearest]), 0.0)
+    points = np.where(inside, np.nan_to_num(wrenches.points[nearest]), 0.0)
+    torques = np.where(inside, np.nan_to_num(wrenches.torques[nearest]), 0.0)
+    return ForceSamples(
+        forces=forces, points=points, torques=torques, loaded=np.linalg.norm(forces, axis=2) > least
+    )
+
+
+Forces = TypeVar("Forces", ForceSamples, Wrenches)
+
+
+def changed_wrenches(wrenches: Forces, number: int, change: Change) -> Forces:
+    """Wrenches with one of them changed in all samples."""
+    parts: dict[str, Any] = {
+        name: np.array(getattr(wrenches, name)) for name in ("forces", "points", "torques")
+    }
+    changed = change(*(part[:, number] for part in parts.values()))
+    for part, other in zip(parts.values(), changed, strict=True):
+        part[:, number] = other
+    return replace(wrenches, **parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """Forces beside the motion that they belong to."""
+
+    wrenches: Wrenches  # with what earlier checks found put right
+    feet: FootPoses  # where the feet are
+    findings: tuple[Finding, ...] = ()  # of earlier checks
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Of the wrenches that act on a foot, or on a body that is not known yet."""
+        return [
+            i for i, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners
+        ]
+
+    @cached_property
+    def samples(self) -> ForceSamples:
+        """The wrenches at the times of the motion."""
+        samples = sampled(self.wrenches, self.feet.time, LOADED * self.feet.model.weight)
+        known = np.asarray(np.isfinite(self.feet.center).all(axis=1))
+        return replace(samples, loaded=samples.loaded & known[:, None])
+
+    @property
+    def assigned(self) -> list[int]:
+        """Numbers of the forces whose foot is looked for: not those of which no foot's place is
+        known to be right.
+        """
+        others = {
+            finding.place
+            for finding in self.findings
+            if finding.kind in (LOAD, MIRRORED_PLATE, UNSURE) and not finding.times
+        }
+        return [number for number in self.numbers if self.name(number) not in others]
+
+    def weights(self, number: int) -> Array:
+        """Size of a force where it is loaded, else 0 (frames,) [N]."""
+        size = np.linalg.norm(self.samples.forces[:, number], axis=1)
+        return np.asarray(np.where(self.samples.loaded[:, number], size, 0.0))
+
+    def misfit(self, number: int, samples: ForceSamples | None = None) -> float:
+        """Mean distance of a force's center of pressure to the nearest foot, weighted by the force
+        [m].
+        """
+        weights = self.weights(number)
+        centers = (samples or self.samples).centers(self.feet.up)[:, [number]]
+        distances = np.nan_to_num(self.feet.distances(centers)[:, 0].min(axis=1), nan=0.0)
+        return float(np.average(distances, weights=weights)) if weights.any() else 0.0
+
+    def episodes(self, number: int) -> list[slice]:
+        """Frames of each stretch of time in which a force is loaded and nearest to one foot."""
+        results = []
+        time = self.feet.time
+        distances = self.feet.distances(self.samples.centers(self.feet.up)[:, [number]])[:, 0]
+        nearest = np.argmin(np.nan_to_num(distances, nan=9.0), axis=1)
+        for foot in range(len(self.feet.feet)):
+            for start, stop in runs(self.samples.loaded[:, number] & (nearest == foot)):
+                if time[stop - 1] - time[start] >= SHORTEST:
+                    results.append(slice(start, stop))
+        return sorted(results, key=lambda result: result.start)
+
+    def name(self, number: int) -> str:
+        """Name of a force."""
+        return self.wrenches.names[number]
+
+    def times(self, parts: Iterable[slice]) -> tuple[tuple[float, float], ...]:
+        """First and last time of parts of the frames [s]."""
+        time = self.feet.time
+        return tuple((float(time[part.start]), float(time[part.stop - 1])) for part in parts)
+
+
+def change_repair(number: int, change: Change, done: str, advice: str) -> Repair:
+    """The repair that changes one wrench in all samples."""
+    return Repair(partial(changed_wrenches, number=number, change=change), done, advice)
+
+
+# Speed against the ground of heel and tip of a human foot above which it does not stand [m/s]
+MOVES = 0.8
+BELT = 0.3  # Speed from which on the ground under loaded feet is a belt [m/s]
+PAUSE = 0.06  # A foot that moves for a shorter time goes on standing [s]
+CARRIED = 0.6  # Share of a stance during which a plate has to carry its foot
+EDGE = 0.05  # Uncertainty of the time at which a foot is put down or lifted, by its motion [s]
+
+
+def standing(inspection: Inspection) -> NDArray[np.bool_]:
+    """(frames, feet) whether the heel or the tip of each sole moves as the ground does."""
+    feet = inspection.feet
+    loaded = inspection.samples.loaded[:, inspection.numbers].any(axis=1)
+    moving = []
+    for points in feet.soles:
+        velocity = np.gradient(points, feet.time, axis=0)
+        moving.append(np.linalg.norm(velocity - ground_velocity(velocity, loaded), axis=2))
+    return np.asarray(np.minimum(*moving) <= MOVES * np.sqrt(feet.unit))
+
+
+def belt_velocity(inspection: Inspection) -> Array:
+    """Velocity of the ground under loaded feet (3,), zero but on a treadmill [m/s]."""
+    feet = inspection.feet
+    velocities = np.concatenate(
+        [np.gradient(points, feet.time, axis=0) for points in feet.soles], axis=1
+    )
+    return ground_velocity(velocities, inspection.samples.loaded[:, inspection.numbers].any(axis=1))
+
+
+def ground_velocity(velocities: Array, loaded: np.ndarray | np.bool_) -> Array:
+    """The same by the slowest of some points of feet (frames, points, 3) in frames (frames,) with a
+    load [m/s].
+    """
+    if not loaded.any():
+        return np.zeros(3)
+    speeds = np.linalg.norm(velocities, axis=2)
+    slow = velocities[np.arange(len(velocities)), np.argmin(speeds, axis=1)][loaded]
+    middle = np.median(slow, axis=0)
+    return np.asarray(middle if np.linalg.norm(middle) > BELT else np.zeros(3))
+
+
+def supported(inspection: Inspection) -> NDArray[np.bool_]:
+    """Frames (frames,) in which every foot that stands does so on a plate, and one does.
+    A stance counts as a whole, so that the frames hardly depend on the clock of the forces; where
+    one begins or ends that no plate carries, frames around are left out.
+    """
+    feet = inspection.feet
+    step = float(np.median(np.diff(feet.time)))
+    edge = max(1, round(EDGE / step))
+    pause = max(1, round(PAUSE / step))
+    stands = standing(inspection)
+    carries = _carries(inspection)
+    on_plate = np.zeros(len(feet.time), bool)
+    elsewhere = np.zeros(len(feet.time), bool)
+    for foot in range(len(feet.feet)):
+        for start, stop in runs(_bridged(stands[:, foot], pause)):
+            if carries[start:stop, foot].mean() > CARRIED:
+                on_plate[start:stop] = True
+            elif stop - start > pause:
+                elsewhere[max(0, start - edge) : stop + edge] = True
+    return np.asarray(on_plate & ~elsewhere)
+
+
+def _carries(inspection: Inspection) -> NDArray[np.bool_]:
+    """(frames, feet) whether a plate carries each foot."""
+    feet = inspection.feet
+    result = np.zeros((len(feet.time), len(feet.feet)), bool)
+    distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
+    nearest = np.argmin(np.nan_to_num(distances, nan=9.0), axis=2)
+    for column, index in enumerate(inspection.numbers):
+        owner = feet.owners.get(inspection.wrenches.bodies[index])
+        loaded = inspection.samples.loaded[:, index]
+        for foot in range(len(feet.feet)):
+            result[:, foot] |= loaded & (
+                nearest[:, column] == foot if owner is None else owner == foot
+            )
+    return result
+
+
+def _bridged(flags: NDArray[np.bool_], pause: int) -> NDArray[np.bool_]:
+    """The flags (frames,) with gaps of so many frames or fewer closed."""
+    flags = flags.copy()
+    for start, stop in runs(~flags):
+        if start > 0 and stop < len(flags) and stop - start <= pause:
+            flags[start:stop] = True
+    return flags

@@ -1,0 +1,330 @@
+"""Checks of where external forces act: units and origins of points and moments, wrong feet, plates
+under two feet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.contact.assign import shared_out
+from myomorph.core.contact.force_inspection import (
+    Change,
+    Inspection,
+    change_repair,
+    changed_wrenches,
+    standing,
+)
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.findings import Finding, Repair
+from myomorph.core.model.series import Wrenches
+
+# A center of pressure that lies nearer to the middle line of a human sole, on average, is under it
+# [m]
+NEAR = 0.09
+FITS = 0.07  # So near must it come by what is put right [m]
+FAR = 0.15  # One that lies farther from every foot is under none [m]
+MARKED = 0.35  # Share of the distance before that may be left by what is put right
+# A center of pressure farther from both soles, and between them, is that of two feet [m]
+BETWEEN = 0.06
+SHARED = 0.1  # Time from which a plate is called shared [s]
+MILLI = 2.0  # Moment over force of a human foot beyond which the moment may be in N mm [m]
+LARGE = 0.5  # The same, for moments of a force whose points are in mm [m]
+SWINGS = 0.4  # A foot that stands in a smaller share of a step swings
+FIRM = 0.4  # Share of the weight that two feet on one plate carry at least
+NO_FOOT = "under no foot"  # Kind of a finding: a force that acts under no foot that stands
+
+
+class Remedy(NamedTuple):
+    """A fault that forces may have, and what puts it right."""
+
+    kind: str
+    text: str
+    done: str
+    advice: str
+    change: Change
+
+
+def check_origins(inspection: Inspection) -> Iterator[Finding]:
+    """Centers of pressure far from every foot, which other units or another origin of the moments
+    explain.
+    """
+    unit = inspection.feet.unit
+    for number in inspection.numbers:
+        before = inspection.misfit(number)
+        if before < NEAR * unit:
+            continue
+        best = None
+        left = np.inf
+        for remedy in _remedies(inspection, number):
+            after = inspection.misfit(
+                number, changed_wrenches(inspection.samples, number, remedy.change)
+            )
+            if after < 0.9 * left:
+                best = remedy
+                left = after
+        if best is not None and left < min(FITS * unit, MARKED * before):
+            repair = change_repair(number, best.change, best.done, best.advice)
+            yield Finding(best.kind, inspection.name(number), best.text, repair=repair)
+
+
+def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
+    """What units and origins of one force may be, other than those of the file."""
+    weights = inspection.weights(number)
+    loaded = weights > 0.0
+    if not loaded.any():
+        return []
+    samples = inspection.samples
+    name = inspection.name(number)
+    force = samples.forces[loaded, number]
+    point = samples.points[loaded, number]
+    torque = samples.torques[loaded, number]
+    away = float(np.median(np.linalg.norm(point, axis=1)))
+    arm = float(np.median(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1)))
+    large = float(np.percentile(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1), 90))
+    worst = float(np.linalg.norm(torque, axis=1).max())
+    remedies = []
+    if away > 5.0:
+        text = f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
+        # A free moment is at most a few centimetres of a foot's force; one of metres is in the same
+        # unit.
+        also = " and moments" if large > LARGE * inspection.feet.unit else ""
+        for factor, word in ((1e-3, "mm"), (1e-2, "cm")):
+            done = f"its points{also} were taken as {word}"
+            advice = f"are its points{also} in {word}?"
+            remedies.append(
+                Remedy(
+                    kind=f"{word} for m",
+                    text=text,
+                    done=done,
+                    advice=advice,
+                    change=_scaled(factor, factor if also else 1.0),
+                )
+            )
+    if arm < 0.05 * inspection.feet.unit:
+        return remedies
+    text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
+    origin = _origin(force, point, torque)
+    where = ", ".join(f"{item:.3f}" for item in origin)
+    for place, about in ((np.zeros(3), "the ground's origin"), (origin, f"the point ({where}) m")):
+        done = f"it is that about {about}, and was taken so"
+        advice = f"it is that about {about}; give the one about the center of pressure"
+        remedies.append(
+            Remedy(
+                kind="moments about another origin",
+                text=text,
+                done=done,
+                advice=advice,
+                change=partial(_about, place),
+            )
+        )
+    if arm > MILLI * inspection.feet.unit:
+        done = "its moments were taken as N mm"
+        advice = "are they N mm?"
+        remedies.append(
+            Remedy(
+                kind="N mm for N m", text=text, done=done, advice=advice, change=_scaled(1.0, 1e-3)
+            )
+        )
+    return remedies
+
+
+def _about(origin: Array, force: Array, point: Array, torque: Array) -> tuple[Array, Array, Array]:
+    """A force whose moment was about an origin (3,), with that about its center of pressure."""
+    return force, point, torque - np.cross(point - origin, force)
+
+
+def _scaled(points: float, moments: float) -> Change:
+    """The change that multiplies points and moments."""
+    return lambda force, point, torque: (force, points * point, moments * torque)
+
+
+def _origin(force: Array, point: Array, torque: Array) -> Array:
+    """The point that moments are about (3,), by least squares: torque = (point - origin) x force
+    [m].
+    """
+    rows = np.zeros((len(force), 3, 3))
+    # force x origin, as a matrix on the origin
+    rows[:, 0, 1], rows[:, 0, 2] = -force[:, 2], force[:, 1]
+    rows[:, 1, 0], rows[:, 1, 2] = force[:, 2], -force[:, 0]
+    rows[:, 2, 0], rows[:, 2, 1] = -force[:, 1], force[:, 0]
+    matrix = rows.reshape(-1, 3)
+    # Along the mean force the origin says nothing: a weak pull to 0 settles it.
+    weak = 1e-3 * float(np.linalg.norm(matrix))
+    solved = np.linalg.lstsq(
+        np.vstack([matrix, weak * np.eye(3)]),
+        np.concatenate([(torque - np.cross(point, force)).ravel(), np.zeros(3)]),
+        rcond=None,
+    )[0]
+    return np.asarray(solved)
+
+
+def check_feet(inspection: Inspection) -> Iterator[Finding]:
+    """Forces on one foot whose center of pressure lies under another, or under none."""
+    feet = inspection.feet
+    unit = inspection.feet.unit
+    stands = standing(inspection)
+    for number in inspection.assigned:
+        body = inspection.wrenches.bodies[number]
+        owner = feet.owners.get(body)
+        weights = inspection.weights(number)
+        distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
+        # Steps with the foot that carries each, where it is another one.
+        steps: list[tuple[slice, int | None]] = []
+        lost: list[slice] = []
+        for span in inspection.episodes(number):
+            mean = np.average(
+                np.nan_to_num(distances[span], nan=9.0), axis=0, weights=weights[span]
+            )
+            nearest = int(np.argmin(mean))
+            alone = weights[span] * ~_between(inspection, distances)[span]
+            mean[nearest] = (
+                np.average(distances[span, nearest], weights=alone) if alone.any() else 0.0
+            )
+            other = None
+            if mean[nearest] > FAR * unit:
+                lost.append(span)
+            elif (
+                owner is not None
+                and owner != nearest
+                and mean[owner] > NEAR * unit
+                and 2.0 * mean[nearest] < mean[owner]
+            ):
+                # A foot in the air carries nothing, however near it is.
+                if not _swings(stands[span], nearest, owner):
+                    other = nearest
+                elif mean[owner] > FAR * unit:
+                    lost.append(span)
+            steps.append((span, other))
+        if any(other is not None for _, other in steps):
+            yield _wrong_foot(inspection, number, steps, distances)
+        if lost:
+            yield _lost(
+                inspection,
+                number,
+                lost,
+                np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan),
+            )
+
+
+def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
+    """Whether a foot is in the air in most frames of a step while another one stands: it does not
+    carry the load.
+    """
+    return bool(stands[:, foot].mean() < SWINGS and stands[:, own].mean() > 1.0 - SWINGS)
+
+
+def _wrong_foot(
+    inspection: Inspection, number: int, steps: list[tuple[slice, int | None]], distances: Array
+) -> Finding:
+    """A force that is put on a foot while it acts under another in some steps."""
+    feet = inspection.feet
+    name = inspection.name(number)
+    body = inspection.wrenches.bodies[number]
+    wrong = [(span, foot) for span, foot in steps if foot is not None]
+    here = np.concatenate([np.arange(span.start, span.stop) for span, _ in wrong])
+    owner = feet.owners[body]
+    foot = wrong[0][1]
+    other = feet.feet[foot]
+    text = (
+        f"force '{name}' is put on '{body}', but in {len(wrong)} of {len(steps)} steps its center"
+        f" of pressure lies {np.nanmean(distances[here, foot]):.2f} m from '{other.name}' and"
+        f" {np.nanmean(distances[here, owner]):.2f} m from '{feet.feet[owner].name}'"
+    )
+    carriers = tuple(body if foot is None else feet.feet[foot].heel for _, foot in steps)
+    edges = [
+        0.5 * (feet.time[a.stop - 1] + feet.time[b.start]) for (a, _), (b, _) in pairwise(steps)
+    ]
+    carried = partial(on_carriers, name=name, carriers=carriers, edges=edges)
+    repair = Repair(
+        carried, f"there it was put on '{other.heel}'", f"put it on '{other.heel}' there"
+    )
+    return Finding(
+        kind="wrong foot",
+        place=name,
+        text=text,
+        times=inspection.times(span for span, _ in wrong),
+        repair=repair,
+    )
+
+
+def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Array) -> Finding:
+    """A force under no foot; `distances` (frames, feet) has NaN where a foot is in the air."""
+    here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
+    near = float(np.nanmean(np.nanmin(distances[here], axis=1)))
+    name = inspection.name(number)
+    times = inspection.times(spans)
+    text = (
+        f"the center of pressure of force '{name}' lies {near:.2f} m from the nearest foot that"
+        f" stands in {len(spans)} steps, first at {times[0][0]:.2f} s: are its axes those of the"
+        " motion, and does it act on a foot? Name its body (--bodies, --plates) if not"
+    )
+    return Finding(kind=NO_FOOT, place=name, text=text, times=times)
+
+
+def on_carriers(
+    wrenches: Wrenches, name: str, carriers: tuple[str, ...], edges: list[float]
+) -> Wrenches:
+    """Each step of a wrench on its own body, as a wrench for each; `carriers` by step, `edges`
+    between steps [s].
+    """
+    index = wrenches.names.index(name)
+    met = tuple(dict.fromkeys(carriers))
+    step = np.searchsorted(edges, wrenches.time)
+    always = np.ones(len(wrenches), bool)
+    acts = np.array([[carrier == body for carrier in carriers] for body in met])[:, step]
+    parts = [
+        (number, label, wrenches.bodies[number], always)
+        for number, label in enumerate(wrenches.names)
+    ]
+    labels = [name] if len(met) == 1 else [f"{name}_{body}" for body in met]
+    parts[index : index + 1] = [(index, *part) for part in zip(labels, met, acts, strict=True)]
+    return shared_out(wrenches, parts)
+
+
+def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
+    """Frames (frames,) in which a center of pressure lies between two soles, by its distances
+    (frames, feet).
+    """
+    feet = inspection.feet
+    if len(feet.feet) < 2:
+        return np.zeros(len(distances), bool)
+    heels, tips = feet.soles
+    middles = 0.5 * (heels + tips)
+    frames = np.arange(len(distances))
+    order = np.sort(distances, axis=1)
+    two = np.argsort(distances, axis=1)[:, :2]
+    apart = np.linalg.norm(middles[frames, two[:, 0]] - middles[frames, two[:, 1]], axis=1)
+    inside = (order[:, 1] < 1.1 * apart) & (order[:, 0] < 0.8 * apart)
+    return np.asarray((order[:, 0] > BETWEEN * feet.unit) & inside)
+
+
+def check_shared_plates(inspection: Inspection) -> Iterator[Finding]:
+    """Plates that two feet stand on at once: their center of pressure lies between the soles."""
+    feet = inspection.feet
+    if len(feet.feet) < 2:
+        return
+    lost = {finding.place for finding in inspection.findings if finding.kind == NO_FOOT}
+    for number in inspection.assigned:
+        name = inspection.name(number)
+        distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
+        shared = _between(inspection, distances) & (
+            inspection.weights(number) > FIRM * feet.model.weight
+        )
+        spans = [slice(a, b) for a, b in runs(shared) if b - a > 1]
+        times = inspection.times(spans)
+        total = sum(stop - start for start, stop in times)
+        if total < SHARED or name in lost:
+            continue
+        near = float(np.median(np.concatenate([distances[span].min(axis=1) for span in spans])))
+        text = (
+            f"two feet seem to stand on '{name}' for {total:.2f} s, first at {times[0][0]:.2f} s:"
+            f" its center of pressure lies between the soles, {near:.2f} m from the nearer: its"
+            " force goes to one of them; `tension --contacts auto --measured shared` shares it"
+        )
+        yield Finding(kind="two feet on one plate", place=name, text=text, times=times)

@@ -1,0 +1,139 @@
+"""Contacts that microphones heard: impacts on instruments as contact intervals and short forces on
+what strikes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.core.contact.clocks import sound_clock
+from myomorph.core.contact.impacts import (
+    Impact,
+    calibration_pairs,
+    effective_mass,
+    impact_wrenches,
+    impacts_from_sound,
+    striking_sites,
+    velocity_change,
+)
+from myomorph.core.contact.sound import HeardImpacts, Instrument, contacts_heard, hear_impacts
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.contacts import Contacts, Site
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Sound, Wrenches
+
+Impulse = Literal["known", "motion"]
+
+
+@read_only
+class SoundPlan:
+    """A recording of impacts.
+
+    Attributes
+    ----------
+    speed : of sound [m/s]
+    find_clock : whether the sound's beginning is found from the motion of what strikes
+    known : instrument to (time [s], impulse [N s]) of impacts of known impulse
+    directions : of the force on what strikes, by instrument, in ground; up where it is not named
+    impulse : "known": from loudness, calibrated with the known impacts; "motion": effective mass of
+        the site times its change of velocity
+    pulse : length of a impact's force [s]
+    """
+
+    sound: Sound
+    instruments: tuple[Instrument, ...]
+    speed: float
+    find_clock: bool
+    known: Mapping[str, Sequence[tuple[float, float]]]
+    directions: Mapping[str, Array]
+    impulse: Impulse
+    pulse: float
+
+
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """Impacts as contacts and forces."""
+
+    contacts: Contacts
+    impacts: Wrenches  # forces on bodies at the motion's times
+    sites: tuple[str, ...]  # names of the sites that strike
+
+
+def heard_contacts(
+    plan: SoundPlan,
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    recorded: Motion,
+    cutoff: float | None,
+) -> Heard:
+    """Impacts during a motion, each at the site that struck.
+    `recorded`: the motion before it was filtered: a filter takes most of a impact's change of
+    velocity away; `cutoff`: of that filter, which the forces go through too [Hz].
+    """
+    sound = plan.sound
+    result: tuple[str, ...] = ()
+    if plan.find_clock:
+        clock = sound_clock(
+            hear_impacts(sound, plan.instruments, plan.speed), model, recorded, sites
+        )
+        sound = replace(sound, start=sound.start + clock.shift)
+        result = (
+            (
+                f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts"
+                f" show ({clock.ratio:.1f} times better than the next best time)"
+            ),
+        )
+    heard = hear_impacts(sound, plan.instruments, plan.speed, np.asarray(recorded.time))
+    struck = striking_sites(heard, model, recorded, sites)
+    own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
+    inside = HeardImpacts(
+        heard.instruments, tuple(heard.impacts[number] for number in struck), heard.warnings
+    )
+    contacts = contacts_heard(inside, tuple(struck.values()), plan.pulse)
+    warned: tuple[str, ...] = ()
+    if plan.impulse == "motion":
+        impacts = _impacts_by_motion(plan, heard, struck, model, recorded, sites)
+    else:
+        laws = calibration_pairs(heard, plan.known)
+        impacts, warned = impacts_from_sound(heard, laws, struck, plan.directions)
+    forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
+    return Heard(
+        Contacts(contacts.sites, contacts.intervals, (*result, *contacts.warnings, *warned)),
+        forces,
+        own,
+    )
+
+
+def _impacts_by_motion(
+    plan: SoundPlan,
+    heard: HeardImpacts,
+    struck: Mapping[int, str],
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+) -> tuple[Impact, ...]:
+    """Impulses as effective mass times change of velocity, along each instrument's direction."""
+    by_name = {site.name: site for site in sites}
+    results = []
+    for index, name in struck.items():
+        impact = heard.impacts[index]
+        site = by_name[name]
+        direction = plan.directions[impact.instrument]
+        frame = int(np.argmin(np.abs(motion.time - impact.time)))
+        instant = Motion(motion.time[[frame]], motion.names, motion.values[[frame]])
+        mass = effective_mass(model, instant, site.body, site.points.mean(axis=0), direction)[0]
+        change = max(float(velocity_change(model, motion, site, impact.time) @ direction), 0.0)
+        results.append(
+            Impact(
+                site=name,
+                time=impact.time,
+                impulse=mass * change if np.isfinite(mass) else 0.0,
+                direction=direction,
+            )
+        )
+    return tuple(results)

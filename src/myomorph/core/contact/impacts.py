@@ -1,0 +1,349 @@
+"""Impacts as forces: impulse from loudness or from motion, and short pulses on the body that holds
+the stick.
+
+p = e^a E^b    from the energy E of the sound, calibrated with impacts of known impulse; the
+pressure that a struck membrane sends out grows with the impulse, so b is near 1/2 p = m dv
+from the change of velocity dv of the tip and the mass m it strikes with, m = 1 / (d^T J M^-1 J^T d)
+(Khatib 1995, effective mass of a point along d)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.core.contact.sound import HeardImpacts
+from myomorph.core.model.arrays import Array, read_only, unit_vector
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.errors import BadData, BadModel, check_name
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.rigid.forward import forward_accelerations, gathered
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+
+LINEAR = 0.5
+PRIOR = 1.0
+"""Exponent of an instrument that answers linearly, and how much it counts beside the impacts: as if
+known to 0.1 where impacts scatter by 10 %.
+"""
+
+AROUND = 0.03
+TOUCH = 0.006
+"""Time before and after an impact from which a tip's velocity is taken, and how long it touches
+[s].
+"""
+
+
+@dataclass(frozen=True)
+class ImpulseLaw:
+    """Impulse of a impact from the energy of its sound: p = scale E^exponent."""
+
+    scale: float  # impulse at an energy of 1 [N s]
+    exponent: float  # 1/2 for an instrument that answers linearly
+    error: float  # standard deviation of log p about the law: a share, 0.1 for 10 %
+    # lowest, highest: energies of the calibration impacts
+    lowest: float
+    highest: float
+    impacts: int  # how many there were
+
+    def impulse(self, energy: ArrayLike) -> Array:
+        """[N s], of energies of any shape; 0 of 0."""
+        return self.scale * np.maximum(np.asarray(energy, dtype=np.float64), 0.0) ** self.exponent
+
+    def covers(self, energy: float) -> bool:
+        """Whether an energy lies among those calibrated on, a factor of 2 (6 dB in power: 3) around
+        them allowed.
+        """
+        return 0.5 * self.lowest <= energy <= 2.0 * self.highest
+
+
+def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
+    """The law through impacts of known impulse, a straight line of log p over log E.
+    `energies`, `impulses` (impacts,) of one instrument [full scale^2 s], [N s]; the exponent is
+    drawn towards 1/2 where they hardly differ.
+    """
+    E = np.atleast_1d(np.asarray(energies, float))
+    p = np.atleast_1d(np.asarray(impulses, float))
+    if E.shape != p.shape or not len(E):
+        raise BadData(
+            f"{len(E)} energies and {len(p)} impulses: expected as many of both, one or more"
+        )
+    if not (np.all(np.isfinite(E) & (E > 0.0)) and np.all(np.isfinite(p) & (p > 0.0))):
+        raise BadData(
+            "energies and impulses of calibration impacts must be above 0: leave out impacts that"
+            " were not heard"
+        )
+    x = np.log(E)
+    y = np.log(p)
+    across = x - x.mean()
+    slope = float((across @ y + PRIOR * LINEAR) / (across @ across + PRIOR))
+    offset = float(np.mean(y - slope * x))
+    left = len(E) - 2
+    error = (
+        float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / left)) if left > 0 else float("nan")
+    )
+    return ImpulseLaw(
+        scale=float(np.exp(offset)),
+        exponent=slope,
+        error=error,
+        lowest=float(E.min()),
+        highest=float(E.max()),
+        impacts=len(E),
+    )
+
+
+def calibration_pairs(
+    heard: HeardImpacts, known: Mapping[str, Sequence[tuple[float, float]]]
+) -> dict[str, ImpulseLaw]:
+    """A law for each instrument from impacts of known time and impulse.
+    `known`: instrument to (time [s], impulse [N s]) of each impact; the nearest heard one within 50
+    ms is it.
+    """
+    laws = {}
+    for name, entries in known.items():
+        on_it = heard.of(name)
+        pairs = []
+        for time, impulse in entries:
+            near = min(on_it, key=lambda impact: abs(impact.time - time), default=None)
+            if near is not None and abs(near.time - time) <= 0.05:
+                pairs.append((near.energy, impulse))
+        if not pairs:
+            raise BadData(
+                f"none of the {len(entries)} known impacts on '{name}' was heard within 50 ms of"
+                " its time"
+            )
+        laws[name] = calibrate_impulse([pair for pair, _ in pairs], [pair for _, pair in pairs])
+    return laws
+
+
+def effective_mass(
+    model: Model, motion: Motion, body: str, point: ArrayLike, direction: ArrayLike
+) -> Array:
+    """Mass (frames,) with which a point of a body meets an impact along a direction [kg].
+    1 / (d^T J M^-1 J^T d) over the coordinates that are free, couplers and loops kept, joints taken
+    as loose: over a few milliseconds an impact outruns what muscles hold. It is inf where the point
+    cannot move that way. `point` (3,) in the body's frame [m]; `direction` (3,) or (frames, 3) in
+    ground.
+    """
+    tree = compile_tree(model)
+    b = tree.body_number(body)
+    coordinates = tree.coordinates_of(motion)
+    poses = forward_kinematics(tree, coordinates)
+    places = poses.points(np.array([b]), np.atleast_2d(np.asarray(point, float)))[:, 0]
+    along = np.broadcast_to(np.asarray(direction, float), places.shape)
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    rows = np.einsum("fi,fij->fj", along, poses.jacobian(b, places)[:, 3:])
+    still = np.zeros_like(rows)
+    nothing = np.zeros((len(rows), len(tree.arrays.parent), 6))
+    push = gathered(tree, coordinates, rows)
+    try:
+        pushed, _ = forward_accelerations(tree, coordinates, still, still, nothing, push)
+        alone, _ = forward_accelerations(tree, coordinates, still, still, nothing, still)
+    except np.linalg.LinAlgError:
+        raise BadModel(
+            f"model '{model.name}' has coordinates that move no mass: an impact has no effective"
+            " mass"
+        ) from None
+    yields = np.einsum("fj,fj->f", rows, pushed - alone)
+    return np.where(yields > 0.0, 1.0 / np.where(yields > 0.0, yields, 1.0), np.inf)
+
+
+@read_only
+class Impact:
+    """A short force on a body at one of its sites."""
+
+    site: str  # name
+    time: float  # when it begins [s]
+    impulse: float  # [N s]
+    direction: Array  # (3,) of the force on the body, in ground (made a unit vector)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self,
+            "direction",
+            unit_vector(self.direction, "direction", f"an impact on '{self.site}'"),
+        )
+        if not (np.isfinite(self.impulse) and self.impulse >= 0.0):
+            raise BadData(
+                f"impulse of an impact on '{self.site}' is {self.impulse:g} N s: expected 0 or more"
+            )
+
+
+def striking_sites(
+    heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site]
+) -> dict[int, str]:
+    """Site that made each impact, by its place in `heard.impacts`: the one whose velocity changed
+    most then. Impacts outside the motion, or on an instrument without a site, are left out.
+    """
+    by_name = {site.name: site for site in sites}
+    possible = {instrument.name: instrument.sites for instrument in heard.instruments}
+    for names in possible.values():
+        for name in names:
+            check_name("contact site", name, by_name, "the model's sites")
+    wanted = {name for names in possible.values() for name in names}
+    tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
+    result = {}
+    for index, impact in enumerate(heard.impacts):
+        names = possible[impact.instrument]
+        if names and motion.time[0] <= impact.time <= motion.time[-1]:
+            result[index] = max(
+                names,
+                key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], impact.time))),
+            )
+    return result
+
+
+def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
+    """Change of a site's velocity (3,) in an impact at `time`, in ground [m/s].
+    Between straight lines through its places in the 30 ms before and after it touches. Motion
+    capture smooths an impact over its frames and its filter, so this is too small where either is
+    slow.
+    """
+    return _jump(motion.time, site_places(model, motion, site), time)
+
+
+def impacts_from_sound(
+    heard: HeardImpacts,
+    laws: Mapping[str, ImpulseLaw],
+    sites: Mapping[int, str],
+    normals: Mapping[str, ArrayLike],
+) -> tuple[tuple[Impact, ...], tuple[str, ...]]:
+    """Impacts heard whose site is known, and warnings, one line each.
+    `laws`: of each instrument; `sites`: by place in `heard.impacts`, as `striking_sites` finds;
+    `normals`: instrument to the direction in which it pushes back, in ground; y where it is not
+    named.
+    """
+    result = []
+    beyond = []
+    for name, site in sites.items():
+        impact = heard.impacts[name]
+        check_name("instrument", impact.instrument, laws, "the calibration of impulses")
+        law = laws[impact.instrument]
+        if not law.covers(impact.energy):
+            beyond.append(impact)
+        direction = np.asarray(normals.get(impact.instrument, (0.0, 1.0, 0.0)), float)
+        result.append(
+            Impact(
+                site=site,
+                time=impact.time,
+                impulse=float(law.impulse(impact.energy)),
+                direction=direction,
+            )
+        )
+    warnings = []
+    if beyond:
+        first = beyond[0]
+        warnings.append(
+            f"{len(beyond)} of {len(result)} impacts are louder or softer than those calibrated on,"
+            f" first on '{first.instrument}' at {first.time:.3f} s: their impulses are extrapolated"
+        )
+    return tuple(result), tuple(warnings)
+
+
+def impact_wrenches(
+    impacts: Sequence[Impact],
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    duration: float = 0.008,
+    cutoff: float | None = None,
+) -> Wrenches:
+    """Blows as external loads at the motion's times, one for each site that was struck.
+    `duration`: of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can
+    carry; `cutoff`: low-pass that the motion went through [Hz]: its accelerations are spread over
+    an impact, and so must the force be that balances them; None for none.
+    """
+    by_name = {site.name: site for site in sites}
+    for impact in impacts:
+        check_name("contact site", impact.site, by_name, "the model's sites")
+    struck = tuple(dict.fromkeys(impact.site for impact in impacts))
+    forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
+    for s, name in enumerate(struck):
+        points[:, s] = site_places(model, motion, by_name[name])
+        for impact in impacts:
+            if impact.site == name:
+                forces[:, s] += (
+                    pulse(motion.time, impact.time, impact.impulse, duration)[:, None]
+                    * impact.direction
+                )
+    if cutoff is not None and struck:
+        forces = lowpass(forces, motion.rate, cutoff)
+    bodies = tuple(by_name[name].body for name in struck)
+    return Wrenches(
+        time=motion.time,
+        names=struck,
+        bodies=bodies,
+        forces=forces,
+        points=points,
+        torques=np.zeros_like(forces),
+    )
+
+
+def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
+    """A half-sine of force (frames,) that keeps its impulse and its middle on any clock [N].
+    Frame k gets the mean of the pulse under its hat function, the straight lines up from the frame
+    before and down to the frame after. The hats add up to 1 and reproduce t, so that sums by the
+    trapezoidal rule of F and t F are the integrals exactly, whatever the frame rate; a pulse
+    between two frames becomes the two forces that balance at its middle. What lies beyond the
+    clock's ends is lost. `time` (frames,) ascending [s]; `start`, `impulse`, `duration` [s], [N s],
+    [s].
+    """
+    if not duration > 0.0:
+        raise BadData(f"a pulse of {duration:g} s: expected above 0")
+    if len(time) < 2:
+        raise BadData("a pulse needs two frames or more")
+    steps = np.diff(time)
+    # Inside a step the integral of f times a rising line is [t F1 - F2] over its slope.
+    first, second = _integrals(time - start, impulse, duration)
+    mass = np.diff(first)
+    rising = np.where(mass > 0.0, (steps * first[1:] - np.diff(second)) / steps, 0.0)
+    weights = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    return (np.append(0.0, rising) + np.append(mass - rising, 0.0)) / weights
+
+
+def _integrals(since: Array, impulse: float, duration: float) -> tuple[Array, Array]:
+    """First and second integral of a half-sine that begins at 0, at the times `since`."""
+    s = np.clip(since, 0.0, duration)
+    angle = np.pi * s / duration
+    first = 0.5 * impulse * (1.0 - np.cos(angle))
+    second = 0.5 * impulse * (s - duration / np.pi * np.sin(angle)) + impulse * np.maximum(
+        since - duration, 0.0
+    )
+    return first, second
+
+
+def site_places(model: Model, motion: Motion, site: Site) -> Array:
+    """Middle of a site (frames, 3) in ground [m]."""
+    tree = compile_tree(model)
+    number = tree.body_number(site.body)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    return poses.points(np.array([number]), site.points.mean(axis=0)[None])[:, 0]
+
+
+def _jump(time: Array, places: Array, at: float) -> Array:
+    """Change of velocity (3,) about a time: between straight lines through the places before and
+    after it.
+    """
+    before = _velocity(time, places, at - AROUND, at)
+    after = _velocity(time, places, at + TOUCH, at + TOUCH + AROUND)
+    return after - before
+
+
+def _velocity(time: Array, places: Array, start: float, stop: float) -> Array:
+    """Slope (3,) of the straight line through places between two times, a frame more where there
+    are too few.
+    """
+    step = float(np.median(np.diff(time)))
+    chosen = (time >= start - 1e-9) & (time <= stop + 1e-9)
+    if chosen.sum() < 3:
+        middle = 0.5 * (start + stop)
+        chosen = np.abs(time - middle) <= 1.5 * step
+    if chosen.sum() < 2:
+        return np.zeros(3)
+    apart = time[chosen] - time[chosen].mean()
+    return apart @ places[chosen] / (apart @ apart)

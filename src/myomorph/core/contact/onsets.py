@@ -1,0 +1,241 @@
+"""Onsets in one channel of sound: when something begins to sound, to a fraction of a millisecond,
+and how loud.
+
+An onset is where the energy in several bands rises together over what was heard before; its first
+arrival is the sample at which the variance of the signal changes (Maeda 1985).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.series import Sound
+
+HOP = 0.001  # Step of short-time energies [s]
+AHEAD = 0.005
+BEHIND = 0.025
+APART = 0.001
+"""Energy of the next 5 ms is held against that of 25 ms that ended 1 ms ago [s]."""
+WINDOW = 0.006  # Time either side of an onset in which its first arrival is looked for [s]
+SLOWEST = 2000.0  # Rate down to which a signal is thinned [Hz]
+LEARNT = 0.03
+ORDER = 24  # Time before that from which linear prediction is fitted [s], and its order
+QUIET = 0.005  # Time before an onset in which the loudness before is taken [s]
+BLOCK = 0.002  # Time for which one linear prediction is used [s]
+LOWEST = 50.0  # What lies below is left out [Hz]
+RISE = 1.2  # Least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
+THRESHOLD = 4.0  # The same in standard deviations that noise alone would have
+REST = 0.05  # Least time between two impacts of one instrument [s]
+HEARD = 0.02  # Time over which the energy of an impact is taken [s]
+
+
+@dataclass(frozen=True)
+class Onset:
+    """One arrival in one channel."""
+
+    channel: str
+    time: float  # at the microphone [s]
+    energy: float  # sum of the squared signal over `HEARD`, background taken off [full scale^2 s]
+    background: float  # the same of what was heard before
+
+
+@read_only
+class Heard:
+    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that
+    holds drums.
+    """
+
+    channel: str
+    # signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones only
+    levels: tuple[tuple[Array, float], ...]
+    start: float  # time of the first sample [s]
+
+
+def listen(sound: Sound, channel: str) -> Heard:
+    """One channel made ready; the filter is causal, so that nothing comes before its cause."""
+    lowest = min(LOWEST, 0.4 * sound.rate)
+    high = scipy.signal.butter(2, lowest, "highpass", fs=sound.rate, output="sos")
+    signal = scipy.signal.sosfilt(high, sound[channel].astype(np.float64))
+    levels = [(signal, sound.rate)]
+    while levels[-1][1] / 4.0 >= SLOWEST:
+        levels.append((scipy.signal.resample_poly(levels[-1][0], 1, 4), levels[-1][1] / 4.0))
+    return Heard(channel, tuple(levels), sound.start)
+
+
+def onsets(heard: Heard) -> tuple[Onset, ...]:
+    """Arrivals in one channel, whatever instrument they come from."""
+    signal, rate = heard.levels[0]
+    hops = int(len(signal) / rate / HOP)
+    if hops < 100:
+        return ()
+    table = np.array([_excess(signal, rate, hops) for signal, rate in heard.levels])
+    excess = table.sum(axis=0)
+    # Where nothing has been learnt yet everything is unforeseen, and at the end too little is
+    # heard.
+    excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
+    rest = 2 * round(0.5 * REST / HOP) + 1
+    peaks = np.flatnonzero(
+        (excess > 0.0) & (excess == scipy.ndimage.maximum_filter1d(excess, rest))
+    )
+    results: list[Onset] = []
+    for peak in peaks:
+        # The fastest level that shows it has the time best.
+        signal, rate = heard.levels[int(np.argmax(table[:, peak] >= 0.5 * table[:, peak].max()))]
+        time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
+        if results and time - results[-1].time < 0.5 * REST:
+            continue
+        energy, background = energy_after(heard, time)
+        if energy > 0.0:
+            results.append(
+                Onset(channel=heard.channel, time=time, energy=energy, background=background)
+            )
+    return tuple(results)
+
+
+def energy_after(heard: Heard, time: float) -> tuple[float, float]:
+    """Energy of what begins at a time, what was heard before taken off, and how much that was.
+    In the slowest level, what still rings is foreseen by linear prediction and taken off wave by
+    wave; of what lies above it, the mean power of the time `QUIET` before.
+    """
+    (signal, rate) = heard.levels[0]
+    (slow, slow_rate) = heard.levels[-1]
+    whole, before = _powers(signal, rate, time - heard.start, HEARD)
+    low, low_before = _powers(slow, slow_rate, time - heard.start, HEARD)
+    first = round((time - heard.start) * slow_rate)
+    gap = max(round(APART * slow_rate), 1)
+    learnt = max(int(LEARNT * slow_rate), 8 * ORDER)
+    past = slow[max(first - gap - learnt, 0) : max(first - gap, 0)]
+    length = min(int(HEARD * slow_rate), len(slow) - first)
+    rings = _foreseen(past, gap + length)[gap:]
+    new = float(np.sum((slow[first : first + length] - rings) ** 2)) / slow_rate
+    # A prediction that runs away is worse than none.
+    new, low_before = (
+        (new, float(np.sum(rings**2)) / slow_rate) if new < low else (low - low_before, low_before)
+    )
+    above = max(whole - low - max(before - low_before, 0.0), 0.0) if len(heard.levels) > 1 else 0.0
+    return new + above, before
+
+
+def _powers(signal: Array, rate: float, since: float, length: float) -> tuple[float, float]:
+    """Energy of a stretch that begins at `since`, and that of one as long by the power of the time
+    `QUIET` before.
+    """
+    first = round(since * rate)
+    count = int(length * rate)
+    gap = max(round(0.0002 * rate), 1)
+    earlier = signal[max(first - gap - int(QUIET * rate), 0) : max(first - gap, 0)]
+    before = float(np.mean(earlier**2)) * length if len(earlier) else 0.0
+    return float(np.sum(signal[max(first, 0) : max(first + count, 0)] ** 2)) / rate, before
+
+
+def _foreseen(past: Array, count: int) -> Array:
+    """How a signal goes on for `count` samples by linear prediction from its past; silence where
+    that is too short.
+    """
+    if len(past) < 4 * ORDER:
+        return np.zeros(count)
+    weights = _prediction(past)
+    result: Array = np.concatenate([past[-ORDER:], np.zeros(count)])
+    for index in range(ORDER, len(result)):
+        result[index] = weights @ result[index - ORDER : index]
+    return result[ORDER:]
+
+
+def _prediction(past: Array) -> Array:
+    """Weights (ORDER,) of the samples before in the linear prediction that fits a stretch best."""
+    rows = np.lib.stride_tricks.sliding_window_view(past, ORDER + 1)
+    gram = rows[:, :-1].T @ rows[:, :-1]
+    gram[np.diag_indices(ORDER)] += 1e-6 * np.trace(gram) / ORDER + 1e-300
+    return np.linalg.solve(gram, rows[:, :-1].T @ rows[:, -1]).astype(np.float64)
+
+
+def _excess(signal: Array, rate: float, hops: int) -> Array:
+    """By how much the rise of unforeseen energy passes its threshold (hops,).
+    The rise is log(energy ahead / energy behind), both with the quiet of the whole recording added.
+    """
+    ahead = round(AHEAD / HOP)
+    behind = round(BEHIND / HOP)
+    apart = round(APART / HOP)
+    here = np.arange(hops)
+    first = np.maximum(here - apart - behind, 0)
+    last = np.maximum(here - apart, 0)
+    stop = np.minimum(here + ahead, hops)
+    marks = np.minimum(np.round(np.arange(hops + 1) * HOP * rate).astype(np.int64), len(signal))
+    power = np.diff(np.concatenate([[0.0], np.cumsum(_innovation(signal, rate) ** 2)])[marks])
+    # Digital silence is not infinitely far below a impact.
+    quiet = max(float(np.quantile(power, 0.1)), 1e-7 * float(power.max()), 1e-300)
+    summed = np.concatenate([[0.0], np.cumsum(power)])
+    after = (summed[stop] - summed[here]) / np.maximum(stop - here, 1)
+    before = (summed[last] - summed[first]) / np.maximum(last - first, 1)
+    rise = np.log((after + quiet) / (before + quiet))
+    # Noise of so many independent samples alone moves the logarithm by this much.
+    spread = np.sqrt(2.0 / (AHEAD * rate) + 2.0 / (BEHIND * rate))
+    return np.maximum(rise - max(RISE, THRESHOLD * spread), 0.0)
+
+
+def _innovation(signal: Array, rate: float) -> Array:
+    """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT`
+    before it. Ringing drums and hum are foreseen, a new impact is not (Glover, Lazzarini and
+    Timoney 2011).
+    """
+    block = max(int(BLOCK * rate), 1)
+    learnt = max(int(LEARNT * rate), 8 * ORDER)
+    count = len(signal) // block
+    padded = np.concatenate([np.zeros(learnt), signal[: count * block]])
+    result = np.zeros(len(signal))
+    lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
+    size = scipy.fft.next_fast_len(learnt + ORDER + 1, real=True)
+    window = np.hanning(learnt)
+    pasts = np.lib.stride_tricks.sliding_window_view(padded, learnt)[::block]
+    reaches = np.lib.stride_tricks.sliding_window_view(padded[learnt - ORDER :], block + ORDER)[
+        ::block
+    ]
+    for first in range(0, count, 512):
+        chunk = slice(first, min(first + 512, count))
+        power = np.abs(scipy.fft.rfft(pasts[chunk] * window, size, axis=1)) ** 2
+        alike = scipy.fft.irfft(power, size, axis=1)[:, : ORDER + 1]
+        alike[:, 0] = alike[:, 0] * (1.0 + 1e-9) + 1e-300
+        weights = np.linalg.solve(alike[:, lags], alike[:, 1:, None])[:, ::-1, 0]
+        rows = np.lib.stride_tricks.sliding_window_view(reaches[chunk], ORDER + 1, axis=1)
+        rest = rows[..., -1] - np.einsum("kbo,ko->kb", rows[..., :-1], weights)
+        result[chunk.start * block : chunk.stop * block] = rest.reshape(-1)
+    return result
+
+
+def _first_arrival(signal: Array, near: int, rate: float) -> int:
+    """Sample at which something new begins, around the sample `near`.
+    An autoregressive model of what was heard before takes off whatever still rings (Sleeman and van
+    Eck 1999); the arrival is where the variance of the rest changes: the least k log(var before) +
+    (n - k) log(var after).
+    """
+    reach = int(WINDOW * rate)
+    learnt = max(int(LEARNT * rate), 8 * ORDER)
+    first = max(near - reach, 0)
+    last = min(near + 2 * reach, len(signal))
+    part = _unforeseen(signal[max(first - learnt, 0) : last], first - max(first - learnt, 0))
+    # What follows the loudest sample is the instrument's own ringing, and shows nothing of its
+    # beginning.
+    part = part[: int(np.argmax(np.abs(part))) + 2]
+    n = len(part)
+    if n < 16:
+        return first + n - 2
+    sums = np.cumsum(part**2)
+    index = np.arange(4, n)
+    tiny = 1e-12 * sums[-1] + 1e-300
+    before = sums[index - 1] / index + tiny
+    after = (sums[-1] - sums[index - 1]) / (n - index) + tiny
+    return first + int(index[np.argmin(index * np.log(before) + (n - index) * np.log(after))])
+
+
+def _unforeseen(signal: Array, known: int) -> Array:
+    """What the first `known` samples, continued by a linear prediction fitted to them, do not
+    predict of the rest.
+    """
+    if known < 4 * ORDER:
+        return signal[known:]
+    later = np.lib.stride_tricks.sliding_window_view(signal[known - ORDER :], ORDER + 1)
+    return later[:, -1] - later[:, :-1] @ _prediction(signal[:known])

@@ -1,0 +1,447 @@
+"""How sites move over the floor: places, speeds against a floor that may be a belt, and where the
+floor is.
+
+A body that only inertial sensors see is where its feet say: the lowest is on a level floor and does
+not slide,
+
+    minimise  int sum_i w_i |v + s_i'|^2 + |v''|^2 / (2 pi f)^4  dt
+
+over the root's velocity v; s_i are places of the soles' corners against the root. Weights w_i fade
+with a corner's height over the floor and its speed against it. Heights of corners, less those of
+the default pose, keep the path on the floor, slowly: soles and joints are not known so well that a
+step from foot to foot would be level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.contacts import Site
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import STANDARD_GRAVITY, Model
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.kinematics import Poses, forward_kinematics
+from myomorph.core.rigid.tree import Tree, compile_tree
+
+STILL = 0.1  # A site at rest moves slower than this, over the speed sqrt(g height)
+RESTS = 0.3  # A group of sites that is never slower than this, over the same speed, does not rest
+BELT = 0.15  # Soles that all glide along faster than this, over the same speed, stand on a belt
+CLUSTER = 0.25  # Share of samples that the narrowest interval about the floor holds
+
+
+@read_only
+class SiteMotion:
+    """Sites over a motion, in ground."""
+
+    time: Array
+    up: Array  # (3,) against gravity
+    places: Array  # (frames, sites, 3) mean of each site's points [m]
+    lowest: Array  # (frames, sites) height of each site's lowest point along `up` [m]
+    velocities: Array  # (frames, sites, 3) of `places` [m/s]
+    # of the center of mass over the lowest site, median of all frames: the length that thresholds
+    # are relative to, so that a mouse and a man are judged alike [m]
+    height: float
+    # (frames,) vertical force that the center of mass needs, over the weight of the model
+    carried: Array
+
+    @property
+    def pace(self) -> float:
+        """Speed that thresholds are relative to: sqrt(g height), whose Froude number is 1 [m/s]."""
+        return float(np.sqrt(STANDARD_GRAVITY * self.height))
+
+    def beside(self, points: Array) -> Array:
+        """Horizontal distance of each site to points (frames, 3), as centers of pressure (frames,
+        sites) [m].
+        """
+        apart = self.places - points[:, None]
+        return np.linalg.norm(apart - (apart @ self.up)[..., None] * self.up, axis=2)
+
+
+@read_only
+class Floor:
+    """What the sites walk on.
+
+    Attributes
+    ----------
+    height : along up [m]
+    velocity : (3,) of a treadmill's belt, zero of the ground [m/s]
+    """
+
+    height: float
+    velocity: Array
+
+
+def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
+    """Places and speeds of sites; frames in which the motion is NaN are NaN.
+    In a model of several subjects and objects only those count whose the sites are.
+    """
+    if not np.isfinite(motion.values).all(axis=1).any():
+        raise BadData("no frame of the motion is without gaps: contacts cannot be found")
+    tree = compile_tree(model)
+    up = model.up
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    owner = np.repeat(np.arange(len(sites)), [len(site.points) for site in sites])
+    bodies = np.array([tree.body_index[sites[int(number)].body] for number in owner], np.int64)
+    points = poses.points(bodies, np.concatenate([site.points for site in sites]))
+    places = np.stack(
+        [points[:, owner == index].mean(axis=1) for index in range(len(sites))], axis=1
+    )
+    lowest = np.stack(
+        [(points[:, owner == index] @ up).min(axis=1) for index in range(len(sites))], axis=1
+    )
+    center = center_of(tree, poses, np.isin(tree.roots, tree.roots[bodies])) @ up
+    rises = _slope(motion.time, _slope(motion.time, center))
+    gravity = float(np.linalg.norm(model.gravity)) or STANDARD_GRAVITY
+    height = float(np.nanmedian(center - np.min(lowest, axis=1)))
+    return SiteMotion(
+        time=motion.time,
+        up=up,
+        places=places,
+        lowest=lowest,
+        velocities=_slope(motion.time, places),
+        height=height,
+        carried=1.0 + rises / gravity,
+    )
+
+
+def center_of(tree: Tree, poses: Poses, own: NDArray[np.bool_]) -> Array:
+    """Center of mass (frames, 3) of some bodies."""
+    numbers = np.flatnonzero(own)
+    mass = tree.arrays.mass[numbers]
+    centers = poses.points(numbers, tree.arrays.mass_center[numbers])
+    return np.einsum("b,fbi->fi", mass, centers) / max(float(mass.sum()), 1e-300)
+
+
+def _slope(time: Array, values: Array) -> Array:
+    """First derivative over time by second-order differences, zero with fewer than three frames."""
+    if len(time) < 3:
+        return np.zeros_like(values)
+    return np.gradient(values, time, axis=0)
+
+
+def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
+    """The floor that sites rest on: where the lowest of them stays while it is slow, and a belt's
+    speed. The height is the middle of the narrowest interval that holds a quarter of the lowest
+    sites' heights, so that neither a swing, nor a toe that a stiff model foot pushes through the
+    floor, moves it. A belt's velocity is the median horizontal one of the lowest sites; below
+    `BELT` sqrt(g height) the floor is at rest. `height`: of the floor where it is known, as from
+    plates [m].
+    """
+    known = np.isfinite(sites.lowest).all(axis=1)
+    rows = np.flatnonzero(known)
+    if not len(rows):
+        return Floor(0.0 if height is None else height, np.zeros(3))
+    first = sites.lowest[rows].argmin(axis=1)
+    level = sites.lowest[rows, first]
+    velocity = sites.velocities[rows, first]
+    rising = velocity @ sites.up
+    calm = np.abs(rising) <= max(STILL * sites.pace, float(np.percentile(np.abs(rising), 25.0)))
+    near = np.abs(level - cluster(level[calm])) < 0.05 * sites.height
+    glide = np.median((velocity - rising[:, None] * sites.up)[calm & near], axis=0)
+    if not np.linalg.norm(glide) > BELT * sites.pace:
+        glide = np.zeros(3)
+    slow = np.linalg.norm(velocity - glide, axis=1) < 2.0 * STILL * sites.pace
+    return Floor(cluster(level[slow if slow.any() else calm]) if height is None else height, glide)
+
+
+def plate_height(model: Model, plates: Wrenches | None) -> float | None:
+    """Height of loaded plates' centers of pressure, the median along up; None where there is none
+    [m]. Points that a force table writes at exactly zero while it is unloaded do not count.
+    """
+    if plates is None:
+        return None
+    up = model.up
+    pressing = np.nan_to_num(plates.forces @ up)
+    heights = plates.points @ up
+    firm = np.isfinite(heights) & (pressing > 0.3 * pressing.max(initial=0.0)) & (pressing > 0.0)
+    return float(np.median(heights[firm])) if firm.any() else None
+
+
+def cluster(values: Array) -> float:
+    """Median of the values (n,) inside the narrowest interval that holds a share `CLUSTER` of them."""
+    ordered = np.sort(values)
+    count = max(1, round(CLUSTER * len(ordered)))
+    widths = ordered[count - 1 :] - ordered[: len(ordered) - count + 1]
+    start = int(np.argmin(widths))
+    return float(np.median(ordered[start : start + count]))
+
+
+def rest_on_floor(
+    model: Model, motion: Motion, sites: Sequence[Site], height: float | None = None
+) -> tuple[tuple[Site, ...], Floor]:
+    """Sites moved along the floor's normal so that each lies on it while its group rests, and that
+    floor.
+
+    How thick a sole is, no model has; shoes and markers' places make some centimetres of it. A
+    group rests in the frames in which it is low and its sites, on the mean, are slow against the
+    floor; each site is moved by the median of its heights there, or, in a group that never rests,
+    by the mean of the other groups' sites.
+
+    Parameters
+    ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time
+    sites : places that can touch [m]
+    height : of the floor where it is known, as from plates; else where the sites rest as they are
+        [m]
+
+    Returns
+    -------
+    the sites, moved on their bodies [m], and the floor: height [m] and velocity [m/s]
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
+    >>> moved, floor = mm.contact.rest_on_floor(model, motion, sites, height=1.1)
+    >>> moved[0].name, moved[0].points.shape, floor.height
+    ('hand', (1, 3), 1.1)
+    """
+    tree = compile_tree(model)
+    moving = site_motion(model, motion, sites)
+    floor = floor_under(moving, height)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    gap = moving.lowest - floor.height
+    speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2)
+    rests = []
+    shifts = np.full(len(sites), np.nan)
+    for number, site in enumerate(sites):
+        members = [j for j, other in enumerate(sites) if other.group == site.group]
+        pace = speed[:, members].mean(axis=1)
+        rests.append(_resting(gap[:, members].mean(axis=1), pace, STILL * moving.pace))
+        if len(rests[number]) and pace[rests[number]].min() < RESTS * moving.pace:
+            shifts[number] = np.median(gap[rests[number], number])
+    # A foot that swings throughout has the sole of the one that stands.
+    known = np.isfinite(shifts)
+    shifts[~known] = shifts[known].mean() if known.any() else 0.0
+    moved = []
+    for number, site in enumerate(sites):
+        rotations = poses.rotations[rests[number], tree.body_index[site.body]]
+        down = -np.einsum("fji,j->fi", rotations, moving.up).sum(axis=0)
+        size = float(np.linalg.norm(down))
+        moved.append(
+            replace(site, points=site.points + shifts[number] * down / size) if size > 0.0 else site
+        )
+    return tuple(moved), floor
+
+
+def _resting(height: Array, speed: Array, still: float) -> Ints:
+    """Frames in which a group is among its lowest 40 % and still, or at least the 5 % of those that
+    are slowest.
+    """
+    known = np.flatnonzero(np.isfinite(height) & np.isfinite(speed))
+    if not len(known):
+        return known
+    low = known[height[known] <= np.percentile(height[known], 40.0)]
+    limit = max(still, float(np.percentile(speed[low], 5.0)))
+    return low[speed[low] <= limit]
+
+
+JOINED = 0.35
+"""Frequency below which velocities by feet say more, above which accelerations do: the ratio of
+their errors [Hz].
+"""
+CUTOFF = 5.0
+DRIFT = 0.3
+"""Half power of the low-pass of the velocity that feet on the ground give the root, and of what
+heights mend [Hz].
+"""
+HIGH = 0.05
+FAST = 0.1
+"""Height over the lowest corner, over the height of the center of mass, and speed over that of
+Froude number 1, at which a corner's weight is 1/e.
+"""
+BARELY = 1e-4
+TRIFLE = 1e-9
+"""Weight of the lowest corner however fast it is, and of rest, so that the path is determined in
+every frame.
+"""
+LOWER = 0.005
+"""A corner of a sole must be lower than the one that stands by so much to take over, while frames
+arrive [m].
+"""
+STEPS = 4  # Times that weights follow from the path and the path from weights
+
+
+def root_places(model: Model) -> tuple[str, ...]:
+    """Translations of a floating root whose feet can show where it is; () for a model without."""
+    slides = tuple(
+        name
+        for name in floating_coordinates(model)
+        if model.coordinate(name).motion == "translational"
+    )
+    return slides if len(slides) == 3 and feet_of(model) else ()
+
+
+def walked(model: Model, motion: Motion, accelerations: Array | None = None) -> Motion:
+    """The motion of a model with `root_places`, these found from the feet, and from accelerations
+    (frames, 3) of a point near the root, without gravity, NaN where unknown [m/s^2]. A belt's speed
+    is not seen: a walk on a treadmill goes over ground. Flight is bridged, without accelerations
+    too low.
+    """
+    names = root_places(model)
+    tree = compile_tree(model)
+    sites = foot_sites(model)
+    columns = [motion.names.index(name) for name in names]
+    rest = Motion(motion.time[:1], model.coordinate_names, tree.defaults[None])
+    values = np.array(motion.values)
+    values[:, columns] = [model.coordinate(name).default for name in names]
+    moving = site_motion(
+        model, replace(motion, values=values, velocities=None, accelerations=None), sites
+    )
+    heights = (moving.places - site_motion(model, rest, sites).places) @ moving.up
+    unknown = np.full((len(motion), 3), np.nan)
+    path = _path(moving, heights, unknown if accelerations is None else accelerations)
+    values[:, columns] += path @ np.linalg.inv(_directions(tree, names)).T
+    values[~np.isfinite(motion.values).all(axis=1)] = np.nan
+    return replace(motion, values=values, velocities=None, accelerations=None)
+
+
+class OnlineFootPath:
+    """The same while frames arrive: the root goes so that the lowest corner of the soles stays
+    where it is. Another corner takes over where it is lower by `LOWER`, so that two of one height
+    do not change places.
+    """
+
+    def __init__(self, model: Model):
+        self._tree = compile_tree(model)
+        sites = foot_sites(model)
+        names = root_places(model)
+        self._columns = [model.coordinate_names.index(name) for name in names]
+        self._inverse = np.linalg.inv(_directions(self._tree, names))
+        self._bodies = np.array([self._tree.body_number(site.body) for site in sites], np.int64)
+        self._points = np.concatenate([site.points for site in sites])
+        self._up = np.asarray(model.up)
+        self._rest = self._corners(self._tree.defaults) @ self._up
+        self._lowest = -1
+        self._foothold = np.zeros(3)
+
+    def placed(self, pose: Array) -> Array:
+        """The pose (coordinates,) with the root where the feet have carried it."""
+        if not np.isfinite(pose).all():
+            return pose
+        pose = np.array(pose)
+        pose[self._columns] = self._tree.defaults[self._columns]
+        corners = self._corners(pose)
+        heights = corners @ self._up - self._rest
+        lowest = int(np.argmin(heights))
+        moved = self._foothold - corners
+        if self._lowest < 0:
+            moved = np.zeros_like(corners)
+        elif heights[self._lowest] - heights[lowest] < LOWER:
+            lowest = self._lowest
+        path = moved[self._lowest]
+        path = path - (path @ self._up + heights[lowest]) * self._up
+        self._lowest = lowest
+        self._foothold = corners[lowest] + path
+        pose[self._columns] += self._inverse @ path
+        return pose
+
+    def _corners(self, pose: Array) -> Array:
+        return forward_kinematics(self._tree, pose[None]).points(self._bodies, self._points)[0]
+
+
+def _directions(tree: Tree, names: tuple[str, ...]) -> Array:
+    """(3, 3) ways that a foot goes by each translation, one a column."""
+    values = np.tile(tree.defaults, (4, 1))
+    for row, name in enumerate(names):
+        values[row, tree.model.coordinate_names.index(name)] += 1.0
+    foot = forward_kinematics(tree, values).origins[:, tree.body_number(feet_of(tree.model)[0])]
+    return np.asarray((foot[:3] - foot[3]).T)
+
+
+def _path(moving: SiteMotion, heights: Array, accelerations: Array) -> Array:
+    """(frames, 3) by which the root moves, from the soles' corners and their heights (frames,
+    corners).
+    """
+    known = np.isfinite(heights).all(axis=1) & np.isfinite(moving.velocities).all(axis=(1, 2))
+    heights = np.nan_to_num(heights)
+    rates = np.nan_to_num(moving.velocities)
+    path = -heights.min(axis=1)[:, None] * moving.up
+    velocity = None
+    for _ in range(STEPS):
+        over = heights - heights.min(axis=1, keepdims=True)
+        weights = np.exp(-((over / (HIGH * moving.height)) ** 2))
+        if velocity is not None:
+            speeds = np.linalg.norm(rates + velocity[:, None], axis=2)
+            weights *= np.exp(-((speeds / (FAST * moving.pace)) ** 2))
+        weights += BARELY * (over == 0.0)
+        weights[~known] = 0.0
+        path = _smooth(moving, weights, rates, heights, accelerations)
+        velocity = np.gradient(path, moving.time, axis=0)
+    return path
+
+
+def _smooth(
+    moving: SiteMotion, weights: Array, rates: Array, heights: Array, accelerations: Array
+) -> Array:
+    """The path (frames, 3) of least cost for weights (frames, corners)."""
+    shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    total = shares.sum(axis=1)
+    time = moving.time
+    velocity = _low_pass(
+        time, total, -(shares[..., None] * rates).sum(axis=1), CUTOFF, accelerations
+    )
+    path = np.zeros_like(velocity)
+    path[1:] = np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)[:, None], axis=0)
+    low = (shares * (heights + (path @ moving.up)[:, None])).sum(axis=1)
+    return np.asarray(path - _low_pass(time, total, low[:, None], DRIFT) * moving.up)
+
+
+def _low_pass(
+    time: Array, weights: Array, weighted: Array, cutoff: float, rates: Array | None = None
+) -> Array:
+    """Values (frames, columns) of least int w (x - x_0)^2 + x''^2 / (2 pi f)^4 dt; `weighted` are w
+    x_0. Where rates (frames, columns) are known, (x' - rate)^2 / (2 pi `JOINED`)^2 takes the place
+    of the second derivative.
+    """
+    # Half a second to import, which few trials need.
+    count = len(time)
+    step = float(np.median(np.diff(time)))
+    # Rows of the band: the second diagonal above the main one first, the main one last.
+    band = np.zeros((3, count))
+    right = np.array(weighted)
+    band[2] = weights + TRIFLE
+    between = (
+        np.full(weighted[1:].shape, np.nan) if rates is None else 0.5 * (rates[1:] + rates[:-1])
+    )
+    known = np.asarray(np.isfinite(between).all(axis=1))
+    joined = 2.0 * np.pi * JOINED
+    _add_squares(band, right, np.array([-1.0, 1.0]) / (joined * step), known, between / joined)
+    _add_squares(
+        band,
+        right,
+        np.array([1.0, -2.0, 1.0]) / (2.0 * np.pi * cutoff * step) ** 2,
+        ~(known[1:] & known[:-1]),
+    )
+    return np.asarray(scipy.linalg.solveh_banded(band, right))
+
+
+def _add_squares(
+    band: Array, right: Array, stencil: Array, used: np.ndarray, targets: Array | None = None
+) -> None:
+    """Add squares of a difference, less its targets (rows, columns), to a banded normal matrix,
+    where it is used.
+    """
+    rows = len(used)
+    for i, left in enumerate(stencil):
+        if targets is not None:
+            right[i : i + rows][used] += left * targets[used]
+        for j in range(i, len(stencil)):
+            band[2 - (j - i), j : j + rows] += left * stencil[j] * used

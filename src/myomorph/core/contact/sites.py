@@ -1,0 +1,387 @@
+"""Where bodies touch the world: sites at the corners of every sole, of hands, seat and back, by the
+bodies' names.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.contacts import Cone, Site
+from myomorph.core.model.errors import BadData, check_name
+from myomorph.core.model.model import Body, Model
+from myomorph.core.model.segments import segments_of
+from myomorph.core.model.spatial import Transform
+from myomorph.core.model.surface import Surface, body_meshes, joined_surfaces
+from myomorph.core.rigid.kinematics import standing_poses
+
+OUTLINE = {
+    "heel_medial": (0.00, -0.14),
+    "heel_lateral": (0.00, 0.14),
+    "ball_medial": (1.10, -0.22),
+    "ball_lateral": (0.88, 0.32),
+    "toe_medial": (1.42, -0.16),
+    "toe_lateral": (1.30, 0.26),
+}
+"""Corners of a sole: along it from the heel, and outwards, over the distance from the heel to the
+toes' joint.
+
+Heads of the first and fifth metatarsal, tips of the great and of the fourth toe; after the bones
+that models draw.
+"""
+
+HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")  # What a heel's body is called, the surest first
+BONE_DEPTH = 0.06  # How far the bones of a foot reach below its origin, over the same distance
+SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")  # What `body_sites` knows
+
+
+@dataclass(frozen=True)
+class FootOptions:
+    """How sites are laid under a foot.
+
+    Attributes
+    ----------
+    sole : from the lowest bone to the floor: the heel's pad, and a shoe's sole [m]
+    cone : which forces a site takes; its direction is the model's up
+    """
+
+    sole: float = 0.02
+    cone: Cone = field(default_factory=Cone)
+
+
+@read_only
+class Foot:
+    """One foot of a model in its default posture."""
+
+    name: str  # of the group of its sites, as "foot_r"
+    # heel, toes: bodies; the same one where the foot has no joint between
+    heel: str
+    toes: str
+    axes: Array  # (3, 3) columns forwards, up and outwards, in ground
+    origin: Array  # (3,) under which the heel stands, in ground [m]
+    length: float  # from the heel to the toes' joint [m]
+
+
+def foot_sites(
+    model: Model, surfaces: Mapping[str, Surface] | None = None, options: FootOptions | None = None
+) -> tuple[Site, ...]:
+    """Heel, ball and toes of every foot: six points at the corners of its sole, in the group of the
+    foot.
+
+    Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they
+    lie comes from the bones' meshes where they are given, else from the joint of the toes, in the
+    model's default posture. How thick a sole is no model has: `rest_on_floor` fits that to a
+    motion.
+
+    Parameters
+    ----------
+    model : of a body with feet
+    surfaces : meshes by the name the model gives them, as `read_surfaces` finds them
+    options : thickness of the sole [m] and the cone of forces; see `FootOptions`
+
+    Returns
+    -------
+    six sites a foot, points on their bodies [m]
+
+    Raises
+    ------
+    BadData : the model has no foot that is found by its bodies' names
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> still = mm.model.Transform.identity()
+    >>> ahead = mm.model.Transform(np.eye(3), np.array([0.18, 0.0, 0.0]))
+    >>> bodies = [mm.model.Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("calcn_r", "toes_r")]
+    >>> ankle = mm.model.Joint("ankle_r", "WeldJoint", "ground", "calcn_r", still, still)
+    >>> toes = mm.model.Joint("mtp_r", "WeldJoint", "calcn_r", "toes_r", ahead, still)
+    >>> model = mm.Model("foot", tuple(bodies), (ankle, toes), (), [0.0, -9.80665, 0.0])
+    >>> [site.name for site in mm.contact.foot_sites(model)]
+    ['heel_medial_r', 'heel_lateral_r', 'ball_medial_r', 'ball_lateral_r', 'toe_medial_r',
+    'toe_lateral_r']
+    """
+    options = options or FootOptions()
+    cone = replace(options.cone, direction=model.up)
+    sites = []
+    for foot in feet_of(model):
+        part = foot.name[:-6]
+        side = foot.name[-2:]
+        for label, point in _corners(model, foot, surfaces or {}, options).items():
+            body = foot.toes if label.startswith("toe") else foot.heel
+            local = standing_poses(model)[body].inverse().apply(point)
+            sites.append(
+                Site(
+                    name=f"{part}{label}{side}",
+                    body=body,
+                    points=local[None],
+                    cone=cone,
+                    group=foot.name,
+                )
+            )
+    return tuple(sites)
+
+
+def feet_of(model: Model) -> tuple[Foot, ...]:
+    """The feet by the bodies' names, right before left; raises `BadData` where there is none.
+    A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis
+    of the heel's body, it is that axis, as models draw feet flat on the ground of their own frame.
+    In a joined model the feet of each part are named with what stands before its heel's name:
+    `tori_foot_r`.
+    """
+    segments = segments_of(model)
+    poses = standing_poses(model)
+    by_name: dict[str, Foot] = {}
+    for side, ending in (("right", "_r"), ("left", "_l")):
+        bodies = [
+            body
+            for body in model.bodies
+            if segments[body.name].name == "foot" and segments[body.name].side == side
+        ]
+        for pattern in HEEL:
+            for heel in bodies:
+                match = re.search(pattern, heel.name, re.IGNORECASE)
+                part = "" if match is None else heel.name[: match.start()]
+                if match is not None and f"{part}foot{ending}" not in by_name:
+                    toes = [
+                        body
+                        for body in bodies
+                        if body.name.startswith(part) and "toe" in body.name.lower()
+                    ]
+                    outwards = 1.0 if side == "right" else -1.0
+                    by_name[f"{part}foot{ending}"] = _foot(
+                        model, f"{part}foot{ending}", heel, toes, poses, outwards
+                    )
+    if not by_name:
+        raise BadData(
+            f"no foot of model '{model.name}' is found by its bodies' names (calcn, heel, foot,"
+            " toes, and a side): name contact sites and their points yourself"
+        )
+    return tuple(by_name.values())
+
+
+def _foot(
+    model: Model,
+    name: str,
+    heel: Body,
+    bodies: Sequence[Body],
+    poses: dict[str, Transform],
+    outwards: float,
+) -> Foot:
+    """A foot of a heel and the first of some bodies of toes, which may be none."""
+    toes = (*bodies, heel)[0]
+    pose = poses[heel.name]
+    up = _snapped(pose.rotation, model.up)
+    ahead = poses[toes.name].translation if toes is not heel else pose.apply(heel.mass_center)
+    along = ahead - pose.translation
+    along = along - (along @ up) * up
+    length = float(np.linalg.norm(along))
+    if length <= 0.0:
+        raise BadData(
+            f"body '{heel.name}' has no toes and no mass center ahead of its origin: name its sites"
+            " yourself"
+        )
+    forward = _snapped(pose.rotation, along / length)
+    if toes is heel:
+        length *= 1.8
+    axes = np.stack([forward, up, outwards * np.cross(forward, up)], axis=1)
+    return Foot(
+        name=name, heel=heel.name, toes=toes.name, axes=axes, origin=pose.translation, length=length
+    )
+
+
+def _snapped(rotation: Array, direction: Array) -> Array:
+    """The axis of a body that lies within 20 degrees of a direction, or the direction itself."""
+    along = rotation.T @ direction
+    index = int(np.argmax(np.abs(along)))
+    return (
+        np.sign(along[index]) * rotation[:, index]
+        if abs(along[index]) > np.cos(np.radians(20.0))
+        else direction
+    )
+
+
+def _corners(
+    model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions
+) -> dict[str, Array]:
+    """Corners of a sole in ground, in the default posture [m]."""
+    outline = {label: np.array(corners) * foot.length for label, corners in OUTLINE.items()}
+    depth = BONE_DEPTH * foot.length
+    bones = {
+        name: _vertices(model.body(name), surfaces, foot, standing_poses(model))
+        for name in (foot.heel, foot.toes)
+    }
+    known = [bone for bone in bones.values() if len(bone)]
+    if len(known) == len(bones) and known:
+        outline = _outline_of(np.concatenate(known), foot.length)
+        depth = -float(min(value[:, 1].min() for value in known))
+    forward, up, out = foot.axes.T
+    low = foot.origin - (depth + options.sole) * up
+    return {label: low + x * forward + z * out for label, (x, z) in outline.items()}
+
+
+def _vertices(
+    body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: dict[str, Transform]
+) -> Array:
+    """Vertices of a body's meshes along the foot's axes, from its origin (n, 3)."""
+    meshes = body_meshes(body, surfaces)
+    if not meshes:
+        return np.zeros((0, 3))
+    return (poses[body.name].apply(joined_surfaces(meshes).vertices) - foot.origin) @ foot.axes
+
+
+def _outline_of(vertices: Array, length: float) -> dict[str, Array]:
+    """Corners (along, outwards) of the bones of a foot: of its rear, at the ball, and of the
+    foremost part.
+    """
+    x = vertices[:, 0]
+    z = vertices[:, 2]
+    back = float(x.min())
+    tip = float(x.max())
+    heel = x < back + 0.2 * length
+    middle = 0.5 * (z[heel].min() + z[heel].max())
+    half = 0.35 * np.ptp(z[heel])
+    ball = (x > 0.8 * length) & (x < 1.2 * length)
+    toes = x > length + 0.5 * (tip - length)
+    inner = float(z[ball].min())
+    outer = float(z[ball].max())
+    great = float(z[toes].min())
+    return {
+        "heel_medial": np.array([back, middle - half]),
+        "heel_lateral": np.array([back, middle + half]),
+        "ball_medial": np.array([OUTLINE["ball_medial"][0] * length, inner]),
+        "ball_lateral": np.array([OUTLINE["ball_lateral"][0] * length, outer]),
+        "toe_medial": np.array([tip, great]),
+        "toe_lateral": np.array([tip - 0.12 * length, outer]),
+    }
+
+
+def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
+    """Sites by name: `hand_r`, `hand_l` (a grip that takes force any way), `seat` and `back`
+    (patches).
+
+    A hand's site is its body's mass center. The seat is four points about the ischial tuberosities,
+    placed from the hip joints; the back, four points behind the thorax' mass center. Both are
+    pushed along the body's own axes, up and forwards in the default posture.
+
+    Parameters
+    ----------
+    model : of a human body
+    names : of the sites
+
+    Returns
+    -------
+    the sites in that order, points on their bodies [m]
+
+    Raises
+    ------
+    UnknownName : a name that is none of these
+    BadData : the model has no such part
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> body = mm.model.Body("hand_r", 0.5, np.array([0.0, -0.05, 0.0]), 0.001 * np.eye(3))
+    >>> still = mm.model.Transform.identity()
+    >>> wrist = mm.model.Joint("wrist", "WeldJoint", "ground", "hand_r", still, still)
+    >>> model = mm.Model("hand", (body,), (wrist,), (), [0.0, -9.80665, 0.0])
+    >>> (hand,) = mm.contact.body_sites(model, ["hand_r"])
+    >>> hand.body, hand.points.tolist()
+    ('hand_r', [[0.0, -0.05, 0.0]])
+    """
+    sites = []
+    for name in names:
+        check_name("contact site", name, SEGMENT_SITES, "body_sites")
+        base = name.split("_")[0]
+        sites.append(
+            _hand(model, name)
+            if base == "hand"
+            else _seat(model)
+            if base == "seat"
+            else _back(model)
+        )
+    return tuple(sites)
+
+
+def _hand(model: Model, name: str) -> Site:
+    side = {"r": "right", "l": "left"}.get(name[-1], "")
+    segments = segments_of(model)
+    bodies = [
+        body
+        for body in model.bodies
+        if segments[body.name].name == "hand" and segments[body.name].side == side
+    ]
+    if not bodies:
+        raise BadData(
+            f"model '{model.name}' has no {side} hand for site '{name}': name a body and a point"
+            " yourself"
+        )
+    body = max(bodies, key=lambda body: body.mass)
+    return Site(
+        name=name,
+        body=body.name,
+        points=body.mass_center[None],
+        cone=Cone(direction=None, grip=0.05),
+    )
+
+
+def _seat(model: Model) -> Site:
+    poses = standing_poses(model)
+    up = model.up
+    segments = segments_of(model)
+    hips = {
+        segments[joint.child].side: (joint.parent, poses[joint.child].translation)
+        for joint in model.joints
+        if segments[joint.child].name == "thigh"
+        and segments.get(joint.parent)
+        and segments[joint.parent].name != "thigh"
+    }
+    if set(hips) != {"right", "left"}:
+        raise BadData(
+            f"model '{model.name}' has no two hips to find its seat from: name a body and points"
+            " yourself"
+        )
+    body, right = hips["right"]
+    left = hips["left"][1]
+    out = right - left
+    width = float(np.linalg.norm(out))
+    out = out / width
+    forward = np.cross(up, out)
+    middle = 0.5 * (right + left) - 0.45 * width * up - 0.1 * width * forward
+    points = np.array(
+        [middle + width * (0.35 * s * out + 0.15 * t * forward) for s in (1, -1) for t in (1, -1)]
+    )
+    pose = poses[body]
+    return Site(
+        name="seat", body=body, points=pose.inverse().apply(points), cone=Cone(direction=up)
+    )
+
+
+def _back(model: Model) -> Site:
+    segments = segments_of(model)
+    poses = standing_poses(model)
+    up = model.up
+    bodies = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
+    if not bodies:
+        raise BadData(
+            f"model '{model.name}' has no thorax for site 'back': name a body and points yourself"
+        )
+    body = max(bodies, key=lambda body: body.mass)
+    foot = feet_of(model)[0]
+    forward = foot.axes[:, 0] - (foot.axes[:, 0] @ up) * up
+    forward = forward / np.linalg.norm(forward)
+    out = np.cross(forward, up)
+    pose = poses[body.name]
+    middle = pose.apply(body.mass_center) - 0.1 * forward
+    points = np.array([middle + 0.12 * s * out + 0.12 * t * up for s in (1, -1) for t in (1, -1)])
+    return Site(
+        name="back",
+        body=body.name,
+        points=pose.inverse().apply(points),
+        cone=Cone(pose.rotation.T @ forward, body.name),
+    )

@@ -1,0 +1,447 @@
+"""When sites touch: by force plates, by how sites move over the floor, or by several sources
+together.
+
+How ready a site is to carry force (its activation) follows from the same motion; so does the
+preferred direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.contact.site_motion import Floor, SiteMotion, center_of, floor_under, site_motion
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.contacts import Contacts, Site, Touch
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.motion.sync import refuse_other_times
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+
+Bools = NDArray[np.bool_]
+
+PLATES = "plates"
+KINEMATICS = "kinematics"  # Sources of contact intervals
+# A touch that lasts as long beside those of a more trusted source is one of its own [s]
+LASTING = 0.4
+
+
+@dataclass(frozen=True)
+class ContactStateOptions:
+    """When a site touches. Lengths count from `SiteMotion.height`, speeds from sqrt(g height).
+
+    Attributes
+    ----------
+    low, high : a touch begins below the height `low` over the floor and ends above `high`
+    slow, fast : it begins at less than the speed `slow` against the floor and ends at more than
+        `fast`
+    flight : share of the weight below which the body flies: nothing touches
+    carried : share of the weight from which on something must touch
+    loaded, unloaded : a plate carries from this share of the weight on, until less than that is
+        left
+    reach : a site that far beside a plate's center of pressure may be what stands on it
+    shortest : touches and gaps that last less are taken for noise [s]
+    floor : height of the floor [m], None to find it
+    """
+
+    low: float = 0.035
+    high: float = 0.05
+    slow: float = 0.3
+    fast: float = 0.5
+    flight: float = 0.05
+    carried: float = 0.2
+    loaded: float = 0.03
+    unloaded: float = 0.015
+    reach: float = 0.2
+    shortest: float = 0.03
+    floor: float | None = None
+
+
+def find_contacts(
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    options: ContactStateOptions | None = None,
+    plates: Wrenches | None = None,
+) -> Contacts:
+    """Which site touches when, from how the sites move, and from plates where there are any.
+
+    A site touches while it is low over the floor and slow against it, both with hysteresis. While
+    the center of mass falls freely nothing touches; while it does not, and no site is near enough,
+    the nearest one does, with a confidence of a half. The confidence of the others is the mean
+    margin to the thresholds at which they leave. Where a plate's force is given, the group whose
+    sites are nearest to its center of pressure touches while it is loaded, and does not while all
+    plates that could carry it are unloaded.
+
+    Source: ours, described and measured in docs/contacts.md.
+
+    Parameters
+    ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time, filtered
+    sites : places that can touch, see `model.contacts.Site` [m]
+    options : heights [m], speeds [m/s] and times [s] that make a touch; see `ContactStateOptions`
+    plates : forces on bodies (or of plates, bodies unknown), at the motion's times
+
+    Returns
+    -------
+    touches of each site with start, end [s] and confidence, what looks wrong in `warnings`
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole, or the plates' times are not the motion's
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]])]
+    >>> found = mm.find_contacts(model, mm.read_motion("reach.mot", model), sites)
+    >>> [(one.site, round(one.start, 2), round(one.stop, 2)) for one in found.intervals]
+    [('hand', 0.52, 0.6)]
+    """
+    options = options or ContactStateOptions()
+    moving = site_motion(model, motion, sites)
+    floor = floor_under(moving, options.floor)
+    result = by_kinematics(moving, floor, sites, options)
+    if plates is None:
+        return result
+    return merge_contacts((by_plates(model, moving, sites, plates, options), result))
+
+
+def by_kinematics(
+    moving: SiteMotion,
+    floor: Floor,
+    sites: Sequence[Site],
+    options: ContactStateOptions | None = None,
+) -> Contacts:
+    """Touches from how sites move over the floor, and from what the center of mass needs."""
+    options = options or ContactStateOptions()
+    height = (moving.lowest - floor.height) / moving.height
+    speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
+    margin = np.maximum(height / options.high, speed / options.fast)
+    known = np.isfinite(margin)
+    margin = np.where(known, margin, np.inf)
+    near = known & (height < options.low) & (speed < options.slow)
+    touching = hysteresis(near, ~known | (margin > 1.0))
+    free = steady(
+        np.nan_to_num(moving.carried, nan=1.0) < options.flight, moving.time, options.shortest
+    )
+    touching[free] = False
+    touching = np.stack(
+        [steady(column, moving.time, options.shortest) for column in touching.T], axis=1
+    )
+    touching[free] = False
+    held_up = (moving.carried > options.carried) & ~touching.any(axis=1)
+    nearest = (margin <= 1.25 * margin.min(axis=1, keepdims=True)) & (margin < 2.0)
+    guessed = held_up[:, None] & nearest
+    sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
+    touches = touches_of(sites, touching | guessed, sure, moving.time, KINEMATICS)
+    return Contacts(
+        tuple(site.name for site in sites),
+        touches,
+        _unsupported(moving, held_up & ~guessed.any(axis=1)),
+    )
+
+
+def touches_of(
+    sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str
+) -> tuple[Touch, ...]:
+    """Every run of frames in which a site touches (frames, sites), with the mean of how sure that
+    is.
+    """
+    touches = []
+    for index, site in enumerate(sites):
+        for start, stop in runs(touching[:, index]):
+            first, last = time[[start, stop - 1]].tolist()
+            mean = float(sure[start:stop, index].mean())
+            touches.append(
+                Touch(
+                    site=site.name,
+                    start=first,
+                    stop=last,
+                    surface=site.against,
+                    confidence=mean,
+                    source=source,
+                )
+            )
+    return tuple(touches)
+
+
+def _unsupported(moving: SiteMotion, lacking: Bools) -> tuple[str, ...]:
+    """What to say of times in which no site can carry what the motion needs."""
+    spans = [
+        f"{moving.time[start]:.2f} to {moving.time[stop - 1]:.2f} s"
+        for start, stop in runs(lacking)
+        if moving.time[stop - 1] - moving.time[start] > 0.1
+    ]
+    if not spans:
+        return ()
+    few = ", ".join(spans[:4]) + (", ..." if len(spans) > 4 else "")
+    return (
+        (
+            f"something carries the body at {few}, but no contact site is near the floor: is a site"
+            " missing?"
+        ),
+    )
+
+
+def hysteresis(begins: Bools, ends: Bools) -> Bools:
+    """State (frames, ...) that turns on where it begins, off where it ends, and stays as it was
+    between.
+    """
+    marks = np.where(ends, -1, np.where(begins, 1, 0))
+    frames = np.arange(len(marks)).reshape(-1, *[1] * (marks.ndim - 1))
+    last = np.maximum.accumulate(np.where(marks != 0, frames, 0), axis=0)
+    return np.take_along_axis(marks, last, axis=0) > 0
+
+
+def steady(state: Bools, time: Array, shortest: float) -> Bools:
+    """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the
+    ends stay.
+    """
+    state = state.copy()
+    for value in (False, True):
+        for start, stop in runs(state == value):
+            inside = start > 0 and stop < len(state)
+            if inside and time[stop] - time[start] < shortest - 1e-9:
+                state[start:stop] = not value
+    return state
+
+
+def by_plates(
+    model: Model,
+    moving: SiteMotion,
+    sites: Sequence[Site],
+    plates: Wrenches,
+    options: ContactStateOptions,
+) -> Contacts:
+    """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
+    A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of
+    the group, the sites touch that are less than `high` above the lowest of them.
+    """
+    refuse_other_times("forces of plates", plates.time, moving.time)
+    groups = list(grouped((site.group, index) for index, site in enumerate(sites)).values())
+    weight = model.weight
+    pressing = plates.forces @ moving.up
+    touching = np.zeros((len(moving.time), len(sites)), np.bool_)
+    for plate in range(len(plates.names)):
+        load = np.nan_to_num(pressing[:, plate])
+        state = hysteresis(load > options.loaded * weight, load < options.unloaded * weight)
+        state = steady(state, moving.time, options.shortest)
+        away = moving.beside(plates.points[:, plate])
+        for start, stop in runs(state):
+            here = slice(start, stop)
+            share = load[here, None] * np.isfinite(away[here])
+            mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(
+                share.sum(axis=0), 1e-12
+            )
+            members = min(groups, key=lambda group: mean[group].min())
+            if not mean[members].min() < options.reach * moving.height:
+                continue
+            level = moving.lowest[here][:, members]
+            low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
+            touching[here, members] |= low
+    touches = touches_of(sites, touching, np.ones(touching.shape), moving.time, PLATES)
+    return Contacts(tuple(site.name for site in sites), touches)
+
+
+def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
+    """Touches of several sources, the most trusted first.
+    A touch is cut where one of the same site from a source before it covers it, and left out where
+    no more than half and no part of `LASTING` is left: so much the sources' times may differ.
+    """
+    names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
+    kept: list[Touch] = []
+    for source in sources:
+        before = tuple(kept)
+        for touch in source.intervals:
+            rest = _outside(touch, [item for item in before if item.site == touch.site])
+            left = [piece.stop - piece.start for piece in rest]
+            if (
+                sum(left) > 0.5 * (touch.stop - touch.start)
+                or max(left, default=0.0) > LASTING
+                or rest == [touch]
+            ):
+                kept += rest
+    return Contacts(
+        names, tuple(kept), tuple(text for source in sources for text in source.warnings)
+    )
+
+
+def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
+    """The parts of a touch that no other covers."""
+    parts = [touch]
+    for other in others:
+        cut = []
+        for part in parts:
+            if other.stop < part.start or other.start > part.stop:
+                cut.append(part)
+                continue
+            cut += [replace(part, stop=other.start)] if part.start < other.start else []
+            cut += [replace(part, start=other.stop)] if other.stop < part.stop else []
+        parts = cut
+    return parts
+
+
+# Height of the virtual pivot point above the center of mass, over the height of that above the
+# floor
+PIVOT = 0.3
+
+
+@dataclass(frozen=True)
+class ActivationOptions:
+    """Where readiness fades. Lengths count from the height of the center of mass, speeds from
+    sqrt(g height).
+
+    The defaults are, for an adult, the 40 mm and 0.8 m/s that AnyBody's template for ground forces
+    documents.
+
+    Attributes
+    ----------
+    height, speed : at which a site is not ready any more
+    high, fast : shares of those up to which it is fully ready
+    least : readiness of a site that touches, however it moves
+    floor : height of the floor [m], None to find it
+    """
+
+    height: float = 0.042
+    speed: float = 0.26
+    high: float = 0.8
+    fast: float = 0.15
+    least: float = 0.05
+    floor: float | None = None
+
+
+def contact_activations(
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    contacts: Contacts | None = None,
+    options: ActivationOptions | None = None,
+) -> Series:
+    """Activation of each contact (frames, sites): how ready a site is to carry force, 0 to 1.
+
+    s = max(least, fade(z / z_limit, high) fade(v / v_limit, fast)) confidence,
+
+    fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0,
+
+    of the height z of a site's lowest point over the floor and its speed v against it, times how
+    sure it is that it touches: an activation that fades with height and speed, in the manner of
+    Fluit et al. (2014) and Skals et al. (2017); the curve is ours. A site on anything but the
+    ground is as ready as it is sure to touch.
+
+    Parameters
+    ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time, filtered
+    sites : places that can touch [m]
+    contacts : when sites touch; all the time without
+    options : heights and speeds at which readiness fades, see `ActivationOptions`
+
+    Returns
+    -------
+    (frames, sites) from 0 to 1, at the motion's times
+
+    Raises
+    ------
+    BadData : contacts lack a site, or no frame of the motion is whole
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
+    >>> ready = mm.contact.contact_activations(model, motion, sites, mm.find_contacts(model, motion, sites))
+    >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
+    (('hand',), (61, 1), True)
+    """
+    options = options or ActivationOptions()
+    names = tuple(site.name for site in sites)
+    sure = np.ones((len(motion), len(sites)))
+    if contacts is not None:
+        missing = [name for name in names if name not in contacts.sites]
+        if missing:
+            raise BadData(
+                f"contacts say nothing of site '{missing[0]}': they are of"
+                f" {', '.join(contacts.sites)}"
+            )
+        columns = [contacts.sites.index(name) for name in names]
+        sure = contacts.states(motion.time).values[:, columns]
+    walking = [index for index, site in enumerate(sites) if site.against == GROUND]
+    values = np.array(sure)
+    if walking:
+        moving = site_motion(model, motion, [sites[number] for number in walking])
+        floor = floor_under(moving, options.floor)
+        z = (moving.lowest - floor.height) / moving.height
+        v = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace
+        ready = fade(z / options.height, options.high) * fade(v / options.speed, options.fast)
+        least = options.least if contacts is not None else 0.0
+        values[:, walking] *= np.nan_to_num(np.maximum(ready, least))
+    return Series(motion.time, names, values)
+
+
+def preferred_directions(
+    model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT
+) -> Array:
+    """Preferred directions of forces at sites on the ground: to a pivot above the subject's center
+    of mass.
+
+    What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground
+    forces meet near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a
+    force towards it costs least.
+
+    Parameters
+    ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time
+    sites : places that can touch [m]
+    pivot : height of the point above the center of mass, over the height of that above the floor
+
+    Returns
+    -------
+    (frames, sites, 3) in ground: force across the cone's direction per force along it, 0 of a site
+    on anything but the ground, or whose cone has no direction fixed in ground
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
+    >>> mm.contact.preferred_directions(model, motion, sites).shape
+    (61, 1, 3)
+    """
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    moving = site_motion(model, motion, sites)
+    owner = tree.roots
+    result = np.zeros((len(motion), len(sites), 3))
+    for subject in np.unique(owner[1:]):
+        pivots = center_of(tree, poses, owner == subject) + pivot * moving.height * moving.up
+        for index, site in enumerate(sites):
+            up = site.cone.direction
+            mine = owner[tree.body_index[site.body]] == subject and site.against == GROUND
+            if mine and up is not None and site.cone.frame == GROUND:
+                way = pivots - moving.places[:, index]
+                along = way @ up
+                ahead = along > 0.1 * moving.height
+                result[ahead, index] = way[ahead] / along[ahead, None] - up
+    return result
+
+
+def fade(x: Array, full: float) -> Array:
+    """1 below `full`, half a cosine down to 0 at 1, 0 beyond; NaN stays."""
+    way = np.clip((x - full) / (1.0 - full), 0.0, 1.0)
+    return 0.5 * (1.0 + np.cos(np.pi * way))

@@ -1,0 +1,381 @@
+"""Parameters and samples of C3D files with NumPy alone: three byte orders, integers and reals.
+
+Follows the C3D user guide (Motion Lab Systems): a header of one block, a parameter section of
+linked records, and frames of points and analog samples. It believes the header where header and
+parameters differ, stops at the first broken parameter record and keeps the ones before it, and
+never reads more than the file holds.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.core.io.parsing.text import readable
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadFile
+
+Value = tuple[str, ...] | Array
+
+BLOCK = 512
+KEY = 0x50  # Bytes of a block; the second byte of every C3D file.
+PC = 84
+DEC = 85
+SGI = 86
+EVENT_KEY = 12345
+MAX_DIMENSIONS = 7
+
+
+@read_only
+class RawC3d:
+    """Parameters and samples of a C3D file, scaled, in the file's units."""
+
+    # group to parameter to value: texts, or numbers of the file's shape (first index fastest)
+    groups: Mapping[str, Mapping[str, Value]]
+    first_frame: int  # number of the first frame, counted from 1
+    # point_rate, analog_rate: samples per second [Hz]
+    point_rate: float
+    analog_rate: float
+    points: Array  # (frames, points, 3), NaN where the file calls them invalid
+    residuals: Array  # (frames, points), negative where invalid
+    analog: Array  # (samples, channels), offset and scale applied
+    events: tuple[tuple[str, float], ...] = ()  # (label, time [s]) of the header's own list
+    remarks: tuple[str, ...] = ()  # what had to be mended or left out
+
+    def texts(self, group: str, name: str) -> tuple[str, ...]:
+        """Texts of a parameter and of its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
+        values = self._continued(group, name)
+        texts = [text for value in values if isinstance(value, tuple) for text in value]
+        return tuple(text.partition("\0")[0].strip() for text in texts)
+
+    def numbers(self, group: str, name: str) -> Array:
+        """Numbers of a parameter, flat in the file's order, and of its continuations; empty if
+        absent.
+        """
+        values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
+        return np.concatenate(
+            [np.zeros(0), *(np.asarray(part, dtype=np.float64).ravel(order="F") for part in values)]
+        )
+
+    def _continued(self, group: str, name: str) -> Iterator[Value]:
+        """Values of a parameter and of its continuations, up to the first that is absent."""
+        for number in ("", *range(2, 40)):
+            value = self.groups.get(group, {}).get(f"{name}{number}")
+            if value is None:
+                return
+            yield value
+
+    def shape(self, group: str, name: str) -> tuple[int, ...]:
+        """Shape of a parameter's value, () if absent or text."""
+        value = self.groups.get(group, {}).get(name)
+        return () if value is None or isinstance(value, tuple) else np.shape(value)
+
+
+def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
+    """Read a C3D file with NumPy alone."""
+    path = Path(path)
+    with readable(path):
+        data = path.read_bytes()
+    if len(data) < BLOCK:
+        what = "is empty" if not data else f"is too short for a C3D file ({len(data)} bytes)"
+        raise BadFile(
+            path, what, "give the recording again, as the program of the laboratory exports it"
+        )
+    if data[1] != KEY:
+        raise BadFile(path, "is not a C3D file: its second byte is not 50 hexadecimal")
+    remarks: list[str] = []
+    # A damaged file holds numbers of any size; what is not finite is dealt with where it is used.
+    with np.errstate(all="ignore"):
+        section, order = _section(data, remarks)
+        header = _header(data, order)
+        groups = _parameters(data, section, order, remarks)
+        return _samples(data, header, groups, order, remarks, path)
+
+
+def claimed_frames(head: bytes) -> tuple[int, float]:
+    """Frames and their rate [Hz] as the first bytes of a C3D file claim them, header and
+    parameters; 0 for unknown.
+    """
+    with np.errstate(all="ignore"):
+        section, order = _section(head, [])
+        header = _header(head, order)
+        groups = _parameters(head, section, order, [])
+        nothing = np.zeros((0, 0, 3))
+        raw = RawC3d(
+            groups=groups,
+            first_frame=header.first,
+            point_rate=header.rate,
+            analog_rate=0.0,
+            points=nothing,
+            residuals=nothing[..., 0],
+            analog=np.zeros((0, 0)),
+        )
+        return _frames(raw, header, 0), _first(raw, "POINT", "RATE", header.rate)
+
+
+@dataclass(frozen=True)
+class _Order:
+    """How a processor writes numbers."""
+
+    processor: int
+
+    @property
+    def end(self) -> str:
+        return ">" if self.processor == SGI else "<"
+
+    def ints(self, data: bytes, signed: bool = True) -> np.ndarray:
+        return np.frombuffer(data, dtype=self.end + ("i2" if signed else "u2"))
+
+    def floats(self, data: bytes) -> Array:
+        if self.processor == DEC:
+            # A VAX real: its 16-bit halves are swapped, its exponent is two larger than IEEE's.
+            halves = np.frombuffer(data, dtype="<u2").reshape(-1, 2)[:, ::-1]
+            return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+        return np.frombuffer(data, dtype=self.end + "f4").astype(np.float64)
+
+
+@dataclass(frozen=True)
+class _Header:
+    points: int
+    analog_per_frame: int
+    first: int
+    last: int
+    scale: float
+    data_block: int
+    samples_per_frame: int
+    rate: float
+    events: tuple[tuple[str, float], ...]
+
+
+def _section(data: bytes, remarks: list[str]) -> tuple[int, _Order]:
+    """Where the parameter section begins, and the byte order it names."""
+    start = (data[0] - 1) * BLOCK
+    for guess in (start, BLOCK):
+        if 0 < guess <= len(data) - 4 and data[guess + 3] in (PC, DEC, SGI):
+            if guess != start:
+                remarks.append(
+                    "the parameter section was looked for at its usual place: the header points"
+                    " elsewhere"
+                )
+            return guess, _Order(data[guess + 3])
+    remarks.append("the parameter section names no processor: taken as PC")
+    return start, _Order(PC)
+
+
+def _header(data: bytes, order: _Order) -> _Header:
+    words = order.ints(data[:BLOCK], signed=False)
+    events: list[tuple[str, float]] = []
+    if words[149] == EVENT_KEY and words[150] <= 18:
+        count = int(words[150])
+        times = order.floats(data[304 : 304 + 4 * count])
+        for index in range(count):
+            label = data[396 + 4 * index : 400 + 4 * index].decode("latin-1").strip(" \0")
+            events.append((label, float(times[index])))
+    return _Header(
+        points=int(words[1]),
+        analog_per_frame=int(words[2]),
+        first=int(words[3]),
+        last=int(words[4]),
+        scale=float(order.floats(data[12:16])[0]),
+        data_block=int(words[8]),
+        samples_per_frame=int(words[9]),
+        rate=float(order.floats(data[20:24])[0]),
+        events=tuple(events),
+    )
+
+
+def _parameters(
+    data: bytes, section: int, order: _Order, remarks: list[str]
+) -> dict[str, dict[str, Value]]:
+    """Groups of parameters; records after a broken one are lost, which is told in `remarks`."""
+    names: dict[int, str] = {}
+    records: list[tuple[int, str, Value]] = []
+    at = section + 4
+    while 0 <= at < len(data) - 4:
+        length = abs(_signed(data[at]))
+        group = _signed(data[at + 1])
+        if length == 0:
+            break
+        field = at + 2 + length
+        name = data[at + 2 : field].decode("latin-1").strip(" \0").upper()
+        if group == 0 or field + 2 > len(data) or not name.isprintable():
+            remarks.append(
+                "the parameter section is broken: what follows the first broken record was left out"
+            )
+            break
+        step = int(order.ints(data[field : field + 2])[0])
+        if group < 0:
+            names[-group] = name
+        else:
+            value = _value(data, field + 2, order)
+            if value is None:
+                remarks.append(
+                    f"parameter '{name}' is broken or reaches past the end of the file: it was"
+                    " left out"
+                )
+            else:
+                records.append((group, name, value))
+        if step <= 0:
+            break
+        at = field + step
+    groups: dict[str, dict[str, Value]] = {}
+    for group, name, value in records:
+        groups.setdefault(names.get(group, f"GROUP {group}"), {}).setdefault(name, value)
+    return groups
+
+
+def _signed(byte: int) -> int:
+    return byte - 256 if byte > 127 else byte
+
+
+def _value(data: bytes, at: int, order: _Order) -> Value | None:
+    """Value of a parameter that begins at its type byte, or None if the file ends before it does."""
+    if at + 2 > len(data) or data[at + 1] > MAX_DIMENSIONS:
+        return None
+    kind = _signed(data[at])
+    rank = data[at + 1]
+    shape = tuple(data[at + 2 : at + 2 + rank])
+    start = at + 2 + rank
+    count = int(np.prod(shape, dtype=np.int64)) if rank else 1
+    size = count * {-1: 1, 1: 1, 2: 2, 4: 4}.get(kind, 0)
+    raw = data[start : start + size]
+    if len(raw) < size or len(shape) < rank or kind not in (-1, 1, 2, 4):
+        return None
+    if kind == -1:
+        width = shape[0] if rank else 1
+        rows = count // width if width else 0
+        return tuple(raw[row * width : (row + 1) * width].decode("latin-1") for row in range(rows))
+    values = (
+        order.floats(raw)
+        if kind == 4
+        else order.ints(raw)
+        if kind == 2
+        else np.frombuffer(raw, dtype=np.int8)
+    )
+    values = values.astype(np.float64)
+    return values.reshape(shape or (1,), order="F")
+
+
+def _samples(
+    data: bytes,
+    header: _Header,
+    groups: Mapping[str, Mapping[str, Value]],
+    order: _Order,
+    remarks: list[str],
+    path: Path,
+) -> RawC3d:
+    """Points and analog samples of every frame the file holds."""
+    about = RawC3d(
+        groups=groups,
+        first_frame=header.first,
+        point_rate=0.0,
+        analog_rate=0.0,
+        points=np.zeros((0, 0, 3)),
+        residuals=np.zeros((0, 0)),
+        analog=np.zeros((0, 0)),
+    )
+    points = header.points
+    per_frame = header.samples_per_frame
+    channels = header.analog_per_frame // per_frame if per_frame else 0
+    scale = header.scale
+    if not np.isfinite(scale) or scale == 0.0:
+        scale = _first(about, "POINT", "SCALE", -1.0)
+        remarks.append("the header holds no point scale: the parameter POINT:SCALE was used")
+    real = scale < 0
+    width = 4 if real else 2
+    size = (4 * points + channels * per_frame) * width
+    block = header.data_block or int(_first(about, "POINT", "DATA_START", 0))
+    start = (block - 1) * BLOCK
+    if size == 0 or start <= 0 or start >= len(data):
+        raise BadFile(
+            path, "holds neither points nor analog samples", "the recording may have been cut off"
+        )
+    held = (len(data) - start) // size
+    used = int(_first(about, "ANALOG", "USED", 0.0))
+    if used == header.analog_per_frame > channels:
+        # Some programs write the number of channels where that of samples in a frame belongs.
+        larger = (4 * points + used * per_frame) * width
+        if (len(data) - start) // larger >= _frames(about, header, held):
+            channels = used
+            size = larger
+            held = (len(data) - start) // size
+    claimed = _frames(about, header, held)
+    frames = min(claimed, held)
+    if frames < claimed:
+        remarks.append(f"the file ends early: it holds {frames} frames of {claimed}")
+    if frames <= 0:
+        raise BadFile(path, "holds no whole frame", "the recording may have been cut off")
+    raw = data[start : start + frames * size]
+    unsigned = any(text.upper().startswith("UNSIGNED") for text in about.texts("ANALOG", "FORMAT"))
+    table = (order.floats(raw) if real else order.ints(raw).astype(np.float64)).reshape(frames, -1)
+    coordinates = table[:, : 4 * points]
+    analog = table[:, 4 * points :]
+    if unsigned and not real:
+        analog = np.where(analog < 0.0, analog + 65536.0, analog)
+    places = coordinates.reshape(frames, points, 4)
+    residuals = _residuals(places[:, :, 3], abs(scale))
+    positions = np.where(
+        (residuals < 0)[:, :, None], np.nan, places[:, :, :3] * (1.0 if real else scale)
+    )
+    rate = header.rate if 0 < header.rate < 1e6 else _first(about, "POINT", "RATE", 0.0)
+    return RawC3d(
+        groups=groups,
+        first_frame=header.first,
+        point_rate=rate,
+        analog_rate=rate * per_frame,
+        points=positions,
+        residuals=residuals,
+        analog=_scaled(about, analog.reshape(frames * per_frame, channels), unsigned, real),
+        events=header.events,
+        remarks=tuple(remarks),
+    )
+
+
+def _first(raw: RawC3d, group: str, name: str, default: float) -> float:
+    values = raw.numbers(group, name)
+    return float(values[0]) if len(values) and np.isfinite(values[0]) else default
+
+
+def _frames(raw: RawC3d, header: _Header, held: int) -> int:
+    """Number of frames the file claims: 16 bits in the header, more in parameters of long files."""
+    begin = raw.numbers("TRIAL", "ACTUAL_START_FIELD")
+    end = raw.numbers("TRIAL", "ACTUAL_END_FIELD")
+    if len(begin) == 2 and len(end) == 2:
+        long = (end[0] % 65536 + 65536 * end[1]) - (begin[0] % 65536 + 65536 * begin[1]) + 1
+        if 0 < long < 2**31 and (header.last == 65535 or long == header.last - header.first + 1):
+            return int(long)
+    if header.last == 65535:
+        return int(_first(raw, "POINT", "LONG_FRAMES", 0.0)) or held
+    return header.last - header.first + 1
+
+
+def _residuals(words: Array, scale: float) -> Array:
+    """Residual of each point [file's unit], -1 where invalid: the low byte of the fourth word,
+    scaled.
+    """
+    whole = np.where(np.isfinite(words), words, -1.0)
+    whole = np.clip(np.rint(whole), -1.0, 32767.0).astype(np.int64)
+    return np.where(whole < 0, -1.0, (whole & 0xFF) * scale)
+
+
+def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
+    """Analog samples with offset and scale applied: (raw - offset) * scale * general scale."""
+    channels = analog.shape[1]
+    scale = np.ones(channels)
+    offset = np.zeros(channels)
+    stated = raw.numbers("ANALOG", "SCALE")[:channels]
+    scale[: len(stated)] = stated
+    stated = raw.numbers("ANALOG", "OFFSET")
+    stated = (stated if len(stated) else raw.numbers("ANALOG", "OFFSETS"))[:channels]
+    if unsigned:
+        stated = np.where(stated < 0, stated + 65536, stated)
+    elif real:
+        # The middle of an unsigned 16-bit converter, which a signed parameter cannot hold.
+        stated = np.where(stated == -32768, 32768, stated)
+    offset[: len(stated)] = stated
+    return (analog - offset) * (scale * _first(raw, "ANALOG", "GEN_SCALE", 1.0))

@@ -1,0 +1,334 @@
+"""Tables of forces as laboratories write them: any heading or none, frames for times; what was
+assumed is noted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.core.io.channels import TIMES
+from myomorph.core.io.force_columns import UNIT, UNITS, force_columns, guessed_names, table_wrenches
+from myomorph.core.io.parsing.text import file_text, number, number_or_nan, unique_names
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadFile, MyomorphError, quoted
+from myomorph.core.model.series import Table, Wrenches
+
+HINT = (
+    "name its columns in order, as --force-columns time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1 (moments as"
+    " Mx1; '-' for a column to leave out)"
+)
+FRAMES = ("frame", "frames", "field", "sample", "row", "index", "item")
+SUB_FRAMES = ("sub frame", "subframe", "sub_frame", "sub-frame")
+UNITS_OF_CELLS = frozenset(
+    (*UNITS, "n", "m", "s", "ms", "nm", "n.m", "n*m", "n·m", "v", "hz", "deg", "-", "")
+)
+PART_OF_PLATE = re.compile(
+    r"[\s_:-]*(forces?|moments?|torques?|cop|center of pressure)$", re.IGNORECASE
+)
+RATE = re.compile(r"(rate|freq|hz)", re.IGNORECASE)
+MIN_WIDTH = 4  # Columns of the smallest table of a force: three of force and a moment.
+# A center of pressure is nearer to the laboratory's origin, and a moment's lever is shorter [m].
+FAR = 20.0
+LOADED = 20.0  # Force from which on a point is one [N].
+
+
+@dataclass(frozen=True)
+class ForceLayout:
+    """How a table of forces is laid out, where somebody says so."""
+
+    # of its columns in order, as `time`, `Fx1`, `COPx1`; "-" for one to leave out; () as its
+    # heading has them
+    names: tuple[str, ...] = ()
+    rate: float = 0.0  # of its rows, where it has no times [Hz]; 0 as its heading has it
+    # points that the moments of forces without a center of pressure are about, in the table's order
+    # and along its axes [m]; () for the origin
+    origins: tuple[tuple[float, float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.rate < 0.0 or not np.isfinite(self.rate):
+            raise BadData(f"rate of the table of forces {self.rate:g} Hz: expected more than 0")
+
+
+def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> ForceLayout:
+    """A layout of texts: names between commas, origins as "x,y,z; x,y,z" [m]."""
+    points: list[tuple[float, float, float]] = []
+    for text in origins.split(";") if origins.strip() else []:
+        try:
+            x, y, z = (float(number) for number in text.split(","))
+        except ValueError:
+            raise BadData(
+                f"origin of moments '{text.strip()}': expected x,y,z in metres, forces between ';'"
+            ) from None
+        points.append((x, y, z))
+    return ForceLayout(
+        tuple(name.strip() for name in names.split(",")) if names.strip() else (),
+        rate,
+        tuple(points),
+    )
+
+
+def read_forces(
+    path: Path, bodies: Mapping[str, str] | None = None, layout: ForceLayout | None = None
+) -> Wrenches:
+    """Forces of a table in its own axes [N, m, N m], its bodies those named, else not known (""). A
+    table with the usual heading is read as it stands; of any other, notes say what was taken for
+    what; `layout`: what it does not say itself.
+    """
+    layout = layout or ForceLayout()
+    table = None if layout.names or layout.rate else _usual(path)
+    usual = table is not None
+    table = table or laboratory_table(path, layout)
+    try:
+        wrenches = table_wrenches(table, bodies)
+    except BadData as error:
+        if bodies:
+            raise
+        raise BadData(f"{error}; or {HINT}") from None
+    if not usual:
+        wrenches = _in_metres(replace(wrenches, notes=(*table.warnings, *wrenches.notes)), table)
+    return _about_origins(wrenches, layout.origins) if layout.origins else wrenches
+
+
+def holds_forces(path: Path) -> bool:
+    """Whether a table has columns of forces, by its heading or by its numbers."""
+    try:
+        return bool(read_forces(path).names)
+    except (MyomorphError, OSError):
+        return False
+
+
+def _usual(path: Path) -> Table | None:
+    """A table with the heading that OpenSim's have, or a line of names that begins with the time;
+    None for others.
+    """
+    try:
+        table = read_sto(path)
+    except BadFile:
+        return None
+    return table if force_columns(table.names) else None
+
+
+def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
+    """A table with any heading or none: columns between tabs, commas, semicolons or blanks.
+
+    Knows names under names of plates and over units, frames and sub frames for times with the rate
+    in the heading, decimal commas, and a second section below the first, which is passed over.
+    Without a heading the columns are found by their numbers where only one reading is possible.
+    Returns columns (rows, columns) in the table's own units; `warnings` say what was taken for
+    what.
+    """
+    layout = layout or ForceLayout()
+    lines = [line for line in file_text(path, HINT).splitlines() if line.strip(" \t,;")]
+    mark = next((delimiter for delimiter in "\t;," if lines and delimiter in lines[-1]), None)
+    start, values = _numbers(lines, mark, path)
+    heading = [_cells(line, mark) for line in lines[:start]]
+    notes: list[str] = []
+    if len(lines) > start + len(values):
+        notes.append(f"lines below row {len(values)} are not of the same table: left out")
+    names = list(layout.names) or _names(heading, values.shape[1])
+    if layout.names and len(layout.names) != values.shape[1]:
+        raise BadFile(
+            path, f"has {values.shape[1]} columns, and {len(layout.names)} names were given", HINT
+        )
+    if not names:
+        names = guessed_names(values) or []
+        if not names:
+            raise BadFile(path, f"has no line of names over its {values.shape[1]} columns", HINT)
+        notes.append(
+            f"no names: {len(names)} columns were taken as {', '.join(names)} (--force-columns"
+            " states them)"
+        )
+    elif not layout.names:
+        notes.append(f"columns by its heading: {quoted(names)}")
+    time = _times(names, values, layout.rate or _rate(heading), notes, path)
+    left_out = (*TIMES, *FRAMES, *SUB_FRAMES)
+    kept = [
+        index
+        for index, name in enumerate(names)
+        if name not in ("", "-") and _plain(name) not in left_out
+    ]
+    titles = unique_names([names[index] for index in kept], "column", notes)
+    return Table(time, titles, values[:, kept], warnings=tuple(notes), source=str(path))
+
+
+def _cells(line: str, mark: str | None) -> list[str]:
+    return [
+        cell.strip().strip('"').strip() for cell in (line.split(mark) if mark else line.split())
+    ]
+
+
+def _row(line: str, mark: str | None) -> list[float] | None:
+    """Numbers of a line, None where a cell is none or all are blank."""
+    cells = _cells(line, mark)
+    while cells and not cells[-1]:
+        cells.pop()
+    if mark != "," and "." not in line:
+        cells = [cell.replace(",", ".") for cell in cells]
+    try:
+        row = [number(cell) for cell in cells]
+    except ValueError:
+        return None
+    return row if np.isfinite(row).any() else None
+
+
+def _numbers(lines: Sequence[str], mark: str | None, path: Path) -> tuple[int, Array]:
+    """Line at which the numbers begin, and the rows (rows, columns) up to the first that is no row
+    of the table.
+    """
+    for start in range(max(len(lines) - 1, 0)):
+        first = _row(lines[start], mark)
+        second = _row(lines[start + 1], mark)
+        if first is None or second is None or len(first) != len(second) or len(first) < MIN_WIDTH:
+            continue
+        rows = []
+        for line in lines[start:]:
+            row = _row(line, mark)
+            if row is None or not 0 <= len(first) - len(row) < MIN_WIDTH - 1:
+                break
+            rows.append([*row, *[np.nan] * (len(first) - len(row))])
+        return start, np.array(rows)
+    raise BadFile(path, f"has no two rows of {MIN_WIDTH} or more numbers", HINT)
+
+
+def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Names of the columns: a line of words, with the plates' names from the line above and units
+    from that below.
+    """
+    units = [""] * width
+    for at in range(len(heading) - 1, -1, -1):
+        cells = [*heading[at], *[""] * width][:width]
+        words = [cell for cell in cells if cell and not np.isfinite(number_or_nan(cell))]
+        if words and all(cell.lower() in UNITS_OF_CELLS for cell in cells):
+            units = cells
+            continue
+        if len(words) < max(MIN_WIDTH, 0.6 * width):
+            return []
+        above = heading[at - 1] if at else ()
+        groups = (
+            _spread(above, width)
+            if sum(map(bool, above)) > 1 or (above and not above[0])
+            else [""] * width
+        )
+        return [
+            f"{_plate(group)}_{name}".strip("_")
+            + (f" [{unit}]" if unit and not UNIT.search(name) else "")
+            for group, name, unit in zip(groups, cells, units, strict=True)
+        ]
+    return []
+
+
+def _plate(group: str) -> str:
+    """A plate's name in a line of groups, without what its columns are, which their own names say."""
+    return re.sub(
+        r"force[\s_]*(plate|platform)", r"\1", PART_OF_PLATE.sub("", group), flags=re.IGNORECASE
+    ).strip()
+
+
+def _spread(cells: Sequence[str], width: int) -> list[str]:
+    """A line of groups, each over its own column and the blank ones behind it."""
+    result = []
+    last = ""
+    for index in range(width):
+        last = (cells[index] if index < len(cells) else "") or last
+        result.append(last)
+    return result
+
+
+def _rate(heading: Sequence[Sequence[str]]) -> float:
+    """Samples a second, from a heading that has them: a number alone in its line, or behind a word;
+    0 without.
+    """
+    for cells in heading:
+        filled = [cell for cell in cells if cell]
+        numbers = [
+            float(element) for cell in filled for element in re.findall(r"\d+(?:\.\d+)?", cell)
+        ]
+        alone = len(filled) == 1 and np.isfinite(number_or_nan(filled[0]))
+        if len(numbers) == 1 and numbers[0] > 0.0 and (alone or RATE.search(" ".join(filled))):
+            return numbers[0]
+    return 0.0
+
+
+def _plain(name: str) -> str:
+    return (
+        UNIT.sub("", name)
+        .split("[")[0]
+        .strip("_ #.")
+        .lower()
+        .removesuffix("_s")
+        .removesuffix("_ms")
+    )
+
+
+def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], path: Path) -> Array:
+    """Times of the rows [s]: of a column, else of frames or rows at the rate."""
+    plain = [_plain(name) for name in names]
+    column = next((index for index, name in enumerate(plain) if name in TIMES), None)
+    if column is not None:
+        time: Array = values[:, column] * (
+            1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[column].lower()) else 1.0
+        )
+    elif rate > 0.0:
+        frame = next((index for index, name in enumerate(plain) if name in FRAMES), None)
+        sub = next((index for index, name in enumerate(plain) if name in SUB_FRAMES), None)
+        first = 0.0
+        if frame is not None:
+            each = 1.0 if sub is None else float(np.nanmax(values[:, sub])) + 1.0
+            first = (values[0, frame] - 1.0) * each + (0.0 if sub is None else values[0, sub])
+        time = np.array([(first + index) / rate for index in range(len(values))])
+        notes.append(f"no column of times: rows at {rate:g} Hz, the first at {time[0]:g} s")
+    else:
+        raise BadFile(
+            path, "has neither a column of times nor a rate", "state its rate (--force-rate HZ)"
+        )
+    if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
+        raise BadFile(
+            path,
+            "its times do not rise from row to row",
+            "sort the rows, and fill gaps in their times",
+        )
+    return time
+
+
+def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
+    """Points and moments in m and N m where the table names no unit and their size leaves no other."""
+    notes = list(wrenches.notes)
+    points = wrenches.points.copy()
+    torques = wrenches.torques.copy()
+    stated = {column.name: column for column in force_columns(table.names)}
+    for index, name in enumerate(wrenches.names):
+        unit = stated.get(name)
+        size = np.linalg.norm(wrenches.forces[:, index], axis=1)
+        loaded = np.isfinite(size) & (size > LOADED)
+        if unit is None or not loaded.any():
+            continue
+        for columns, parts, over, words in (
+            (unit.point, points, np.ones(int(loaded.sum())), "points taken as mm"),
+            (unit.torque, torques, size[loaded], "moments taken as N mm"),
+        ):
+            far = np.nanmedian(np.linalg.norm(parts[loaded, index], axis=1) / over) > FAR
+            if far and not any(UNIT.search(column) for column in columns):
+                parts[:, index] *= 1e-3
+                notes.append(f"force '{name}': no unit, {words} by their size")
+    return replace(wrenches, points=points, torques=torques, notes=tuple(notes))
+
+
+def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, float]]) -> Wrenches:
+    """Moments of forces without a center of pressure about points of their own."""
+    bare = [index for index in range(len(wrenches.names)) if not wrenches.points[:, index].any()]
+    if len(bare) != len(origins):
+        raise BadData(
+            f"{len(origins)} origins of moments for {len(bare)} forces without a center of pressure"
+            f" ({', '.join(wrenches.names[index] for index in bare) or 'none'}): give one each"
+            " (--force-origins 'x,y,z; x,y,z')"
+        )
+    points = wrenches.points.copy()
+    points[:, bare] = np.array(origins)
+    notes = tuple(note for note in wrenches.notes if "has no center of pressure" not in note)
+    return replace(wrenches, points=points, notes=notes)

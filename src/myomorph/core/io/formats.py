@@ -1,0 +1,123 @@
+"""Files of models and of recordings, told apart by their names: the one place where formats are
+registered.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Trial
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of file."""
+
+    name: str  # of the kind, in a few words
+    endings: tuple[str, ...]  # of the names of such files, in small letters
+    # "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
+    reader: str
+
+    def read(self, path: Path) -> Any:
+        """What a file of this kind holds; raises what its reader raises."""
+        module, function = self.reader.split(":")
+        return getattr(importlib.import_module(module), function)(path)
+
+
+MODELS: tuple[Format, ...] = (
+    Format("OpenSim model", (".osim",), "myomorph.core.io.osim.read:read_osim"),
+    Format("MuJoCo model", (".xml", ".mjcf"), "myomorph.core.io.mjcf.read:read_mjcf"),
+)
+"""Each reader gives a `Model`."""
+
+COMPOSED = "myo-sim:"
+"""Before the name of a model that the package `myo-sim` composes, where a file's path may stand:
+`myo-sim:myoarm`.
+"""
+
+TRIALS: tuple[Format, ...] = (
+    Format("TRC markers", (".trc",), "myomorph.core.io.trc:read_trc"),
+    Format("C3D recording", (".c3d",), "myomorph.core.io.c3d.read:read_c3d"),
+    Format("Qualisys recording", (".mat",), "myomorph.core.io.qualisys_mat:read_qualisys_mat"),
+    Format("BIDS motion", ("_motion.tsv",), "myomorph.exchange.bids.recording:read_motion_trial"),
+    Format("keypoints", (".h5", ".hdf5"), "myomorph.core.io.keypoints:read_keypoints"),
+)
+"""Each reader gives a `Trial` with markers in metres."""
+
+
+def model_format(path: str | os.PathLike[str]) -> Format | None:
+    """The kind of model that a file's name tells, None for no model."""
+    return _format(path, MODELS)
+
+
+def trial_format(path: str | os.PathLike[str]) -> Format | None:
+    """The kind of recording that a file's name tells, None for no recording."""
+    return _format(path, TRIALS)
+
+
+def is_composed(path: str | os.PathLike[str]) -> bool:
+    """Whether this names a model of `myo-sim` and no file."""
+    return os.fspath(path).startswith(COMPOSED)
+
+
+def read_model(path: str | os.PathLike[str]) -> Model:
+    """The model in a file of one of the `MODELS`.
+
+    Source: Seth et al. 2018 (OpenSim); Todorov, Erez and Tassa 2012 (MJCF).
+
+    Parameters
+    ----------
+    path : of the file (.osim, .xml of MuJoCo, ...), or a model of the package `myo-sim` by name
+        ("myo-sim:myoarm")
+
+    Returns
+    -------
+    the body in meters, radians and kilograms, what was odd in `warnings`
+
+    Raises
+    ------
+    BadFile
+        The file cannot be read, or its name ends in something else.
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> model.coordinate_names, model.muscle_names
+    (('shoulder_flexion', 'elbow_flexion'), ('flexor', 'extensor'))
+    """
+    kind = model_format(path)
+    if is_composed(path):
+        kind = Format("model of myo-sim", (), "myomorph.core.io.mjcf.read:composed_model")
+    if kind is None:
+        raise BadFile(
+            path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml"
+        )
+    return kind.read(Path(path))
+
+
+def read_trial(path: str | os.PathLike[str]) -> Trial:
+    """What a recording of one of the `TRIALS` holds; force plates as the file stores them."""
+    kind = trial_format(path)
+    if kind is None:
+        expected = ", ".join(ending for kind in TRIALS for ending in kind.endings)
+        raise BadFile(
+            path,
+            f"does not hold markers: its name ends in '{_ending(path)}'",
+            f"expected {expected}",
+        )
+    return kind.read(Path(path))
+
+
+def _format(path: str | os.PathLike[str], formats: tuple[Format, ...]) -> Format | None:
+    return next((kind for kind in formats if os.fspath(path).lower().endswith(kind.endings)), None)
+
+
+def _ending(path: str | os.PathLike[str]) -> str:
+    return Path(path).suffix.lower()

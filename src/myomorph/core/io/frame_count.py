@@ -1,0 +1,115 @@
+"""How many frames a recording has and at what rate, from its first bytes: for plans, without
+reading it whole.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.core.io.c3d.raw import BLOCK, KEY, claimed_frames
+from myomorph.core.io.parsing.text import number_or_nan
+from myomorph.core.io.trc import trc_head
+from myomorph.core.model.errors import BadFile, MyomorphError
+
+# Bytes that hold the header of any recording, long lists of C3D parameters included.
+HEAD = 1 << 18
+HALF = 0.49  # Part of a frame by which times may be off, since they are rounded.
+ROWS = 50
+SHARE = 0.1
+"""Rows whose times tell the rate; how far the length of a file may be from what its header claims.
+"""
+
+
+@dataclass(frozen=True)
+class FrameCount:
+    """What a recording says of its length."""
+
+    frames: int | None = None  # None where its first bytes do not tell
+    rate: float | None = None  # frames a second [Hz], None where they do not show it
+    start: float | None = None  # time of the first frame [s], None where they do not show it
+
+    def within(self, time: tuple[float, float] | None) -> int | None:
+        """Frames of a part of the recording, from start to end [s]; at most those that there are."""
+        if self.frames is None or time is None or self.rate is None:
+            return self.frames
+        asked = round((time[1] - time[0]) * self.rate) + 1
+        if self.start is None:
+            return max(0, min(self.frames, asked))
+        first = max(0, math.ceil((time[0] - self.start) * self.rate - HALF))
+        last = min(self.frames - 1, math.floor((time[1] - self.start) * self.rate + HALF))
+        return max(0, last - first + 1)
+
+
+def count_frames(path: str | os.PathLike[str]) -> FrameCount:
+    """What the header of a recording says; nothing where it is damaged, or tells it only at its
+    end.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError:
+        return FrameCount()
+    ending = path.suffix.lower()
+    try:
+        if ending == ".trc":
+            return _trc(head, path)
+        if ending == ".c3d" and len(head) >= BLOCK and head[1] == KEY:
+            return _told(*claimed_frames(head))
+        if ending in (".h5", ".hdf5"):
+            return _keypoints(path)
+    except (MyomorphError, ValueError, IndexError, OverflowError):
+        pass
+    return FrameCount()
+
+
+def _told(frames: float, rate: float, start: float = float("nan")) -> FrameCount:
+    whole = int(frames) if np.isfinite(frames) and 0 < frames < 2**31 else None
+    often = float(rate) if np.isfinite(rate) and rate > 0.0 else None
+    return FrameCount(whole, often, float(start) if np.isfinite(start) else None)
+
+
+def _trc(head: bytes, path: Path) -> FrameCount:
+    """By the header, unless the file is too short or too long for it; the rate by the column of
+    times.
+    """
+    text = head.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    facts, start = trc_head(text, path)
+    rows = text[start:].split("\n")
+    rows = [row for row in (rows[:-1] if len(head) == HEAD else rows) if row.strip()]
+    if not rows:
+        return FrameCount()
+    whole = path.stat().st_size * len(text) / len(head) - start
+    frames = whole / (sum(map(len, rows)) / len(rows) + 1.0)
+    count = number_or_nan(facts.get("NumFrames", ""))
+    times = np.array(
+        [
+            number_or_nan(row.replace(",", " ").split()[1])
+            for row in rows[:ROWS]
+            if len(row.split()) > 1
+        ]
+    )
+    start_time = times[0] if len(times) else float("nan")
+    span = times[-1] - times[0] if len(times) > 1 else 0.0
+    rate = (len(times) - 1) / span if span > 0.0 else number_or_nan(facts.get("DataRate", ""))
+    return _told(
+        count if abs(frames - count) < SHARE * frames + 2.0 else round(frames), rate, start_time
+    )
+
+
+def _keypoints(path: Path) -> FrameCount:
+    # Brings h5py: loaded only where it is needed.
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            tracks = file.get("tracks")
+            frames = tracks.shape[0] if isinstance(tracks, h5py.Dataset) and tracks.shape else None
+    except (OSError, RuntimeError):
+        raise BadFile(path, "cannot be read as HDF5") from None
+    return FrameCount(frames)

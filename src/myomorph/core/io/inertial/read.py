@@ -1,0 +1,135 @@
+"""Files of inertial sensors, told apart by their names and heads: orientations, or raw signals."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from myomorph.core.io.c3d.read import read_c3d
+from myomorph.core.io.formats import Format
+from myomorph.core.io.inertial.tables import sensors_of_channels
+from myomorph.core.model.errors import BadData, BadFile, MyomorphError
+from myomorph.core.model.inertial_sensors import InertialSensors, beside
+from myomorph.core.model.series import Trial
+
+SENSORS: tuple[Format, ...] = (
+    Format("OpenSim orientations", (".sto",), "myomorph.core.io.inertial.tables:read_orientations"),
+    Format("Xsens MVN", (".mvnx",), "myomorph.core.io.inertial.xsens:read_mvnx"),
+    Format("Xsens MT Manager", (".txt",), "myomorph.core.io.inertial.xsens:read_xsens_text"),
+    Format("Movella DOT or Delsys", (".csv",), "myomorph.core.io.inertial.tables:read_sensor_csv"),
+    Format("APDM", (".h5", ".hdf5"), "myomorph.core.io.inertial.apdm:read_apdm"),
+    Format("C3D channels", (".c3d",), "myomorph.core.io.inertial.read:read_c3d_sensors"),
+)
+"""Each reader gives `InertialSensors`."""
+SETS = (".txt", ".csv")
+"""Endings of files of one sensor each; those of one recording share their names up to the last
+underscore.
+"""
+HEAD = 4096  # Bytes in which a table states that it holds orientations.
+
+
+def sensor_files(path: Path) -> tuple[Path, ...]:
+    """The files of the recording of sensors alone that a file belongs to; () where it is none."""
+    ending = path.suffix.lower()
+    if ending == ".c3d" or not any(ending in kind.endings for kind in SENSORS):
+        return ()
+    if ending == ".sto":
+        with path.open("rb") as stream:
+            return (path,) if b"quaternion" in stream.read(HEAD).lower() else ()
+    if not _holds_sensors(path):
+        return ()
+    stem = path.stem.rpartition("_")[0]
+    if ending not in SETS or not stem:
+        return (path,)
+    alike = re.compile(re.escape(stem) + r"_[^_]+" + re.escape(path.suffix))
+    beside = [other for other in sorted(path.parent.iterdir()) if alike.fullmatch(other.name)]
+    return tuple(other for other in beside if other == path or _holds_sensors(other))
+
+
+def _holds_sensors(path: Path) -> bool:
+    try:
+        return len(_read(path)) > 0
+    except MyomorphError:
+        return False
+
+
+def read_inertial(
+    paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
+) -> InertialSensors:
+    """Inertial sensors of a recording, of one file or of one file for each sensor.
+
+    Knows OpenSim's tables of orientations (.sto), Xsens (.mvnx, .txt), Movella DOT and Delsys
+    (.csv), APDM (.h5) and C3D files with channels of accelerometers and gyroscopes (.c3d).
+
+    Source: see docs/inertial-sensors.md for what each format means.
+
+    Parameters
+    ----------
+    paths : of files of the `SENSORS`
+
+    Returns
+    -------
+    orientations (frames, sensors, 4) to an earth whose z points up, or angular velocities [rad/s],
+    accelerations [m/s^2] and magnetic fields
+
+    Raises
+    ------
+    BadFile, BadData
+        where a file is none of these, or files do not belong together
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> sensors = mm.read_inertial("reach_orientations.sto")
+    >>> sensors.names, len(sensors)
+    (('upper_arm_imu', 'forearm_imu'), 61)
+    """
+    several = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    if not several:
+        raise BadData("no file of inertial sensors")
+    parts = [_read(Path(path)) for path in several]
+    merged = beside(parts)
+    # Clocks of packets count from when the sensors were switched on.
+    counted = all(Path(path).suffix.lower() in (".txt", ".csv") for path in several)
+    return replace(merged, time=merged.time - merged.time[0]) if counted else merged
+
+
+def _read(path: Path) -> InertialSensors:
+    kind = next((kind for kind in SENSORS if path.suffix.lower() in kind.endings), None)
+    if kind is None:
+        expected = ", ".join(ending for kind in SENSORS for ending in kind.endings)
+        raise BadFile(
+            path,
+            f"holds no inertial sensors: its name ends in '{path.suffix}'",
+            f"expected {expected}",
+        )
+    sensors: InertialSensors = kind.read(path)
+    if not len(sensors) or not sensors.names:
+        raise BadFile(path, "holds no frame of any inertial sensor")
+    return sensors
+
+
+def read_c3d_sensors(path: Path) -> InertialSensors:
+    """The inertial sensors among the analog channels of a C3D file."""
+    sensors = sensors_of_trial(read_c3d(path))
+    if sensors is None:
+        raise BadFile(
+            path,
+            "has no channels of accelerometers and gyroscopes",
+            "expected names such as 'shank.ACC.X', 'shank.GYRO.X'",
+        )
+    return sensors
+
+
+def sensors_of_trial(trial: Trial) -> InertialSensors | None:
+    """The inertial sensors among the analog channels of a recording, None where there are none."""
+    analog = trial.analog
+    sensors = (
+        None
+        if analog is None
+        else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
+    )
+    return None if sensors is None else replace(sensors, source=trial.source)

@@ -1,0 +1,320 @@
+"""Three-dimensional keypoints of markerless cameras: HDF5 files with a dataset `tracks`, names
+beside it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph.core.io.parsing.guard import run_guarded, seconds_for
+from myomorph.core.io.parsing.text import readable, unique_names, without_far_away
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadFile, quoted
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.series import Markers, Trial
+
+UNITS = FrozenMap({"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254})
+NAME_KEYS = ("names", "KP_NAMES", "node_names", "keypoints")
+BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
+OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
+RATE_KEYS = ("rate", "fps", "frame_rate", "FrameRate")
+ENDINGS = (".yaml", ".yml", ".json", ".txt")
+MAX_VALUES = 1 << 28  # Numbers that are read at most.
+MAX_NAMES = 10_000
+LONGEST_TEXT = 1 << 20
+MAX_BYTES = 1 << 31  # Bytes of a data set that are read to see whether they can be.
+MEMORY = 4.0  # Of the child at most [GiB].
+HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, points, 3)"
+
+
+@dataclass(frozen=True)
+class KeypointNames:
+    """What a file of names says of the points of a recording."""
+
+    # of the points, in the order of the recording; () where not specified
+    names: tuple[str, ...] = ()
+    # point to the body of a model it belongs to
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    # point to where it lies on that body (3,) [m]
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: FrozenMap({}))
+    unit: float | None = None  # of the positions [m], None where not specified
+    rate: float | None = None  # frames per second [Hz], None where not specified
+
+
+def read_keypoints(
+    path: str | os.PathLike[str],
+    names: Sequence[str] = (),
+    units: str = "",
+    rate: float | None = None,
+    animal: int = 0,
+) -> Trial:
+    """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
+
+    What is not specified here is taken from the file itself (`node_names`, attributes `units` and
+    `rate`), then from the file of names beside it: the recording's own name with .yaml, .json or
+    .txt, or the only file of its folder with so many names, which the warnings report. `names`: of
+    the points, in order; `units`: "m", "cm", "mm" or "in"; `rate`: frames per second [Hz]; where
+    nothing states it, times are frame numbers, with a warning; `animal`: which one, where the file
+    holds several.
+    """
+    path = Path(path)
+    if units and units not in UNITS:
+        raise BadFile(path, f"unknown unit '{units}'", f"expected one of {', '.join(UNITS)}")
+    notes: list[str] = []
+    tracks, stored = _tracks(path, animal, notes)
+    header = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
+    sources = [stored]
+    if not header.names or header.unit is None or header.rate is None:
+        sources.append(_beside(path, tracks.shape[1], notes))
+    # Each fact from the first source that has it.
+    for other in sources:
+        unit = other.unit if header.unit is None else header.unit
+        rate = other.rate if header.rate is None else header.rate
+        header = replace(header, names=header.names or other.names, unit=unit, rate=rate)
+    if not header.names:
+        raise BadFile(
+            path,
+            f"does not name its {tracks.shape[1]} points",
+            f"name them in {path.stem}.txt, one a line",
+        )
+    if len(header.names) != tracks.shape[1]:
+        raise BadFile(
+            path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT
+        )
+    if header.unit is None:
+        raise BadFile(
+            path, "does not state its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml"
+        )
+    if header.rate is None:
+        notes.append(
+            "no frame rate is specified: times are frame numbers; put 'rate: HZ' into"
+            f" {path.stem}.yaml"
+        )
+    elif not 0.0 < header.rate < 1e6:
+        raise BadFile(
+            path, f"a frame rate of {header.rate:g} Hz was specified", "expected frames per second"
+        )
+    values = without_far_away(header.unit * tracks, notes)
+    facts = {
+        "unit of length": f"{header.unit:g} m",
+        "point rate": "not specified" if header.rate is None else f"{header.rate:g} Hz",
+    }
+    markers = Markers(
+        np.arange(len(values)) / (header.rate or 1.0),
+        unique_names(header.names, "point", notes),
+        values,
+    )
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
+
+
+def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:
+    """Positions (frames, points, 3) of one animal in the file's unit, and what the file tells of
+    them.
+    """
+    # Brings h5py: loaded only where it is needed.
+    import h5py
+
+    if not path.is_file():
+        raise BadFile(path, "does not exist")
+    _check_hdf5(path)
+    try:
+        with h5py.File(path, "r") as file:
+            tracks = file.get("tracks")
+            if not isinstance(tracks, h5py.Dataset):
+                held = quoted(file) or "nothing"
+                raise BadFile(path, f"holds {held}, but no 'tracks'", HINT)
+            shape = tracks.shape
+            if len(shape) == 3 and shape[-1] == 3:
+                shape = (shape[0], 1, *shape[1:])
+            if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
+                flat = (
+                    " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
+                )
+                raise BadFile(
+                    path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT
+                )
+            if math.prod(shape) > MAX_VALUES or 0 in shape:
+                raise BadFile(
+                    path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT
+                )
+            if not 0 <= animal < shape[1]:
+                raise BadFile(
+                    path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0"
+                )
+            if shape[1] > 1:
+                notes.append(f"holds {shape[1]} animals: this is number {animal}, counted from 0")
+            values = np.asarray(tracks, dtype=np.float64).reshape(shape)[:, animal]
+            stored = _own_facts(file, tracks)
+    except (
+        OSError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+        KeyError,
+        AttributeError,
+        MemoryError,
+    ) as error:
+        raise BadFile(
+            path, f"cannot be read as HDF5 ({' '.join(str(error).split())[:120]})", HINT
+        ) from None
+    return np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan), stored
+
+
+def _check_hdf5(path: Path) -> None:
+    """Raise `BadFile` where the library crashes or hangs on a file; what it says of one, the reader
+    meets itself.
+    """
+    outcome = run_guarded(f"{__name__}:_read_all", [path.resolve()], seconds_for(path), MEMORY)
+    if outcome.status == "hung":
+        raise BadFile(
+            path,
+            f"cannot be read as HDF5 (the library {outcome.message})",
+            f"is it damaged? {HINT}",
+        )
+    if outcome.status == "failed":
+        raise BadFile(path, f"cannot be read as HDF5 ({outcome.message[:120]})", HINT)
+
+
+def _read_all(path: str) -> None:
+    """The child's side: touch everything that the reader may read."""
+    # Loaded only where such a file is read or written.
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            for holder in (file, *file.values()):
+                dict(holder.attrs)
+                if isinstance(holder, h5py.Dataset) and holder.nbytes <= MAX_BYTES:
+                    holder[...]
+    except (OSError, RuntimeError, TypeError, ValueError, KeyError, AttributeError, MemoryError):
+        # The reader tells what it is that it cannot read.
+        return
+
+
+def _own_facts(file: Any, tracks: Any) -> KeypointNames:
+    facts = {**dict(file.attrs), **dict(tracks.attrs)}
+    names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
+    if len(names) > MAX_NAMES:
+        raise ValueError(f"it holds {len(names)} node_names")
+    texts = tuple(
+        name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names
+    )
+    unit = facts.get("units", "")
+    unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+    rate = next((float(facts[key]) for key in RATE_KEYS if key in facts), None)
+    return KeypointNames(texts, unit=UNITS.get(unit), rate=rate)
+
+
+def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
+    """What the file of names beside a recording tells."""
+    named = next(
+        (file for file in (path.with_suffix(ending) for ending in ENDINGS) if file.is_file()), None
+    )
+    if named is not None:
+        return read_keypoint_names(named)
+    fitting = []
+    for path_beside in sorted(path.parent.iterdir()):
+        if (
+            path_beside.suffix.lower() in ENDINGS
+            and path_beside.is_file()
+            and path_beside.stat().st_size <= LONGEST_TEXT
+        ):
+            try:
+                header = read_keypoint_names(path_beside)
+            except BadFile:
+                continue
+            if len(header.names) == points:
+                fitting.append((path_beside, header))
+    if len(fitting) != 1:
+        return KeypointNames()
+    file, header = fitting[0]
+    unit = "" if header.unit is None else f", in units of {header.unit:g} m"
+    notes.append(f"names of the points are those of {file.name}{unit}")
+    return header
+
+
+def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
+    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a
+    name a line. Of YAML and JSON the keys are names, bodies, offsets [m], units and rate; those of
+    stac-mjx are understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS,
+    MOCAP_SCALE_FACTOR).
+    """
+    path = Path(path)
+    try:
+        with readable(path):
+            if path.stat().st_size > LONGEST_TEXT:
+                raise BadFile(path, "is too long to be a file of names")
+            text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise BadFile(path, "is not text") from None
+    if path.suffix.lower() == ".txt":
+        return KeypointNames(tuple(line.strip() for line in text.splitlines() if line.strip()))
+    content = _parsed(text, path)
+    if isinstance(content, list):
+        content = {"names": content}
+    if not isinstance(content, dict):
+        raise BadFile(path, "holds no names of points", "expected a list, or a table with 'names'")
+    names = _first(content, NAME_KEYS) or ()
+    bodies = _first(content, BODY_KEYS) or {}
+    offsets = _first(content, OFFSET_KEYS) or {}
+    if (
+        not isinstance(names, (list, tuple))
+        or not isinstance(bodies, dict)
+        or not isinstance(offsets, dict)
+    ):
+        raise BadFile(path, "its 'names' are no list, or its 'bodies' or 'offsets' no table")
+    try:
+        scale, rate = content.get("MOCAP_SCALE_FACTOR"), _first(content, RATE_KEYS)
+        unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
+        places = {_text(name): _three(offset) for name, offset in offsets.items()}
+        return KeypointNames(
+            names=tuple(_text(name) for name in names),
+            bodies=FrozenMap({_text(name): _text(body) for name, body in bodies.items()}),
+            offsets=FrozenMap(places),
+            unit=unit,
+            rate=None if rate is None else float(rate),
+        )
+    except (TypeError, ValueError) as error:
+        raise BadFile(
+            path, f"holds what is no name or number where one belongs ({error})"
+        ) from None
+
+
+def _parsed(text: str, path: Path) -> Any:
+    if path.suffix.lower() == ".json":
+        try:
+            return json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise BadFile(path, f"is not JSON ({error})") from None
+    # Brings PyYAML: loaded only where it is needed.
+    import yaml
+
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise BadFile(path, f"is not YAML ({' '.join(str(error).split())[:120]})") from None
+
+
+def _first(table: Mapping[str, Any], keys: Sequence[str]) -> Any:
+    return next((table[key] for key in keys if key in table), None)
+
+
+def _text(value: Any) -> str:
+    """A name. A list or table, which may hold itself many times over, is none."""
+    if not isinstance(value, (str, int, float)):
+        raise TypeError(f"a name cannot be a {type(value).__name__}")
+    return str(value)
+
+
+def _three(value: Any) -> tuple[float, float, float]:
+    """Three numbers, as a list or as a text."""
+    x, y, z = (float(number) for number in (value.split() if isinstance(value, str) else value))
+    return x, y, z

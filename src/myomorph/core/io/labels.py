@@ -1,0 +1,68 @@
+"""A map of marker labels in a file: what the recording calls a marker, and what the model does."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import tomllib
+from pathlib import Path
+
+from myomorph.core.io.parsing.text import file_text
+from myomorph.core.model.errors import BadFile
+
+HINT = (
+    'expected lines of "recorded,model" (.csv) or of recorded = "model" (.toml); an empty name'
+    " drops a marker"
+)
+HEADINGS = ("label", "labels", "recorded", "recording", "from", "name")
+
+
+def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
+    """Recorded label to the model's marker, "" where the marker is to be left out. A CSV file has
+    two columns (separated by comma, semicolon or tab), with a heading or without, and lines that
+    begin with # are remarks. A TOML file has a line for each label, alone or in a table `[labels]`.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending not in (".csv", ".tsv", ".txt", ".toml"):
+        raise BadFile(path, f"is no map of labels: its name ends in '{ending}'", HINT)
+    text = file_text(path, HINT)
+    result = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
+    if not result:
+        raise BadFile(path, "holds no label", HINT)
+    return result
+
+
+def _from_toml(path: Path, text: str) -> dict[str, str]:
+    try:
+        read = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadFile(path, f"is not TOML: {error}", HINT) from None
+    table = read.get("labels", read)
+    if not isinstance(table, dict) or not all(isinstance(name, str) for name in table.values()):
+        raise BadFile(
+            path, "holds something else than names", HINT + "; labels with dots in quotes"
+        )
+    return {label.strip(): name.strip() for label, name in table.items()}
+
+
+def _from_csv(path: Path, text: str) -> dict[str, str]:
+    lines = [
+        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        return {}
+    sign = max(",;\t", key=lines[0].count)
+    result: dict[str, str] = {}
+    for number, row in enumerate(csv.reader(io.StringIO("\n".join(lines)), delimiter=sign)):
+        cells = [cell.strip() for cell in row]
+        if len(cells) == 1 or (len(cells) > 2 and any(cells[2:])):
+            raise BadFile(path, f"has a line of {len(cells)} cells: '{sign.join(row)}'", HINT)
+        label, name = cells[:2]
+        if number == 0 and label.lower() in HEADINGS:
+            continue
+        if result.get(label, name) != name:
+            raise BadFile(path, f"has label '{label}' twice: '{result[label]}' and '{name}'", HINT)
+        result[label] = name
+    return result

@@ -1,0 +1,276 @@
+"""External loads (OpenSim's ExternalLoads XML and its table) as wrenches in ground, read and
+written.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from myomorph.core.io.osim.document import Node, read_document, write_document
+from myomorph.core.io.osim.joints import plain_name
+from myomorph.core.io.sto import read_sto, write_sto
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadFile, BadModel, UnknownName
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import GROUND
+from myomorph.core.model.series import Table, Wrenches
+
+UNASSIGNED = ("", "Unassigned", "NULL")
+PosesOf = Callable[[str, Array], tuple[Array, Array]]
+
+PARTS = ("force_v", "force_p", "torque_")
+
+
+@dataclass(frozen=True)
+class LoadEntry:
+    """One force of an external loads file, before its numbers are read."""
+
+    name: str
+    body: str  # the body it acts on
+    # force_body, point_body: the bodies whose frames its force (and torque) and its point are given
+    # in
+    force_body: str
+    point_body: str
+    # force, point, torque: what the names of the three columns begin with, "" where there are none
+    force: str
+    point: str
+    torque: str
+    data: Path  # the table that holds the columns
+
+
+def read_load_entries(
+    path: str | os.PathLike[str], motion_file: str | os.PathLike[str] | None = None
+) -> tuple[LoadEntry, ...]:
+    """The forces that an external loads file names, those it switches off left out. `motion_file`:
+    the table to use instead of the one the file names.
+    """
+    loads = read_document(path, ("ExternalLoads",), "external loads (ExternalLoads)")
+    shared = loads.text("", "datafile")
+    entries = []
+    for node in loads.items("objects"):
+        if not node.is_applied:
+            continue
+        data_source = node.text("", "data_source_name")
+        source = (
+            shared if shared not in UNASSIGNED else "" if data_source in UNASSIGNED else data_source
+        )
+        data = Path(motion_file) if motion_file is not None else _data_file(loads, source)
+        entries.append(
+            _old_entry(node, data) if node.kind == "PrescribedForce" else _entry(node, data)
+        )
+    return tuple(entries)
+
+
+def _data_file(loads: Node, name: str) -> Path:
+    folder = loads.document.path.parent
+    if not name:
+        raise loads.bad("names no data file", "give the force table beside it")
+    path = folder / name.replace("\\", "/")
+    beside = folder / path.name
+    for choice in (path, beside):
+        if choice.is_file():
+            return choice
+    raise loads.bad(f"its data file '{name}' does not exist", "give the force table beside it")
+
+
+def _entry(node: Node, data: Path) -> LoadEntry:
+    force, point, torque = (
+        "" if (text := node.text("", f"{what}_identifier")) in UNASSIGNED else text
+        for what in ("force", "point", "torque")
+    )
+    body = plain_name(node.text("", "applied_to_body"))
+    if not body:
+        raise node.bad("names no body in applied_to_body")
+    if not force and not torque:
+        raise node.bad("identifies neither a force nor a torque")
+    if point and not force:
+        raise node.bad("identifies a point but no force")
+    return LoadEntry(
+        name=node.name or body,
+        body=body,
+        force_body=plain_name(node.text("", "force_expressed_in_body") or GROUND),
+        point_body=plain_name(node.text("", "point_expressed_in_body") or GROUND),
+        force=force,
+        point=point,
+        torque=torque,
+        data=data,
+    )
+
+
+def _old_entry(node: Node, data: Path) -> LoadEntry:
+    """Before 2.3.1 each column was named by a function; its last letter was the axis."""
+    columns: list[str] = []
+    for what in ("forceFunctions", "pointFunctions", "torqueFunctions"):
+        names = [
+            element.get("name", "")
+            for element in node.element.findall(f"FunctionSet[@name='{what}']/objects/*")
+        ]
+        first = names[0] if names else ""
+        if first.startswith("#"):
+            first = read_sto(data).names[int(first[1:]) - 1]
+        columns.append(first[:-1])
+    body = plain_name(node.socket("frame", "body_name", "body"))
+    if not body or not (columns[0] or columns[2]):
+        raise node.bad("names no body, or neither a force nor a torque")
+    force, point, torque = columns
+    return LoadEntry(
+        name=node.name or body,
+        body=body,
+        force_body=GROUND,
+        point_body=GROUND,
+        force=force,
+        point=point,
+        torque=torque,
+        data=data,
+    )
+
+
+def read_external_loads(
+    path: str | os.PathLike[str],
+    motion_file: str | os.PathLike[str] | None = None,
+    poses: PosesOf | None = None,
+) -> Wrenches:
+    """The wrenches of an external loads file, in ground, over the times of its table.
+    `motion_file`: the table to use instead of the one the file names; `poses`: rotations (frames,
+    3, 3) and origins (frames, 3) in ground of a body at given times, needed only where a force or
+    point is given in a moving body's frame, or a force has no point.
+    """
+    entries = read_load_entries(path, motion_file)
+    tables = {data: read_sto(data) for data in dict.fromkeys(entry.data for entry in entries)}
+    if not tables:
+        raise BadFile(path, "applies no force")
+    if len(tables) > 1:
+        raise BadFile(
+            path, f"takes its forces from {len(tables)} tables", "put them into one table"
+        )
+    (table,) = tables.values()
+    shape = (len(table), len(entries), 3)
+    forces = np.zeros(shape)
+    points = np.zeros(shape)
+    torques = np.zeros(shape)
+    for i, entry in enumerate(entries):
+        if entry.force:
+            forces[:, i] = _in_ground(
+                _columns(table, entry.force, entry), entry.force_body, poses, table.time, entry
+            )
+            points[:, i] = _point(table, entry, poses)
+        if entry.torque:
+            torques[:, i] = _in_ground(
+                _columns(table, entry.torque, entry), entry.force_body, poses, table.time, entry
+            )
+    names = tuple(entry.name for entry in entries)
+    return Wrenches(
+        time=table.time,
+        names=names,
+        bodies=tuple(entry.body for entry in entries),
+        forces=forces,
+        points=points,
+        torques=torques,
+    )
+
+
+def _columns(table: Table, identifier: str, entry: LoadEntry) -> Array:
+    """The three columns of an identifier: identifier + x, y, z, or the only three that begin with
+    it.
+    """
+    exact = [f"{identifier}{axis}" for axis in "xyz"]
+    columns = (
+        exact
+        if set(exact) <= set(table.names)
+        else [name for name in table.names if name.startswith(identifier)]
+    )
+    if len(columns) != 3:
+        where = (
+            f"{entry.data} (where force '{entry.name}' needs three columns that begin so, and"
+            f" {len(columns)} do)"
+        )
+        raise UnknownName("column", f"{identifier}x", table.names, where)
+    return np.column_stack([table[name] for name in columns])
+
+
+def _in_ground(
+    vectors: Array, body: str, poses: PosesOf | None, time: Array, entry: LoadEntry
+) -> Array:
+    if body == GROUND:
+        return vectors
+    rotations, _ = _poses(body, poses, time, entry)
+    return np.einsum("fij,fj->fi", rotations, vectors)
+
+
+def _point(table: Table, entry: LoadEntry, poses: PosesOf | None) -> Array:
+    """Points of application in ground; without an identifier OpenSim takes the body's origin."""
+    if not entry.point:
+        return _poses(entry.body, poses, table.time, entry)[1]
+    columns = _columns(table, entry.point, entry)
+    if entry.point_body == GROUND:
+        return columns
+    rotations, origins = _poses(entry.point_body, poses, table.time, entry)
+    return np.einsum("fij,fj->fi", rotations, columns) + origins
+
+
+def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> tuple[Array, Array]:
+    if body == GROUND:
+        return np.broadcast_to(np.eye(3), (len(time), 3, 3)), np.zeros((len(time), 3))
+    if poses is None:
+        raise BadModel(
+            f"external force '{entry.name}' is given in the frame (or at the origin) of body"
+            f" '{body}': its place in ground needs the motion of that body"
+        )
+    return poses(body, time)
+
+
+def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
+    """Forces, points and torques in ground as OpenSim's external loads name them. Columns of a load
+    NAME are NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and NAME_torque_x, y, z [N m]: the
+    force on the body. An unknown point of a load without force becomes 0.
+    """
+    for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
+        if not body:
+            raise BadData(f"load '{load}' acts on no body: assign it first")
+    if len(set(wrenches.names)) != len(wrenches.names):
+        raise BadData(f"two loads have one name among {', '.join(wrenches.names)}")
+    columns = []
+    blocks = []
+    idle = (wrenches.forces == 0.0).all(axis=2, keepdims=True)
+    points: Array = np.where(idle & np.isnan(wrenches.points), 0.0, wrenches.points)
+    for index, load in enumerate(wrenches.names):
+        for part, values in zip(PARTS, (wrenches.forces, points, wrenches.torques), strict=True):
+            columns += [f"{load}_{part}{axis}" for axis in "xyz"]
+            blocks.append(values[:, index])
+    values = np.hstack([*blocks, np.zeros((len(wrenches), 0))])
+    return Table(wrenches.time, tuple(columns), values, facts=FrozenMap({"name": name}))
+
+
+def write_external_loads(
+    wrenches: Wrenches,
+    table: str | os.PathLike[str],
+    loads: str | os.PathLike[str],
+    name: str = "Contact forces",
+) -> None:
+    """Write a table of loads (.sto or .mot) and the external loads file (.xml) that names it, both
+    in ground. OpenSim and `io.loads.read_external_loads` take them back; the XML finds the table
+    beside itself.
+    """
+    write_sto(loads_table(wrenches, name), table)
+    document = etree.Element("OpenSimDocument", Version="40000")
+    group = etree.SubElement(document, "ExternalLoads", name=name.replace(" ", "_"))
+    objects = etree.SubElement(group, "objects")
+    for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
+        force = etree.SubElement(objects, "ExternalForce", name=load)
+        for tag, text in (
+            ("applied_to_body", body),
+            ("force_expressed_in_body", GROUND),
+            ("point_expressed_in_body", GROUND),
+            ("force_identifier", f"{load}_force_v"),
+            ("point_identifier", f"{load}_force_p"),
+            ("torque_identifier", f"{load}_torque_"),
+        ):
+            etree.SubElement(force, tag).text = text
+    etree.SubElement(group, "datafile").text = Path(table).name
+    write_document(document, loads)

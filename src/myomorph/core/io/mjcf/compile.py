@@ -1,0 +1,280 @@
+"""What is checked before MuJoCo reads a file, the process of its own in which it does, MuJoCo kept
+from printing.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import ntpath
+import os
+import posixpath
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from myomorph.core.io.parsing.guard import run_guarded
+from myomorph.core.io.parsing.xml import read_xml
+from myomorph.core.model.errors import BadFile, quoted
+from myomorph.core.model.model import Kept
+
+DEFAULT_TIME_LIMIT = 15.0
+MAX_FILES = 200
+MAX_MEMORY = 16.0  # Of the process that compiles [GiB].
+LARGEST_ASSET = 512 * 1024 * 1024
+LICENSES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt")
+TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+
+
+@dataclass
+class _Survey:
+    """What the texts of a model name, collected while walking through its includes."""
+
+    main: Path
+    tree: Path
+    folders: dict[str, str] = field(default_factory=dict)
+    assets: list[tuple[str, str, Path]] = field(default_factory=list)
+    seen: set[Path] = field(default_factory=set)
+
+
+@contextmanager
+def silent_mujoco() -> Iterator[None]:
+    """For compiling packaged models: MuJoCo prints its warnings and writes them into a file in the
+    user's folder.
+    """
+    mujoco.set_mju_user_warning(lambda text: None)
+    level = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(level)
+        mujoco.set_mju_user_warning(None)
+
+
+def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[Any, list[Kept]]:
+    """Compiled `mujoco.MjModel` of a file that was checked first, and the missing files that it
+    does without; raises `BadFile`, see `read_mjcf`.
+    """
+    missing = check_files(path, root)
+    with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
+        job = Path(folder) / "job.json"
+        binary = Path(folder) / "model.mjb"
+        answer = Path(folder) / "answer.json"
+        job.write_text(
+            json.dumps({"path": str(path.resolve()), "missing": missing}), encoding="utf-8"
+        )
+        outcome = run_guarded(f"{__name__}:_compile", [job, binary, answer], time_limit, MAX_MEMORY)
+        if outcome.status == "hung":
+            hint = "is a mesh very large, or a length range not given for its muscles?"
+            raise BadFile(path, f"MuJoCo did not compile it within {time_limit:g} s", hint)
+        if outcome.status == "failed":
+            raise BadFile(path, f"MuJoCo stopped while compiling it ({outcome.message})")
+        result = json.loads(answer.read_text(encoding="utf-8"))
+        if result["error"]:
+            reason = " ".join(result["error"].split())
+            hint = "does it open in MuJoCo's own viewer?"
+            if missing and "mass" in result["error"]:
+                hint = (
+                    f"bodies have no mass without the missing meshes ({quoted(missing, 3)}): get"
+                    " these files"
+                )
+            raise BadFile(path, f"MuJoCo cannot compile it: {reason}", hint)
+        compiled = mujoco.MjModel.from_binary_path(str(binary))
+    kept = [
+        Kept(
+            kind="missing file",
+            name=name,
+            effect="no such file: its geoms are left out",
+            text="",
+            room="asset",
+        )
+        for name in missing
+    ]
+    if result["weightless"]:
+        effect = "the mass of the missing meshes of these bodies is left out"
+        kept.append(
+            Kept(
+                kind="missing inertia",
+                name=", ".join(result["weightless"]),
+                effect=effect,
+                text="",
+                room="asset",
+            )
+        )
+    return compiled, kept
+
+
+def check_files(path: Path, root: Path | None = None) -> list[str]:
+    """Mesh and height-field files that a model names and that do not exist, as the text writes
+    them. Raises `BadFile` where the text, or one that it includes, is not safe XML, is not MJCF, or
+    names a file outside of the model's folder tree (the rule: `read_mjcf`).
+    """
+    survey = _Survey(path, (root or tree_of(path)).resolve())
+    document = read_xml(path)
+    if str(document.root.tag).lower() != "mujoco":
+        problem = (
+            f"is XML of another kind: its outermost element is <{document.root.tag}>, not <mujoco>"
+        )
+        raise BadFile(path, problem, "give an MJCF file")
+    survey.seen.add(path.resolve())
+    _walk(document.root, path.parent, survey)
+    missing = []
+    for kind, name, folder in survey.assets:
+        file = _inside(name, folder, survey, kind)
+        if file is None or not file.exists():
+            if kind in ("mesh", "hfield"):
+                missing.append(name)
+        elif file.stat().st_size > LARGEST_ASSET:
+            raise BadFile(
+                path, f"{kind} file '{name}' is larger than {LARGEST_ASSET / 2**20:.0f} MiB"
+            )
+    return missing
+
+
+def tree_of(path: Path) -> Path:
+    """Top folder of the tree that a model belongs to: package, checkout, folder with a license, or
+    its own.
+    """
+    home = path.resolve().parent
+    for folder in (home, *home.parents):
+        if (folder / "__init__.py").exists():
+            while (folder.parent / "__init__.py").exists():
+                folder = folder.parent
+            return folder
+        if (folder / ".git").exists() or any((folder / name).exists() for name in LICENSES):
+            return folder
+    return home
+
+
+def _walk(element: Any, folder: Path, survey: _Survey) -> None:
+    """Collect the files that an element and its children name; follow includes."""
+    tag = str(element.tag).lower()
+    if tag == "compiler":
+        for key in ("assetdir", "meshdir", "texturedir", "strippath"):
+            if key in element.attrib:
+                survey.folders[key] = element.get(key)
+    elif tag in ("include", "model") and "file" in element.attrib:
+        _include(element.get("file"), folder, survey, tag)
+    elif tag == "texture":
+        survey.assets += [
+            ("texture", element.get(key), folder) for key in TEXTURE_FILES if key in element.attrib
+        ]
+    elif tag in ("mesh", "hfield", "skin", "flexcomp") and "file" in element.attrib:
+        survey.assets.append((tag, element.get("file"), folder))
+    for child in element:
+        _walk(child, folder, survey)
+
+
+def _include(name: str, folder: Path, survey: _Survey, tag: str) -> None:
+    # MuJoCo looks beside the main file first, then beside the including one.
+    for start in (survey.main.parent, folder):
+        file = _inside(name, start, survey, tag, look=False)
+        if file is not None and file.exists():
+            break
+    else:
+        raise BadFile(
+            survey.main,
+            f"its <{tag}> file '{name}' does not exist",
+            "is the model's folder complete?",
+        )
+    if file in survey.seen:
+        return
+    survey.seen.add(file)
+    if len(survey.seen) > MAX_FILES:
+        raise BadFile(survey.main, f"includes more than {MAX_FILES} files")
+    _walk(read_xml(file).root, file.parent, survey)
+
+
+def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = True) -> Path | None:
+    """Where a file that a model names lies; None for an absolute path of another machine.
+
+    Raises `BadFile` where that is outside of the model's tree.
+    """
+    plain = name.replace("\\", "/")
+    absolute = ntpath.isabs(name) or os.path.isabs(name) or bool(ntpath.splitdrive(name)[0])
+    if absolute and not Path(name).exists():
+        return None
+    if look:
+        if survey.folders.get("strippath", "").lower() == "true":
+            plain = plain.rsplit("/", 1)[-1]
+            absolute = False
+        key = "texturedir" if kind == "texture" else "meshdir"
+        below = survey.folders.get(key, survey.folders.get("assetdir", "")).replace("\\", "/")
+        folder = survey.main.parent / below
+    file = Path(name if absolute else os.path.normpath(folder / plain)).resolve()
+    if not file.is_relative_to(survey.tree):
+        problem = f"its {kind} file '{name}' lies outside of the model's folder '{survey.tree}'"
+        raise BadFile(
+            survey.main, problem, "put the file inside, or name the model's top folder (root=...)"
+        )
+    return file
+
+
+def _compile(job: str, binary: str, answer: str) -> None:
+    """The child's side: compile what `job` names into `binary`, and write errors and weightless
+    bodies to `answer`.
+    """
+    # MuJoCo writes a log into the current folder: let that be the one that goes away.
+    os.chdir(Path(job).parent)
+    task = json.loads(Path(job).read_text(encoding="utf-8"))
+    weightless: list[str] = []
+    error = ""
+    try:
+        spec = mujoco.MjSpec.from_file(task["path"])
+        # Textures and skins only draw: without them a missing picture cannot stop a model.
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for picture in [*spec.textures, *spec.skins]:
+            spec.delete(picture)
+        weightless = _drop_meshes(spec, task["missing"])
+        # Whole paths of meshes: before 4.0, compiled models do not say in which folder they lie.
+        for mesh in spec.meshes:
+            place = Path(spec.modelfiledir) / spec.meshdir / _plain(mesh.file)
+            if mesh.file and place.is_file():
+                mesh.file = str(place.resolve())
+        mujoco.mj_saveModel(spec.compile(), binary, None)
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as problem:
+        error = str(problem) or type(problem).__name__
+    Path(answer).write_text(
+        json.dumps({"error": error, "weightless": weightless}), encoding="utf-8"
+    )
+
+
+def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
+    """Take out the meshes whose files are missing, with their geoms; bodies that lose mass by it."""
+    absent = {_plain(name) for name in missing}
+    gone = {_name(mesh) for mesh in spec.meshes if _plain(mesh.file) in absent}
+    fields = {_name(field) for field in spec.hfields if _plain(field.file) in absent}
+    weightless = []
+    for body in spec.bodies:
+        for geom in list(body.geoms):
+            if (geom.meshname and geom.meshname in gone) or (
+                geom.hfieldname and geom.hfieldname in fields
+            ):
+                if not body.explicitinertial and body.name not in weightless:
+                    weightless.append(body.name)
+                spec.delete(geom)
+    for mesh in [candidate for candidate in spec.meshes if _name(candidate) in gone]:
+        spec.delete(mesh)
+    for height_field in [hfield for hfield in spec.hfields if _name(hfield) in fields]:
+        spec.delete(height_field)
+    return [name for name in weightless if name != "world"]
+
+
+def _name(asset: Any) -> str:
+    """Name of an asset: that of its file where the text gives none."""
+    return asset.name or posixpath.splitext(posixpath.basename(_plain(asset.file)))[0]
+
+
+def _plain(name: str) -> str:
+    """A file's name in one spelling: MuJoCo tidies what the text says."""
+    return posixpath.normpath(name.replace("\\", "/"))

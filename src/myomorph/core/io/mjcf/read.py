@@ -1,0 +1,236 @@
+"""MuJoCo models in: MJCF compiled by the `mujoco` package, then turned into our nouns.
+
+What has no noun here (contacts, damping, fixed tendons, skins, ...) is listed in `Model.kept`, each
+with what leaving it out means.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.core.io.formats import COMPOSED
+from myomorph.core.io.mjcf.bodies import (
+    MjcfNames,
+    bodies_and_joints,
+    couplers_and_loops,
+    left_out,
+    meshes_of,
+    pose_of,
+)
+from myomorph.core.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded, silent_mujoco
+from myomorph.core.io.mjcf.muscles import actuators_of, muscles_of
+from myomorph.core.io.mjcf.original import original_of
+from myomorph.core.io.mjcf.write import MARKERS
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadFile, BadModel
+from myomorph.core.model.inertia import made_up_inertias
+from myomorph.core.model.model import Frame, Kept, Marker, Model
+from myomorph.core.model.spatial import euler_xyz_from_rotation, rotation_from_quaternion
+
+WIDTHS = {"free": (7, 6), "ball": (4, 3), "slide": (1, 1), "hinge": (1, 1), "weld": (0, 0)}
+
+
+def read_mjcf(
+    path: str | Path,
+    *,
+    root: str | Path | None = None,
+    marker_sites: str | None = None,
+    time_limit: float = DEFAULT_TIME_LIMIT,
+) -> Model:
+    """Model of an MJCF file.
+
+    The text is checked before MuJoCo sees it, in a process of its own that is stopped after
+    `time_limit` [s]. Files that the model names (includes, meshes, height fields, textures, skins,
+    attached models) must lie inside the model's folder tree: `root`, or the folder of the file or,
+    where that belongs to a Python package, a git checkout or a folder with a LICENSE file, the top
+    folder of that. A relative path that leaves the tree is refused by name, and so is an absolute
+    path to an existing file outside. A mesh that is missing is left out with its geoms and listed
+    in `Model.kept`.
+
+    A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited
+    since or `marker_sites` is given: then it is read as MuJoCo has it. `marker_sites`: regular
+    expression; sites whose whole name matches become markers too, instead of those of a tuple named
+    "markers". Raises `BadFile` where the file cannot be read, is not MJCF, is unsafe, or MuJoCo
+    refuses it, `BadModel` where what it describes cannot be a tree of joints.
+    """
+    path = Path(path)
+    original = original_of(path) if marker_sites is None else None
+    if original is not None:
+        return original
+    compiled, missing = compile_guarded(path, None if root is None else Path(root), time_limit)
+    return model_from_mujoco(compiled, source=str(path), marker_sites=marker_sites, kept=missing)
+
+
+def model_from_mujoco(
+    compiled: Any,
+    *,
+    name: str = "",
+    source: str = "",
+    marker_sites: str | None = None,
+    kept: Sequence[Kept] = (),
+) -> Model:
+    """Model of a compiled `mujoco.MjModel`.
+
+    Every body becomes a body with one joint; several MuJoCo joints of a body are the axes of that
+    joint, in order. Hinge and slide joints are one coordinate each, named as they are, whose value
+    is MuJoCo's `qpos` (the axis moves by `qpos - qpos0`). A ball joint has three coordinates,
+    `<joint>_rx`, `_ry`, `_rz`: body-fixed X, Y, Z angles from its default orientation. A free joint
+    has `<joint>_tx`, `_ty`, `_tz` (position of the body's origin in ground) and `_rx`, `_ry`,
+    `_rz`: rotation = R_x R_y R_z R_0 with R_0 the body's orientation in the file, so that the
+    default pose has zero angles; `coordinates_from_qpos` converts.
+
+    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes. `name`: of
+    the model, its own by default; `source`: path of its file, for messages and for the place of
+    meshes; `marker_sites`: as of `read_mjcf`; `kept`: what was left out before. Raises `BadModel`
+    where there is no body, or a number that is not finite.
+    """
+    _check(compiled, source)
+    names = MjcfNames(compiled)
+    meshes = meshes_of(compiled, source)
+    bodies, joints, free_coordinates = bodies_and_joints(compiled, names, meshes)
+    coordinates, couplers, loops, lost_equalities = couplers_and_loops(
+        compiled, names, free_coordinates
+    )
+    muscles, wraps, lost_tendons = muscles_of(compiled, names)
+    actuators, lost_actuators = actuators_of(compiled, names)
+    gravity_is_off = bool(compiled.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
+    return Model(
+        name=name or names.model or Path(source).stem or "model",
+        bodies=bodies,
+        joints=joints,
+        coordinates=coordinates,
+        gravity=np.zeros(3) if gravity_is_off else np.array(compiled.opt.gravity),
+        markers=_markers(compiled, names, marker_sites),
+        muscles=muscles,
+        wrap_objects=wraps,
+        actuators=actuators,
+        couplers=couplers,
+        loops=loops,
+        frames=tuple(
+            Frame(
+                names.sites[i],
+                names.bodies[body],
+                pose_of(compiled.site_pos[i], compiled.site_quat[i]),
+            )
+            for i, body in enumerate(compiled.site_bodyid)
+        ),
+        ground_meshes=meshes[0],
+        kept=(*kept, *left_out(compiled, names), *lost_equalities, *lost_tendons, *lost_actuators),
+        source=source,
+        warnings=made_up_inertias(bodies),
+    )
+
+
+def _check(m: Any, source: str) -> None:
+    where = source or "the MuJoCo model"
+    if m.nbody < 2:
+        raise BadModel(f"{where}: has no body besides the world")
+    fields = (
+        "body_pos",
+        "body_quat",
+        "body_mass",
+        "body_ipos",
+        "body_inertia",
+        "jnt_pos",
+        "jnt_axis",
+        "qpos0",
+    )
+    for name in (
+        *fields,
+        "jnt_range",
+        "site_pos",
+        "geom_pos",
+        "geom_size",
+        "eq_data",
+        "actuator_lengthrange",
+    ):
+        if not np.all(np.isfinite(getattr(m, name))):
+            raise BadModel(f"{where}: a value of '{name}' is not finite")
+
+
+def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...]:
+    if pattern is not None:
+        wanted = re.compile(pattern)
+        sites = [i for i in range(m.nsite) if wanted.fullmatch(names.sites[i])]
+    else:
+        number = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TUPLE, MARKERS)
+        first = int(m.tuple_adr[number]) if number >= 0 else 0
+        members = range(first, first + int(m.tuple_size[number])) if number >= 0 else ()
+        sites = [
+            int(m.tuple_objid[i])
+            for i in members
+            if m.tuple_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE)
+        ]
+    return tuple(
+        Marker(names.sites[i], names.bodies[m.site_bodyid[i]], m.site_pos[i]) for i in sites
+    )
+
+
+def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:
+    """Values of all coordinates for MuJoCo's `qpos` (..., nq) of a model that `read_mjcf` made.
+
+    Angles of ball and free joints come back in (-pi, pi], the middle one in [-pi/2, pi/2].
+    """
+    q = np.asarray(qpos, dtype=np.float64)
+    layout = list(_layout(model))
+    needed = sum(WIDTHS[kind][0] for kind, *_ in layout)
+    if q.shape[-1:] != (needed,):
+        raise BadData(f"expected qpos of width {needed}, but got shape {q.shape}")
+    flat = q.reshape(-1, needed)
+    result = np.empty((len(flat), len(model.coordinates)))
+    for row, out in zip(flat, result, strict=True):
+        for kind, at_q, at_c, start in layout:
+            width_q, width_c = WIDTHS[kind]
+            values = row[at_q : at_q + width_q]
+            if kind in ("free", "ball"):
+                turn = rotation_from_quaternion(values[-4:]) @ start.T
+                values = np.concatenate([values[:-4], euler_xyz_from_rotation(turn)])
+            out[at_c : at_c + width_c] = values
+    return result.reshape(*q.shape[:-1], -1)
+
+
+def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
+    """Kind, place in qpos, place in coordinates and start orientation of each MuJoCo joint."""
+    at_q = at_c = 0
+    for joint in model.joints:
+        for kind in joint.kind.split("+"):
+            if kind not in WIDTHS:
+                raise BadData(
+                    f"joint '{joint.name}' is a {joint.kind}: only models read from MJCF have a"
+                    " qpos"
+                )
+            start = joint.child_frame.rotation.T if kind == "free" else np.eye(3)
+            yield kind, at_q, at_c, start
+            at_q = at_q + WIDTHS[kind][0]
+            at_c = at_c + WIDTHS[kind][1]
+
+
+def composed_model(name: str | os.PathLike[str]) -> Model:
+    """A model of the package `myo-sim` (Caggiano et al. 2022), with its bones; `name` as the
+    package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without. Raises
+    `BadData` where the package is not installed, `BadFile` where it has no such model.
+    """
+    name = os.fspath(name).removeprefix(COMPOSED)
+    try:
+        # Loaded only where one of its models is asked for.
+        import myo_sim
+    except ImportError:
+        raise BadData(
+            f"the model '{name}' comes with the package 'myo-sim': pip install myo-sim"
+        ) from None
+    with silent_mujoco():
+        try:
+            spec = myo_sim.load_spec(name)
+        except ValueError as error:
+            raise BadFile(COMPOSED + name, "no such model of myo-sim", str(error)) from None
+        compiled = spec.compile()
+    # Meshes are looked for beside a model's source.
+    return model_from_mujoco(compiled, name=name, source=str(myo_sim.MODELS_DIR / name))

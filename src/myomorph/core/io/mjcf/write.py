@@ -1,0 +1,474 @@
+"""A model whose joints and muscles MuJoCo can hold, as MJCF that MuJoCo 3 and 4 read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+from numpy.typing import ArrayLike
+
+from myomorph.core.io.mesh import write_obj
+from myomorph.core.io.mjcf.bodies import new_name
+from myomorph.core.io.mjcf.couplings import Cam, curve_text
+from myomorph.core.model.errors import BadModel, quoted
+from myomorph.core.model.functions import PiecewisePolynomial
+from myomorph.core.model.model import GROUND, Axis, Body, Coupler, Joint, Loop, Mesh, Model
+from myomorph.core.model.paths import Muscle, PathPoint, TendonWrap
+from myomorph.core.model.spatial import Transform, quaternion_from_rotation
+from myomorph.core.model.surface import Surface
+
+MASSLESS = 1e-9  # Mass of a body that moves and has none: MuJoCo wants some [kg].
+SMALLEST_INERTIA = 1e-12  # [kg m^2]
+# Of the slides of points that move: what lets their constraints carry a muscle's force [kg].
+ARMATURE = 0.01
+TIMESTEP = 0.001  # [s]
+
+STIFFEST = {"solref": f"{2.0 * TIMESTEP:g} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+"""Constraints as stiff as MuJoCo allows at this time step."""
+
+DEGREE = 4
+HIDDEN = "5"  # Group of sites, geoms and tendons that MuJoCo's viewer does not draw at first.
+
+MUSCLE_KEYS = ("force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
+MARKERS = "markers"  # Name of the tuple of sites that are markers.
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfDocument:
+    """A document that MuJoCo reads."""
+
+    root: etree._Element  # its outermost element
+    meshes: dict[str, str]  # files written into `folder` for it, by `Mesh.file`
+    folder: str  # name of the folder beside it
+    warnings: tuple[str, ...]  # what was left out, one line each
+
+
+def mjcf_document(
+    model: Model,
+    path: str | os.PathLike[str],
+    cams: Sequence[Cam] = (),
+    surfaces: dict[str, Surface] | None = None,
+) -> MjcfDocument:
+    """A model as MJCF, to be written to `path`; its meshes are written into a folder beside that.
+    `model`: each axis moves by its coordinate less the default, muscles are MuJoCo's
+    (`mujoco_tools`); `cams`: of the coordinates that follow others by what is no polynomial of
+    degree four; `surfaces`: meshes by `Mesh.file`; those without one are left out. Raises `BadFile`
+    where a mesh cannot be written, `BadModel` where a muscle is not MuJoCo's.
+    """
+    writer = _Writer(model, Path(path), surfaces or {})
+    root = writer.document(cams)
+    return MjcfDocument(
+        root=root, meshes=writer.files, folder=writer.folder, warnings=tuple(writer.warnings)
+    )
+
+
+def text(values: ArrayLike) -> str:
+    """Numbers as MJCF has them, with all their digits."""
+    return " ".join(
+        repr(float(value)) for value in np.atleast_1d(np.asarray(values, dtype=np.float64))
+    )
+
+
+class _Writer:
+    def __init__(self, model: Model, path: Path, surfaces: dict[str, Surface]):
+        self.model = model
+        self.path = path
+        self.surfaces = surfaces
+        self.warnings: list[str] = []
+        self.elements: dict[str, etree._Element] = {}
+        self.sites, self.geoms, self.meshes, self.tendons, self.actuators = (
+            set[str]() for _ in range(5)
+        )
+        self.placed: dict[tuple[str, tuple[float, ...]], str] = {}
+        self.files: dict[str, str] = {}
+        self.folder = f"{path.stem}_meshes"
+        self.parents = {joint.parent for joint in model.joints}
+        self.coordinates = {coordinate.name: coordinate for coordinate in model.coordinates}
+
+    def document(self, cams: Sequence[Cam]) -> etree._Element:
+        root = etree.Element("mujoco", model=self.model.name)
+        put(
+            root,
+            "compiler",
+            angle="radian",
+            inertiafromgeom="false",
+            autolimits="false",
+            meshdir=self.folder,
+        )
+        put(
+            root,
+            "option",
+            gravity=text(self.model.gravity),
+            timestep=f"{TIMESTEP:g}",
+            integrator="implicitfast",
+        )
+        defaults = put(root, "default")
+        put(defaults, "geom", contype="0", conaffinity="0", group="1", rgba="0.85 0.82 0.75 1")
+        put(defaults, "site", size="0.003", group="4")
+        put(defaults, "tendon", width="0.003", rgba="0.75 0.15 0.15 1")
+        put(defaults, "equality", **STIFFEST)
+        self.assets = put(root, "asset")
+        self.elements[GROUND] = put(root, "worldbody")
+        for mesh in self.model.ground_meshes:
+            self._mesh(GROUND, mesh)
+        joints = {joint.child: joint for joint in self.model.joints}
+        for body in self.model.bodies:
+            self._body(body, joints[body.name])
+        self._surfaces_and_sites()
+        self.tendon = put(root, "tendon")
+        self.equality = put(root, "equality")
+        self.actuator = put(root, "actuator")
+        for muscle in self.model.muscles:
+            self._muscle(muscle)
+        self._couplings(cams)
+        for loop in self.model.loops:
+            self._loop(loop)
+        self._motors()
+        self._curves(root, cams)
+        markers = put(put(root, "custom"), "tuple", name=MARKERS)
+        for name in self.marker_sites:
+            put(markers, "element", objtype="site", objname=name, prm="0")
+        if not self.marker_sites:
+            root.remove(markers.getparent())
+        self._left_out()
+        return root
+
+    def _body(self, body: Body, joint: Joint) -> None:
+        frame = joint.parent_frame
+        if joint.kind == "free":
+            start = [self.coordinates[name].default for name in joint.coordinates[:3]]
+            frame = Transform(joint.child_frame.rotation.T, np.array(start))
+        element = put(self.elements[joint.parent], "body", name=body.name, **pose(frame))
+        self.elements[body.name] = element
+        moves = bool(joint.axes)
+        if body.mass > 0.0 or moves:
+            inertia = proper_inertia(body.inertia) + (
+                SMALLEST_INERTIA * np.eye(3) if not body.inertia.any() else 0.0
+            )
+            full = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            mass = body.mass or MASSLESS
+            center = body.mass_center
+            put(element, "inertial", pos=text(center), mass=text(mass), fullinertia=text(full))
+            if np.abs(inertia - body.inertia).max() > 2.0 * SMALLEST_INERTIA:
+                self.warnings.append(
+                    f"inertia of '{body.name}' is written with principal moments {moments(inertia)}"
+                    f" kg m^2 instead of {moments(body.inertia)}: no rigid body has these, and"
+                    " MuJoCo refuses them"
+                )
+        if joint.kind == "free":
+            put(element, "freejoint", name=joint.name)
+        elif joint.kind == "ball":
+            put(element, "joint", name=joint.name, type="ball", pos=text(joint.axes[0].origin))
+        else:
+            alone = body.mass <= 0.0 and body.name not in self.parents
+            self._joints(element, joint, {"armature": text(ARMATURE)} if alone else {})
+        for mesh in body.meshes:
+            self._mesh(body.name, mesh)
+
+    def _joints(self, element: etree._Element, joint: Joint, more: dict[str, str]) -> None:
+        axes: list[Axis] = list(joint.axes)
+        for kind in joint.kind.split("+"):
+            if kind == "weld":
+                continue
+            axis = axes.pop(0)
+            if kind == "ball":
+                del axes[:2]
+                name = axis.coordinates[0].removesuffix("_rx")
+                put(element, "joint", name=name, type="ball", pos=text(axis.origin))
+                continue
+            coordinate = self.coordinates[axis.coordinates[0]]
+            low, high = coordinate.range
+            bounded = bool(np.isfinite([low, high]).all() and low < high)
+            put(
+                element,
+                "joint",
+                name=coordinate.name,
+                type=kind,
+                axis=text(axis.vector),
+                pos=text(axis.origin),
+                ref=text(coordinate.default),
+                range=text(coordinate.range if bounded else (0.0, 0.0)),
+                limited="true" if bounded and coordinate.clamped else "false",
+                **more,
+            )
+
+    def _mesh(self, body: str, mesh: Mesh) -> None:
+        if mesh.shape != "mesh":
+            put(
+                self.elements[body],
+                "geom",
+                type=mesh.shape,
+                size=text(mesh.scale),
+                **pose(mesh.pose),
+            )
+            return
+        surface = self.surfaces.get(mesh.file)
+        if surface is None or len(surface.vertices) < 4:
+            return
+        if mesh.file not in self.files:
+            stem = Path(mesh.file.replace("\\", "/")).stem
+            self.files[mesh.file] = new_name(stem, self.meshes) + ".obj"
+            folder = self.path.parent / self.folder
+            folder.mkdir(parents=True, exist_ok=True)
+            write_obj(surface, folder / self.files[mesh.file])
+        name = new_name(Path(self.files[mesh.file]).stem, self.geoms)
+        file = self.files[mesh.file]
+        put(self.assets, "mesh", name=name, file=file, scale=text(mesh.scale), inertia="shell")
+        put(self.elements[body], "geom", type="mesh", mesh=name, **pose(mesh.pose))
+
+    def _surfaces_and_sites(self) -> None:
+        used = {wrap.wrap_object for muscle in self.model.muscles for wrap in muscle.path.wraps}
+        self.wraps = {}
+        for item in self.model.wrap_objects:
+            if item.name in used:
+                self.wraps[item.name] = new_name(item.name, self.geoms)
+                size = (
+                    item.size[:1]
+                    if item.kind == "sphere"
+                    else (item.size[0], min(0.5 * item.size[1], 0.05))
+                )
+                put(
+                    self.elements[item.body],
+                    "geom",
+                    name=self.wraps[item.name],
+                    type=item.kind,
+                    size=text(size),
+                    group=HIDDEN,
+                    rgba="0.3 0.6 0.9 0.3",
+                    **pose(item.pose),
+                )
+        self.marker_sites = []
+        for marker in self.model.markers:
+            name = new_name(marker.name, self.sites)
+            self.marker_sites.append(name)
+            put(
+                self.elements[marker.body],
+                "site",
+                name=name,
+                pos=text(marker.location),
+                rgba="0.9 0.3 0.6 1",
+            )
+        for frame in self.model.frames:
+            put(
+                self.elements[frame.body],
+                "site",
+                name=new_name(frame.name, self.sites),
+                group=HIDDEN,
+                **pose(frame.pose),
+            )
+
+    def _site(self, name: str, body: str, place: ArrayLike, group: str = "3") -> str:
+        """A site, which may be there already."""
+        key = body, tuple(np.asarray(place, dtype=np.float64).tolist())
+        if key not in self.placed:
+            self.placed[key] = new_name(name, self.sites)
+            put(self.elements[body], "site", name=self.placed[key], pos=text(place), group=group)
+        return self.placed[key]
+
+    def _muscle(self, muscle: Muscle) -> None:
+        if muscle.kind != "mujoco":
+            raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}, and no muscle of MuJoCo")
+        tendon = new_name(f"{muscle.name}_tendon", self.tendons)
+        spatial = put(self.tendon, "spatial", name=tendon)
+        path = muscle.path
+        divisors = muscle.path.divisors or (1.0,) * (len(muscle.path.points) - 1)
+        now = 1.0
+        for i, point in enumerate(path.points):
+            following = next((divisor for divisor in divisors[i:] if divisor), now)
+            if (i == 0 and following != 1.0) or (i and divisors[i - 1] == 0.0):
+                put(spatial, "pulley", divisor=text(following))
+            elif i < len(divisors) and divisors[i] and divisors[i] != now and i:
+                self.warnings.append(
+                    f"muscle '{muscle.name}': a pulley in the middle of its path is left out"
+                )
+            now = following
+            assert isinstance(point, PathPoint)
+            name = (
+                point.name if point.name.startswith(muscle.name) else f"{muscle.name}-{point.name}"
+            )
+            put(spatial, "site", site=self._site(name, point.body, point.location))
+            for wrap in path.wraps:
+                if isinstance(wrap, TendonWrap) and wrap.after == i:
+                    side = {}
+                    if wrap.side is not None:
+                        side = {
+                            "sidesite": self._site(
+                                f"{wrap.wrap_object}_side", wrap.side_body, wrap.side
+                            )
+                        }
+                    put(spatial, "geom", geom=self.wraps[wrap.wrap_object], **side)
+        values = muscle.parameters
+        put(
+            self.actuator,
+            "muscle",
+            name=new_name(muscle.name, self.actuators),
+            tendon=tendon,
+            ctrllimited="true",
+            ctrlrange=text((muscle.min_activation, muscle.max_activation)),
+            timeconst=text((values["timeconst0"], values["timeconst1"])),
+            lengthrange=text((values["lengthrange0"], values["lengthrange1"])),
+            range=text((values["range0"], values["range1"])),
+            **{key: text(values[key]) for key in MUSCLE_KEYS},
+        )
+
+    def _couplings(self, cams: Sequence[Cam]) -> None:
+        held = {cam.follower for cam in cams}
+        names = {name for joint in self.model.joints for name in joint.coordinates}
+        for coupler in self.model.couplers:
+            if coupler.dependent in names and coupler.dependent not in held:
+                self._polynomial(coupler)
+        for coordinate in self.model.coordinates:
+            if coordinate.locked and coordinate.name in names and coordinate.name not in held:
+                put(
+                    self.equality,
+                    "joint",
+                    name=f"{coordinate.name}_locked",
+                    joint1=coordinate.name,
+                    polycoef=text([0.0] * 5),
+                )
+        for cam in cams:
+            tendons = []
+            for sign, word in ((1.0, "out"), (-1.0, "back")):
+                tendons.append(new_name(f"{cam.follower}_{word}", self.tendons))
+                spatial = put(
+                    self.tendon, "spatial", name=tendons[-1], group=HIDDEN, rgba="0 0 0 0"
+                )
+                for branch in cam.branches:
+                    if branch.weight * sign > 0.0:
+                        put(spatial, "pulley", divisor=text(1.0 / abs(branch.weight)))
+                        for body, place in (
+                            (branch.body_1, branch.place_1),
+                            (branch.body_2, branch.place_2),
+                        ):
+                            put(
+                                spatial,
+                                "site",
+                                site=self._site(f"{cam.follower}_cam", body, place, HIDDEN),
+                            )
+            put(
+                self.equality,
+                "tendon",
+                name=f"{cam.follower}_follows",
+                tendon1=tendons[0],
+                tendon2=tendons[1],
+                polycoef=text((cam.offset, 1.0, 0.0, 0.0, 0.0)),
+            )
+
+    def _curves(self, root: etree._Element, cams: Sequence[Cam]) -> None:
+        """What the cams hold, for whoever reads the file back."""
+        custom = put(root, "custom") if cams else root
+        joints = {name for joint in self.model.joints for name in joint.coordinates}
+        for cam in cams:
+            if curve := curve_text(cam.follower, self.model, joints):
+                put(custom, "text", name=f"{cam.follower}_follows", data=f"{cam.follower};{curve}")
+
+    def _polynomial(self, coupler: Coupler) -> None:
+        leader = self.coordinates[coupler.independents[0]]
+        dependent = self.coordinates[coupler.dependent]
+        function = coupler.function
+        assert isinstance(function, PiecewisePolynomial)
+        x0 = leader.default
+        factorial = 1.0
+        coefficients = []
+        for order in range(DEGREE + 1):
+            factorial *= max(order, 1)
+            coefficients.append(float(function(x0, order=order)) / factorial)
+        coefficients[0] -= dependent.default
+        put(
+            self.equality,
+            "joint",
+            name=coupler.name,
+            joint1=dependent.name,
+            joint2=leader.name,
+            polycoef=text(coefficients),
+        )
+
+    def _loop(self, loop: Loop) -> None:
+        ends = []
+        for body, frame in ((loop.body_1, loop.pose_1), (loop.body_2, loop.pose_2)):
+            ends.append(new_name(f"{loop.name}_{body}", self.sites))
+            put(self.elements[body], "site", name=ends[-1], group=HIDDEN, **pose(frame))
+        tag = "weld" if "weld" in loop.kind.lower() else "connect"
+        put(self.equality, tag, name=loop.name, site1=ends[0], site2=ends[1])
+
+    def _motors(self) -> None:
+        others = []
+        for actuator in self.model.actuators:
+            if actuator.kind != "coordinate":
+                others.append(actuator.name)
+                continue
+            bounds = (actuator.min_control, actuator.max_control)
+            limited = bool(np.isfinite(bounds).all())
+            put(
+                self.actuator,
+                "motor",
+                name=new_name(actuator.name, self.actuators),
+                joint=actuator.coordinate,
+                gear=text(actuator.optimal_force),
+                ctrllimited="true" if limited else "false",
+                ctrlrange=text(bounds if limited else (0.0, 0.0)),
+            )
+        if others:
+            self.warnings.append(
+                f"actuators that act on no coordinate are left out: {quoted(others, 3)}"
+            )
+
+    def _left_out(self) -> None:
+        model = self.model
+        for what, names in (
+            ("passive torques", [part.name for part in model.passive_torques]),
+            ("bushings", [part.name for part in model.bushings]),
+            ("ligaments", [part.name for part in model.ligaments]),
+            (
+                "viscosities of muscles",
+                [muscle.name for muscle in model.muscles if muscle.viscosity],
+            ),
+            (
+                "motions that the file prescribes",
+                [c.name for c in model.coordinates if c.prescribed is not None],
+            ),
+        ):
+            if names:
+                self.warnings.append(f"{what} are left out: {quoted(names, 3)}")
+        missing = {
+            mesh.file
+            for body in model.bodies
+            for mesh in body.meshes
+            if mesh.shape == "mesh" and mesh.file and mesh.file not in self.files
+        }
+        if missing:
+            self.warnings.append(
+                f"{len(missing)} meshes are left out: {quoted(sorted(missing), 3)}"
+            )
+
+
+def put(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
+    """A new element with attributes, the last of its parent."""
+    return etree.SubElement(parent, tag, {key: value for key, value in attributes.items() if value})
+
+
+def pose(frame: Transform) -> dict[str, str]:
+    """Attributes of a pose."""
+    return {"pos": text(frame.translation), "quat": text(quaternion_from_rotation(frame.rotation))}
+
+
+def proper_inertia(inertia: ArrayLike) -> np.ndarray:
+    """The nearest inertia whose principal moments keep to A + B >= C, as those of every body do."""
+    values, axes = np.linalg.eigh(np.asarray(inertia, dtype=np.float64))
+    lack = values[2] - values[0] - values[1]
+    if lack <= 0.0:
+        return np.array(inertia)
+    # A little more than needed: rounding would break it again.
+    share = lack * (1.0 + 1e-9) / 3.0
+    return (axes * (values + share * np.array([1.0, 1.0, -1.0]))) @ axes.T
+
+
+def moments(inertia: ArrayLike) -> str:
+    """Principal moments in words [kg m^2]."""
+    return ", ".join(
+        f"{value:.3g}" for value in np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))
+    )

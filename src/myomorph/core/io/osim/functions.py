@@ -1,0 +1,230 @@
+"""OpenSim's functions of coordinates as `Function`s, read and written."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+from lxml import etree
+
+from myomorph.core.io.osim.document import Node, child, put
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadModel
+from myomorph.core.model.functions import (
+    Function,
+    PiecewisePolynomial,
+    SineProduct,
+    constant,
+    linear,
+    piecewise_linear,
+    polynomial,
+    simm_spline,
+    substituted,
+)
+
+KNOWN = (
+    "Constant",
+    "LinearFunction",
+    "PolynomialFunction",
+    "SimmSpline",
+    "PiecewiseLinearFunction",
+    "MultiplierFunction",
+    "Sine",
+    "GCVSpline",
+    "StepFunction",
+)
+
+SAMPLES = 401
+
+
+def read_function(node: Node, user: Node) -> Function:
+    """The function an object of the file describes; `user` is the object that uses it."""
+    kind = node.kind
+    if kind == "Constant":
+        return constant(node.number("value", 0.0))
+    if kind == "LinearFunction":
+        slope, intercept = node.vector("coefficients", (1.0, 0.0))
+        return linear(slope, intercept)
+    if kind == "PolynomialFunction":
+        coefficients = node.numbers("coefficients", np.ones(1))
+        return polynomial(
+            [1.0] if coefficients is None or not len(coefficients) else coefficients[::-1]
+        )
+    if kind == "MultiplierFunction":
+        inner = node.inner("function")
+        if inner is None:
+            raise node.bad("has no function inside")
+        return read_function(inner, user).scaled(node.number("scale", 1.0))
+    if kind == "Sine":
+        omega = np.array([node.number(*("omega", 1.0))])
+        phase = np.array([node.number(*("phase", 0.0))])
+        return SineProduct(
+            factor=node.number("amplitude", 1.0),
+            frequencies=omega,
+            phases=phase,
+            offset=node.number("offset", 0.0),
+        )
+    if kind == "StepFunction":
+        start = node.number("transition_start_time", 0.99)
+        end = node.number("transition_end_time", 1.01)
+        if end <= start:
+            raise node.bad(
+                f"transition_end_time {end:g} is not after transition_start_time {start:g}"
+            )
+        return smooth_step(
+            start, end, node.number("start_value", 0.0), node.number("end_value", 1.0)
+        )
+    if kind in ("SimmSpline", "PiecewiseLinearFunction", "GCVSpline"):
+        x, y = _points(node)
+        if len(x) == 1:
+            return constant(float(y[0]))
+        if kind == "SimmSpline":
+            return simm_spline(x, y)
+        return (
+            piecewise_linear(x, y) if kind == "PiecewiseLinearFunction" else _gcv_spline(node, x, y)
+        )
+    owner = f"{user.kind} '{user.name}'" if user.name else user.kind
+    raise BadModel(
+        f"{node.document.path}: {owner} uses a {kind}, which is not built: {', '.join(KNOWN)} are"
+    )
+
+
+def _points(node: Node) -> tuple[Array, Array]:
+    x = node.numbers("x")
+    y = node.numbers("y")
+    if x is None or y is None or not len(x) or len(x) != len(y):
+        counts = [0 if values is None else len(values) for values in (x, y)]
+        raise node.bad(
+            f"has {counts[0]} x and {counts[1]} y values", "expected as many of each, at least one"
+        )
+    if np.any(np.diff(x) <= 0):
+        raise node.bad("its x values do not increase")
+    return x, y
+
+
+def smooth_step(start: float, end: float, low: float, high: float) -> PiecewisePolynomial:
+    """OpenSim's `StepFunction`: the quintic 10 s^3 - 15 s^4 + 6 s^5 between two levels."""
+    width = end - start
+    pieces = np.zeros((3, 6))
+    pieces[:, 0] = low, low, high
+    pieces[1, 3:] = (high - low) * np.array([10.0 / width**3, -15.0 / width**4, 6.0 / width**5])
+    return PiecewisePolynomial(np.array([start, start, end]), pieces)
+
+
+def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
+    half = int(node.number("half_order", 3.0))
+    if node.number("error_variance", 0.0) != 0.0:
+        raise node.bad(
+            "smooths with an error variance",
+            "only interpolating splines (error_variance 0) are built",
+        )
+    if half < 1 or len(x) < 2 * half:
+        raise node.bad(
+            f"has {len(x)} points", f"a spline of degree {2 * half - 1} needs {2 * half}"
+        )
+    return natural_spline(x, y, half)
+
+
+def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
+    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance
+    is zero. Beyond its ends it goes on as a polynomial of degree half - 1.
+    """
+    # SciPy takes a while to import, and hardly any model has such a spline.
+    zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
+    spline = scipy.interpolate.make_interp_spline(
+        x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None
+    )
+    faculties = np.cumprod([1.0, *range(1, 2 * half)])
+    pieces = np.column_stack([spline(x, nu=order) / faculties[order] for order in range(2 * half)])
+    before = pieces[0].copy()
+    before[half:] = pieces[-1, half:] = 0.0
+    return PiecewisePolynomial(np.concatenate([x[:1], x]), np.vstack([before, pieces]))
+
+
+def write_function(
+    parent: etree._Element, function: Function, user: str, warnings: list[str]
+) -> None:
+    """Put the OpenSim object that equals `function` into `parent`; say in `warnings` where none
+    does. `user`: what has the function, for the warning.
+    """
+    if isinstance(function, SineProduct):
+        if function.arity != 1:
+            warnings.append(
+                f"{user}: a product of sines of two coordinates cannot be written: its offset is"
+            )
+            _polynomial(parent, np.array([function.offset]))
+            return
+        sine = child(parent, "Sine")
+        put(
+            sine, amplitude=function.factor, omega=function.frequencies[0], phase=function.phases[0]
+        )
+        put(sine, offset=function.offset)
+    elif len(function.breaks) == 1:
+        _polynomial(parent, substituted(function.coefficients[0], -float(function.breaks[0])))
+    else:
+        _pieces(parent, function, user, warnings)
+
+
+def _polynomial(parent: etree._Element, coefficients: Array) -> None:
+    if len(coefficients) == 1:
+        put(child(parent, "Constant"), value=coefficients[0])
+    else:
+        kind = "LinearFunction" if len(coefficients) == 2 else "PolynomialFunction"
+        put(child(parent, kind), coefficients=coefficients[::-1])
+
+
+def _pieces(
+    parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]
+) -> None:
+    x = np.unique(function.breaks)
+    y = function(x)
+    degree = function.coefficients.shape[1] - 1
+    half = (degree + 1) // 2
+    if degree == 5 and len(x) == 2 and same(function, smooth_step(x[0], x[1], y[0], y[1])):
+        step = child(parent, "StepFunction")
+        put(
+            step,
+            transition_start_time=x[0],
+            transition_end_time=x[1],
+            start_value=y[0],
+            end_value=y[1],
+        )
+    elif degree == 3 and same(function, simm_spline(x, y)):
+        _sampled_points(parent, "SimmSpline", x, y)
+    elif degree == 1 and same(function, piecewise_linear(*_with_end(function, x, y))):
+        _sampled_points(parent, "PiecewiseLinearFunction", *_with_end(function, x, y))
+    elif degree % 2 and len(x) > degree and same(function, natural_spline(x, y, half)):
+        spline = _sampled_points(parent, "GCVSpline", x, y)
+        put(spline, half_order=str(half), error_variance="0", weights=np.ones(len(x)))
+    else:
+        # No class of OpenSim's has these pieces: a spline through many points comes close.
+        x = np.linspace(function.breaks[0], function.breaks[-1], SAMPLES)
+        y = function(x)
+        between = 0.5 * (x[1:] + x[:-1])
+        error = float(np.max(np.abs(simm_spline(x, y)(between) - function(between))))
+        warnings.append(
+            f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off"
+        )
+        _sampled_points(parent, "SimmSpline", x, y)
+
+
+def _with_end(function: PiecewisePolynomial, x: Array, y: Array) -> tuple[Array, Array]:
+    """The points of a broken line with one more on its last piece, which has no end of its own."""
+    end = x[-1] + max(1.0, float(np.ptp(x)))
+    return np.append(x, end), np.append(y, float(function(end)))
+
+
+def same(first: PiecewisePolynomial, second: PiecewisePolynomial) -> bool:
+    """Whether two functions agree to rounding, beyond their ends too."""
+    low = float(first.breaks[0])
+    high = float(first.breaks[-1])
+    beyond = 0.1 * (high - low)
+    x = np.linspace(low - beyond, high + beyond, 1001)
+    a = first(x)
+    b = second(x)
+    return bool(np.max(np.abs(a - b)) <= 1e-10 * max(1e-3, float(np.max(np.abs(a)))))
+
+
+def _sampled_points(parent: etree._Element, kind: str, x: Array, y: Array) -> etree._Element:
+    element = child(parent, kind)
+    put(element, x=x, y=y)
+    return element

@@ -1,0 +1,282 @@
+"""Joints and coordinates as OpenSim 4 writes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from lxml import etree
+
+from myomorph.core.io.osim.document import child, legal, number, numbers, put
+from myomorph.core.io.osim.frames import body_path, is_still, write_offset_frame
+from myomorph.core.io.osim.functions import write_function
+from myomorph.core.io.osim.joints import (
+    CURVED,
+    QUARTER_TURN,
+    SIMPLE,
+    SPATIAL,
+    is_unit_line,
+    reversed_joint,
+)
+from myomorph.core.model.functions import PiecewisePolynomial, SineProduct
+from myomorph.core.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.core.model.spatial import Transform
+
+
+@dataclass
+class Plan:
+    """The joints to write and the massless bodies that they need between."""
+
+    joints: list[Joint] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list)
+
+
+def plan_joints(model: Model, warnings: list[str]) -> Plan:
+    """The model's joints as joints of OpenSim's classes. A joint of another kind (MuJoCo's, with
+    anchors and several axes) becomes a chain of custom joints.
+    """
+    plan = Plan()
+    for joint in model.joints:
+        kind = _own_class(joint)
+        if kind is not None:
+            plan.joints.append(replace(joint, kind=kind))
+            continue
+        back = reversed_joint(joint)
+        kind = _own_class(back)
+        if kind is not None:
+            plan.joints.append(replace(back, kind=kind))
+        else:
+            _chain(joint, plan, warnings)
+    return plan
+
+
+def _own_class(joint: Joint) -> str | None:
+    """The OpenSim class that can hold the joint's axes, or None."""
+    if joint.kind in CURVED and curved_settings(joint) is not None:
+        return joint.kind
+    if joint.kind in SIMPLE and _is_simple(joint, joint.kind):
+        return joint.kind
+    if not joint.axes:
+        return "WeldJoint"
+    fits = _custom_axes(joint.axes)
+    return "CustomJoint" if fits is not None and joint.coordinates else None
+
+
+def _is_simple(joint: Joint, kind: str) -> bool:
+    wanted = SIMPLE[kind]
+    if len(joint.axes) != len(wanted) or len(joint.coordinates) != len(wanted):
+        return False
+    return all(
+        axis.kind == what
+        and np.array_equal(axis.vector, vector)
+        and not axis.origin.any()
+        and axis.coordinates == (joint.coordinates[i],)
+        and is_identity(axis)
+        for axis, (what, vector, i) in zip(joint.axes, wanted, strict=True)
+    )
+
+
+def is_identity(axis: Axis) -> bool:
+    """Whether the amount of motion is the coordinate itself."""
+    function = axis.function
+    if isinstance(function, SineProduct) or function.coefficients.shape != (1, 2):
+        return False
+    return bool(function.breaks[0] == 0 and np.array_equal(function.coefficients[0], (0.0, 1.0)))
+
+
+def _custom_axes(axes: tuple[Axis, ...]) -> list[Axis] | None:
+    """Three rotations then three translations of a custom joint, filled up, or None where they do
+    not fit.
+    """
+    kinds = [axis.kind for axis in axes]
+    slides = axes[: kinds.count("translation")]
+    turns = axes[kinds.count("translation") :]
+    if any(axis.kind != "translation" for axis in slides) or len(slides) > 3 or len(turns) > 3:
+        return None
+    if any(axis.origin.any() for axis in turns) or any(axis.function.arity > 1 for axis in axes):
+        return None
+    rotations = _filled(list(turns), "rotation")
+    translations = _filled(list(slides), "translation")
+    return None if rotations is None or translations is None else rotations + translations
+
+
+def _filled(axes: list[Axis], kind: str) -> list[Axis] | None:
+    """Three axes that are not parallel, those added standing still."""
+    still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
+    vectors = [axis.vector for axis in axes]
+    while len(axes) < 3:
+        free = next(
+            direction
+            for direction in np.eye(3)
+            if all(np.linalg.norm(np.cross(direction, other)) > 0.5 for other in vectors)
+        )
+        axes.append(Axis("rotation" if kind == "rotation" else "translation", free, still))
+        vectors.append(free)
+    least = min(float(np.linalg.norm(np.cross(vectors[i], vectors[(i + 1) % 3]))) for i in range(3))
+    return None if least < 1e-5 else axes
+
+
+def _chain(joint: Joint, plan: Plan, warnings: list[str]) -> None:
+    """Custom joints one after another, through massless bodies, each about one anchor."""
+    groups = _groups(joint.axes)
+    if any(axis.function.arity > 1 for axis in joint.axes):
+        warnings.append(
+            f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands still"
+        )
+    parent = joint.parent
+    frame = joint.parent_frame
+    for i, axes in enumerate(groups):
+        last = i == len(groups) - 1
+        body = joint.child if last else f"{joint.child}_link_{i}"
+        if not last:
+            plan.bodies.append(
+                Body(name=body, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3)))
+            )
+        anchor = Transform(
+            np.eye(3), next((axis.origin for axis in axes if axis.kind == "rotation"), np.zeros(3))
+        )
+        end = joint.child_frame if last else Transform.identity()
+        names = tuple(
+            dict.fromkeys(
+                name for axis in axes for name in axis.coordinates if name in joint.coordinates
+            )
+        )
+        moved = tuple(replace(axis, origin=np.zeros(3)) for axis in axes)
+        name = joint.name if last else f"{joint.name}_{i}"
+        kind = "CustomJoint" if names else "WeldJoint"
+        plan.joints.append(
+            Joint(
+                name=name,
+                kind=kind,
+                parent=parent,
+                child=body,
+                parent_frame=frame @ anchor,
+                child_frame=end @ anchor,
+                axes=moved,
+                coordinates=names,
+            )
+        )
+        parent = body
+        frame = Transform.identity()
+    if len(groups) > 1:
+        warnings.append(
+            f"joint '{joint.name}': written as {len(groups)} joints with massless bodies between"
+        )
+
+
+def _groups(axes: tuple[Axis, ...]) -> list[tuple[Axis, ...]]:
+    groups: list[list[Axis]] = []
+    for axis in axes:
+        if axis.function.arity > 1:
+            still = PiecewisePolynomial(np.zeros(1), np.zeros((1, 1)))
+            axis = replace(axis, function=still, coordinates=())
+        trial = [*groups[-1], axis] if groups else [axis]
+        anchors = {tuple(axis.origin) for axis in trial if axis.kind == "rotation"}
+        flat = tuple(replace(axis, origin=np.zeros(3)) for axis in trial)
+        if groups and len(anchors) <= 1 and _custom_axes(flat) is not None:
+            groups[-1] = trial
+        else:
+            groups.append([axis])
+    return [tuple(group) for group in groups]
+
+
+def curved_settings(joint: Joint) -> dict[str, str] | None:
+    """Radii (and winging axis) of a joint that rides on an ellipsoid, or None where its axes are
+    others.
+    """
+    axes = joint.axes
+    if (
+        len(axes) != 6 + (joint.kind == "ScapulothoracicJoint")
+        or len(joint.coordinates) != CURVED[joint.kind]
+    ):
+        return None
+    frame = QUARTER_TURN if joint.kind == "ScapulothoracicJoint" else np.eye(3)
+    if not all(np.array_equal(axis.vector, frame[:, i % 3]) for i, axis in enumerate(axes[:6])):
+        return None
+    sines = [axis.function for axis in axes[:3]]
+    if not all(isinstance(sine, SineProduct) for sine in sines):
+        return None
+    radii = [abs(sine.factor) for sine in sines if isinstance(sine, SineProduct)]
+    if joint.kind == "EllipsoidJoint":
+        return {"radii_x_y_z": numbers(radii)}
+    wing = axes[6]
+    angle = float(np.arctan2(-wing.vector[0], wing.vector[1]))
+    return {
+        "thoracic_ellipsoid_radii_x_y_z": numbers([radii[1], radii[0], radii[2]]),
+        "scapula_winging_axis_origin": numbers(wing.origin[:2]),
+        "scapula_winging_axis_direction": number(angle),
+    }
+
+
+def write_joint(
+    parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
+) -> None:
+    """A joint object with its frames, coordinates and axes."""
+    element = child(parent, joint.kind, name=joint.name)
+    frames = etree.Element("frames")
+    for end, body, pose, frame_name in (
+        ("parent", joint.parent, joint.parent_frame, joint.parent_frame_name),
+        ("child", joint.child, joint.child_frame, joint.child_frame_name),
+    ):
+        if not frame_name and is_still(pose):
+            child(element, f"socket_{end}_frame", body_path(body))
+            continue
+        name = frame_name if frame_name and frame_name not in (body, GROUND) else f"{body}_offset"
+        if len(frames) and legal(name) == frames[0].get("name"):
+            name = f"{name}_child"
+        child(element, f"socket_{end}_frame", legal(name))
+        write_offset_frame(frames, name, body_path(body), pose)
+    owned = child(element, "coordinates")
+    for name in joint.coordinates:
+        _write_coordinate(owned, coordinates[name], warnings)
+    if len(frames):
+        element.append(frames)
+    if joint.kind == "CustomJoint":
+        _write_spatial(element, joint, coordinates, warnings)
+    elif joint.kind in CURVED:
+        for tag, text in (curved_settings(joint) or {}).items():
+            child(element, tag, text)
+
+
+def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: list[str]) -> None:
+    element = child(parent, "Coordinate", name=coordinate.name)
+    put(element, default_value=coordinate.default, default_speed_value=coordinate.default_speed)
+    put(element, range=coordinate.range)
+    low, high = coordinate.range
+    outside = coordinate.clamped and not low - 1e-8 < coordinate.default < high + 1e-8
+    if outside:
+        warnings.append(
+            f"coordinate '{coordinate.name}' is written without its clamp: its default is not in"
+            " its range"
+        )
+    put(element, clamped=coordinate.clamped and not outside, locked=coordinate.locked)
+    if coordinate.prescribed is not None:
+        holder = child(element, "prescribed_function")
+        write_function(holder, coordinate.prescribed, f"coordinate '{coordinate.name}'", warnings)
+        put(element, prescribed=True)
+
+
+def _write_spatial(
+    parent: etree._Element, joint: Joint, coordinates: dict[str, Coordinate], warnings: list[str]
+) -> None:
+    spatial = child(parent, "SpatialTransform")
+    used = {name for axis in joint.axes for name in axis.coordinates}
+    idle = [name for name in joint.coordinates if name not in used]
+    for name, axis in zip(SPATIAL, _custom_axes(joint.axes) or (), strict=True):
+        names = axis.coordinates
+        if not names and idle:
+            names = (idle.pop(0),)
+        element = child(spatial, "TransformAxis", name=name)
+        put(
+            element,
+            coordinates=" ".join(legal(coordinate) for coordinate in names),
+            axis=axis.vector,
+        )
+        holder = child(element, "function")
+        if is_unit_line(axis.function) and coordinates[names[0]].motion == "coupled":
+            # OpenSim takes a bare line of slope 1 for a pure rotation or translation, and this one
+            # is not.
+            multiplier = child(holder, "MultiplierFunction")
+            holder = child(multiplier, "function")
+            child(multiplier, "scale", "1")
+        write_function(holder, axis.function, f"joint '{joint.name}' {name}", warnings)

@@ -1,0 +1,122 @@
+"""Read in a process of its own what may hang, crash or eat memory: C3D, MJCF and HDF5 by libraries
+of others.
+
+`python -m myomorph.core.io.parsing.guard MODULE FUNCTION GIGABYTES TEXT...` is the child's side.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import myomorph
+
+GIGABYTE = 1 << 30
+BYTES_PER_SECOND = 20e6  # The slowest at which a sound file is read.
+LONGEST = 300  # Characters of a message.
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a guarded run ended: `message` is the last line that it wrote, or the error that stopped
+    it.
+    """
+
+    status: Literal["done", "failed", "hung"]
+    message: str = ""
+
+
+def seconds_for(path: Path) -> float:
+    """Time that a library may take for a file of this size [s]."""
+    return 10.0 + path.stat().st_size / BYTES_PER_SECOND
+
+
+def run_guarded(
+    function: str,
+    arguments: Sequence[str | os.PathLike[str]],
+    seconds: float,
+    gigabytes: float = 16.0,
+) -> Outcome:
+    """Call a function ("module:name") with texts in a child process, which is stopped when its time
+    [s] is over; its result is dropped, an error is the message of a failure. The child starts in
+    the folder that holds the package, so paths among `arguments` must be absolute. `gigabytes`:
+    limit of its address space, where the system has such limits [GiB].
+    """
+    home = Path(myomorph.__file__).resolve().parents[1]
+    # The child does no linear algebra: one thread makes its start shorter.
+    environment = {
+        **os.environ,
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+        "PYTHONIOENCODING": "utf-8",
+    }
+    try:
+        child = subprocess.run(
+            [
+                sys.executable,
+                "-m",
+                __name__,
+                *function.split(":"),
+                str(gigabytes),
+                *(os.fspath(argument) for argument in arguments),
+            ],
+            cwd=home,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            timeout=seconds,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Outcome("hung", f"did not end within {seconds:.0f} s")
+    except OSError as error:
+        return Outcome("failed", f"could not be started ({error})")
+    if child.returncode == 0:
+        return Outcome("done")
+    lines = [
+        line.strip()
+        for line in child.stderr.decode("utf-8", errors="replace").splitlines()
+        if line.strip()
+    ]
+    return Outcome("failed", lines[-1] if lines else f"ended with status {child.returncode}")
+
+
+def limit_memory(gigabytes: float) -> None:
+    """Let this process take `gigabytes` of address space at most, where the system can do that."""
+    try:
+        # Not on every system.
+        import resource
+    except ImportError:
+        return
+    size = int(gigabytes * GIGABYTE)
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    if hard == resource.RLIM_INFINITY or size < hard:
+        resource.setrlimit(resource.RLIMIT_AS, (size, hard))
+
+
+def _main(module: str, name: str, gigabytes: str, *arguments: str) -> int:
+    """The child's side: the function's error as one line, and exit status 1 for it."""
+    function = getattr(importlib.import_module(module), name)
+    limit_memory(float(gigabytes))
+    try:
+        function(*arguments)
+    except MemoryError:
+        problem = "asked for more memory than such a file can need"
+    except Exception as error:
+        problem = " ".join(str(error).split())[:LONGEST] or type(error).__name__
+    else:
+        return 0
+    sys.stderr.write(f"{problem}\n")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(_main(*sys.argv[1:]))

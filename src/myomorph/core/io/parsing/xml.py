@@ -1,0 +1,110 @@
+"""XML files read without trusting them: no entities, no network, no document type tricks."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from lxml import etree
+
+from myomorph.core.model.errors import BadFile, quoted
+
+LARGEST = 256 * 1024 * 1024
+ENTITIES = re.compile(rb"<!\s*(ENTITY|DOCTYPE[^>]*\[)", re.IGNORECASE)
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
+
+
+@dataclass(frozen=True, eq=False)
+class XmlFile:
+    """A parsed document."""
+
+    root: etree._Element  # the outermost element
+    path: Path  # where it was read from
+    warnings: tuple[str, ...] = ()  # what the parser had to overlook, one line each
+
+
+def read_xml(path: str | os.PathLike[str]) -> XmlFile:
+    """Parse an XML file, overlooking a few slips as OpenSim's parser does, and nothing worse."""
+    path = Path(path)
+    content = _content(path)
+    if ENTITIES.search(content.replace(b"\0", b"")):
+        raise BadFile(
+            path,
+            "declares XML entities, which could expand without end",
+            "remove its <!DOCTYPE ...> part",
+        )
+    try:
+        return XmlFile(_parse(content), path)
+    except etree.XMLSyntaxError as error:
+        problem = error
+    try:
+        root = _parse(_tidied(content))
+    except etree.XMLSyntaxError as error:
+        raise BadFile(path, _said(error), "is the file cut off, or of another kind?") from None
+    return XmlFile(root, path, (f"not well-formed XML ({_said(problem)}): that was overlooked",))
+
+
+def _tidied(content: bytes) -> bytes:
+    """The same document with what careless editors leave in it taken out: odd bytes, a stray last
+    tag.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+    text = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)
+    text = COMMENT.sub(lambda comment: "\n" * comment.group().count("\n"), NOT_XML.sub(" ", text))
+    if "<OpenSimDocument" not in text:
+        text = re.sub(r"</OpenSimDocument>\s*$", "", text)
+    return AMPERSAND.sub("&amp;", text).encode("utf-8")
+
+
+def _content(path: Path) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise BadFile(
+                path,
+                f"is {size / 2**20:.0f} MiB, more than the {LARGEST / 2**20:.0f} MiB allowed"
+                " for XML",
+            )
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise BadFile(path, "no such file", _beside(path)) from None
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    if not content.strip():
+        raise BadFile(path, "is empty")
+    return content
+
+
+def _beside(path: Path) -> str:
+    folder = path.parent
+    if not folder.is_dir():
+        return f"the folder '{folder}' does not exist"
+    names = sorted(
+        file.name for file in folder.iterdir() if file.suffix.lower() == path.suffix.lower()
+    )
+    return f"its folder has {quoted(names)}" if names else f"its folder has no '{path.suffix}' file"
+
+
+def _parse(content: bytes) -> etree._Element:
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    return etree.fromstring(content, parser)
+
+
+def _said(error: etree.XMLSyntaxError) -> str:
+    line, _ = error.position
+    return f"line {line}: {str(error.msg).split(', line ')[0]}"

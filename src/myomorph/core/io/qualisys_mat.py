@@ -1,0 +1,180 @@
+"""MATLAB exports of Qualisys Track Manager (version 5 files, one structure a recording): marker
+trajectories.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from myomorph.core.io.parsing.text import mapped_bytes, unique_names, without_far_away
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadFile, quoted
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.series import Markers, Trial
+
+HINT = "export the recording from QTM as MAT, or as C3D"
+HEADER = 128
+COMPRESSED = 15
+LARGEST = 2 << 30  # Bytes that a file may hold once it is unpacked.
+STEP = 1 << 24
+MILLIMETERS = 1e-3
+FRAGMENT = "unidentified_"
+
+
+def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
+    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at
+    frame 1. QTM writes millimetres and, unless set otherwise, z upwards. `unidentified`:
+    trajectories without a label become markers named `unidentified_1`, ...; else only their number
+    and duration are reported.
+    """
+    path = Path(path)
+    _check(path)
+    name, recording = _recording(path)
+    notes: list[str] = []
+    trajectories = _field(recording, "Trajectories")
+    labelled = _field(trajectories, "Labeled")
+    if labelled is None:
+        raise BadFile(path, f"'{name}' has no labelled trajectories", HINT)
+    rate = _number(recording, "FrameRate")
+    if not 0.0 < rate < 1e6:
+        raise BadFile(path, f"states a frame rate of {rate:g} Hz", HINT)
+    values = _positions(labelled, path, "labelled")
+    # Labels; a single one is no array.
+    value = _field(labelled, "Labels")
+    labels = (
+        []
+        if value is None
+        else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
+    )
+    if len(labels) != len(values):
+        raise BadFile(
+            path, f"has {len(labels)} labels for {len(values)} labelled trajectories", HINT
+        )
+    fragments = _positions(_field(trajectories, "Unidentified"), path, "unidentified")
+    frames = values.shape[1] if len(values) else fragments.shape[1]
+    if len(fragments) and fragments.shape[1] != frames:
+        raise BadFile(
+            path, f"has {frames} frames with a label and {fragments.shape[1]} without", HINT
+        )
+    announced = _number(recording, "Frames")
+    if np.isfinite(announced) and announced != frames:
+        notes.append(f"the file announces {announced:.0f} frames, but holds {frames}")
+    facts = {
+        "maker": "Qualisys Track Manager",
+        "recording": name,
+        "unit of length": "mm",
+        "point rate": f"{rate:g} Hz",
+    }
+    if len(fragments):
+        seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
+        lasting = f"together {seen.sum():.1f} s, the longest {seen.max():.2f} s"
+        facts["unidentified fragments"] = f"{len(fragments)}, {lasting}"
+    unread = [
+        part
+        for part in ("Analog", "Force", "EMG", "RigidBodies")
+        if _field(recording, part) is not None
+    ]
+    if unread:
+        notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
+    if unidentified:
+        labels = [*labels, *(f"{FRAGMENT}{index + 1}" for index in range(len(fragments)))]
+        values = np.concatenate([values, fragments]) if len(values) else fragments
+    start = _number(recording, "StartFrame")
+    first = max(start, 1.0) - 1.0 if np.isfinite(start) else 0.0
+    places = without_far_away(MILLIMETERS * values.transpose(1, 0, 2), notes)
+    time = np.asarray((first + np.arange(frames)) / rate, np.float64)
+    markers = Markers(time, unique_names(labels, "marker", notes), places)
+    return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
+
+
+def _check(path: Path) -> None:
+    """Refuse what is no version 5 file, was cut off, or would not fit into memory."""
+    data = mapped_bytes(path)
+    head = bytes(data[:HEADER])
+    if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
+        raise BadFile(path, "is a MATLAB file of version 7.3", "save it with save(..., '-v7')")
+    if len(head) < HEADER or head[126:128] not in (b"IM", b"MI"):
+        raise BadFile(path, "is not a MATLAB file of version 5", HINT)
+    order = "<" if head[126:128] == b"IM" else ">"
+    at = HEADER
+    unpacked = 0
+    while at < len(data):
+        tag = bytes(data[at : at + 8])
+        kind, size = struct.unpack(f"{order}II", tag) if len(tag) == 8 else (0, LARGEST)
+        if at + 8 + size > len(data):
+            raise BadFile(path, "ends early: it was cut off or is damaged", HINT)
+        unpacked += _unpacked(data[at + 8 : at + 8 + size], path) if kind == COMPRESSED else size
+        if unpacked > LARGEST:
+            raise BadFile(path, f"holds more than {LARGEST >> 30} GB once unpacked", HINT)
+        at += 8 + size
+
+
+def _unpacked(data: np.ndarray, path: Path) -> int:
+    """How many bytes a compressed element holds; counting ends beyond `LARGEST`."""
+    stream = zlib.decompressobj()
+    size = 0
+    rest = bytes(data)
+    try:
+        while rest and size <= LARGEST and not stream.eof:
+            size += len(stream.decompress(rest, STEP))
+            rest = stream.unconsumed_tail
+    except zlib.error:
+        raise BadFile(path, "is damaged: a part of it cannot be unpacked", HINT) from None
+    return size
+
+
+def _recording(path: Path) -> tuple[str, Any]:
+    """The first structure with trajectories, and its name."""
+    # Brings SciPy: loaded only where it is needed.
+    try:
+        content = scipy.io.loadmat(
+            path, struct_as_record=False, squeeze_me=True, chars_as_strings=True
+        )
+    except Exception as error:  # a damaged file makes the reader fail in many ways
+        raise BadFile(path, f"is damaged ({' '.join(str(error).split())[:120]})", HINT) from None
+    names = [name for name in content if not name.startswith("__")]
+    for name in names:
+        if _field(content[name], "Trajectories") is not None:
+            return name, content[name]
+    held = quoted(names) or "nothing"
+    raise BadFile(
+        path, f"holds {held}, but no Qualisys recording (a structure with Trajectories)", HINT
+    )
+
+
+def _field(structure: Any, name: str) -> Any:
+    """A field of a structure, None where it has none or it is empty."""
+    value = getattr(structure, name, None)
+    return None if isinstance(value, np.ndarray) and value.size == 0 else value
+
+
+def _number(structure: Any, name: str) -> float:
+    value = _field(structure, name)
+    try:
+        return float(np.asarray(value, dtype=np.float64).reshape(-1)[0])
+    except (TypeError, ValueError, IndexError):
+        return float("nan")
+
+
+def _positions(group: Any, path: Path, kind: str) -> Array:
+    """(trajectories, frames, 3) of a group as the file has them, (0, 0, 3) where there is none."""
+    data = _field(group, "Data")
+    if data is None:
+        return np.zeros((0, 0, 3))
+    try:
+        data = np.asarray(data, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadFile(path, f"its {kind} trajectories are no numbers", HINT) from None
+    data = data[None] if data.ndim == 2 else data
+    if data.ndim != 3 or data.shape[1] not in (3, 4):
+        shape = f"its {kind} trajectories have the shape {data.shape}"
+        raise BadFile(path, shape, "expected (trajectories, 3 or 4, frames)")
+    places = data[:, :3].transpose(0, 2, 1)
+    return np.where(np.isfinite(places).all(axis=2, keepdims=True), places, np.nan)

@@ -1,0 +1,100 @@
+"""What checks find in a recording, one value each, and how it is put right.
+
+A check is a function from what is checked to findings; `repaired` is the only place where a finding
+changes anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, runs
+
+Span: TypeAlias = tuple[float, float]  # First and last time of a stretch of frames [s]
+
+Checked = TypeVar("Checked")
+
+
+@dataclass(frozen=True)
+class Repair:
+    """How what a check found is put right."""
+
+    apply: Callable[[Any], Any]  # from what was checked to the same put right
+    done: str  # what was done, for the finding's text
+    advice: str = ""  # what helps instead where it is only reported
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something about a recording that may not be believed as it is.
+
+    Attributes
+    ----------
+    kind : short name of what is wrong, such as "wrong foot", for tables and tests
+    place : what it was found in: a plate, force, marker, coordinate or file
+    text : one line for people: what, where, how much, and what was done or which option helps
+    times : (start, stop) of each stretch of time concerned [s]; empty where all of it is
+    mended : whether what follows was computed with it put right
+    size : how bad, to sort by within a kind; not stored
+    repair : how it can be put right, None where nothing is safe; not stored
+    """
+
+    kind: str
+    place: str
+    text: str
+    times: tuple[Span, ...] = ()
+    mended: bool = False
+    size: float = field(default=0.0, compare=False)
+    repair: Repair | None = field(default=None, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def record(self) -> dict[str, object]:
+        """Its fields as plain values, for files."""
+        return {name: getattr(self, name) for name in ("kind", "place", "text", "times", "mended")}
+
+
+def repaired(
+    checked: Checked, findings: Iterable[Finding], mend: bool = True
+) -> tuple[Checked, tuple[Finding, ...]]:
+    """What was checked with all repairs applied one after the other, and the findings as they are
+    reported. `mend`: apply the repairs; else nothing changes, and the findings' texts say what
+    helps.
+    """
+    reported = []
+    for finding in findings:
+        repair = finding.repair
+        if repair is not None:
+            checked = repair.apply(checked) if mend else checked
+            helps = repair.done if mend else repair.advice
+            finding = replace(
+                finding, text=f"{finding.text}: {helps}" if helps else finding.text, mended=mend
+            )
+        reported.append(replace(finding, repair=None))
+    return checked, tuple(reported)
+
+
+def spans_of(time: Array, flags: np.ndarray) -> tuple[Span, ...]:
+    """Times of each run of flagged frames."""
+    return tuple((float(time[start]), float(time[stop - 1])) for start, stop in runs(flags))
+
+
+def times_text(spans: Sequence[Span], most: int = 3) -> str:
+    """'at 1.20 s and from 1.50 to 1.62 s'."""
+    parts = [
+        f"at {a:.2f} s" if b - a < 0.005 else f"from {a:.2f} to {b:.2f} s" for a, b in spans[:most]
+    ]
+    more = f" and in {len(spans) - most} other parts" if len(spans) > most else ""
+    return ", ".join(parts) + more
+
+
+def pairs_text(pairs: Sequence[tuple[str, str]], most: int = 3) -> str:
+    """The first pairs of labels."""
+    more = f" and {len(pairs) - most} other pairs" if len(pairs) > most else ""
+    return ", ".join(f"'{first}' and '{other}'" for first, other in pairs[:most]) + more

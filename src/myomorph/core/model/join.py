@@ -1,0 +1,308 @@
+"""Several subjects and objects as one model on one ground, and the results of each taken out again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadModel, UnknownName
+from myomorph.core.model.model import GROUND, Kept, Model
+from myomorph.core.model.series import Motion, Series, Wrenches
+
+SIDES = ("r", "l", "right", "left")
+ADDED = (
+    "reserve_",
+    "residual_FX_",
+    "residual_FY_",
+    "residual_FZ_",
+    "residual_MX_",
+    "residual_MY_",
+    "residual_MZ_",
+)
+"""What stands before a part's name in names that the tension problem makes."""
+NAMED = (
+    "bodies",
+    "joints",
+    "coordinates",
+    "markers",
+    "muscles",
+    "wrap_objects",
+    "actuators",
+    "couplers",
+    "loops",
+    "bushings",
+    "ligaments",
+    "frames",
+    "passive_torques",
+)
+"""What a model holds under names."""
+ONE_NAME = frozenset(
+    (
+        "name",
+        "parent",
+        "child",
+        "parent_frame_name",
+        "child_frame_name",
+        "body",
+        "other_body",
+        "body_1",
+        "body_2",
+        "coordinate",
+        "dependent",
+        "wrap_object",
+        "side_body",
+    )
+)
+SEVERAL_NAMES = frozenset(("coordinates", "independents", "groups"))
+PARTS = frozenset(("axes", "points", "wraps"))
+"""Fields of these, whatever they are of, that hold a name (`ONE_NAME`), several, or parts that have
+such fields.
+"""
+
+Timed = TypeVar("Timed", Series, Wrenches)
+
+
+def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
+    """Models side by side on one ground, as one tree: what they share is the ground and nothing
+    else. Every name gains its part's name and a line: `femur_r` of the part `tori` becomes
+    `tori_femur_r`. Coordinates keep their meaning, so motions and torques of the parts are columns
+    of those of the whole. Names of mesh files stay, to be looked up beside every part's own file.
+    `parts`: models by the names of their parts, each a word of letters, digits and lines; `name`:
+    of the whole; the parts' names with lines between by default.
+    """
+    _check_parts(tuple(parts))
+    renamed = [_renamed(model, part) for part, model in parts.items()]
+    first = renamed[0]
+    for part, model in zip(parts, renamed, strict=True):
+        if not np.allclose(model.gravity, first.gravity, rtol=0.0, atol=1e-3):
+            raise BadModel(
+                f"gravity of '{part}' is {model.gravity.tolist()} m/s^2, that of"
+                f" '{next(iter(parts))}' {first.gravity.tolist()}: turn one of them into the"
+                " other's ground"
+            )
+
+    return Model(
+        name=name or "_".join(parts),
+        gravity=first.gravity,
+        ground_meshes=first.ground_meshes,
+        kept=_kept(renamed),
+        source=first.source,
+        **{
+            table: tuple(item for model in renamed for item in getattr(model, table))
+            for table in (*NAMED, "warnings")
+        },
+    )
+
+
+def join_motions(parts: Mapping[str, Motion]) -> Motion:
+    """Motions of the parts as one of the joined model; rates are kept where every part has them."""
+    check_clocks(parts)
+    motions = list(parts.values())
+    rates = [
+        (
+            None
+            if any(rates is None for rates in every_rate)
+            else np.hstack([rates for rates in every_rate if rates is not None])
+        )
+        for every_rate in (
+            [motion.velocities for motion in motions],
+            [motion.accelerations for motion in motions],
+        )
+    ]
+    values = np.hstack([motion.values for motion in motions])
+    return Motion(
+        motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1]
+    )
+
+
+def join_series(parts: Mapping[str, Series]) -> Series:
+    """Columns of the parts (torques, activations) side by side; raises `BadData` where their times
+    differ.
+    """
+    check_clocks(parts)
+    series = list(parts.values())
+    return Series(
+        series[0].time,
+        joined_names(parts),
+        np.concatenate([table.values for table in series], axis=1),
+    )
+
+
+def join_wrenches(parts: Mapping[str, Wrenches]) -> Wrenches:
+    """External forces on the parts as those on the joined model; raises `BadData` where their times
+    differ.
+    """
+    check_clocks(parts)
+    wrenches = list(parts.values())
+    bodies = tuple(_prefixed(part, body) for part, loads in parts.items() for body in loads.bodies)
+    stacked = [
+        np.concatenate([getattr(loads, what) for loads in wrenches], axis=1)
+        for what in ("forces", "points", "torques")
+    ]
+    return Wrenches(wrenches[0].time, joined_names(parts), bodies, *stacked)
+
+
+def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[str, ...]:
+    """Names of all columns, with their parts' names before them."""
+    return tuple(f"{part}_{name}" for part, series in parts.items() for name in series.names)
+
+
+def part_of(whole: Timed, part: str) -> Timed:
+    """Columns of one part by their own names: of a motion, torques, markers, forces or activations
+    of a joined model. Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that
+    they name.
+    """
+    short = {
+        column: own
+        for column, name in enumerate(whole.names)
+        if (own := own_name(name, part)) is not None
+    }
+    if not short:
+        begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
+        raise UnknownName("part", part, begins, "the columns' names begin with what it")
+    columns = list(short)
+    names = tuple(short.values())
+    if isinstance(whole, Series):
+        return replace(whole.columns(columns), names=names)
+    bodies = tuple(
+        own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns
+    )
+    return replace(whole.columns(columns), names=names, bodies=bodies)
+
+
+def own_name(name: str, part: str) -> str | None:
+    """A joined model's name as its part has it; None where it is another part's."""
+    for before in ("", *ADDED):
+        if name.startswith(f"{before}{part}_"):
+            return before + name[len(before) + len(part) + 1 :]
+    return None
+
+
+def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
+    """Raise `BadData`, naming the two parts, where times are not the same within a hundredth of a
+    frame.
+    """
+    _check_parts(tuple(parts))
+    difference = clock_difference(parts)
+    if difference:
+        raise BadData(f"{difference}; bring both to common times (`on_one_clock`)")
+
+
+def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> str:
+    """What is different in the times of the first two parts that do not agree; "" where all have
+    the same times.
+    """
+    for name, series in parts.items():
+        if not len(series):
+            raise BadData(f"'{name}' has no frames")
+    (first, series), *others = parts.items()
+    slack = 0.01 * float(np.median(np.diff(series.time))) if len(series) > 1 else 1e-6
+    for name, other in others:
+        if len(other) == len(series) and np.max(np.abs(other.time - series.time)) <= slack:
+            continue
+        if other.time[0] > series.time[-1] or series.time[0] > other.time[-1]:
+            what = "they have no time in common"
+        elif len(other) == len(series):
+            what = "their clocks differ"
+        else:
+            what = "they differ in rate or length"
+        return f"'{first}' has {_times(series.time)}, '{name}' {_times(other.time)}: {what}"
+    return ""
+
+
+def _times(time: Array) -> str:
+    return f"{len(time)} frames from {time[0]:g} to {time[-1]:g} s"
+
+
+def _check_parts(parts: tuple[str, ...]) -> None:
+    if not parts:
+        raise BadData("no parts to join")
+    for part in parts:
+        if not re.fullmatch(r"[^\W_](\w*[^\W_])?", part) or part.lower() in (*SIDES, GROUND):
+            raise BadData(
+                f"'{part}' cannot name a part: expected letters, digits and '_', no side of the"
+                " body"
+            )
+        longer = next((other for other in parts if other.startswith(f"{part}_")), "")
+        if longer:
+            raise BadData(
+                f"the part '{longer}' begins as the names of '{part}' will: give one of them"
+                " another name"
+            )
+
+
+def _prefixed(part: str, name: str) -> str:
+    return name if name in ("", GROUND) else f"{part}_{name}"
+
+
+def _renamed(model: Model, part: str) -> Model:
+    """The model with its part's name before every name."""
+    warnings = tuple(f"{part}: {warning}" for warning in model.warnings)
+    return replace(renamed_model(model, lambda name: _prefixed(part, name)), warnings=warnings)
+
+
+def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
+    """The model with other names of its bodies, joints, coordinates, muscles and all that refers to
+    them. `new_name`: the new name of an old one; an old name may be that of parts of different
+    kinds, which then go together.
+    """
+
+    def renamed(item: Any) -> Any:
+        changes: dict[str, Any] = {}
+        for field in {part.name for part in fields(item)} & (
+            ONE_NAME | SEVERAL_NAMES | PARTS | {"path"}
+        ):
+            value = getattr(item, field)
+            if field in ONE_NAME:
+                changes[field] = new_name(value)
+            elif field == "path":
+                changes[field] = renamed(value)
+            else:
+                changes[field] = tuple(map(new_name if field in SEVERAL_NAMES else renamed, value))
+        return replace(item, **changes)
+
+    tables: dict[str, Any] = {table: tuple(map(renamed, getattr(model, table))) for table in NAMED}
+    kept = tuple(_kept_part(item, model, new_name) for item in model.kept)
+    return replace(model, kept=kept, **tables)
+
+
+def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept:
+    """A part of a file with the names in it renamed: whole words of its texts, and the names of its
+    elements.
+    """
+    if part.room == "Model":
+        return part
+    names = {item.name for table in (*NAMED, "kept") for item in getattr(model, table)}
+    ends = {
+        name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)
+    }
+    known = names | ends - {"", GROUND}
+    words = re.compile(r"[^\s/<>\"'|]+")
+
+    def text(match: re.Match[str]) -> str:
+        return words.sub(lambda word: prefixed(word[0]) if word[0] in known else word[0], match[0])
+
+    renamed = re.sub(r">[^<]+<", text, part.text)
+    if part.name:
+        renamed = renamed.replace(f'name="{part.name}"', f'name="{prefixed(part.name)}"', 1)
+    root, _, body = part.room.rpartition("/")
+    room = f"{root}/{prefixed(body)}" if root else part.room
+    return replace(part, name=prefixed(part.name), text=renamed, room=room)
+
+
+def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:
+    """What all parts keep; of what a file has once (credits, units) the first."""
+    kepts: list[Kept] = []
+    once: set[str] = set()
+    for part in (kept for model in models for kept in model.kept):
+        if part.room == "Model":
+            if part.kind in once:
+                continue
+            once.add(part.kind)
+        kepts.append(part)
+    return tuple(kepts)

@@ -1,0 +1,89 @@
+"""Results as xarray and pandas show them: named variables over named dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.errors import from_extra
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+AXES = ("x", "y", "z")
+
+
+class Variable(NamedTuple):
+    """Values over named dimensions, and their unit."""
+
+    dimensions: tuple[str, ...]
+    values: np.ndarray
+    unit: str = ""
+
+
+class Labelled:
+    """A value that says what its arrays are, so that other libraries can hold them."""
+
+    def variables(self) -> Mapping[str, Variable]:
+        """The arrays by name, each with its dimensions and unit."""
+        raise TypeError(f"{type(self).__name__} names no variables")
+
+    def labels(self) -> Mapping[str, Sequence[object] | np.ndarray]:
+        """Coordinates of the dimensions: times, names, axes."""
+        raise TypeError(f"{type(self).__name__} names no labels")
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All arrays as one `xarray.Dataset`, with units as attributes."""
+        # Only here: it brings pandas, which takes longer to import than most steps take to run.
+        xarray = from_extra("xarray", "xarray")
+        variables = self.variables()
+        used = {name for variable in variables.values() for name in variable.dimensions}
+        return xarray.Dataset(
+            {
+                name: (
+                    variable.dimensions,
+                    np.asarray(variable.values),
+                    {"units": variable.unit} if variable.unit else {},
+                )
+                for name, variable in variables.items()
+            },
+            {
+                name: (name, np.asarray(values), {"units": "s"} if name == "time" else {})
+                for name, values in self.labels().items()
+                if name in used
+            },
+        )
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All arrays over time as one `pandas.DataFrame`, a row a frame.
+        Columns are the names of a single variable, else pairs of variable and name; vectors have
+        one column an axis.
+        """
+        pandas = from_extra("xarray", "pandas")
+        labels = self.labels()
+        over_time = {
+            name: variable
+            for name, variable in self.variables().items()
+            if variable.dimensions[:1] == ("time",)
+        }
+        columns: dict[tuple[str, ...], np.ndarray] = {}
+        for name, values in over_time.items():
+            within = [labels[dimension] for dimension in values.dimensions[1:]]
+            for place in np.ndindex(*(len(part) for part in within)):
+                words = (str(part[i]) for part, i in zip(within, place, strict=True))
+                columns[(name, *words) if len(over_time) > 1 else tuple(words) or (name,)] = (
+                    values.values[:, *place]
+                )
+        depth = max((len(key) for key in columns), default=1)
+        keys = [key + ("",) * (depth - len(key)) for key in columns]
+        index = pandas.Index(np.asarray(labels["time"]), name="time")
+        frame = pandas.DataFrame(dict(enumerate(columns.values())), index=index)
+        frame.columns = (
+            pandas.MultiIndex.from_tuples(keys)
+            if depth > 1
+            else pandas.Index([key[0] for key in keys])
+        )
+        return frame

@@ -1,0 +1,112 @@
+"""What a result was made from: inputs by their hashes, options, version and date."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input of a step.
+
+    Attributes
+    ----------
+    role : what it was used as: "model", "markers", "loads", ...
+    name : path of the file, or a name for a value that was made in memory
+    sha256 : of the file's bytes, or of the value
+    """
+
+    role: str
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What one step's result was made from.
+
+    Attributes
+    ----------
+    step : "ik", "id", "muscles", "tension"
+    sources : the inputs
+    options : of the step, by option name; values are numbers, texts, None or lists of them
+    version : of Myomorph
+    date : when it was made, ISO 8601 with time zone
+    """
+
+    step: str
+    sources: tuple[Source, ...]
+    options: Mapping[str, object] = field(default_factory=lambda: FrozenMap({}))
+    version: str = ""
+    date: str = ""
+
+    @property
+    def key(self) -> str:
+        """Hash of all that determines the result: equal keys mean an equal result, whatever name or
+        date.
+        """
+        parts = [self.step, self.version, sorted(self.options.items())]
+        parts.append(sorted((source.role, source.sha256) for source in self.sources))
+        return hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()
+
+    def to_json(self) -> str:
+        """The provenance as a line of JSON."""
+        return json.dumps(
+            asdict(self) | {"options": dict(self.options), "key": self.key}, default=str
+        )
+
+    @staticmethod
+    def from_json(text: str) -> Provenance:
+        """The provenance that `to_json` wrote; raises `ValueError` where the text is something
+        else.
+        """
+        try:
+            stored = json.loads(text)
+            sources = tuple(
+                Source(source["role"], source["name"], source["sha256"])
+                for source in stored["sources"]
+            )
+            return Provenance(
+                step=stored["step"],
+                sources=sources,
+                options=stored["options"],
+                version=stored["version"],
+                date=stored["date"],
+            )
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"not a provenance: {error}") from None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and the interval that holds it.
+
+    Attributes
+    ----------
+    value : the estimate
+    low, high : its 95 % interval
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Estimate:
+        """The percentile interval of bootstrap draws (draws,); NaN where no draw is finite."""
+        if not np.isfinite(draws).any():
+            return cls(float(value), float("nan"), float("nan"))
+        low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        return cls(float(value), float(low), float(high))
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= truth <= self.high

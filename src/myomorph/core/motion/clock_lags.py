@@ -1,0 +1,413 @@
+"""Two recordings laid side by side: the lags at which they explain each other, then offset and
+drift refined.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array, read_only, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.motion.filters import lowpass, natural_spline
+
+SAMPLES = 4.0  # Frames that are kept for every period of the cutoff
+CANDIDATES = 5
+NEAR = 0.3  # A lag that explains less than the best by more than this share is no candidate
+LEAST_EXPLAINED = 0.1
+REACH = 0.15  # Time either way that the lag of a piece is looked for [s]
+DENSE = 40.0  # Samples for every period of the cutoff through which the other recording is splined
+FINEST = 25.0  # Frames a second that are kept at least
+RIM = 1.0  # Periods of the cutoff by which what is not used reaches into what is
+SETTLING = 3.0
+"""Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated
+markers are rough.
+"""
+
+
+@read_only
+class Compared:
+    """Rows (frames, signals, parameters) on the reference clock, zero where unusable, beside
+    splines of the other recording (signals,) and their slopes over its own time; `start` and `end`
+    of what its filter has settled for [s], `middle` of what both cover, on the reference clock [s].
+    """
+
+    time: Array
+    rows: Array
+    usable: np.ndarray
+    spline: scipy.interpolate.BSpline
+    slope: scipy.interpolate.BSpline
+    start: float
+    end: float
+    middle: float
+    spread: Array
+
+    @property
+    def step(self) -> float:
+        """Time between frames [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def weights(self) -> Array:
+        """(signals,) that make every signal of the other recording vary by 1; 0 for one that does
+        not vary.
+        """
+        varies = self.spread > 1e-12 * self.spread.max(initial=0.0)
+        return np.where(varies, 1.0 / np.where(varies, self.spread, 1.0), 0.0)
+
+    def places(self, lag: Array) -> Array:
+        """Times of the frames on the other clock, t + a + b (t - middle), for a lag (2,) of a [s]
+        and b.
+        """
+        return self.time + lag[0] + lag[1] * (self.time - self.middle)
+
+    def within(self, lag: Array) -> np.ndarray:
+        """(frames,) usable ones that lie in the other recording."""
+        places = self.places(lag)
+        return self.usable & (places > self.start) & (places < self.end)
+
+
+def main_frequency(time: Array, other_time: Array, other: Array) -> float:
+    """Frequency of the other recording's strongest oscillation [Hz]: by squared power: noise has
+    little.
+    """
+    rate = (len(other_time) - 1) / float(other_time[-1] - other_time[0])
+    spread = np.std(other, axis=0)
+    values = (other - other.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    squared = np.sum(
+        np.abs(scipy.fft.rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 4, axis=1
+    )
+    frequencies = np.arange(len(squared)) * rate / len(values)
+    squared = squared * (frequencies < 0.25 * (len(time) - 1) / float(time[-1] - time[0]))
+    return float(
+        max((frequencies @ squared) / max(squared.sum(), 1e-300), 2.0 * rate / len(values))
+    )
+
+
+def compare(
+    time: Array,
+    rows: Array,
+    other_time: Array,
+    other: Array,
+    cutoff: float,
+    used: np.ndarray | None,
+) -> Compared:
+    """Filter both recordings alike and thin the frames to what the cutoff needs."""
+    time = np.asarray(time, dtype=np.float64)
+    other_time = np.asarray(other_time, dtype=np.float64)
+    _checked(time, other_time, other, rows)
+    usable = np.asarray(np.isfinite(rows).all(axis=(1, 2)))
+    start = float(other_time[0])
+    end = float(other_time[-1])
+    rate = (len(time) - 1) / float(time[-1] - time[0])
+    rows, usable = _filtered(rows, usable, rate, cutoff)
+    if used is not None:
+        # Through the filter, frames feel those nearby: the rim of what is used is left out.
+        rim = 2 * int(np.ceil(RIM * rate / cutoff)) + 1
+        usable &= (
+            scipy.ndimage.minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest") > 0
+        )
+    if not usable.any():
+        raise BadData(
+            f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz"
+        )
+    other_rate = (len(other_time) - 1) / (end - start)
+    few = max(1, int(other_rate / (DENSE * cutoff)))
+    other = lowpass(other, other_rate, cutoff)[::few]
+    other_time = other_time[::few]
+    start = start + SETTLING / cutoff
+    end = end - SETTLING / cutoff
+    thin = max(1, int(rate / max(SAMPLES * cutoff, FINEST)))
+    time = time[::thin]
+    rows = rows[::thin]
+    usable = usable[::thin]
+    spline = natural_spline(other_time, other, degree=3)
+    return Compared(
+        time=time,
+        rows=np.where(usable[:, None, None], rows, 0.0),
+        usable=usable,
+        spline=spline,
+        slope=spline.derivative(1),
+        start=start,
+        end=end,
+        middle=0.5 * (max(time[0], start) + min(time[-1], end)),
+        spread=other.std(axis=0),
+    )
+
+
+def _checked(time: Array, other_time: Array, other: Array, rows: Array) -> None:
+    if len(time) < 20 or len(other_time) < 20:
+        raise BadData(f"{len(time)} and {len(other_time)} samples: too few to compare clocks")
+    if rows.shape[:2] != (len(time), other.shape[1]) or len(other) != len(other_time):
+        raise BadData(
+            f"expected rows ({len(time)}, {other.shape[1]}, parameters) and {len(other_time)}"
+            f" samples, but got {rows.shape} and {len(other)}"
+        )
+    if not np.isfinite(other).all():
+        raise BadData(
+            "the other recording has values that are not finite: fill the gaps or choose another"
+            " time"
+        )
+    for clock in (time, other_time):
+        steps = np.diff(clock)
+        if steps.min() <= 0 or steps.max() > 1.5 * np.median(steps):
+            raise BadData(
+                "clocks are compared over recordings of a steady rate: this one has missing frames"
+            )
+
+
+def _filtered(
+    rows: Array, usable: np.ndarray, rate: float, cutoff: float
+) -> tuple[Array, np.ndarray]:
+    """Low-passed rows over each unbroken run, and the frames that remain when the filter has
+    settled.
+    """
+    filtered = np.array(rows, dtype=np.float64)
+    kept = np.zeros(len(rows), dtype=bool)
+    settling = int(np.ceil(SETTLING * rate / cutoff))
+    for start, stop in runs(usable):
+        if stop - start > 2 * settling + 4:
+            filtered[start:stop] = lowpass(rows[start:stop], rate, cutoff)
+            kept[start + settling : stop - settling] = True
+    return filtered, kept
+
+
+def likely_lags(compared: Compared, search: float) -> list[float]:
+    """Lags [s], the best first, by the share of variance that any parameters explain, at every lag
+    at once by FFT.
+    """
+    first, _ = _peaks(compared, compared.weights, search)
+    # A signal that only holds noise would count as much as the others: what each leaves unexplained
+    # says.
+    left = _left(compared, np.array([first[0], 0.0]))
+    weights = np.where(
+        compared.weights > 0, 1.0 / np.maximum(left, 1e-3 * compared.spread + 1e-300), 0.0
+    )
+    peaks, best = _peaks(compared, weights, search)
+    if best < LEAST_EXPLAINED:
+        raise BadData(
+            f"the two recordings do not explain each other at any offset within {search:g} s (at"
+            f" best {100 * max(best, 0.0):.0f} % of the variance): are they of one trial? A wider"
+            " search may help"
+        )
+    return list(dict.fromkeys(peaks + first[:2]))
+
+
+def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[float], float]:
+    """Lags [s] of the highest peaks of the share explained, and that share at the highest."""
+    step = compared.step
+    frames = len(compared.time)
+    most = int(np.ceil(search / step))
+    around = compared.time[0] + step * np.arange(-most, frames + most)
+    inside = (around >= compared.start) & (around <= compared.end)
+    if not inside.any():
+        raise BadData(
+            "the recordings have no time in common: give their times on clocks that start together"
+        )
+    values = compared.spline(np.clip(around, compared.start, compared.end)) * weights
+    values = np.where(inside[:, None], values - values[inside].mean(axis=0), 0.0)
+    basis = _centered_basis(compared, weights)
+    size = scipy.fft.next_fast_len(len(around) + frames)
+    spectra = scipy.fft.rfft(values, size, axis=0)
+    explained = np.zeros(2 * most + 1)
+    for index in range(basis.shape[2]):
+        product = (np.conj(scipy.fft.rfft(basis[:, :, index], size, axis=0)) * spectra).sum(axis=1)
+        explained += scipy.fft.irfft(product, size)[: 2 * most + 1] ** 2
+    counted = np.conj(scipy.fft.rfft(compared.usable.astype(np.float64), size))
+    power = scipy.fft.irfft(counted * scipy.fft.rfft((values**2).sum(axis=1), size), size)[
+        : 2 * most + 1
+    ]
+    common = scipy.fft.irfft(counted * scipy.fft.rfft(inside.astype(np.float64), size), size)[
+        : 2 * most + 1
+    ]
+    enough = (common > 0.5 * common.max()) & (power > 1e-9 * power.max())
+    share = np.where(enough, explained / np.where(enough, power, 1.0), 0.0)
+    best = float(share.max())
+    edged = np.concatenate([[0.0], share, [0.0]])
+    peaks = np.flatnonzero(
+        (edged[1:-1] >= edged[:-2]) & (edged[1:-1] > edged[2:]) & (share > best - NEAR)
+    )
+    peaks = peaks[np.argsort(-share[peaks])][:CANDIDATES]
+    return [float((peak - most) * step) for peak in peaks], best
+
+
+def _centered_basis(compared: Compared, weights: Array) -> Array:
+    """Orthonormal columns (frames, signals, k) of what the rows and a constant for each signal can
+    explain.
+    """
+    frames, signals, parameters = compared.rows.shape
+    design = (compared.rows * weights[:, None]).reshape(-1, parameters)
+    constants = np.eye(signals) * compared.usable[:, None, None]
+    return orthonormal(np.hstack((design, constants.reshape(-1, signals)))).reshape(
+        frames, signals, -1
+    )
+
+
+def orthonormal(design: Array) -> Array:
+    """Orthonormal basis of the columns; those that are zero or repeat others are left out."""
+    sizes = np.linalg.norm(design, axis=0)
+    kept = sizes > 1e-12 * sizes.max(initial=0.0)
+    scaled = design[:, kept] / sizes[kept]
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    sound = values > 1e-10 * values.max(initial=0.0)
+    return scaled @ (vectors[:, sound] / np.sqrt(values[sound]))
+
+
+def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
+    """Lag (2,) through those of pieces, each found to a fraction of a frame; outliers are left out."""
+    predicted = _predicted(compared, lag)
+    weights = (
+        1.0
+        / np.maximum(_left(compared, lag), 1e-3 * compared.spread + 1e-300)
+        * (compared.weights > 0)
+    )
+    inside = compared.within(lag)
+    places = compared.places(lag)
+    frames = max(8, round(window / compared.step))
+    middles = []
+    lags = []
+    for start in range(0, len(places) - frames + 1, max(1, frames // 2)):
+        here = np.arange(start, start + frames)[inside[start : start + frames]]
+        if len(here) < frames // 2:
+            continue
+        wanted = (predicted[here] - predicted[here].mean(axis=0)) * weights
+        further = _lag_of_piece(compared, places[here], wanted, weights)
+        if further is not None:
+            middles.append(float(compared.time[here].mean()) - compared.middle)
+            lags.append(further)
+    x = np.array(middles)
+    y = np.array(lags)
+    for _ in range(3):
+        if len(x) < 3:
+            return lag
+        slope, level = np.polyfit(x, y, 1)
+        off = np.abs(y - level - slope * x)
+        kept = off <= max(3.0 * float(np.median(off)), 1e-9)
+        x = x[kept]
+        y = y[kept]
+    return lag + np.array([level, slope])
+
+
+def _lag_of_piece(compared: Compared, places: Array, wanted: Array, weights: Array) -> float | None:
+    """Further lag [s] of a piece by a parabola through the least misfits; None at the end of the
+    range.
+    """
+    most = int(np.ceil(REACH / compared.step))
+    costs = []
+    for index in range(-most, most + 1):
+        at = np.clip(places + index * compared.step, compared.start, compared.end)
+        values = compared.spline(at) * weights
+        costs.append(float(np.sum((values - values.mean(axis=0) - wanted) ** 2)))
+    least = int(np.argmin(costs))
+    if not 0 < least < 2 * most:
+        return None
+    below, lowest, above = costs[least - 1 : least + 2]
+    return (least - most + 0.5 * (below - above) / (below - 2.0 * lowest + above)) * compared.step
+
+
+def _predicted(compared: Compared, lag: Array) -> Array:
+    """What the rows say the other recording is, (frames, signals)."""
+    inside = compared.within(lag)
+    design = (compared.rows[inside] * compared.weights[:, None]).reshape(-1, compared.rows.shape[2])
+    wanted = (compared.spline(compared.places(lag)[inside]) * compared.weights).reshape(-1)
+    parameters = np.linalg.lstsq(design, wanted, rcond=1e-9)[0]
+    return compared.rows @ parameters
+
+
+def _left(compared: Compared, lag: Array) -> Array:
+    """Standard deviation (signals,) of what the rows leave of the other recording at a lag (2,)."""
+    inside = compared.within(lag)
+    left = compared.spline(compared.places(lag)[inside]) - _predicted(compared, lag)[inside]
+    return left.std(axis=0)
+
+
+ITERATIONS = 30
+MIN_COUNT = 60
+SMALLEST = 1e-6
+"""Share of its spread below which a signal's residual counts as that: a made recording may leave
+nothing.
+"""
+
+
+@read_only
+class Refined:
+    """Where Gauss-Newton ended: `lag` a [s] and b of `Compared.places` and their covariance; the
+    geometric mean over the signals of what is left, in units of each one's spread; share of the
+    variance explained of the best; seconds in common.
+    """
+
+    lag: Array
+    covariance: Array
+    misfit: float
+    explained: float
+    length: float
+
+    @property
+    def timing_sd(self) -> float:
+        """Root mean square of the standard deviation of the lag over the recording [s]."""
+        return float(np.sqrt(self.covariance[0, 0] + self.covariance[1, 1] * self.length**2 / 12.0))
+
+
+def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined:
+    """Offset, and drift if wanted, from a start that is within a fraction of a swing.
+
+    Each signal weighs what its residual says; Gauss-Newton after Kaufman 1975.
+
+    Raises
+    ------
+    BadData : too few frames in common
+    """
+    inside = compared.within(lag)
+    frames = int(np.count_nonzero(inside))
+    if frames < MIN_COUNT:
+        raise BadData(
+            f"the recordings share {frames} usable frames: too few to compare their clocks"
+        )
+    time = compared.time[inside]
+    rows = compared.rows[inside]
+    away = (time - compared.middle)[:, None]
+    weights = compared.weights
+    for _ in range(ITERATIONS):
+        places = np.clip(compared.places(lag)[inside], compared.start, compared.end)
+        basis = orthonormal((rows * weights[:, None]).reshape(-1, rows.shape[2]))
+        slopes = compared.slope(places) * weights
+        columns = np.stack(
+            (compared.spline(places) * weights, slopes, slopes * away), axis=2
+        ).reshape(-1, 3)
+        columns = columns - basis @ (basis.T @ columns)
+        left = columns[:, 0]
+        tangent = columns[:, 1 : 3 if drift else 2]
+        step = -np.linalg.lstsq(tangent, left, rcond=None)[0]
+        residual = left.reshape(frames, -1) * np.where(
+            weights > 0, 1.0 / np.where(weights > 0, weights, 1.0), 0.0
+        )
+        size = np.sqrt(np.mean(residual**2, axis=0))
+        if np.all(np.abs(step) < np.array([1e-9, 1e-11])[: len(step)]):
+            break
+        lag = lag + np.pad(step, (0, 2 - len(step)))
+        weights = np.where(
+            weights > 0, 1.0 / np.maximum(size, SMALLEST * compared.spread + 1e-300), 0.0
+        )
+    shares = (size / np.where(weights > 0, compared.spread, 1.0))[weights > 0]
+    return Refined(
+        lag=lag,
+        covariance=_covariance(tangent, left, time, residual.shape[1], block),
+        misfit=float(np.exp(np.mean(np.log(np.maximum(shares, SMALLEST))))),
+        explained=1.0 - float(shares.min()) ** 2,
+        length=float(time[-1] - time[0]),
+    )
+
+
+def _covariance(tangent: Array, left: Array, time: Array, signals: int, block: float) -> Array:
+    """Sandwich of block sums (2, 2), which residuals that follow each other do not deceive."""
+    count = tangent.shape[1]
+    scores = (tangent * left[:, None]).reshape(len(time), signals, count).sum(axis=1)
+    number = np.floor((time - time[0]) / block).astype(np.int64)
+    sums = np.stack([np.bincount(number, weights=column) for column in scores.T], axis=1)
+    blocks = len(np.unique(number))
+    inverse = np.linalg.pinv(tangent.T @ tangent)
+    covariance = np.zeros((2, 2))
+    covariance[:count, :count] = (
+        inverse @ (sums.T @ sums) @ inverse * blocks / max(blocks - count, 1)
+    )
+    return covariance

@@ -1,0 +1,175 @@
+"""Low-pass filter and derivatives, with OpenSim's conventions so that numbers agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Motion
+from myomorph.core.rigid.kernels import kernel
+
+_NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
+
+# Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding
+REACH = 60
+
+
+def natural_spline(time: Array, values: Array, degree: int = 5) -> scipy.interpolate.BSpline:
+    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...).
+    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree +
+    1) / 2 ... degree - 1 vanish at both ends.
+    """
+    if len(time) <= degree:
+        raise BadData(
+            f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}"
+        )
+    if not np.isfinite(values).all():
+        raise BadData(
+            "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose"
+            " another time"
+        )
+    ends = [(order, np.full(values.shape[1:], at)) for order, at in _NATURAL[degree]]
+    return scipy.interpolate.make_interp_spline(time, values, k=degree, bc_type=(ends, ends))
+
+
+def lowpass(values: Array, rate: float, cutoff: float) -> Array:
+    """Zero-lag low-pass of values (frames, ...): a third-order Butterworth forwards and backwards,
+    as OpenSim's tools. Each pass halves the power at `cutoff` [Hz], so the two together pass half
+    the amplitude there (-6 dB); OpenSim does not correct for that. Both ends are extended by half
+    the length, turned about the end points. A `cutoff` at or above half the rate is lowered to 0.49
+    of the rate, as OpenSim does.
+    """
+    padded, pad = _lowpass_padded(np.asarray(values, dtype=np.float64), rate, cutoff)
+    return padded[pad : pad + len(values)]
+
+
+def _lowpass_padded(values: Array, rate: float, cutoff: float) -> tuple[Array, int]:
+    """Filtered values with their extensions at both ends, and the length of these."""
+    frames = len(values)
+    if not cutoff > 0.0:
+        raise BadData(f"cutoff {cutoff} Hz: expected a positive frequency")
+    if frames < 4:
+        raise BadData(f"a low-pass filter needs at least 4 frames, but got {frames}")
+    if not np.isfinite(values).all():
+        raise BadData("a low-pass filter needs finite values, but some are NaN or infinite")
+    pad = frames // 2
+    before = 2.0 * values[0] - values[pad:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -2 - pad : -1]
+    padded = np.concatenate([before, values, after])
+    once = _one_pass(padded, rate, min(cutoff, 0.49 * rate))
+    return _one_pass(once[::-1], rate, min(cutoff, 0.49 * rate))[::-1], pad
+
+
+def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
+    """Third-order Butterworth by the bilinear transform, its first three outputs equal to the
+    input.
+    """
+    w = np.tan(np.pi * cutoff / rate)
+    scale = (w + 1.0) * (w * w + w + 1.0)
+    b = w**3 * np.array([1.0, 3.0, 3.0, 1.0]) / scale
+    a = np.array(
+        [
+            1.0,
+            (3 * w**3 + 2 * w**2 - 2 * w - 3) / scale,
+            (3 * w**3 - 2 * w**2 - 2 * w + 3) / scale,
+            (w - 1) * (w * w - w + 1) / scale,
+        ]
+    )
+    columns = np.array(x.reshape(len(x), -1), dtype=np.float64)
+    # State of the transposed direct form whose past inputs and outputs are the first three samples.
+    state = np.zeros((3, columns.shape[1]))
+    for i in range(3):
+        for j in range(i + 1, 4):
+            state[i] += (b[j] - a[j]) * columns[2 - (j - i - 1)]
+    _third_order(b, a, columns, state)
+    return columns.reshape(x.shape)
+
+
+@kernel
+def _third_order(b, a, x, state):
+    """Filter x (samples, columns) from its fourth sample on, in place: the transposed direct form
+    II. `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a
+    command.
+    """
+    for i in range(3, len(x)):
+        for j in range(x.shape[1]):
+            value = x[i, j]
+            output = state[0, j] + b[0] * value
+            state[0, j] = state[1, j] + b[1] * value - a[1] * output
+            state[1, j] = state[2, j] + b[2] * value - a[2] * output
+            state[2, j] = b[3] * value - a[3] * output
+            x[i, j] = output
+
+
+def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
+    """The motion with velocities and accelerations, low-pass filtered first where a cutoff is
+    given.
+
+    Natural quintic splines through every coordinate, as OpenSim's inverse dynamics; of a filtered
+    motion, through the filter's extensions too, so that the ends of the spline lie outside the
+    motion. Each gap-free run of frames is differentiated by itself; frames that are NaN stay NaN,
+    and so do runs shorter than six.
+
+    Source: Woltring 1986, natural splines.
+
+    Parameters
+    ----------
+    motion : coordinates at evenly spaced times (frames, coordinates) [rad or m], NaN in gaps
+    cutoff : of the low-pass filter [Hz]; None for none
+
+    Returns
+    -------
+    motion with `velocities` [rad/s or m/s] and `accelerations` [rad/s^2 or m/s^2], each (frames,
+    coordinates)
+
+    Raises
+    ------
+    BadData
+        where no run of six frames is free of gaps
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> motion = mm.read_motion("reach.mot", mm.read_model("arm.osim"))
+    >>> found = mm.differentiate(motion, cutoff=6.0)
+    >>> found.velocities.shape, found.accelerations.shape
+    ((61, 2), (61, 2))
+    """
+    seen = np.all(np.isfinite(motion.values), axis=1)
+    values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))
+    long = [slice(start, stop) for start, stop in runs(seen) if stop - start > 5]
+    if not long:
+        raise BadData(
+            f"derivatives need six frames in a row without gaps: the motion has {int(seen.sum())}"
+            " in all"
+        )
+    for run in long:
+        time = motion.time[run]
+        part = motion.values[run]
+        spline = (
+            natural_spline(time, part) if cutoff is None else _lowpass_spline(time, part, cutoff)
+        )
+        values[run] = part if cutoff is None else spline(time)
+        velocities[run] = spline.derivative(1)(time)
+        accelerations[run] = spline.derivative(2)(time)
+    return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
+
+
+def _lowpass_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
+    """Spline through filtered values; values at uneven times go through one at even times, as
+    OpenSim's `Storage`.
+    """
+    step = np.diff(time)
+    if step.max() - step.min() >= 1e-3 * step.mean():
+        even = np.linspace(time[0], time[-1], int(np.ceil((time[-1] - time[0]) / step.min())) + 1)
+        time, values = even, natural_spline(time, values)(even)
+    mean = float(time[-1] - time[0]) / (len(time) - 1)
+    padded, pad = _lowpass_padded(values, 1.0 / mean, cutoff)
+    reach = min(pad, REACH)
+    outside = mean * np.arange(1, reach + 1)
+    wide = np.concatenate([time[0] - outside[::-1], time, time[-1] + outside])
+    return natural_spline(wide, padded[pad - reach : len(padded) - pad + reach])

@@ -1,0 +1,352 @@
+"""Inverse kinematics: the coordinates whose markers lie nearest to those seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData, listing
+from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.motion.lengths import coordinate_units
+from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
+from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.starts import scout_poses
+from myomorph.core.motion.sync import refuse_other_times
+from myomorph.core.motion.tasks.coordinates import CoordinateTask
+from myomorph.core.motion.tasks.loops import ties_of
+from myomorph.core.motion.tasks.markers import MarkerTask
+from myomorph.core.motion.tasks.orientations import OrientationTask
+from myomorph.core.motion.tasks.task import TASKS, Task
+from myomorph.core.motion.turns import floating_coordinates, of_one_branch, of_one_turn
+from myomorph.core.rigid.coordinates import Ints, couple_frames
+from myomorph.core.rigid.loops import closure, free_coordinates
+from myomorph.core.rigid.tree import Tree, compile_tree
+
+
+@dataclass(frozen=True)
+class InverseKinematicsOptions:
+    """Options of inverse kinematics.
+
+    Attributes
+    ----------
+    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
+    only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
+    tasks : what is minimised beside the markers: pulls of coordinates, or own tasks
+        (docs/adding.md)
+    coordinates : a motion that gives values to tasks and to locked coordinates
+    tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a
+        body of human size; on a smaller one in proportion, see `length_unit`]
+    iterations : at most so many in a frame
+    posture_weight : pull towards the default pose of coordinates that no task shows, relative to
+        the mean curvature of the cost; too small to be seen in the others
+    root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim
+        does; by default it may stand and turn anywhere in the laboratory
+    """
+
+    marker_weights: Mapping[str, float] = field(default_factory=dict)
+    only_weighted: bool = False
+    tasks: Sequence[Task] = ()
+    coordinates: Motion | None = None
+    tolerance: float = 1e-6
+    iterations: int = 100
+    posture_weight: float = 1e-7
+    root_bounds: bool = False
+
+    @property
+    def settings(self) -> Settings:
+        """What the Newton loop takes of them."""
+        return self.posture_weight, self.tolerance, self.iterations
+
+
+@read_only
+class KinematicsFit(Labelled):
+    """Coordinates, and how well they explain the markers.
+
+    Attributes
+    ----------
+    motion : all coordinates, NaN in frames that no task shows
+    marker_names : the markers used
+    errors : (frames, markers) distance between model and recording [m], NaN where unseen
+    weights : (markers,)
+    converged : (frames,) whether the last step was within the tolerance
+    iterations : (frames,)
+    closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None
+        without loops
+    unused_markers : recorded markers that the model does not have, or that have no weight
+    missing_markers : model markers that the recording does not have
+    task_errors : by name of a kind of task (frames, ...) the residuals that it stores
+    sensor_names : inertial sensors used
+    """
+
+    motion: Motion
+    marker_names: tuple[str, ...]
+    errors: Array
+    weights: Array
+    converged: np.ndarray
+    iterations: Ints
+    unused_markers: tuple[str, ...]
+    missing_markers: tuple[str, ...]
+    closure: Array | None = None
+    task_errors: Mapping[str, Array] = field(default_factory=dict)
+    sensor_names: tuple[str, ...] = ()
+
+    @property
+    def sensor_errors(self) -> Array:
+        """(frames, sensors) angle between body and sensor [rad], NaN where unknown."""
+        return self.task_errors.get(OrientationTask.__name__, np.empty((len(self.motion), 0)))
+
+    def variables(self) -> dict[str, Variable]:
+        """Coordinates [rad or m], errors of markers and sensors, and what became of each frame."""
+        counts = {"converged": self.converged, "iterations": self.iterations}
+        frames = {name: Variable(("time",), count, "1") for name, count in counts.items()}
+        if self.closure is not None:
+            frames["closure"] = Variable(("time",), self.closure, "m or rad")
+        return {
+            "coordinates": Variable(("time", "coordinate"), self.motion.values, "rad or m"),
+            "marker_error": Variable(("time", "marker"), self.errors, "m"),
+            **(
+                {"sensor_error": Variable(("time", "sensor"), self.sensor_errors, "rad")}
+                if self.sensor_names
+                else {}
+            ),
+            **frames,
+        }
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], coordinates, markers, sensors."""
+        names = {
+            "coordinate": self.motion.names,
+            "marker": self.marker_names,
+            "sensor": self.sensor_names,
+        }
+        return {"time": self.motion.time, **names}
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(frames,) whether any marker was seen, or any sensor reported."""
+        return np.asarray(
+            np.isfinite(self.errors).any(axis=1) | np.isfinite(self.sensor_errors).any(axis=1)
+        )
+
+    @property
+    def rms(self) -> Array:
+        """(frames,) root mean square of the marker errors [m], NaN where none was seen."""
+        return marker_rms(self.errors)
+
+    @property
+    def largest(self) -> Array:
+        """(frames,) largest marker error [m], NaN where none was seen."""
+        largest: Array = np.max(
+            np.where(np.isfinite(self.errors), self.errors, -np.inf), axis=1, initial=-np.inf
+        )
+        return np.where(np.isfinite(largest), largest, np.nan)
+
+
+def inverse_kinematics(
+    model: Model,
+    markers: Markers,
+    options: InverseKinematicsOptions | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> KinematicsFit:
+    """Coordinates that minimise the distance of the markers, frame by frame.
+
+    In every frame,
+
+    sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2 + ...,
+
+    the sum of the markers' and all other tasks, over the coordinates that are neither locked,
+    prescribed nor driven by a coupler, clamped ones within their range, so that every loop stays
+    closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by
+    damped Newton steps with analytic first and second derivatives. Unlike there the root of a
+    floating body has no bounds (`root_bounds`): where it stands and turns is a matter of the
+    laboratory.
+
+    Source: Lu and O'Connor 1999; Seth et al. 2018.
+
+    Parameters
+    ----------
+    model : with markers, fitted in size to the body [m]
+    markers : in the model's ground frame; unseen markers are NaN and do not count
+    options : see `InverseKinematicsOptions`
+    progress : called with the number of frames just done
+
+    Returns
+    -------
+    coordinates (frames, coordinates) [rad or m] and marker errors (frames, markers) [m]
+
+    Raises
+    ------
+    BadData
+        where model and recording share no marker, no frame shows one, or a loop cannot be closed
+    UnknownName
+        where a weight or task names what the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model, markers = mm.read_model("arm.osim"), mm.read_recording("reach.trc").markers
+    >>> fit = mm.inverse_kinematics(model, markers)
+    >>> fit.motion.names, fit.errors.shape
+    (('shoulder_flexion', 'elbow_flexion'), (61, 4))
+    >>> bool(fit.largest.max() < 1e-4)
+    True
+    """
+    options = options or InverseKinematicsOptions()
+    tree = compile_tree(model)
+    names, weights = tracked_markers(model, markers, options)
+    problem = pose_problem(tree, names, weights, options, markers)
+    if not frames_shown(problem).any():
+        raise BadData(
+            f"none of the {len(markers)} frames shows a marker that the model has, or a sensor"
+        )
+
+    starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
+    solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
+
+    values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
+    return KinematicsFit(
+        motion=Motion(markers.time, model.coordinate_names, values),
+        marker_names=names,
+        errors=problem.markers.errors,
+        weights=weights,
+        converged=solved.converged,
+        iterations=solved.iterations,
+        closure=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
+        unused_markers=tuple(name for name in markers.names if name not in names),
+        missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
+        task_errors={
+            TASKS[type(part)].__name__: part.errors
+            for part in problem.tasks[1:]
+            if hasattr(part, "errors")
+        },
+        sensor_names=tuple(
+            task.sensor for task in options.tasks if isinstance(task, OrientationTask)
+        ),
+    )
+
+
+def poses_near(
+    model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
+) -> Motion:
+    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those
+    of a motion. Where two axes of a joint are nearly parallel, other angles give nearly the same
+    pose, and a search that begins elsewhere may end in these: here it begins at the motion in every
+    frame. Unknown frames stay unknown.
+    """
+    options = options or InverseKinematicsOptions()
+    refuse_other_times("markers", markers.time, motion.time)
+    tree = compile_tree(model)
+    names, weights = tracked_markers(model, markers, options)
+    problem = pose_problem(tree, names, weights, options, markers)
+    # Every frame by itself, from where the motion is.
+    starts = np.array(motion.values)
+    blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
+    starts[blank] = tree.defaults
+    values = solve_poses(tree, problem, starts, options.settings, chained=False).values
+    values[blank] = np.nan
+    return Motion(markers.time, model.coordinate_names, values)
+
+
+def marker_rms(errors: Array) -> Array:
+    """(frames,) root mean square of marker errors (frames, markers), NaN where none was seen."""
+    seen = np.isfinite(errors)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
+
+
+def tracked_markers(
+    model: Model, markers: Markers, options: InverseKinematicsOptions
+) -> tuple[tuple[str, ...], Array]:
+    """Names and weights of the markers that model and recording share and that have a weight."""
+    either = dict.fromkeys(model.marker_names + markers.names)
+    for name in options.marker_weights:
+        index_of("marker", name, tuple(either), "the model or the recording")
+    default = 0.0 if options.only_weighted else 1.0
+    weighted = {
+        name: options.marker_weights.get(name, default)
+        for name in model.marker_names
+        if name in set(markers.names)
+    }
+    if not weighted and any(not isinstance(task, CoordinateTask) for task in options.tasks):
+        return (), np.empty(0)
+    if not weighted:
+        first = model.marker_names[0] if model.marker_names else ""
+        raise BadData(
+            f"model and recording share no marker: the model has {listing('', model.marker_names)};"
+            f" the recording has {listing(first, markers.names)}"
+        )
+    names = tuple(name for name, weight in weighted.items() if weight > 0.0)
+    if not names:
+        raise BadData(f"all {len(weighted)} markers that model and recording share have weight 0")
+    return names, np.array([weighted[name] for name in names])
+
+
+def pose_problem(
+    tree: Tree,
+    names: Sequence[str],
+    weights: Array,
+    options: InverseKinematicsOptions,
+    recording: Markers | None = None,
+) -> PoseProblem:
+    """The sum of all tasks, and what may move within its bounds; without a recording markers and
+    coordinates alone.
+    """
+    model = tree.model
+    frames = 0 if recording is None else len(recording)
+    time = np.empty(0) if recording is None else recording.time
+    columns = (
+        []
+        if recording is None
+        else [recording.values[:, recording.names.index(name)] for name in names]
+    )
+    positions = columns or [np.empty((frames, 3))] * len(names)
+    tracked = [MarkerTask(*marker) for marker in zip(names, positions, weights, strict=True)]
+    targets = coordinate_targets(tree, time, options)
+    others = [
+        task for task in options.tasks if recording is not None or isinstance(task, CoordinateTask)
+    ]
+    free = free_coordinates(tree)
+    floating = () if options.root_bounds else floating_coordinates(model)
+    bounded = [
+        model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free
+    ]
+    limits = [
+        model.coordinates[j].range if held else (-np.inf, np.inf)
+        for j, held in zip(free, bounded, strict=True)
+    ]
+    lower, upper = np.array(limits).reshape(-1, 2).T.copy()
+    return PoseProblem(
+        free=free,
+        lower=lower,
+        upper=upper,
+        unit=coordinate_units(tree),
+        fixed=targets,
+        posture=tree.defaults,
+        tasks=task_arrays([*tracked, *others], tree, targets),
+        ties=ties_of(tree),
+    )
+
+
+def coordinate_targets(tree: Tree, time: Array, options: InverseKinematicsOptions) -> Array:
+    """(frames, coordinates) value of every coordinate's task, or of a locked or prescribed
+    coordinate.
+    """
+    model = tree.model
+    targets = np.tile(tree.defaults, (len(time), 1))
+    if options.coordinates is not None:
+        for name in set(options.coordinates.names) & set(model.coordinate_names):
+            values = np.interp(time, options.coordinates.time, options.coordinates[name])
+            targets[:, model.coordinate_names.index(name)] = values
+    for j, coordinate in enumerate(model.coordinates):
+        if coordinate.prescribed is not None:
+            targets[:, j] = coordinate.prescribed(time)
+    for task in options.tasks:
+        if isinstance(task, CoordinateTask) and task.value is not None:
+            targets[:, index_of("coordinate", task.coordinate, model.coordinate_names)] = task.value
+    couple_frames(tree.arrays, targets)
+    return targets

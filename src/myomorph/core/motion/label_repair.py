@@ -1,0 +1,408 @@
+"""Labels exchanged throughout, put back: by the poses of a model that fits, and before its lengths
+are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.findings import Finding, Repair, pairs_text, repaired, spans_of, times_text
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.scale import scale
+from myomorph.core.model.series import Markers
+from myomorph.core.model.sides import mirror_names
+from myomorph.core.motion.body_size import overall_size
+from myomorph.core.motion.ik import (
+    InverseKinematicsOptions,
+    KinematicsFit,
+    inverse_kinematics,
+    marker_rms,
+    tracked_markers,
+)
+from myomorph.core.motion.lengths import length_unit
+from myomorph.core.motion.stretch import skeleton
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+
+SUSPECT = 0.02
+"""Root mean square of marker errors above which whole groups of labels are tried exchanged, on a
+human body [m].
+"""
+
+FAR = 0.025  # Errors of both markers above which a pair may be exchanged, on a human body [m]
+# Share of a pair's squared errors that may be left when each is held against the other's place
+CROSSED = 0.4
+BETTER = 0.7  # Share of the root mean square that an exchange must leave at most to be believed
+MIRROR = np.array([1.0, 1.0, -1.0])  # Every mirrored recording is this one, turned
+SWAP_SAMPLES = 6  # Frames on which an exchange is tried
+LEAST_GAIN = 0.005  # What an exchange must take off the root mean square, on a human body [m]
+# Of swapped sides and a mirrored axis the one that leaves so much less is reported as it
+CLEARLY = 0.75
+
+
+class Margin(NamedTuple):
+    """How much better an exchange must fit: share of the RMS left at most, and what it takes off at
+    least [m].
+    """
+
+    share: float = BETTER
+    gain: float = LEAST_GAIN
+
+
+USUAL = Margin()  # Of a model of this body
+OF_ANY_LENGTHS = Margin(0.9, 0.01)
+"""Of a model whose lengths and marker places are not this body's: it never fits well, but a wrong
+exchange costs cm.
+"""
+
+SIDES = "left and right"
+FRONT = "front and back"
+MIRRORED = "mirrored"
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Exchanged labels of pairs of markers, none for a mirrored recording; certain where nothing
+    else fits as well.
+    """
+
+    name: str
+    pairs: tuple[tuple[str, str], ...]
+    certain: bool = True
+
+    def applied(self, observed: Array, columns: Sequence[int]) -> Array:
+        """The positions (frames, markers, 3) under the labels exchanged, or mirrored."""
+        return observed * MIRROR if self.name == MIRRORED else observed[:, columns]
+
+    def columns(self, names: Sequence[str]) -> list[int]:
+        """Where to take each marker from (markers,)."""
+        order = list(range(len(names)))
+        for first, other in self.pairs:
+            i = names.index(first)
+            j = names.index(other)
+            order[i], order[j] = order[j], order[i]
+        return order
+
+
+Solve = Callable[[Array], Array]
+"""From positions (frames, markers, 3) [m] to errors (frames, markers) [m], each frame by itself."""
+
+
+def find_swap(
+    model: Model,
+    names: Sequence[str],
+    observed: Array,
+    errors: Array,
+    placed: Array,
+    solve: Solve,
+    unit: float,
+    margin: Margin = USUAL,
+) -> Swap | None:
+    """The exchange of labels under which the body fits best in most sampled frames; None where none
+    is far better. `observed`, `errors` and `placed` are (frames, markers, ...) [m], as inverse
+    kinematics gave them.
+    """
+    rms = marker_rms(errors)
+    seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
+    if not len(seen):
+        return None
+    pairs = crossed_pairs(names, observed, errors, placed, unit)
+    swaps: list[tuple[float, Swap]] = []
+    before: dict[int, float] = {}
+    for swap, frames in _hypotheses(
+        model, names, pairs, bool(np.median(rms[seen]) > SUSPECT * unit), seen
+    ):
+        columns = swap.columns(names)
+        ratios = list[float]()
+        gains = list[float]()
+        for sample in _spread(frames):
+            if sample not in before:
+                before[sample] = float(marker_rms(solve(observed[sample : sample + 1]))[0])
+            after = float(
+                marker_rms(solve(swap.applied(observed[sample : sample + 1], columns)))[0]
+            )
+            ratios.append(after / before[sample])
+            gains.append(before[sample] - after)
+            # Most exchanges are wrong, which two frames show.
+            if len(ratios) == 2 and min(ratios) > margin.share:
+                break
+        if np.mean(np.array(ratios) < margin.share) > 0.6 and np.median(gains) > margin.gain * unit:
+            swaps.append((float(np.median(ratios)), swap))
+    # Of exchanges that explain about as much, the one of fewest labels.
+    swaps.sort(key=lambda swap: (round(4.0 * swap[0]), len(swap[1].pairs), swap[0]))
+    whole = {swap.name: ratio for ratio, swap in swaps if swap.name in (SIDES, MIRRORED)}
+    if not swaps or len(whole) < 2 or swaps[0][1].name not in whole:
+        return swaps[0][1] if swaps else None
+    best = min(whole, key=lambda name: whole[name])
+    certain = whole[best] < CLEARLY * max(whole.values())
+    return next(replace(swap, certain=certain) for _, swap in swaps if swap.name == best)
+
+
+def _spread(frames: NDArray[np.int64]) -> list[int]:
+    """A few of the frames, the first two far from each other."""
+    order = np.unique(np.linspace(0, len(frames) - 1, SWAP_SAMPLES).astype(int))
+    order = np.concatenate([order[1::3], order[2::3], order[::3]])
+    return [int(frames[place]) for place in order]
+
+
+def crossed_pairs(
+    names: Sequence[str], observed: Array, errors: Array, placed: Array, unit: float
+) -> Mapping[tuple[str, str], NDArray[np.int64]]:
+    """Pairs that lie nearer to each other's places on the model than to their own, and the frames
+    of that.
+    """
+    far = errors > FAR * unit
+    result: dict[tuple[str, str], NDArray[np.int64]] = {}
+    for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
+        both = np.flatnonzero(far[:, i] & far[:, j])
+        if len(both):
+            straight = errors[both, i] ** 2 + errors[both, j] ** 2
+            other = ((observed[both, i] - placed[both, j]) ** 2).sum(axis=1)
+            other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
+            frames = both[other < CROSSED * straight]
+            if len(frames) > 1:
+                result[names[i], names[j]] = frames.astype(np.int64)
+    return result
+
+
+def _hypotheses(
+    model: Model,
+    names: Sequence[str],
+    pairs: Mapping[tuple[str, str], NDArray[np.int64]],
+    groups: bool,
+    seen: NDArray[np.int64],
+) -> Iterable[tuple[Swap, NDArray[np.int64]]]:
+    """Exchanges to try, and the frames to try each on."""
+    for pair, frames in pairs.items():
+        yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), frames
+    if not groups:
+        return
+    sided = side_pairs(names)
+    if len(sided) > 1:
+        yield Swap(SIDES, sided), seen
+        for limb, of_limb in limb_pairs(model, sided).items():
+            if 1 < len(of_limb) < len(sided):
+                yield Swap(f"{SIDES} of {limb}", of_limb), seen
+    if len(names) > 3:
+        yield Swap(MIRRORED, ()), seen
+    for pair in sided:
+        # The trunk turns with a pair that is exchanged, so that the pair itself does not look
+        # crossed.
+        if model.marker(pair[0]).body == model.marker(pair[1]).body and pair not in pairs:
+            yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), seen
+    front = front_pairs(model, sided)
+    if front:
+        yield Swap(f"{FRONT} of {model.marker(front[0][0]).body}", front), seen
+
+
+def side_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Markers of the two sides, each pair once."""
+    partner = mirror_names(names)
+    place = {name: i for i, name in enumerate(names)}
+    return tuple(
+        (name, partner[name])
+        for name in names
+        if name in partner and place[name] < place[partner[name]]
+    )
+
+
+def limb_pairs(
+    model: Model, sided: Sequence[tuple[str, str]]
+) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Pairs of markers by the pair of limbs that they are on, named after the limb's first body;
+    else by their body.
+    """
+    parent = {joint.child: joint.parent for joint in model.joints}
+    bodies = mirror_names(model.body_names)
+    limbs: dict[str, list[tuple[str, str]]] = {}
+    for pair in sided:
+        body = model.marker(pair[0]).body
+        while body in bodies and parent.get(body, GROUND) in bodies:
+            body = parent[body]
+        limbs.setdefault(body, []).append(pair)
+    return {body: tuple(pairs) for body, pairs in limbs.items()}
+
+
+def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """The front and the back markers of the first body on each side that has both."""
+    first = ""
+    pairs = list[tuple[str, str]]()
+    for first in model.body_names:
+        pairs = [
+            pair
+            for pair in sided
+            if model.marker(pair[0]).body == model.marker(pair[1]).body == first
+        ]
+        if len(pairs) > 1:
+            break
+    if len(pairs) < 2:
+        return ()
+    middle = [0.5 * (model.marker(a).location + model.marker(b).location) for a, b in pairs]
+    i, j = max(
+        combinations(range(len(pairs)), 2),
+        key=lambda ij: float(np.linalg.norm(middle[ij[0]] - middle[ij[1]])),
+    )
+    first_side = [model.marker(name).location for name in pairs[i]]
+    across = np.linalg.norm(
+        [model.marker(pairs[j][0]).location - place for place in first_side], axis=1
+    )
+    other = pairs[j] if across[0] < across[1] else pairs[j][::-1]
+    return ((pairs[i][0], other[0]), (pairs[i][1], other[1]))
+
+
+MAX_SWAPS = 4  # Exchanges of labels that are looked for one after the other
+SAMPLES = 16  # Frames that are looked at before a body's lengths are known
+THROUGHOUT = 0.9  # Share of the frames from which on an exchange is one of all frames
+
+
+def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Finding, ...]]:
+    """A recording with labels that are exchanged throughout put back, before the lengths of the
+    body are known. A calibration would else move the markers on the model to where the exchanged
+    ones lie.
+    """
+    options = InverseKinematicsOptions()
+    names, _ = tracked_markers(model, markers, options)
+    columns = [markers.names.index(name) for name in names]
+    seen = np.isfinite(markers.values[:, columns]).all(axis=2).sum(axis=1)
+    frames = (
+        np.flatnonzero(seen >= np.percentile(seen, 75.0)) if len(seen) else np.zeros(0, np.int64)
+    )
+    if len(frames) < 2 or seen.max() < 3:
+        return markers, ()
+    chosen = frames[np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))]
+    size = overall_size(model, names, [markers.values[:, columns]])
+    bare = skeleton(model)
+    sized = scale(bare, dict.fromkeys(bare.body_names, np.full(3, size)))
+    sample = markers.frames(chosen)
+    fit = inverse_kinematics(sized, sample, options)
+    _, findings = swap_findings(
+        sized, sample, fit, options, length_unit(compile_tree(sized)), OF_ANY_LENGTHS
+    )
+    return repaired(markers, (finding for finding in findings if not finding.times))
+
+
+def swap_findings(
+    model: Model,
+    markers: Markers,
+    fit: KinematicsFit,
+    options: InverseKinematicsOptions,
+    unit: float,
+    margin: Margin = USUAL,
+    mend: bool = True,
+) -> tuple[KinematicsFit, tuple[Finding, ...]]:
+    """Exchanged labels that the fit shows, and the fit with those put back (if `mend`) that are not
+    of all the body.
+    """
+    findings: list[Finding] = []
+    for _ in range(MAX_SWAPS):
+        names = fit.marker_names
+        columns = [markers.names.index(name) for name in names]
+        observed = markers.values[:, columns]
+        solve = _solver(model, markers, names, options)
+        swap = find_swap(
+            model, names, observed, fit.errors, _placed(model, fit), solve, unit, margin
+        )
+        if swap is None:
+            break
+        other = inverse_kinematics(model, _put_back(markers, swap, names), options)
+        with np.errstate(invalid="ignore"):
+            wrong = _smooth(other.rms < max(0.8, margin.share) * fit.rms)
+        if not wrong.any():
+            break
+        # A mirrored recording is not mended: its forces would have to be mirrored too, along an
+        # axis that markers hide.
+        sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
+        finding = _swap_finding(swap, markers, wrong, fit, other, sure)
+        findings.append(finding)
+        if finding.repair is None or not mend:
+            break
+        markers, _ = repaired(markers, (finding,))
+        fit = inverse_kinematics(model, markers, options) if finding.times else other
+    return fit, tuple(findings)
+
+
+def _put_back(
+    markers: Markers, swap: Swap, names: Sequence[str], wrong: np.ndarray | None = None
+) -> Markers:
+    """The recording with an exchange of labels undone, in some frames (frames,) or in all."""
+    values = np.array(markers.values)
+    columns = [markers.names.index(name) for name in names]
+    values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
+    kept = values if wrong is None else np.where(wrong[:, None, None], values, markers.values)
+    return replace(markers, values=kept)
+
+
+def _smooth(flags: np.ndarray) -> np.ndarray:
+    """Flags without runs of one or two frames."""
+    result = np.array(flags)
+    for value in (True, False):
+        for start, stop in runs(result == value):
+            if stop - start < 3 and start > 0 and stop < len(result):
+                result[start:stop] = not value
+    return result
+
+
+def _swap_finding(
+    swap: Swap,
+    markers: Markers,
+    wrong: np.ndarray,
+    fit: KinematicsFit,
+    other: KinematicsFit,
+    sure: bool,
+) -> Finding:
+    spans = () if wrong.mean() > THROUGHOUT else spans_of(markers.time, wrong)
+    before = 100 * float(np.nanmedian(fit.rms[wrong]))
+    after = 100 * float(np.nanmedian(other.rms[wrong]))
+    when = times_text(spans) if spans else "throughout"
+    fits = f"root mean square error {before:.1f} cm, {after:.1f} cm exchanged"
+    if swap.name in (SIDES, MIRRORED) and not (swap.certain and swap.name == SIDES):
+        fits = fits.replace("exchanged", "otherwise")
+        sides = "the labels of the two sides are swapped (give a map with --labels)"
+        mirrored = "one axis of the recording is mirrored (turn its sign, in the forces too)"
+        why = mirrored if swap.certain else f"either {sides}, or {mirrored}"
+        text = f"left and right are exchanged {when}: {fits}; {why}"
+        return Finding(
+            kind="mirrored axis" if swap.certain else "left and right",
+            place="all markers",
+            text=text,
+            times=spans,
+        )
+    labels = pairs_text(swap.pairs)
+    what = f"labels {labels}" if len(swap.pairs) == 1 else f"labels of {swap.name} ({labels})"
+    put_back = partial(_put_back, swap=swap, names=fit.marker_names, wrong=wrong if spans else None)
+    repair = Repair(put_back, "exchanged back there") if sure else None
+    text = f"{what} are exchanged {when}, with a {fits}"
+    return Finding(
+        kind="swapped labels", place=labels.replace("'", ""), text=text, times=spans, repair=repair
+    )
+
+
+def _placed(model: Model, fit: KinematicsFit) -> Array:
+    """(frames, markers, 3) where the model has its markers [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, np.nan_to_num(fit.motion.values))
+    return poses.markers([model.marker(name) for name in fit.marker_names])
+
+
+def _solver(
+    model: Model, markers: Markers, names: Sequence[str], options: InverseKinematicsOptions
+) -> Solve:
+    """Inverse kinematics of single frames, each searched for anew."""
+
+    def solve(observed: Array) -> Array:
+        errors = np.full(observed.shape[:2], np.nan)
+        for index, positions in enumerate(observed):
+            if np.isfinite(positions).all(axis=1).any():
+                single = Markers(markers.time[:1], tuple(names), positions[None])
+                errors[index] = inverse_kinematics(model, single, options).errors[0]
+        return errors
+
+    return solve

@@ -1,0 +1,216 @@
+"""Lengths of a body that may differ from the model's: which bodies stretch together, along which
+axes; units of size.
+
+The virtual prismatic coordinates of [D] 3.2.1: the distances between the joint centers of a segment
+are unknowns that do not change with time. They are factors of the model's own lengths here, so that
+everything fixed to a segment follows when the model is scaled.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.segments import Segment, segments_if_human
+from myomorph.core.model.series import DEFAULT_POSE
+from myomorph.core.model.sides import mirror_names, split_side
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
+
+AXES = "xyz"
+_SHOULDER_BLADE = re.compile(r"clav|scap|acromi|shoulder", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Length:
+    """One length: an axis of a segment, stretched by one factor; named after the segment's heaviest
+    body, "femur_r_y". `stretched` are (body, axis 0 ... 2) of every body axis that takes the
+    factor, `extent` [m] how far the joint centers lie apart along it, in a last segment the joint
+    and the markers, or the mass center. `along`: this is the longest of the segment's axes, from
+    joint to joint; without joints at both ends the size shows in markers only.
+    """
+
+    name: str
+    segment: str
+    stretched: tuple[tuple[str, int], ...]
+    extent: float
+    along: bool
+    between_joints: bool
+
+
+def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
+    """Three lengths for every segment of a model: the one from joint to joint, and the two across
+    it.
+
+    Bodies belong to one segment where no coordinate of their own lets them move apart (welds,
+    couplers, paths driven by a neighbor's angle) and, in a model of a human body, where their names
+    say the same segment: heel, ankle bone and toes are a foot, ulna and radius a forearm, all
+    vertebrae and ribs above the pelvis a trunk. The axes of a segment are those of its first body;
+    other bodies' axes follow the one they lie nearest to in the default pose. `symmetric`: one
+    factor for the right and the left.
+    """
+    tree = compile_tree(model)
+    pose = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
+    rotations = pose.rotations[0]
+    centers = joint_centers(tree, pose.axis_points[0], pose.origins[0])
+    markers: dict[str, list[Array]] = {}
+    for marker in model.markers:
+        b = tree.body_index[marker.body]
+        markers.setdefault(marker.body, []).append(
+            rotations[b] @ marker.location + pose.origins[0, b]
+        )
+    parents = {joint.child: joint.parent for joint in model.joints}
+    lengths: list[Length] = []
+    for bodies in segments_that_stretch(model):
+        inside = set(bodies)
+        first = rotations[tree.body_index[bodies[0]]]
+        joints = [centers[tree.body_index[body]] for body in bodies[:1]]
+        joints += [
+            centers[tree.body_index[body]]
+            for body, h in parents.items()
+            if h in inside and body not in inside
+        ]
+        seen = [place for body in bodies for place in markers.get(body, ())]
+        name = max(bodies, key=lambda body: model.body(body).mass)
+        b = tree.body_index[name]
+        heavy = [rotations[b] @ model.body(name).mass_center + pose.origins[0, b]]
+        places = np.array(joints if len(joints) > 1 else joints + (seen or heavy))
+        extents = np.ptp(places @ first, axis=0)
+        axes = {body: _nearest_axes(first, rotations[tree.body_index[body]]) for body in bodies}
+        for axis in range(3):
+            stretched = tuple((body, axes[body][axis]) for body in bodies)
+            along = axis == int(np.argmax(extents))
+            lengths.append(
+                Length(
+                    name=f"{name}_{AXES[axis]}",
+                    segment=name,
+                    stretched=stretched,
+                    extent=float(extents[axis]),
+                    along=along,
+                    between_joints=len(joints) > 1,
+                )
+            )
+    return _one_for_both_sides(lengths) if symmetric else tuple(lengths)
+
+
+def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
+    """The bodies of every segment that stretches as one, each in the order of the tree."""
+    free = {coordinate.name for coordinate in model.coordinates} - set(model.dependent_coordinates)
+    joints = {joint.child: joint for joint in model.joints}
+    named = segments_if_human(model)
+    keys: dict[str, object] = {}
+    for body in model.body_names:
+        joint = joints[body]
+        if joint.parent != GROUND and not free & set(joint.coordinates):
+            keys[body] = keys[joint.parent]
+        elif body not in named:
+            keys[body] = body
+        elif named[body].name not in ("upper_trunk", "lower_trunk"):
+            keys[body] = named[body]
+        elif joint.parent == GROUND:
+            keys[body] = "base"
+        elif split_side(body)[1] and _SHOULDER_BLADE.search(body):
+            keys[body] = Segment("shoulder", split_side(body)[1])
+        else:
+            keys[body] = "trunk"
+    return tuple(
+        tuple(bodies) for bodies in grouped((key, body) for body, key in keys.items()).values()
+    )
+
+
+def factors_of(lengths: Sequence[Length], values: Array) -> dict[str, Array]:
+    """Scale factors (3,) of every body, as `scale` takes them, from the factor of each length
+    (lengths,).
+    """
+    factors: dict[str, Array] = {}
+    for length, value in zip(lengths, values, strict=True):
+        for body, axis in length.stretched:
+            factors.setdefault(body, np.ones(3))[axis] = value
+    return factors
+
+
+def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
+    """Pairs of lengths that are the same one of the right and the left side."""
+    index = {length.name: i for i, length in enumerate(lengths)}
+    mirror = mirror_names(length.segment for length in lengths)
+    pairs = (
+        (i, index[mirror[length.segment] + length.name[len(length.segment) :]])
+        for i, length in enumerate(lengths)
+        if length.segment in mirror
+        and mirror[length.segment] + length.name[len(length.segment) :] in index
+    )
+    return tuple((i, j) for i, j in pairs if i < j)
+
+
+def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
+    """(bodies, 3) center of every body's joint in ground: a point on its last rotation, else its
+    origin [m].
+    """
+    centers = origins.copy()
+    arrays = tree.arrays
+    for index in range(len(arrays.axis_kind)):
+        if arrays.axis_kind[index] == ROTATION:
+            centers[arrays.axis_body[index]] = axis_points[index]
+    return centers
+
+
+def _nearest_axes(first: Array, other: Array) -> list[int]:
+    """For each axis of one frame, the axis of another that lies nearest to it, each taken once."""
+    _, columns = scipy.optimize.linear_sum_assignment(-np.abs(first.T @ other))
+    return [int(axis) for axis in columns]
+
+
+def _one_for_both_sides(lengths: Sequence[Length]) -> tuple[Length, ...]:
+    partner = dict(mirrored_lengths(lengths))
+    merged = []
+    for i, length in enumerate(lengths):
+        if i in partner.values():
+            continue
+        if i in partner:
+            other = lengths[partner[i]]
+            segment = split_side(length.segment)[0]
+            length = replace(
+                length,
+                name=segment + length.name[len(length.segment) :],
+                segment=segment,
+                stretched=length.stretched + other.stretched,
+                extent=0.5 * (length.extent + other.extent),
+            )
+        merged.append(length)
+    return tuple(merged)
+
+
+# A body whose longest segment is that long, as an adult's forearm, or longer is of human size [m]
+HUMAN_SEGMENT = 0.24
+
+
+def length_unit(tree: Tree) -> float:
+    """What stands for one metre in tolerances and usual distances: 1 for a body of human size, else
+    less in proportion. unit = min(1, longest segment / 0.24 m), a segment being the distance of a
+    joint's center to that of its body's parent or to a marker of its body.
+    """
+    poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
+    centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])
+    joined = np.flatnonzero(tree.arrays.parent > 0)
+    spans = np.linalg.norm(centers[joined] - centers[tree.arrays.parent[joined]], axis=1)
+    bodies = np.array([tree.body_index[marker.body] for marker in tree.model.markers], np.int64)
+    places = poses.markers(tree.model.markers)[0]
+    marked = bodies > 0
+    spans = np.concatenate([spans, np.linalg.norm(places - centers[bodies], axis=1)[marked]])
+    longest = float(spans.max(initial=0.0))
+    return min(1.0, longest / HUMAN_SEGMENT) if longest > 0.0 else 1.0
+
+
+def coordinate_units(tree: Tree) -> Array:
+    """(coordinates,) by what a change of each is measured: 1 rad, or `length_unit` where it slides."""
+    slides = np.array(
+        [coordinate.motion == "translational" for coordinate in tree.model.coordinates]
+    )
+    return np.where(slides, length_unit(tree), 1.0)

@@ -1,0 +1,328 @@
+"""What each marker says against all others: where they would put it, markers off their place, what
+no marker shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import quoted
+from myomorph.core.model.findings import Finding, Repair, spans_of
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers
+from myomorph.core.model.sides import mirror_names
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.coordinates import couple_frames
+from myomorph.core.rigid.kinematics import Poses, forward_kinematics
+from myomorph.core.rigid.tree import Tree, compile_tree
+
+STEP = 1e-6  # Of the differences that give the slopes of marker positions [rad or m]
+# A direction of a marker of which the others determine a smaller share has no prediction
+UNKNOWN = 0.15
+# A direction of the coordinates that moves the markers by a smaller share of the usual is not
+# determined
+BLIND = 1e-5
+
+
+@read_only
+class MarkerFrames:
+    """Markers of some frames against a model's pose: recorded less model (frames, markers, 3) [m]
+    in ground, NaN where unseen; slopes (..., variables) of model positions; rotations (..., 3, 3)
+    of the markers' bodies; `held` (frames, variables), whether each lies at a bound, so that it has
+    no slopes.
+    """
+
+    errors: Array
+    slopes: Array
+    rotations: Array
+    held: np.ndarray
+
+
+def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
+    """Errors of markers (frames, markers, 3) [m] and slopes at poses; variables at a bound do not
+    move.
+    """
+    poses, held = nudged_poses(tree, problem, values)
+    points = poses.points(problem.markers.body, problem.markers.location)
+    points = points.reshape(len(values), len(problem.free) + 1, -1, 3)
+    slopes = (points[:, 1:] - points[:, :1]) / STEP
+    slopes[held] = 0.0
+    rotations = poses.rotations[:: len(problem.free) + 1, problem.markers.body]
+    return MarkerFrames(
+        errors=observed - points[:, 0],
+        slopes=np.moveaxis(slopes, 1, 3),
+        rotations=rotations,
+        held=held,
+    )
+
+
+def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses, np.ndarray]:
+    """Each frame of values (frames, coordinates) as it is, then with each variable moved by `STEP`
+    of its unit, frame after frame; (frames, variables) whether each lies at a bound.
+    """
+    stacked = np.repeat(values[:, None], len(problem.free) + 1, axis=1)
+    for i, j in enumerate(problem.free):
+        stacked[:, i + 1, j] += STEP * problem.unit[j]
+    flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
+    couple_frames(tree.arrays, flat)
+    here = values[:, problem.free]
+    return forward_kinematics(tree, flat), (here <= problem.lower + 1e-9) | (
+        here >= problem.upper - 1e-9
+    )
+
+
+def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
+    """(frames, markers, 3) how far each marker lies from where all others would put it, in its
+    body's frame [m]. By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the
+    directions that others hardly tell; NaN where a marker is unseen or none is told.
+    """
+    frames, markers = marker_frames.errors.shape[:2]
+    result = np.full((frames, markers, 3), np.nan)
+    for f in range(frames):
+        seen = np.flatnonzero(np.isfinite(marker_frames.errors[f]).all(axis=1) & (weight > 0.0))
+        if len(seen) < 2:
+            continue
+        scale = np.sqrt(weight[seen])[:, None, None]
+        rows = (marker_frames.slopes[f, seen] * scale).reshape(3 * len(seen), -1)
+        basis, sizes, _ = np.linalg.svd(rows, full_matrices=False)
+        basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)].reshape(len(seen), 3, -1)
+        rest = np.eye(3) - np.einsum("mik,mjk->mij", basis, basis)
+        eigenvalues, axes = np.linalg.eigh(rest)
+        inverse = np.where(eigenvalues > UNKNOWN, 1.0 / np.maximum(eigenvalues, UNKNOWN), 0.0)
+        away = np.einsum("mij,mj,mkj,mk->mi", axes, inverse, axes, marker_frames.errors[f, seen])
+        away[(eigenvalues <= UNKNOWN).sum(axis=1) > 1] = np.nan
+        result[f, seen] = np.einsum("mji,mj->mi", marker_frames.rotations[f, seen], away)
+    return result
+
+
+def undetermined(
+    marker_frames: MarkerFrames, problem: PoseProblem, weight: Array
+) -> tuple[int, ...]:
+    """Coordinates that take part in a motion that no marker of any of the frames shows."""
+    seen = np.isfinite(marker_frames.errors).all(axis=2) & (weight > 0.0)
+    rows = marker_frames.slopes[seen].reshape(-1, len(problem.free))
+    sizes, directions = np.linalg.eigh(rows.T @ rows)
+    usual = np.median(sizes[sizes > 0.0]) if (sizes > 0.0).any() else 1.0
+    blind = directions[:, sizes < BLIND**2 * usual]
+    part = np.abs(blind).max(axis=1, initial=0.0)
+    # A variable at its bound in all frames is determined by the bound.
+    blind_variables = [
+        i for i in range(len(problem.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()
+    ]
+    return tuple(
+        int(problem.free[i])
+        for i in blind_variables
+        if problem.coordinates.weight[problem.free[i]] == 0.0
+    )
+
+
+# Distance from where all others put a marker, from which it is beside its place, on a human body
+# [m]
+OFF = 0.035
+USUAL = 4.0
+"""That distance is at least so many times that of the median marker: on a generic model all lie off
+their places.
+"""
+
+MIDDLE = 0.055
+"""The same of a marker without one on the other side to compare with: sacral markers are often 4 cm
+off [m].
+"""
+
+# Largest share that may change over time: skin and a wrong joint move a marker to and fro
+STEADY = 0.6
+# A marker of the other side that is as far off by this share shows that the model, not the marker,
+# is off
+ALIKE = 0.5
+MAX_COUNT = 4
+SAMPLES = 20
+
+
+def place_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, unit: float
+) -> Iterator[Finding]:
+    """Markers that lie steadily off the place where all others put them, while those of the other
+    side do not.
+    """
+    seen = np.flatnonzero(fit.seen)
+    if len(seen) < 3 or len(fit.marker_names) < 6:
+        return
+    chosen = seen[np.unique(np.linspace(0, len(seen) - 1, SAMPLES).astype(int))]
+    columns = [markers.names.index(name) for name in fit.marker_names]
+    frames = marker_frames(
+        compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen]
+    )
+    weight = np.array(problem.markers.weight, np.float64)
+    partner = mirror_names(fit.marker_names)
+    for _ in range(MAX_COUNT):
+        away, spread = _steady(left_out(frames, weight))
+        size = np.linalg.norm(away, axis=1)
+        compared = np.isfinite(size) & (weight > 0.0)
+        if compared.sum() < 6:
+            return
+        limit = max(OFF * unit, USUAL * float(np.median(size[compared])))
+        order = [i for i in np.argsort(-np.nan_to_num(size)) if compared[i]]
+        worst = order[0]
+        if size[worst] < limit:
+            return
+        name = fit.marker_names[worst]
+        # What the others say of the next is clearer without this one.
+        weight[worst] = 0.0
+        other = fit.marker_names.index(partner[name]) if name in partner else -1
+        if other >= 0 and size[other] > ALIKE * size[worst]:
+            weight[other] = 0.0
+            continue
+        if spread[worst] > STEADY * size[worst] or (other < 0 and size[worst] < MIDDLE * unit):
+            continue
+        beside = f", '{partner[name]}' {100 * size[other]:.1f} cm" if other >= 0 else ""
+        usual = 100 * float(np.median(size[compared]))
+        text = (
+            f"marker '{name}' lies {100 * size[worst]:.1f} cm from where all others put it on"
+            f" '{model.marker(name).body}' (median of all {usual:.1f} cm{beside}): was it moved, or"
+            " placed elsewhere than on the model? Leave it out (weight 0 in --tasks, or an empty"
+            " name in --labels) or calibrate the model"
+        )
+        yield Finding("displaced marker", name, text)
+
+
+def _steady(away: Array) -> tuple[Array, Array]:
+    """Mean over frames (markers, 3), and the root mean square of what changes (markers,) [m]."""
+    known: np.ndarray = np.asarray(np.isfinite(away).all(axis=2))
+    count = known.sum(axis=0)
+    some = np.where(known[:, :, None], away, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = some.sum(axis=0) / count[:, None]
+        square = (np.where(known[:, :, None], away - mean, 0.0) ** 2).sum(axis=(0, 2)) / count
+    mean[count < 0.5 * len(away)] = np.nan
+    return mean, np.sqrt(square)
+
+
+FAINT = 0.01
+"""A direction of the coordinates that moves the seen markers by a smaller share of the usual is not
+shown: on a human, one that 5 mm of noise turn by a radian.
+"""
+
+PART = 0.3  # Share of a hidden direction from which a coordinate is hidden with it
+LEAST = 0.1
+"""Share of the frames in which a coordinate may be hidden without a word, as markers are for
+moments at a time.
+"""
+
+TOGETHER = 0.5  # Share of their frames that two coordinates have in common to be named together
+CHUNK = 128  # Frames whose slopes are held at once
+
+
+def hidden_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem
+) -> tuple[Finding, ...]:
+    """Frames whose markers do not show where the body is, which become gaps, and what is hidden in
+    part of the frames. Models with loops are not looked at: what ties determine, slopes of single
+    markers do not know.
+    """
+    if model.loops or not fit.seen.any():
+        return ()
+    hidden = _hidden(model, markers, fit, problem)
+    names = [model.coordinate_names[j] for j in problem.free]
+    floating = set(floating_coordinates(model))
+    root = [i for i, name in enumerate(names) if name in floating]
+    lost = hidden[:, root].any(axis=1) & fit.seen
+    if lost.all():
+        return ()
+    kept = fit.seen & ~lost
+    partly = hidden & kept[:, None]
+    partly[:, root] = False
+    return (*_lost(fit, lost), *_partly(fit, names, partly, int(kept.sum())))
+
+
+def _without(fit: KinematicsFit, lost: np.ndarray) -> KinematicsFit:
+    """The fit with gaps in some frames."""
+    values = np.array(fit.motion.values)
+    errors = np.array(fit.errors)
+    converged = np.array(fit.converged)
+    values[lost] = np.nan
+    errors[lost] = np.nan
+    converged[lost] = False
+    return replace(
+        fit, motion=replace(fit.motion, values=values), errors=errors, converged=converged
+    )
+
+
+def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> np.ndarray:
+    """(frames, variables) whether a coordinate is hidden that the frames with most markers show."""
+    seen = np.isfinite(fit.errors)
+    masks, first, group = np.unique(seen, axis=0, return_index=True, return_inverse=True)
+    columns = [markers.names.index(name) for name in fit.marker_names]
+    tree = compile_tree(model)
+    hidden = np.zeros((len(masks), len(problem.free)), bool)
+    some = masks.any(axis=1)
+    most = int(np.argmax(masks.sum(axis=1)))
+    usual = None
+    for chunk in np.array_split(np.r_[most, np.flatnonzero(some)], 1 + some.sum() // CHUNK):
+        frames = first[chunk]
+        influence = marker_frames(
+            tree, problem, markers.values[frames][:, columns], fit.motion.values[frames]
+        )
+        for index, mask in enumerate(chunk):
+            rows = influence.slopes[index, masks[mask]].reshape(-1, len(problem.free))
+            # Squared movement of the seen markers for directions of the coordinates, from the
+            # least.
+            sizes, parts = np.linalg.eigh(rows.T @ rows)
+            usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
+            faint = parts[:, sizes < FAINT**2 * usual]
+            hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~influence.held[index]
+    result: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
+    result[:, problem.coordinates.weight[problem.free] > 0.0] = False
+    return result & fit.seen[:, None]
+
+
+def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
+    """The frames that show too few markers to determine where the body is."""
+    if not lost.any():
+        return
+    spans = spans_of(fit.motion.time, lost)
+    fewest = int(np.isfinite(fit.errors[lost]).sum(axis=1).min())
+    text = (
+        f"{int(lost.sum())} of {len(lost)} frames show too few markers to determine where the body"
+        f" is (as few as {fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"
+    )
+    repair = Repair(partial(_without, lost=lost), "left empty", "poses there are guesses")
+    yield Finding(kind="hidden frames", place="frames", text=text, times=spans, repair=repair)
+
+
+def _partly(
+    fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: int
+) -> Iterator[Finding]:
+    """Coordinates that no marker shows in more than a tenth of the frames, those of nearly the same
+    frames together.
+    """
+    together: list[list[int]] = []
+    for i in map(int, np.flatnonzero(hidden.sum(axis=0) > LEAST * frames)):
+        alike = (
+            group for group in together if _overlap(hidden[:, group[0]], hidden[:, i]) > TOGETHER
+        )
+        group = next(alike, None)
+        if group is None:
+            together.append([i])
+        else:
+            group.append(i)
+    for members in together:
+        when = np.asarray(hidden[:, members].any(axis=1))
+        spans = spans_of(fit.motion.time, when)
+        which = [names[i] for i in members]
+        text = (
+            f"in {int(when.sum())} of {frames} frames no marker shows {quoted(which)}, first from"
+            f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are guesses near the default"
+        )
+        yield Finding(kind="hidden in part", place=", ".join(which), text=text, times=spans)
+
+
+def _overlap(first: np.ndarray, other: np.ndarray) -> float:
+    """Share of the frames of either that both have."""
+    return float((first & other).sum() / max(int((first | other).sum()), 1))

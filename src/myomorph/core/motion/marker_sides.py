@@ -1,0 +1,158 @@
+"""Bony markers that lie elsewhere on one side than on the other, seen before a calibration moves a
+model after them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.series import Markers
+from myomorph.core.model.sides import mirror_names
+from myomorph.core.motion.protocols import Site, recognize
+
+APART = 0.03
+"""Difference of a distance on both sides from which a marker is misplaced, on a human body [m]; set
+with recordings of other laboratories than those of
+`benchmarks/accuracy/faults/unseen_marker_faults.py`.
+"""
+
+USUAL = 3.0  # That difference is at least so many times the median of the recording
+STEADY = 0.015
+"""Largest standard deviation over frames of a distance between two points of bone that skin and
+joints leave [m].
+"""
+
+ONE_BODY = ("pelvis", "trunk")  # Segments whose right and left markers lie on one body
+BESIDE = (frozenset(("thigh", "shank")), frozenset(("shank", "foot")))
+"""Segments whose markers near the joint between them keep their distances, where `STEADY` says so.
+"""
+
+MAX_COUNT = 4
+SAMPLES = 200
+
+
+class _Link(NamedTuple):
+    """Two markers of one side, the two of the other, and by how much the first two are farther
+    apart [m].
+    """
+
+    markers: tuple[str, str]
+    others: tuple[str, str]
+    length: float
+    difference: float
+
+
+def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> Iterator[Finding]:
+    """Pairs of bony markers of which one lies elsewhere than the other, by distances that both
+    sides have. Distances between points of the same bone, or of neighboring ones where they keep
+    them, need no model. Points of the skin are not looked at: where they lie is free, and a
+    calibration finds it.
+    """
+    links = _links(markers, names)
+    if not links:
+        return
+    usual = float(np.median([abs(link.difference) for link in links]))
+    limit = max(APART * unit, USUAL * usual)
+    for _ in range(MAX_COUNT):
+        worst = max(links, key=lambda link: abs(link.difference), default=None)
+        if worst is None or abs(worst.difference) < limit:
+            return
+        suspects = _suspects(worst, links)
+        yield Finding("displaced marker", suspects[0][0], _text(worst, suspects, usual))
+        # What lies elsewhere says nothing of the others.
+        wrong = {name for pair in suspects for name in pair}
+        links = [link for link in links if not wrong & {*link.markers, *link.others}]
+
+
+def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
+    sites = {name: site for name, site in recognize(markers.names).sites.items() if name in names}
+    bony = {name: site for name, site in sites.items() if site.kind == "bony"}
+    partner = {
+        name: other
+        for name, other in mirror_names(bony).items()
+        if bony[other].key == bony[name].key
+    }
+    rows = np.unique(
+        np.linspace(0, max(len(markers) - 1, 0), min(SAMPLES, len(markers))).astype(int)
+    )
+    places = dict(zip(markers.names, np.moveaxis(markers.values[rows], 1, 0), strict=True))
+    links: dict[frozenset[frozenset[str]], _Link] = {}
+    for marker in (name for name in partner if bony[name].side == "right"):
+        for other, site in bony.items():
+            sided = other in partner
+            if (
+                other in (marker, partner[marker])
+                or (site.side and not sided)
+                or not _rigid(bony[marker], site)
+            ):
+                continue
+            mirrored = (partner[marker], partner[other] if sided else other)
+            lengths = [_distance(places[a], places[b]) for a, b in ((marker, other), mirrored)]
+            if not all(spread < STEADY for _, spread in lengths):
+                continue
+            link = _Link((marker, other), mirrored, lengths[0][0], lengths[0][0] - lengths[1][0])
+            links.setdefault(frozenset((frozenset(link.markers), frozenset(mirrored))), link)
+    return list(links.values())
+
+
+def _rigid(site: Site, other: Site) -> bool:
+    """Whether a distance may be the same in all frames."""
+    if site.segment == other.segment:
+        return site.side == other.side or not other.side or site.segment in ONE_BODY
+    return site.side == other.side and frozenset((site.segment, other.segment)) in BESIDE
+
+
+def _distance(first: Array, other: Array) -> tuple[float, float]:
+    """Median and standard deviation of the distance of two points (frames, 3), infinite where it is
+    hardly seen [m].
+    """
+    apart = np.linalg.norm(first - other, axis=1)
+    known = apart[np.isfinite(apart)]
+    return (
+        (float(np.median(known)), float(np.std(known)))
+        if len(known) > 0.1 * len(apart)
+        else (np.nan, np.inf)
+    )
+
+
+def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:
+    """Markers of which one lies elsewhere: the pair, or the one in the middle, whose other
+    distances differ more.
+    """
+    pairs = [tuple(dict.fromkeys(ends)) for ends in zip(worst.markers, worst.others, strict=True)]
+    differing = []
+    for pair, away in zip(pairs, reversed(pairs), strict=True):
+        differences = [
+            abs(link.difference) for link in links if _has(link, pair) and not _has(link, away)
+        ]
+        differing.append(float(np.median(differences)) if differences else np.nan)
+    if np.isnan(differing).all():
+        return pairs
+    # One without other distances is where it belongs if those of the other differ more than half as
+    # much.
+    likely = np.where(np.isnan(differing), 0.5 * abs(worst.difference), differing)
+    return [pairs[int(np.argmax(likely))]]
+
+
+def _has(link: _Link, names: tuple[str, ...]) -> bool:
+    return bool({*link.markers, *link.others} & {*names})
+
+
+def _text(worst: _Link, suspects: Sequence[tuple[str, ...]], usual: float) -> str:
+    named = " or ".join(f"'{name}'" for pair in suspects for name in pair)
+    first, other = worst.markers
+    a, b = worst.others
+    lies = f"marker {named} lies elsewhere than on the other side"
+    if len(suspects) == 1 and len(suspects[0]) == 1:
+        lies = f"marker {named} lies off the middle"
+    return (
+        f"{lies}: '{first}' and '{other}' are {100 * worst.length:.1f} cm apart, '{a}' and '{b}'"
+        f" {100 * (worst.length - worst.difference):.1f} cm (the median of such differences is"
+        f" {100 * usual:.1f} cm): was it misplaced? A calibration moves the model's marker after"
+        " it, and angles with it; leave it out (an empty name in --labels) where it was"
+    )

@@ -1,0 +1,219 @@
+"""What the coordinates found say of themselves: held at a bound, shown by no marker, a body that
+lies on its side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.core.model.errors import quoted
+from myomorph.core.model.findings import Finding, spans_of
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.core.motion.marker_influence import marker_frames, undetermined
+from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+
+HELD = 0.1  # Share of the frames in which a coordinate may lie at its bound without a word
+AT = 1e-9  # A coordinate nearer to its bound lies at it [rad or m]
+BEYOND = {"rotational": np.radians(1.0), "translational": 0.002}
+"""What the markers must ask for beyond a bound for the bound to matter [rad or m]."""
+
+OVER = np.radians(90.0)  # An angle so far outside the model's range has turned a joint over [rad]
+SAMPLES = 24
+LIES = 60.0
+MOSTLY = 0.8
+
+
+def pose_findings(
+    model: Model,
+    markers: Markers,
+    fit: KinematicsFit,
+    problem: PoseProblem,
+    options: InverseKinematicsOptions,
+) -> Iterator[Finding]:
+    """Findings about the coordinates of a fit of these markers."""
+    if not fit.seen.any():
+        return
+    yield from _bound_findings(model, markers, fit, problem, options)
+    yield from _blind_findings(model, markers, fit, problem)
+    yield from turned_findings(model, fit)
+    yield from _upright_findings(model, fit)
+    yield from _convergence_findings(fit)
+
+
+def _bound_findings(
+    model: Model,
+    markers: Markers,
+    fit: KinematicsFit,
+    problem: PoseProblem,
+    options: InverseKinematicsOptions,
+) -> Iterator[Finding]:
+    """Coordinates at a bound for more than a tenth of the frames, and how far they would go without
+    it.
+    """
+    values = fit.motion.values[:, problem.free]
+    with np.errstate(invalid="ignore"):
+        at = (values <= problem.lower + AT) | (values >= problem.upper - AT)
+    at &= np.asarray(problem.lower < problem.upper)
+    held = np.flatnonzero(at.sum(axis=0) > HELD * int(fit.seen.sum()))
+    if not len(held):
+        return
+    names = [model.coordinate_names[j] for j in problem.free]
+    loose = {names[i] for i in held}
+    coordinates = tuple(
+        replace(each, clamped=each.clamped and each.name not in loose) for each in model.coordinates
+    )
+    without = replace(model, coordinates=coordinates)
+    some = np.flatnonzero(at[:, held].any(axis=1))
+    some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
+    freed = inverse_kinematics(without, markers.frames(some), options)
+    for i in held:
+        coordinate = model.coordinate(names[i])
+        at_bound = at[some, i]
+        lower = float(problem.lower[i])
+        upper = float(problem.upper[i])
+        reached = freed.motion[names[i]][at_bound]
+        low = 2 * int((values[:, i] <= lower + AT).sum()) > int(at[:, i].sum())
+        bound = lower if low else upper
+        turns = coordinate.motion != "translational"
+        beyond = (bound - reached) if low else (reached - bound)
+        if turns:
+            # Freed, an angle may come out a turn further.
+            beyond = (beyond + np.pi) % (2.0 * np.pi) - np.pi
+        usual = float(np.nanmedian(beyond)) if len(beyond) else 0.0
+        if usual < (
+            BEYOND["translational"]
+            if coordinate.motion == "translational"
+            else BEYOND["rotational"]
+        ):
+            continue
+        limit = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
+        further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"
+        spans = spans_of(fit.motion.time, at[:, i])
+        first = (
+            f"from {spans[0][0]:.2f} s on"
+            if len(spans) > 1
+            else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
+        )
+        text = (
+            f"coordinate '{names[i]}' is held at its bound of {limit} in {int(at[:, i].sum())} of"
+            f" {len(fit.motion)} frames ({first}); the markers ask for about {further} more: check"
+            " the bound, the markers there and the model's size"
+        )
+        yield Finding(kind="at its bound", place=names[i], text=text, times=spans)
+
+
+def _blind_findings(
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem
+) -> Iterator[Finding]:
+    """Coordinates that no marker shows."""
+    if model.loops:
+        # What a loop ties is determined by the loop: slopes of single markers do not know it.
+        return
+    seen = np.flatnonzero(fit.seen)
+    chosen = seen[np.unique(np.linspace(0, len(seen) - 1, 6).astype(int))]
+    columns = [markers.names.index(name) for name in fit.marker_names]
+    frames = marker_frames(
+        compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen]
+    )
+    names = [
+        model.coordinate_names[j] for j in undetermined(frames, problem, problem.markers.weight)
+    ]
+    if names:
+        count, stay = (
+            ("a coordinate", "It stays")
+            if len(names) == 1
+            else (f"{len(names)} coordinates", "They stay")
+        )
+        text = (
+            f"no marker determines {count}: {quoted(names)}. {stay} near the default; lock what is "
+            "not measured, or add markers"
+        )
+        yield Finding("undetermined", ", ".join(names), text)
+
+
+def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
+    """Angles of joints far outside their range: two neighbors that turn over together look much the
+    same to markers.
+    """
+    floating = set(floating_coordinates(model))
+    for coordinate in model.coordinates:
+        low, high = coordinate.range
+        if (
+            coordinate.name in floating
+            or coordinate.motion == "translational"
+            or not 0.0 < high - low < np.pi + 0.1
+        ):
+            continue
+        angles = fit.motion[coordinate.name]
+        with np.errstate(invalid="ignore"):
+            over = (angles < low - OVER) | (angles > high + OVER)
+        if not over.any():
+            continue
+        spans = spans_of(fit.motion.time, over)
+        far = float(np.nanmax(np.abs(angles[over] - 0.5 * (low + high))))
+        text = (
+            f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle"
+            f" of its range ({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in"
+            f" {int(over.sum())} of {len(angles)} frames from {spans[0][0]:.2f} s on: the joint"
+            " turned over, and torques there are wrong: clamp it, or check the markers"
+        )
+        yield Finding(kind="joint turned over", place=coordinate.name, text=text, times=spans)
+
+
+def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
+    """A floating body that lies or stands on its head in nearly all frames: its vertical may be
+    another axis.
+    """
+    floating = set(floating_coordinates(model))
+    joint = next(
+        (
+            each
+            for each in model.joints
+            if each.parent == GROUND and floating & set(each.coordinates)
+        ),
+        None,
+    )
+    gravity = float(np.linalg.norm(model.gravity))
+    if joint is None or gravity == 0.0:
+        return
+    tree = compile_tree(model)
+    up = -np.asarray(model.gravity) / gravity
+    body = tree.body_index[joint.child]
+    # Massless links may lie between the ground and the body: their default pose is the upright one
+    # all the same.
+    poses = forward_kinematics(
+        tree, np.vstack([tree.defaults, fit.motion.values[fit.seen]])
+    ).rotations[:, body]
+    now = poses[1:] @ (poses[0].T @ up)
+    tilt = np.degrees(np.arccos(np.clip(now @ up, -1.0, 1.0)))
+    if float((tilt > LIES).mean()) < MOSTLY:
+        return
+    axis = "xyz"[int(np.argmax(np.abs(now.mean(axis=0))))]
+    usual = float(np.median(tilt))
+    what = "stands on its head" if usual > 150.0 else "lies"
+    count = f"{int((tilt > LIES).sum())} of {len(tilt)} frames"
+    text = (
+        f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's"
+        f" {axis} axis. If it stood, the recording's vertical is not the model's: turn its axes"
+    )
+    yield Finding("vertical axis", joint.child, text)
+
+
+def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:
+    """Frames whose search did not end."""
+    lost = fit.seen & ~np.asarray(fit.converged, bool)
+    if lost.any():
+        spans = spans_of(fit.motion.time, lost)
+        text = (
+            f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at"
+            f" {spans[0][0]:.2f} s"
+        )
+        yield Finding(kind="not converged", place="frames", text=text, times=spans)

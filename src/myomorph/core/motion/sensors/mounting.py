@@ -1,0 +1,333 @@
+"""Where inertial sensors are mounted on a model's bodies, their orientations, and what these count."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.errors import BadData, from_extra, listing, quoted
+from myomorph.core.model.inertial_sensors import InertialSensors, steady
+from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.segments import Segment, segments_if_human, segments_of
+from myomorph.core.model.series import Markers
+from myomorph.core.model.sides import split_side
+from myomorph.core.model.spatial import rotation_from_quaternion, rotation_from_vector
+from myomorph.core.motion.tasks.orientations import OrientationTask
+
+# What the name of a sensor may have behind that of its body
+SUFFIXES = ("_imu", "_sensor", "_sensors")
+WORDS = {
+    "lower_trunk": ("pelvis", "sacrum", "lumbar", "waist", "hips"),
+    "upper_trunk": ("t8", "sternum", "chest", "torso", "trunk", "thorax"),
+    "thigh": ("upperleg", "upleg", "thigh", "femur"),
+    "shank": ("lowerleg", "shank", "tibia"),
+    "foot": ("foot", "calcn"),
+    "upper_arm": ("upperarm", "humerus"),
+    "lower_arm": ("forearm", "lowerarm", "ulna", "radius"),
+    "hand": ("hand",),
+    "head": ("head",),
+}
+"""Labels of Xsens MVN and APDM, and anatomists', by segment: small letters, without side, spaces
+and number.
+"""
+NUMBER = re.compile(r"[ _]\d+$")
+HUMPS = re.compile(r"(?<=[a-z])(?=[A-Z])| ")
+SEGMENT_OF = {word: segment for segment, words in WORDS.items() for word in words}
+
+
+def named_bodies(model: Model, names: tuple[str, ...]) -> dict[str, str]:
+    """Body of each sensor whose name shows it; of several that name one segment by makers' words,
+    the first's.
+    """
+    bodies = {body.name.casefold(): body.name for body in model.bodies}
+    frames = {frame.name: frame.body for frame in model.frames}
+    result = dict[str, str]()
+    for name in names:
+        body = frames.get(name) or bodies.get(_plain(name).casefold())
+        if body is not None:
+            result[name] = body
+    parts = _main_bodies(model)
+    for name in names:
+        word, side = split_side(HUMPS.sub("_", NUMBER.sub("", _plain(name))))
+        segment = SEGMENT_OF.get(word.casefold().replace("_", ""))
+        body = parts.get(Segment(segment, side)) if segment else None
+        if body is not None and name not in result and body not in result.values():
+            result[name] = body
+    return result
+
+
+def bodies_of_sensors(
+    model: Model, names: tuple[str, ...], chosen: Mapping[str, str]
+) -> dict[str, str]:
+    """Body of each sensor, as chosen ("" to leave it out), else by its name (`named_bodies`)."""
+    for name, body in chosen.items():
+        index_of("sensor", name, names, "the recording")
+        if body:
+            index_of("body", body, model.body_names, "the model")
+    known = named_bodies(model, names) | dict(chosen)
+    if lost := [name for name in names if name not in known]:
+        first = lost[0]
+        raise BadData(
+            f"sensors {quoted(lost)}: no frame or body of the model is called so; bodies are "
+            f"{listing(first, model.body_names)}. "
+            f"Name the body of each: --imu-bodies '{first}=BODY' (or '{first}=-' to leave it out)"
+        )
+    result = {name: known[name] for name in names if known[name]}
+    if not result:
+        raise BadData("all sensors are left out: name a body for at least one")
+    return result
+
+
+def _plain(name: str) -> str:
+    """A sensor's name without what stands for 'sensor' behind it."""
+    for suffix in SUFFIXES:
+        if name.casefold().endswith(suffix):
+            return name[: -len(suffix)]
+    return name
+
+
+def _main_bodies(model: Model) -> dict[Segment, str]:
+    """The heaviest body of each segment; none of a model without human segments."""
+    masses = {body.name: body.mass for body in model.bodies}
+    segments = sorted(segments_if_human(model).items(), key=lambda part: masses[part[0]])
+    return {segment: body for body, segment in segments}
+
+
+@dataclass(frozen=True)
+class SensorOptions:
+    """Options of inertial sensors.
+
+    Attributes
+    ----------
+    imu_mounting : how each sensor's mounting on its body is found: "recording" from the calibration
+        pose and the whole recording, "pose" from the calibration pose alone, "model" from the
+        model's frames of the sensors' names
+    imu_noise : standard deviation of a sensor's orientation against its bone, of filter and skin
+        [rad]
+    imu_marker_noise : of a marker against its bone, which weights markers against sensors [m]
+    imu_pose_error : of each joint angle in the calibration pose [rad]
+    imu_heading_error : of each sensor's heading at the start against the others' [rad]
+    imu_heading_drift : of each sensor's heading, what it may have gained after a minute [rad]
+    imu_magnetometer : use magnetic fields, where raw signals hold them
+    """
+
+    imu_mounting: Literal["recording", "pose", "model"] = "recording"
+    imu_noise: float = 0.05
+    imu_marker_noise: float = 0.01
+    imu_pose_error: float = 0.07
+    imu_heading_error: float = 0.05
+    imu_heading_drift: float = 0.02
+    imu_magnetometer: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("imu_noise", "imu_marker_noise", "imu_pose_error"):
+            if not getattr(self, name) > 0.0:
+                raise BadData(f"{name} is {getattr(self, name):g}: expected more than 0")
+        for name in ("imu_heading_error", "imu_heading_drift"):
+            if not getattr(self, name) >= 0.0:
+                raise BadData(f"{name} is {getattr(self, name):g}: expected 0 or more")
+
+
+@read_only
+class SensorMounting:
+    """Sensors on bodies, turned by `rotations` (sensors, 3, 3) to them; each sensor's earth is
+    turned about the vertical (`up` of the ground) by `headings` (knots, sensors) [rad], linear
+    between the `knots` [s].
+
+    `delay` [s] is by how much the sensors' clock is behind the motion's; `factor` (3 sensors +
+    knots sensors, numbers) of the covariance of what is left open: rotation vectors in the bodies,
+    behind them the headings, knot by knot [rad].
+    """
+
+    sensors: tuple[str, ...]
+    bodies: tuple[str, ...]
+    rotations: Array
+    knots: Array
+    headings: Array
+    delay: float
+    factor: Array
+    up: Array
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(
+            self, rotations=(len(self.sensors), 3, 3), headings=(len(self.knots), len(self.sensors))
+        )
+
+    def moved(self, numbers: Array) -> SensorMounting:
+        """The same with errors of what is left open, by independent numbers of variance 1."""
+        count = len(self.sensors)
+        errors = self.factor @ numbers
+        turned = rotation_from_vector(errors[: 3 * count].reshape(-1, 3)) @ self.rotations
+        headings = self.headings + errors[3 * count :].reshape(self.headings.shape)
+        return replace(self, rotations=turned, headings=headings)
+
+    def heading_at(self, time: Array) -> Array:
+        """(times, sensors) headings [rad]."""
+        return np.column_stack([np.interp(time, self.knots, column) for column in self.headings.T])
+
+    def body_rotations(self, sensors: InertialSensors, time: Array, model: Model) -> Array:
+        """(times, sensors, 3, 3) from bodies to ground, as the sensors report; NaN where they do
+        not.
+        """
+        earth = rotations_at(sensors.only(self.sensors), time + self.delay, model)
+        turned = rotation_from_vector(self.heading_at(time)[..., None] * self.up)
+        return np.asarray(turned @ earth @ np.swapaxes(self.rotations, 1, 2))
+
+
+def trunk_acceleration(
+    model: Model, mounting: SensorMounting, sensors: InertialSensors, time: Array
+) -> Array | None:
+    """(times, 3) acceleration of the sensor on the pelvis in the model's ground, without gravity
+    [m/s^2], NaN where unknown; None without such a sensor. Where on the pelvis it is nobody knows,
+    nor is its turning taken off.
+    """
+    segments = segments_of(model)
+    of_trunk = [
+        index for index, body in enumerate(mounting.bodies) if segments[body].name == "lower_trunk"
+    ]
+    measured = sensors.only(mounting.sensors).accelerations
+    if measured is None or not of_trunk:
+        return None
+    index = of_trunk[0]
+    rotations = mounting.body_rotations(sensors, time, model)[:, index] @ mounting.rotations[index]
+    at = np.column_stack(
+        [np.interp(time + mounting.delay, sensors.time, part) for part in measured[:, index].T]
+    )
+    return np.asarray(np.einsum("fij,fj->fi", rotations, at) + model.gravity)
+
+
+def orientation_tasks(
+    mounting: SensorMounting, rotations: Array, marker_weights: Array, options: SensorOptions
+) -> tuple[OrientationTask, ...]:
+    """Tasks of inverse kinematics whose weight beside the markers follows from both's noise.
+    `marker_weights` (frames,) are the sums over the markers seen, by which each marker's is
+    divided.
+    """
+    weight = (options.imu_marker_noise / options.imu_noise) ** 2 / np.maximum(marker_weights, 1.0)
+    return tuple(
+        OrientationTask(name, body, rotations[:, index], weight)
+        for index, (name, body) in enumerate(zip(mounting.sensors, mounting.bodies, strict=True))
+    )
+
+
+def weights_seen(
+    model: Model, markers: Markers, weights: Mapping[str, float], only_weighted: bool
+) -> Array:
+    """(frames,) sum of the weights of the model's markers that a recording shows."""
+    default = 0.0 if only_weighted else 1.0
+    total = np.zeros(len(markers))
+    for index, name in enumerate(markers.names):
+        if name in model.marker_names:
+            total += weights.get(name, default) * np.isfinite(markers.values[:, index]).all(axis=1)
+    return total
+
+
+MIN_RATE = 20.0  # Raw signals at a lower rate cannot be integrated [Hz]
+STEADY_RATE = 0.02  # Steps of a clock that differ by a larger share have gaps
+
+
+def with_orientations(
+    sensors: InertialSensors, magnetometer: bool = True, causal: bool = False
+) -> InertialSensors:
+    """The sensors with the orientations that a filter finds in their raw signals; known
+    orientations are kept. The filter is VQF (Laidig and Seel 2023), run forwards and backwards over
+    the whole recording, or forwards alone (`causal`): gyroscopes are integrated, accelerations
+    correct the inclination, magnetic fields the heading where they are undisturbed. Without
+    magnetic fields every sensor's heading begins anywhere and drifts slowly.
+    """
+    if sensors.orientations is not None:
+        return sensors
+    gyroscopes = sensors.angular_velocities
+    accelerations = sensors.accelerations
+    if gyroscopes is None or accelerations is None:
+        raise BadData(
+            f"{sensors.source or 'sensors'}: hold {', '.join(sensors.signals) or 'nothing'}:"
+            " orientations, or angular velocities and accelerations are needed"
+        )
+    steps = np.diff(sensors.time)
+    if len(steps) < 2 or not sensors.rate > MIN_RATE:
+        raise BadData(
+            f"{sensors.source or 'sensors'}: {sensors.rate:.3g} Hz is too slow for a filter of raw"
+            " signals"
+        )
+    clock = (
+        sensors.time[0]
+        + np.arange(int((sensors.time[-1] - sensors.time[0]) * sensors.rate) + 1) / sensors.rate
+    )
+    vqf = from_extra("sensors", "vqf")
+    fields = sensors.magnetic_fields if magnetometer else None
+    found = np.full((len(sensors), len(sensors.names), 4), np.nan)
+    warnings = list(sensors.warnings)
+    for index, name in enumerate(sensors.names):
+        known = np.isfinite(np.hstack((gyroscopes[:, index], accelerations[:, index]))).all(axis=1)
+        if known.sum() < 2:
+            warnings.append(f"sensor '{name}' recorded nothing")
+            continue
+        parts = [gyroscopes[:, index], accelerations[:, index]]
+        if fields is not None and np.isfinite(fields[:, index]).all(axis=1).any():
+            parts.append(fields[:, index])
+        even = [_filled(sensors.time, part, clock) for part in parts]
+        step = 1.0 / sensors.rate
+        if causal:
+            result = vqf.VQF(step).updateBatch(*even)
+        else:
+            result = vqf.offlineVQF(*even, *(() if len(even) == 3 else (None,)), step)
+        quaternions = steady(result["quat9D" if len(even) == 3 else "quat6D"])
+        at = np.column_stack([np.interp(sensors.time, clock, column) for column in quaternions.T])
+        at[~known] = np.nan
+        found[:, index] = at
+        gaps = int((steps > (1.5 + STEADY_RATE) / sensors.rate).sum())
+        if gaps and index == 0:
+            warnings.append(
+                f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
+            )
+    return replace(sensors, orientations=found, warnings=tuple(warnings))
+
+
+def _filled(time: Array, values: Array, clock: Array) -> Array:
+    """A signal (frames, 3) on an even clock, gaps bridged by lines."""
+    known = np.isfinite(values).all(axis=1)
+    columns = [np.interp(clock, time[known], column) for column in values[known].T]
+    return np.ascontiguousarray(np.array(columns).T)
+
+
+def earth_to_ground(model: Model) -> Array:
+    """Rotation (3, 3) from an earth whose z points up to the model's ground: about x where y points
+    up there.
+    """
+    up = np.asarray(model.up)
+    axis = np.cross([0.0, 0.0, 1.0], up)
+    sine = float(np.linalg.norm(axis))
+    cosine = float(up[2])
+    if sine < 1e-12:
+        return np.diag([1.0, np.sign(cosine), np.sign(cosine)])
+    x, y, z = axis / sine
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + sine * K + (1.0 - cosine) * (K @ K))
+
+
+def rotations_at(sensors: InertialSensors, time: Array, model: Model) -> Array:
+    """Rotations (times, sensors, 3, 3) from sensors to the model's ground at other times; NaN
+    outside, and in gaps. Half a frame beyond either end the sensors are as they were there.
+    """
+    assert sensors.orientations is not None
+    slack = 0.5 / sensors.rate if len(sensors) > 1 else 0.0
+    first = sensors.time[0]
+    last = sensors.time[-1]
+    time = np.where(
+        (time > first - slack) & (time < last + slack), np.clip(time, first, last), time
+    )
+    quaternions = steady(sensors.orientations)
+    flat = quaternions.reshape(len(sensors), -1)
+    at = np.column_stack(
+        [np.interp(time, sensors.time, column, np.nan, np.nan) for column in flat.T]
+    )
+    return np.asarray(
+        earth_to_ground(model) @ rotation_from_quaternion(at.reshape(len(time), -1, 4))
+    )

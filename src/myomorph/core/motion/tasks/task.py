@@ -1,0 +1,301 @@
+"""What a task of inverse kinematics is, and the sums that tasks add to. The problem of a frame is
+the sum of its tasks.
+
+    minimise  sum_t cost_t(c)   over the free coordinates c, within their bounds, so that every loop
+    stays closed
+
+A kind of task is a class derived from `Task` with four kernels, one file. Its values (one for each
+marker, sensor or coordinate) are compiled together into one named tuple of arrays, so that the
+Newton loop of `myomorph.core.motion.newton`, compiled once for each combination of kinds, adds up
+whatever it is handed. A kind from outside the package is compiled together with the same loop when
+it is first used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from numba.extending import overload
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.rigid.kernels import bare, inner
+from myomorph.core.rigid.tree import Tree
+from myomorph.core.rigid.vectors import cross, minus
+
+
+class TaskKernels(NamedTuple):
+    """The kernels of a kind of task, made with `myomorph.core.rigid.kernels.bare`.
+
+    All read the arrays of the kind, the named tuple `arrays` that `Task.together` returns, and the
+    number of a frame; `c` are the coordinates, dependent ones consistent, and `work` the sums and
+    scratch arrays, whose poses are those at c. `shown` (arrays, frame): whether the frame has a
+    measurement of this kind, or is left out; `cost` (arrays, c, frame, work); `add`: the same, and
+    half its gradient and half its curvature are added to the sums; `keep`: called at the solution
+    of a frame, to store its residuals in `arrays`.
+    """
+
+    arrays: type
+    shown: Callable[..., Any]
+    cost: Callable[..., Any]
+    add: Callable[..., Any]
+    keep: Callable[..., Any]
+
+
+class Task:
+    """A summand of the cost of inverse kinematics; derived classes set `kernels`.
+
+    Where the arrays have a field `errors`, (frames, ...), the residuals stored there are those of
+    the result.
+    """
+
+    kernels: ClassVar[TaskKernels]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        TASKS[cls.kernels.arrays] = cls
+
+    @classmethod
+    def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> Any:
+        """Arrays of all tasks of this kind, as the kernels read them: writable and in C order.
+
+        Parameters
+        ----------
+        targets : (frames, coordinates) reference values of the coordinates [rad or m], see
+            `coordinate_targets`
+        """
+        raise NotImplementedError
+
+
+TASKS: dict[type, type[Task]] = {}
+"""Each kind of task, by the class of its arrays."""
+
+
+def per_frame(values: Array, frames: int, what: str) -> Array:
+    """Values of each frame (frames, ...) as kernels read them; refused where markers have another
+    number of frames.
+    """
+    values = np.array(values, dtype=np.float64, order="C")
+    if len(values) != frames:
+        raise BadData(
+            f"{what}: {len(values)} frames, but the markers have {frames}: resample them to the"
+            " markers' times"
+        )
+    return values
+
+
+class Work(NamedTuple):
+    """Sums that tasks add to, and scratch arrays of one solver.
+
+    Sums over bodies have points relative to `origin`, so that they stay exact far from the
+    ground's. A residual r of a body, with slopes J in the body's twist (its angular velocity and
+    the velocity at `origin`), is a row: it adds J J^T and J r.
+    """
+
+    # Poses of bodies and of the axes that move them, as `body_poses` fills them
+    R: Array  # (bodies, 3, 3)
+    p: Array  # (bodies, 3) [m]
+    w: Array  # (axes, 3)
+    o: Array  # (axes, 3) [m]
+    dphi: Array  # (axes, 2)
+
+    # Half the cost, over the coordinates
+    H: Array  # (n, n) Hessian, lower triangle
+    g: Array  # (n,) gradient
+    D: Array  # (n,) diagonal of the Gauss-Newton part of H
+    direct: Array  # (n,) curvature of tasks of single independent coordinates, in H and D
+
+    # The Newton step
+    L: Array  # (n + 1, n) factor of H
+    step: Array  # (n,)
+    trial: Array  # (n,) coordinates after the step
+    held: Array  # (n,) whether a coordinate is at a bound before the step
+    stopped: Array  # (n,) ... and within it
+    late: Array  # (n,) whether a coordinate is solved for last, where loops are closed
+    solved: Array  # (n,) numbers of the coordinates that are solved for
+
+    # Sums over points and rows of each body
+    origin: Array  # (3,) in ground [m]
+    points: Array  # (bodies, 22) weighted sums of 1, x, x x^T (upper 6), e, x e^T; e the error
+    rows: Array  # (bodies, 6, 6) sums of J J^T
+    row_gradient: Array  # (bodies, 6) sums of J r
+    has_rows: Array  # (1,) whether any row was added
+
+    # Derivatives of the axes
+    fields: Array  # (axes, 6) of `axis_fields`
+    curvature: Array  # (axes, 3) second derivatives of the axes' motions
+
+
+@inner
+def new_work(T, n):
+    """Sums and scratch arrays for a tree of n coordinates."""
+    bodies = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    return Work(
+        R=np.empty((bodies, 3, 3)),
+        p=np.empty((bodies, 3)),
+        w=np.empty((axes, 3)),
+        o=np.empty((axes, 3)),
+        dphi=np.empty((axes, 2)),
+        H=np.empty((n, n)),
+        g=np.empty(n),
+        D=np.empty(n),
+        direct=np.empty(n),
+        L=np.empty((n + 1, n)),
+        step=np.empty(n),
+        trial=np.empty(n),
+        held=np.empty(n, np.bool_),
+        stopped=np.empty(n, np.bool_),
+        late=np.empty(n, np.bool_),
+        solved=np.empty(n, np.int64),
+        origin=np.empty(3),
+        points=np.empty((bodies, 22)),
+        rows=np.zeros((bodies, 6, 6)),
+        row_gradient=np.zeros((bodies, 6)),
+        has_rows=np.zeros(1, np.bool_),
+        fields=np.empty((axes, 6)),
+        curvature=np.empty((axes, 3)),
+    )
+
+
+@bare
+def add_row(work, body, slope, residual, weight):
+    """Add weight residual^2 with Gauss-Newton curvature and return it; `slope` in the body's twist
+    at `work.origin`.
+    """
+    if not work.has_rows[0]:
+        work.has_rows[0] = True
+        for b in range(work.rows.shape[0]):
+            for i in range(6):
+                work.row_gradient[b, i] = 0.0
+                for j in range(6):
+                    work.rows[b, i, j] = 0.0
+    for i in range(6):
+        work.row_gradient[body, i] += weight * residual * slope[i]
+        for j in range(6):
+            work.rows[body, i, j] += weight * slope[i] * slope[j]
+    return weight * residual * residual
+
+
+@bare
+def add_gradient(T, work, H, g, axis, along):
+    """Add the gradient through an axis to g, and what the curvature of its function makes of it to
+    H.
+
+    An axis moves by a function phi of one coordinate i or of two, i and j; `along` is the slope of
+    half the cost along phi.
+    """
+    i = T.axis_coordinate[axis, 0]
+    j = T.axis_coordinate[axis, 1]
+    g[i] += work.dphi[axis, 0] * along
+    H[i, i] += work.curvature[axis, 0] * along
+    if j >= 0:
+        g[j] += work.dphi[axis, 1] * along
+        H[j, j] += work.curvature[axis, 2] * along
+        H[max(i, j), min(i, j)] += work.curvature[axis, 1] * along
+
+
+@bare
+def add_pair(T, work, H, D, axis, a, plain, curved):
+    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a
+    (or axis).
+    """
+    for s in range(2):
+        i = T.axis_coordinate[axis, s]
+        if i < 0:
+            break
+        for t in range(2):
+            j = T.axis_coordinate[a, t]
+            # Two coordinates of one axis pair up both ways: the lower triangle takes one of them.
+            if j < 0 or (a == axis and i < j):
+                continue
+            share = work.dphi[axis, s] * work.dphi[a, t]
+            if i == j and a != axis:
+                share *= 2.0
+            H[max(i, j), min(i, j)] += share * (plain + curved)
+            if i == j:
+                D[i] += share * plain
+
+
+@bare
+def point_slope(work, x, direction):
+    """Slope for `add_row` of the component along a direction of a point of a body at x [m], both in
+    ground.
+    """
+    arm = cross(minus(x, (work.origin[0], work.origin[1], work.origin[2])), direction)
+    return (arm[0], arm[1], arm[2], direction[0], direction[1], direction[2])
+
+
+@bare
+def angle_slope(direction):
+    """Slope for `add_row` of a rotation of a body about a direction in ground."""
+    return (direction[0], direction[1], direction[2], 0.0, 0.0, 0.0)
+
+
+@bare
+def no_residual(arrays, c, frame, work):
+    """`TaskKernels.keep` of a kind that stores nothing."""
+    return
+
+
+def shown(tasks: tuple[Any, ...], frame: int) -> bool:
+    """Whether a frame has a measurement of any task; for kernels."""
+    raise NotImplementedError
+
+
+def sum_of_costs(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> float:
+    """Cost of all tasks; for kernels."""
+    raise NotImplementedError
+
+
+def add_tasks(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> float:
+    """Cost of all tasks, with half its gradient and curvature added to `work`; for kernels."""
+    raise NotImplementedError
+
+
+def keep_residuals(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> None:
+    """Let all tasks store their residuals; for kernels."""
+    raise NotImplementedError
+
+
+@overload(shown)
+def _shown(tasks, frame):
+    first = TASKS[tasks[0].instance_class].kernels.shown
+    if len(tasks) == 1:
+        return lambda tasks, frame: first(tasks[0], frame)
+    return lambda tasks, frame: first(tasks[0], frame) or shown(tasks[1:], frame)
+
+
+@overload(sum_of_costs)
+def _sum_of_costs(tasks, c, frame, work):
+    first = TASKS[tasks[0].instance_class].kernels.cost
+    if len(tasks) == 1:
+        return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
+    return lambda tasks, c, frame, work: (
+        first(tasks[0], c, frame, work) + sum_of_costs(tasks[1:], c, frame, work)
+    )
+
+
+@overload(add_tasks)
+def _add_tasks(tasks, c, frame, work):
+    first = TASKS[tasks[0].instance_class].kernels.add
+    if len(tasks) == 1:
+        return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
+    return lambda tasks, c, frame, work: (
+        first(tasks[0], c, frame, work) + add_tasks(tasks[1:], c, frame, work)
+    )
+
+
+@overload(keep_residuals)
+def _keep_residuals(tasks, c, frame, work):
+    first = TASKS[tasks[0].instance_class].kernels.keep
+    if len(tasks) == 1:
+        return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
+
+    def each(tasks, c, frame, work):
+        first(tasks[0], c, frame, work)
+        keep_residuals(tasks[1:], c, frame, work)
+
+    return each

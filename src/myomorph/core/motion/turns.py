@@ -1,0 +1,204 @@
+"""Angles that give the same pose: whole turns, and the two triples of a ball joint; and those of a
+floating body.
+
+A body floats in the laboratory by coordinates whose bounds say nothing about it. A motion keeps to
+the nearest angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.model import GROUND, Joint, Model
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import Tree
+
+SAME_POSE = 1e-6  # Entries of poses that differ by less are those of one pose [1 or m]
+# Change of an angle from frame to frame beyond which another branch is looked for [rad]
+JUMP = 0.5 * np.pi
+SLACK = 1e-9  # Of an angle, that counts as none [rad]
+MASSLESS = 1e-6  # A body lighter than this share of the whole is a link on the way from the ground
+
+
+def floating_coordinates(model: Model) -> tuple[str, ...]:
+    """Coordinates of the joints that let a body float: at least two translations and one rotation
+    against the ground. A joint to the ground that only turns (an arm fixed at the shoulder) or only
+    slides (a sled) is part of the body or of a rig, and its bounds count. Massless links between
+    ground and body belong to the root joint.
+    """
+    result: list[str] = []
+    for chain in _root_chains(model):
+        axes = [
+            (axis.kind, name) for joint in chain for axis in joint.axes for name in axis.coordinates
+        ]
+        turns = {name for kind, name in axes if kind == "rotation"}
+        # Old files call the translations of a custom joint coupled; a rotation may bring a
+        # translation along.
+        slides = {name for kind, name in axes if kind == "translation"} - turns
+        if len(slides) >= 2 and turns:
+            result += dict.fromkeys(name for _, name in axes)
+    return tuple(result)
+
+
+def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
+    """Coordinates (frames, coordinates) whose angles begin, and go on after every gap (NaN), on the
+    turn that is nearest. Frames are solved in stretches from poses that were found apart, which may
+    differ by whole turns. Angles that would leave their bounds, or that a task pulls at, stay.
+    """
+    values = values.copy()
+    for index, low, high in zip(problem.free, problem.lower, problem.upper, strict=True):
+        if problem.coordinates.weight[index] or not _turns_whole(
+            tree.model, tree.model.coordinates[index].name
+        ):
+            continue
+        column = values[:, index].copy()
+        last = tree.defaults[index]
+        for start, stop in runs(np.isfinite(column)):
+            column[start:stop] = np.unwrap(column[start:stop])
+            column[start:stop] -= 2.0 * np.pi * np.round((column[start] - last) / (2.0 * np.pi))
+            last = column[stop - 1]
+        if np.nanmin(column) >= low and np.nanmax(column) <= high:
+            values[:, index] = column
+    return values
+
+
+def _turns_whole(model: Model, name: str) -> bool:
+    """Whether an angle gives the same pose a turn later: one axis turns by it, one to one."""
+    turning = [axis for joint in model.joints for axis in joint.axes if name in axis.coordinates]
+    coupled = any(name in coupler.independents for coupler in model.couplers)
+    if (
+        coupled
+        or len(turning) != 1
+        or turning[0].kind != "rotation"
+        or turning[0].function.arity != 1
+    ):
+        return False
+    zero = float(turning[0].function(np.array(0.0)))
+    half = float(turning[0].function(np.array(np.pi)))
+    whole = float(turning[0].function(np.array(2.0 * np.pi)))
+    return abs(abs(whole - zero) - 2.0 * np.pi) < SLACK and abs(abs(half - zero) - np.pi) < SLACK
+
+
+def _root_chains(model: Model) -> Iterator[list[Joint]]:
+    """Joints between the ground and each body that hangs on it."""
+    light = MASSLESS * max(model.mass, 1e-12)
+    for joint in model.joints:
+        if joint.parent != GROUND:
+            continue
+        chain = [joint]
+        while model.body(chain[-1].child).mass < light:
+            after = [following for following in model.joints if following.parent == chain[-1].child]
+            if len(after) != 1:
+                break
+            chain += after
+        yield chain
+
+
+def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
+    """The same poses (frames, coordinates), with the angles of every joint of three nearest to
+    those of the frame before.
+
+    Two triples of angles about three axes turn a body alike. Frames are solved in stretches from
+    poses that were found apart, and may begin on either. Where the nearer angles are out of bounds,
+    or a task pulls at them, they stay; so do those of a floating root, which may come back turned
+    around.
+    """
+    values = values.copy()
+    seen = np.flatnonzero(np.isfinite(values).all(axis=1))
+    place = {int(j): i for i, j in enumerate(problem.free)}
+    for triple, axes in _triples(tree):
+        steps = np.abs(np.diff(values[seen][:, triple], axis=0))
+        if (
+            not all(j in place for j in triple)
+            or not (steps > JUMP).any()
+            or problem.coordinates.weight[triple].any()
+        ):
+            continue
+        if not _turns_alike(tree, values[seen[0]], triple, axes):
+            continue
+        low = np.array([problem.lower[place[j]] for j in triple])
+        high = np.array([problem.upper[place[j]] for j in triple])
+        for before, frame in pairwise(seen):
+            last = values[before, triple]
+            here = values[frame, triple]
+            if np.abs(here - last).max() > JUMP:
+                alike = (
+                    here,
+                    nearest_turn(here, last),
+                    nearest_turn(other_angles(here, axes), last),
+                )
+                inside = [angles for angles in alike if ((low <= angles) & (angles <= high)).all()]
+                tried = np.array(inside or [here])
+                values[frame, triple] = tried[np.argmin(np.sum((tried - last) ** 2, axis=1))]
+    return values
+
+
+def other_branch(angles: Array) -> Array:
+    """(3,) the other angles of the same rotation, about axes each perpendicular to the next [rad]."""
+    return np.array([angles[0] + np.pi, np.pi - angles[1], angles[2] + np.pi])
+
+
+def other_angles(angles: Array, axes: Array) -> Array:
+    """(3,) the other angles of the same rotation about any three axes, unit vectors, one a row
+    [rad]. The last axis w after the second rotation makes an angle with the first axis u that
+    depends on cos(b - beta) alone, so the middle angle may be 2 beta - b; the others follow from
+    where u and w come to lie (Davenport angles).
+    """
+    first, second, last = axes
+    beta = np.arctan2(
+        first @ np.cross(second, last), first @ last - (first @ second) * (second @ last)
+    )
+    middle = 2.0 * beta - angles[1]
+    here = axis_rotation(second, angles[1])
+    there = axis_rotation(second, middle)
+    before = _angle_about(first, there @ last, here @ last)
+    after = _angle_about(last, there.T @ first, here.T @ first)
+    return np.array([angles[0] + before, middle, angles[2] - after])
+
+
+def _angle_about(axis: Array, start: Array, end: Array) -> float:
+    """By which a vector turns about an axis to another [rad]."""
+    return float(
+        np.arctan2(axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end))
+    )
+
+
+def nearest_turn(angles: Array, reference: Array) -> Array:
+    """Angles without whole turns away from a reference [rad]."""
+    return np.asarray(angles - 2.0 * np.pi * np.round((angles - reference) / (2.0 * np.pi)))
+
+
+def _triples(tree: Tree) -> Iterator[tuple[list[int], Array]]:
+    """The three angles of each joint that turns by three, and their axes (3, 3), but for a floating
+    root's.
+    """
+    floating = set(floating_coordinates(tree.model))
+    for joint in tree.model.joints:
+        turning = [axis for axis in joint.axes if axis.kind == "rotation" and axis.coordinates]
+        names = [name for axis in turning for name in axis.coordinates]
+        if len(turning) == len(set(names)) == 3 and not floating.intersection(names):
+            signs = [
+                float(axis.function(np.array(1.0)) - axis.function(np.array(0.0)))
+                for axis in turning
+            ]
+            axes = np.array([sign * axis.vector for sign, axis in zip(signs, turning, strict=True)])
+            yield [tree.model.coordinate_names.index(name) for name in names], axes
+
+
+def _turns_alike(tree: Tree, pose: Array, triple: list[int], axes: Array) -> bool:
+    """Whether the other branch of three angles, and whole turns of each, give every body the same
+    pose.
+    """
+    poses = np.tile(pose, (5, 1))
+    poses[1, triple] = other_angles(pose[triple], axes)
+    poses[[2, 3, 4], triple] += 2.0 * np.pi
+    turned = forward_kinematics(tree, poses)
+    return all(
+        np.ptp(entries, axis=0).max() < SAME_POSE for entries in (turned.rotations, turned.origins)
+    )

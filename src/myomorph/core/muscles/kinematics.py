@@ -1,0 +1,291 @@
+"""Lengths, lengthening velocities and moment arms of a model's muscles in a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.series import DEFAULT_POSE, Motion
+from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
+from myomorph.core.muscles.path import Paths, compile_paths
+from myomorph.core.muscles.path_arrays import ARMS
+from myomorph.core.muscles.path_kernels import coupler_slopes
+from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.kernels import kernel
+
+
+@kernel
+def _slopes(P, c, slopes):
+    for frame in range(c.shape[0]):
+        coupler_slopes(P, c[frame], slopes[frame])
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleKinematics(Labelled):
+    """Lengths, velocities and moment arms of muscles over time.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    muscles, coordinates : names
+    lengths : (frames, muscles) of the muscle-tendon units [m]
+    velocities : (frames, muscles) or None where not asked for [m/s]
+    arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not asked for;
+        `moment_arms` has (frames, muscles, coordinates)
+    coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
+    paths : the compiled paths, which hold the pattern of `arms`
+    loops : of each group of coordinates that closed loops tie together, `loop_couplings`
+    """
+
+    time: Array
+    muscles: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    lengths: Array
+    velocities: Array | None
+    arms: Array | None
+    coupler_slopes: Array
+    paths: Paths = field(repr=False)
+    loops: tuple[tuple[LoopGroup, Array], ...] = field(default=(), repr=False)
+
+    def variables(self) -> dict[str, Variable]:
+        """Lengths, and velocities and moment arms [m/rad or m/m] where they were asked for."""
+        result = {"length": Variable(("time", "muscle"), self.lengths, "m")}
+        if self.velocities is not None:
+            result["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
+        if self.arms is not None:
+            result["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms, "m")
+        return result
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], muscles, coordinates."""
+        return {"time": self.time, "muscle": self.muscles, "coordinate": self.coordinates}
+
+    @property
+    def moment_arms(self) -> Array:
+        """(frames, muscles, coordinates) all moment arms; see `dense`."""
+        return self.dense()
+
+    def dense(self, frames: slice = slice(None)) -> Array:
+        """Moment arms as OpenSim reports them, (frames, muscles, coordinates) [m/rad or m/m].
+
+        A coordinate that others follow has what reaches the muscle through them included. One that
+        follows has the moment arm of what it follows per unit of its own motion: with d = f(q) and
+        slope g, r_d = r_q / g; where g is 0, its own share. Coordinates of a closed loop have what
+        the others of the loop add while they follow; see `coupled_arms`.
+
+        Parameters
+        ----------
+        frames : the frames wanted; big models are asked for in parts
+        """
+        return self._dense(frames, np.arange(len(self.muscles)))
+
+    def moment_arm(self, muscle: str, coordinate: str) -> Array:
+        """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises
+        `UnknownName`.
+        """
+        i = index_of("muscle", muscle, self.muscles)
+        j = index_of("coordinate", coordinate, self.coordinates)
+        return self._dense(slice(None), np.array([i]))[:, 0, j]
+
+    def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
+        """Moment arms about the coordinates that no coupler drives, each moved alone (loops
+        opened), in sparse form.
+
+        Returns
+        -------
+        values : (frames, pairs) [m/rad or m/m]
+        muscle, coordinate : (pairs,) indices
+        """
+        free = self.paths.arm_free
+        return (
+            self._arms()[frames][:, free],
+            self.paths.arm_muscle[free],
+            self.paths.arm_coordinate[free],
+        )
+
+    def _arms(self) -> Array:
+        if self.arms is None:
+            raise BadData(
+                "these muscle kinematics were made without moment arms: ask for moment_arms=True"
+            )
+        return self.arms
+
+    def _dense(self, frames: slice, muscles: Ints) -> Array:
+        arms = self._arms()[frames]
+        starts = self.paths.arrays.start[:, ARMS]
+        table = np.zeros((len(arms), len(muscles), len(self.coordinates)))
+        for row, m in enumerate(muscles):
+            pairs = slice(starts[m], starts[m + 1])
+            table[:, row, self.paths.arm_coordinate[pairs]] = arms[:, pairs]
+        tree = self.paths.tree.arrays
+        for index, dependent in enumerate(tree.coupler_coordinate):
+            slopes = self.coupler_slopes[frames, index]
+            reached = np.zeros(table.shape[:2])
+            for slope, source in zip(slopes.T, tree.coupler_source[index], strict=True):
+                if source >= 0:
+                    reached += slope[:, None] * table[:, :, source]
+            square = (slopes**2).sum(axis=1)
+            moves = square > 0.0
+            table[moves, :, dependent] = reached[moves] / square[moves, None]
+        for group, couplings in self.loops:
+            led = table[:, :, group.coordinates[group.leading]]
+            table[:, :, group.coordinates] = np.einsum("fml,flk->fmk", led, couplings[frames])
+        return table
+
+
+def muscle_kinematics(
+    model: Model,
+    motion: Motion,
+    velocities: bool = True,
+    moment_arms: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> MuscleKinematics:
+    """Lengths, lengthening velocities and moment arms of a model's muscles in a motion.
+
+    Source: Delp and Loan 1995, paths; Seth et al. 2018, moment arms.
+
+    Parameters
+    ----------
+    model : with muscles
+    motion : coordinates over time; what it lacks stands at the model's default, at rest
+    velocities : also lengthening velocities, for which the motion must have velocities
+    moment_arms : also moment arms, (frames, pairs of a muscle and a coordinate that moves it)
+    progress : called with the number of frames just done
+
+    Returns
+    -------
+    lengths (frames, muscles) [m], velocities (frames, muscles) [m/s] and moment arms (frames,
+    muscles, coordinates) [m]
+
+    Raises
+    ------
+    BadData : velocities are asked for and the motion has none, or a value is not finite
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> found = mm.muscle_kinematics(model, mm.read_motion("reach.mot", model), velocities=False)
+    >>> found.muscles, found.lengths.shape
+    (('flexor', 'extensor'), (61, 2))
+    >>> found.moment_arm("flexor", "elbow_flexion").shape
+    (61,)
+    """
+    paths = compile_paths(model)
+    if velocities and motion.velocities is None:
+        raise BadData(
+            "lengthening velocities need the velocities of the coordinates: differentiate the"
+            " motion first"
+        )
+    coordinates = paths.tree.coordinates_of(motion)
+    speeds = paths.tree.rates_of(motion)[0] if velocities else None
+    if not np.isfinite(coordinates).all() or not (speeds is None or np.isfinite(speeds).all()):
+        raise BadData("the motion has values that are not finite")
+    lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
+    slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
+    _slopes(paths.arrays, coordinates, slopes)
+    loops = tuple(
+        (group, loop_couplings(paths.tree, group, coordinates))
+        for group in loop_groups(paths.tree)
+        if moment_arms
+    )
+    return MuscleKinematics(
+        time=motion.time,
+        muscles=model.muscle_names,
+        coordinates=model.coordinate_names,
+        lengths=lengths,
+        velocities=rates if velocities else None,
+        arms=arms if moment_arms else None,
+        coupler_slopes=slopes,
+        paths=paths,
+        loops=loops,
+    )
+
+
+def default_path_lengths(model: Model) -> Array:
+    """Lengths of a model's muscle paths in its default pose.
+
+    Given to `calibrate` as `path_lengths`, it lets fibers and tendons keep their ratio to the path.
+
+    Parameters
+    ----------
+    model : with muscles
+
+    Returns
+    -------
+    (muscles,) [m]
+
+    Raises
+    ------
+    BadModel : where closed loops do not close
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> mm.default_path_lengths(mm.read_model("arm.osim")).round(2).tolist()
+    [0.28, 0.24]
+    """
+    return muscle_kinematics(model, DEFAULT_POSE, velocities=False, moment_arms=False).lengths[0]
+
+
+AT_ONCE = 64  # Frames whose moment arms stand in one dense table
+
+
+class ReportedPaths:
+    """The muscle paths of a model as tables report them, a part of a motion at a time.
+    `model`: with muscles. `pairs`: muscle and coordinate of each column of moment arms, in order of
+    coordinates: every pair that can have one.
+    """
+
+    def __init__(self, model: Model):
+        if not model.muscles:
+            raise BadModel(f"model '{model.name}' has no muscles")
+        self.model = model
+        paths = compile_paths(model)
+        crossed = np.zeros((len(model.coordinates), len(model.muscles)), np.bool_)
+        crossed[paths.arm_coordinate, paths.arm_muscle] = True
+        tree = paths.tree.arrays
+        for dependent, sources in zip(tree.coupler_coordinate, tree.coupler_source, strict=True):
+            crossed[dependent] |= crossed[sources[sources >= 0]].any(axis=0)
+        for group in loop_groups(paths.tree):
+            crossed[group.coordinates] = crossed[group.coordinates].any(axis=0)
+        self._coordinate, self._muscle = np.nonzero(crossed)
+        names = model.muscle_names, model.coordinate_names
+        self.pairs = tuple(
+            (names[0][m], names[1][j]) for m, j in zip(self._muscle, self._coordinate, strict=True)
+        )
+
+    def evaluate(
+        self, motion: Motion, part: slice, advance: Callable[[int], None] | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Lengths [m] and velocities [m/s] (frames, muscles), moment arms (frames, pairs) of some
+        frames of a motion. Frames without coordinates (NaN) stay NaN. `motion`: with velocities;
+        `advance`: called with the number of frames just done.
+        """
+        if motion.velocities is None:
+            raise ValueError("the motion has no velocities")
+        values = motion.values[part]
+        rates = motion.velocities[part]
+        unknown = ~(np.isfinite(values) & np.isfinite(rates)).all(axis=1, keepdims=True)
+        defaults = {coordinate.name: coordinate.default for coordinate in self.model.coordinates}
+        values = np.where(unknown, [defaults.get(name, 0.0) for name in motion.names], values)
+        known = Motion(
+            time=motion.time[part],
+            names=motion.names,
+            values=values,
+            velocities=np.where(unknown, 0.0, rates),
+        )
+        found = muscle_kinematics(self.model, known, progress=advance)
+        tables = [found.dense(slice(i, i + AT_ONCE)) for i in range(0, len(known), AT_ONCE)]
+        arms = np.concatenate([table[:, self._muscle, self._coordinate] for table in tables])
+        assert found.velocities is not None
+        lengths = np.where(unknown, np.nan, found.lengths)
+        speeds = np.where(unknown, np.nan, found.velocities)
+        reported = np.where(unknown, np.nan, arms)
+        return lengths, speeds, reported

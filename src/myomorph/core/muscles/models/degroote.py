@@ -1,0 +1,191 @@
+"""DeGrooteFregly2016Muscle: bells, exponentials, an inverse hyperbolic sine (De Groote et al.
+2016), and its fibers.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.paths import Muscle
+from myomorph.core.muscles.curves import ASINH, BELL, EXPONENTIAL, LOGARITHM, Curve, Piece, Shape
+from myomorph.core.muscles.fiber_equations import TENDON_FORCE, FiberMuscle, Fibers, bisected
+from myomorph.core.muscles.muscle_model import (
+    NO_PENNATION,
+    FiberCurves,
+    StaticOptimization,
+    numbers,
+)
+
+HIGHEST = 5.0  # Largest normalized tendon force
+SIZE = -0.3211346127989808
+RATE = -8.149
+OFFSET = -0.374
+ISOMETRIC = 0.8825327733249912
+"""f_V = size asinh(rate v + offset) + isometric."""
+BELLS = (
+    (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
+    (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
+    (0.1, 1.0, 0.353553390593274, 0.0),
+)
+"""Size b1, middle b2 and width b3 + b4 x of the bells of f_L."""
+VELOCITY = Curve(
+    (Piece(-np.inf, (ISOMETRIC,), shapes=(Shape(form=ASINH, size=SIZE, a=OFFSET, b=RATE),)),)
+)
+
+
+class DeGrooteFregly2016(FiberMuscle):
+    """DeGrooteFregly2016Muscle, whose state is the tendon's force."""
+
+    smooth = True
+    elastic = True
+    passive_strain = ("passive_fiber_strain_at_one_norm_force", 0.6)
+    static_optimization = StaticOptimization(bounded=False, pennation_by=NO_PENNATION)
+    state = TENDON_FORCE
+    first_activation = 0.5
+
+    def curves(self, muscle: Muscle) -> FiberCurves:
+        """Three bells, an inverse hyperbolic sine, which goes below 0, and an exponential."""
+        width, strain = numbers(
+            muscle, active_force_width_scale=1.0, passive_fiber_strain_at_one_norm_force=0.6
+        )
+        left_out = bool(muscle.parameters.get("ignore_passive_fiber_force", 0.0))
+        return FiberCurves(_active(width), VELOCITY, _passive(strain, 0.0 if left_out else 1.0))
+
+    def smooth_curves(self, muscle: Muscle) -> FiberCurves:
+        """As before, but fibers do not push."""
+        return self.curves(muscle)._replace(velocity=_not_pushing())
+
+    def tendon(self, muscle: Muscle) -> Curve:
+        """An exponential."""
+        stiffness = 1.0 / _compliance(muscle)
+        return Curve(
+            (
+                Piece(
+                    -np.inf,
+                    (-0.2,),
+                    shapes=(Shape(form=EXPONENTIAL, size=0.2, a=-stiffness, b=stiffness),),
+                ),
+            )
+        )
+
+    def stretch(self, muscle: Muscle) -> Curve:
+        """A logarithm."""
+        return _stretch(_compliance(muscle))
+
+    def fibers(
+        self, muscle: Muscle, length: Array, speed: Array, a: Array, state: Array | None
+    ) -> Fibers:
+        """Fibers and tendon from the tendon's force."""
+        sizes = self.sizes(muscle)
+        curves = self.curves(muscle)
+        force = sizes.force
+        slack = sizes.tendon
+        tendon = (
+            np.full_like(length, slack) if state is None else slack * self.stretch(muscle)(state)
+        )
+        along = length - tendon
+        fiber = np.sqrt(along**2 + sizes.height**2)
+        cosine = along / fiber
+        angle = np.arcsin(sizes.height / fiber)
+        active = curves.active(fiber / sizes.fiber)
+        passive = curves.passive(fiber / sizes.fiber)
+        if state is None:
+            v = speed * cosine / sizes.speed
+            f_v = curves.velocity(v)
+            tendon_speed = np.zeros_like(speed)
+        else:
+            f_v = (state / cosine - passive) / (a * active)
+            v = (np.sinh((f_v - ISOMETRIC) / SIZE) - OFFSET) / RATE
+            tendon_speed = speed - v * sizes.speed / cosine
+        dv = v * sizes.speed
+        pulls = a * active * f_v * force
+        elastic = passive * force
+        damped = self.fiber_damping(muscle) * v * force
+        total = pulls + elastic + damped
+        pull_force = total * cosine if state is None else state * force
+        turning = -dv / fiber * sizes.height / along
+        return Fibers(
+            activation=a,
+            fiber_length=fiber,
+            tendon_length=tendon,
+            pennation=angle,
+            fiber_velocity=dv,
+            normalized_velocity=v,
+            pennation_velocity=turning,
+            active_force=pulls,
+            passive_force=elastic + damped,
+            fiber_force=total,
+            tendon_force=pull_force,
+            active_power=-(pulls + damped) * dv,
+            passive_power=-elastic * dv,
+            tendon_power=-pull_force * tendon_speed,
+            muscle_power=-pull_force * speed,
+        )
+
+    def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
+        """Normalized tendon force where the fiber has all of the path's velocity."""
+        sizes = self.sizes(muscle)
+        curves = self.curves(muscle)
+        stretch = self.stretch(muscle)
+
+        def residual(force: Array) -> Array:
+            along = length - sizes.tendon * stretch(force)
+            fiber = np.sqrt(along**2 + sizes.height**2)
+            cosine = along / fiber
+            v = speed * cosine / sizes.speed
+            pull = activation * curves.active(fiber / sizes.fiber) * curves.velocity(v)
+            pull += curves.passive(fiber / sizes.fiber) + self.fiber_damping(muscle) * v
+            return force - pull * cosine
+
+        return bisected(residual, np.zeros_like(length), np.full_like(length, HIGHEST))
+
+
+def _compliance(muscle: Muscle) -> float:
+    (strain,) = numbers(muscle, tendon_strain_at_one_norm_force=0.049)
+    return strain / float(np.log(6.0))
+
+
+@lru_cache(maxsize=64)
+def _active(width: float) -> Curve:
+    """f_L of x = (l - 1) / width + 1."""
+    shapes = []
+    for size, middle, base, rise in BELLS:
+        at_one = 1.0 - 1.0 / width
+        rate = 1.0 / width
+        half = float(np.sqrt(0.5))
+        shapes.append(
+            Shape(
+                form=BELL,
+                size=size,
+                a=half * (at_one - middle),
+                b=half * rate,
+                c=base + rise * at_one,
+                d=rise * rate,
+            )
+        )
+    return Curve((Piece(-np.inf, shapes=tuple(shapes)),))
+
+
+@lru_cache(maxsize=64)
+def _passive(strain: float, share: float) -> Curve:
+    rate = 4.0 / strain
+    least = float(np.exp(-0.8 * rate))
+    size = share / (float(np.exp(4.0)) - least)
+    rise = Piece(
+        -np.inf, (-size * least,), shapes=(Shape(form=EXPONENTIAL, size=size, a=-rate, b=rate),)
+    )
+    return Curve((rise,), bounds=(0.0, np.inf))
+
+
+@lru_cache(maxsize=64)
+def _stretch(compliance: float) -> Curve:
+    curved = Piece(-0.199, (1.0,), shapes=(Shape(form=LOGARITHM, size=compliance, a=1.0, b=5.0),))
+    return Curve((curved,), slopes=(None, 0.0))
+
+
+@lru_cache(maxsize=1)
+def _not_pushing() -> Curve:
+    return VELOCITY.within(0.0)

@@ -1,0 +1,225 @@
+"""The way around a cylinder as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
+
+In the frame of the surface its axis is z and its middle the origin. The path of least length would
+be a helix; OpenSim takes the tangent points of the projection along the axis, slides them along the
+axis into the plane of both points and an apex of the cylinder, and joins them by a helix. Where a
+path has several surfaces the points are slid on until the helix leaves at the angle of the straight
+parts, to within 0.1 degrees.
+"""
+
+from __future__ import annotations
+
+import math
+
+from myomorph.core.rigid.kernels import inner
+from myomorph.core.rigid.vectors import EPSILON, along, cross, dot, minus, norm, sign, unit
+
+NO_WRAP = 0
+INSIDE = 1
+WRAPPED = 2
+MANDATORY = 3
+PARALLEL = 2e-13
+CHORD = 0.002
+TANGENCY = math.radians(0.1)
+MAX_SLIDES = 100
+
+
+@inner
+def wrap_cylinder(a, b, radius, length, axis, side, single):
+    """Where the segment from a to b meets and leaves the cylinder.
+    `a`, `b`: points in the frame of the cylinder [m]; `radius`, `length` [m]; `axis`, `side`: the
+    path may only touch the half where sign(component `axis`) is `side`; 0 for all; `single`: the
+    path has no other surface, so the points are not slid to tangency. Returns `code`: NO_WRAP,
+    INSIDE (a point lies in the infinite cylinder), WRAPPED or MANDATORY (the segment runs through
+    the cylinder); `arc`: length on the surface [m]; `r`, `s`: where the path meets and leaves the
+    surface; only on WRAPPED and MANDATORY.
+    """
+    rr = radius * radius
+    da = math.sqrt(a[0] * a[0] + a[1] * a[1])
+    db = math.sqrt(b[0] * b[0] + b[1] * b[1])
+    if da * da < rr or db * db < rr:
+        return INSIDE, 0.0, a, b
+    t, near = _nearest_to_axis(a, b)
+    through = near[0] * near[0] + near[1] * near[1] < rr and 0.0 < t < 1.0
+    code = MANDATORY if through else WRAPPED
+    if side == 0:
+        if not through:
+            return NO_WRAP, 0.0, a, b
+    elif (
+        (sign(a[axis]) == side or sign(b[axis]) == side)
+        and not through
+        and not (sign(a[axis]) != sign(b[axis]) and sign(near[axis]) != side)
+    ):
+        return NO_WRAP, 0.0, a, b
+    ra, rb = _tangents(a, da, radius)
+    sa, sb = _tangents(b, db, radius)
+    far = False
+    long = False
+    if side == 0:
+        first = ra[0] * sa[0] + ra[1] * sa[1]
+        other = ra[0] * sb[0] + ra[1] * sb[1]
+        of_a, of_b = nearest_pair(
+            first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1]
+        )
+        r = ra if of_a else rb
+        s = sa if of_b else sb
+    else:
+        # The angle from ra to sb against the one from rb to sa, by their cosines.
+        wider = ra[0] * sb[0] + ra[1] * sb[1] < rb[0] * sa[0] + rb[1] * sa[1]
+        on_a = sign(ra[axis]) == side
+        on_b = sign(rb[axis]) == side
+        if on_a != on_b:
+            first = on_a
+        elif sign(sa[axis]) == side:
+            first = False
+        else:
+            first = on_a or sign(sb[axis]) == side or wider
+        r, s, far = (ra, sb, wider) if first else (rb, sa, not wider)
+        reach = (r[0] - a[0] + s[0] - b[0], r[1] - a[1] + s[1] - b[1], r[2] - a[2] + s[2] - b[2])
+        long = reach[0] * (r[0] + s[0]) + reach[1] * (r[1] + s[1]) < 0.0
+    r, s = _slide_to_plane(a, b, da, db, r, s, radius, far)
+    half = 0.5 * length
+    if abs(r[2]) > half and abs(s[2]) > half:
+        return NO_WRAP, 0.0, a, b
+    arc, r, s = _helix(a, b, r, s, radius, long, single)
+    return code, arc, r, s
+
+
+@inner
+def _nearest_to_axis(a, b):
+    """Point of the line through a and b nearest to the z axis, and its place from a (0) to b (1)."""
+    d = minus(b, a)
+    v = unit(d)
+    denominator = v[0] * v[0] + v[1] * v[1]
+    if denominator <= PARALLEL:
+        return math.nan, (math.nan, math.nan, math.nan)
+    s = -(a[0] * v[0] + a[1] * v[1]) / denominator
+    return s / norm(d), along(a, s, v)
+
+
+@inner
+def _tangents(p, distance, radius):
+    """Both points where lines across the axis through p touch the circle at p's height."""
+    x = p[0] / distance
+    y = p[1] / distance
+    foot = radius * (radius / distance)
+    h = math.sqrt(max(0.0, radius * radius - foot * foot))
+    return (foot * x - h * y, foot * y + h * x, p[2]), (foot * x + h * y, foot * y - h * x, p[2])
+
+
+@inner
+def nearest_pair(aa, ab, ba, bb):
+    """Of two tangent points a, b at either end, by the cosines of all pairs: whether the nearest
+    has a of each end.
+    """
+    if aa > ab and aa > ba and aa > bb:
+        return True, True
+    if ab > ba and ab > bb:
+        return True, False
+    return False, ba > bb
+
+
+@inner
+def _slide_to_plane(a, b, da, db, r, s, radius, far):
+    """Move r and s along the axis into the plane of a, b and the cylinder's apex."""
+    middle = along(a, da / (da + db), minus(b, a))
+    foot = (0.0, 0.0, middle[2])
+    n = unit(cross(unit(minus(a, foot)), unit(minus(b, foot))))
+    out = unit((-n[1], n[0], 0.0))
+    one = along(foot, radius, out)
+    other = along(foot, -radius, out)
+    to_one = minus(middle, one)
+    to_other = minus(middle, other)
+    first_is_near = dot(to_one, to_one) < dot(to_other, to_other)
+    apex = one if first_is_near != far else other
+    n = unit(cross(unit(minus(a, apex)), unit(minus(b, apex))))
+    if abs(20.0 * n[2]) < 1e-5:
+        return r, s
+    reach = 10.0 * (1.0 + 2e-5)
+    span = (b[2] - a[2]) * (b[2] - a[2])
+    # OpenSim measures from a in the direction of b's foot on the axis, which is no direction at 0.
+    degenerate = abs(b[2]) < EPSILON
+    z = r[2] - dot(n, minus(r, a)) / n[2]
+    seen = a[2] if degenerate else z
+    if abs(z - r[2]) <= reach and (seen - b[2]) * (seen - b[2]) < span:
+        r = (r[0], r[1], z)
+    z = s[2] - dot(n, minus(s, a)) / n[2]
+    seen = a[2] if degenerate else z
+    if abs(z - s[2]) <= reach and (seen - a[2]) * (seen - a[2]) < span:
+        s = (s[0], s[1], z)
+    return r, s
+
+
+@inner
+def _helix(a, b, r, s, radius, long, single):
+    """Length of the helix from r to s, slid to tangency unless `single`, and its ends."""
+    angle = math.atan2(r[0] * s[1] - r[1] * s[0], r[0] * s[0] + r[1] * s[1])
+    if long:
+        angle = 2.0 * math.pi - angle
+    turn = -angle if long else angle
+    flat = radius * angle
+    z = r[2]
+    y = s[2]
+    arc = math.sqrt(flat * flat + (y - z) * (y - z))
+    slides = 0 if not single else MAX_SLIDES
+    known = 0
+    t = 0.0
+    at_r = (0.0, 0.0, 0.0, 0.0)
+    at_s = (0.0, 0.0, 0.0, 0.0)
+    while slides < MAX_SLIDES and arc >= 2.0 * CHORD:
+        chords = int(arc / CHORD)
+        if chords != known:
+            known = chords
+            t = 1.0 / chords
+            at_r = _flat_view(a, r, r, t * turn)
+            at_s = _flat_view(b, s, r, (1.0 - t) * turn)
+        rise = y - z
+        slid_r, new_z = _slide_to_tangency(a[2], z, z + t * rise, at_r)
+        # The other end is compared with the helix of the new r, as OpenSim does.
+        slid_s, new_y = _slide_to_tangency(b[2], y, new_z + (1.0 - t) * rise, at_s)
+        if not slid_r and not slid_s:
+            break
+        z = new_z
+        y = new_y
+        arc = math.sqrt(flat * flat + (y - z) * (y - z))
+        slides += 1
+    return arc, (r[0], r[1], z), (s[0], s[1], y)
+
+
+@inner
+def _flat_view(p, q, r, turn):
+    """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by
+    `turn` makes. Seen along the axis: squares of the distances p q, q w and p w, and how far along
+    p w the point nearest to q lies.
+    """
+    c = math.cos(turn)
+    s = math.sin(turn)
+    w0 = c * r[0] - s * r[1]
+    w1 = s * r[0] + c * r[1]
+    q0 = q[0] - p[0]
+    q1 = q[1] - p[1]
+    d0 = w0 - p[0]
+    d1 = w1 - p[1]
+    pw = d0 * d0 + d1 * d1
+    share = (q0 * d0 + q1 * d1) / pw if pw > 0.0 else 0.0
+    return q0 * q0 + q1 * q1, (w0 - q[0]) ** 2 + (w1 - q[1]) ** 2, pw, share
+
+
+@inner
+def _slide_to_tangency(p, q, w, view):
+    """Slide a tangent point where the line to it and the helix away from it do not meet at one
+    angle. Takes and gives heights along the axis: of the outer point, the tangent point and a point
+    on the helix.
+    """
+    pq, qw, pw, share = view
+    into = q - p
+    away = w - q
+    v = into / math.sqrt(pq + into * into)
+    u = away / math.sqrt(qw + away * away)
+    # acos is steep: only cosines this near need their angles.
+    slides = abs(v - u) > TANGENCY or abs(math.acos(v) - math.acos(u)) > TANGENCY
+    if slides and abs(w - p) >= EPSILON and pw > PARALLEL * (pw + (w - p) * (w - p)):
+        # To the height of the line from p to w where it passes the tangent point, and half as far
+        # again.
+        return True, q + 1.5 * (p + share * (w - p) - q)
+    return False, q

@@ -1,0 +1,285 @@
+"""Inverse dynamics over frames: generalized forces from motion and external wrenches, and what
+joints transmit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
+from myomorph.core.rigid.frames import run_frames
+from myomorph.core.rigid.kernels import bare, in_place, kernel
+from myomorph.core.rigid.kinematics import body_poses, body_rates, carried, pose_room
+from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
+from myomorph.core.rigid.vectors import (
+    along,
+    cross,
+    dot,
+    matrix,
+    minus,
+    plus,
+    put_vector,
+    turned,
+    turned_back,
+    vector,
+)
+
+
+def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = None) -> Series:
+    """Generalized force of every coordinate that makes the model move as given.
+
+    tau = Phi^T (M a + h - gravity - external), by the recursive Newton-Euler algorithm
+    (Featherstone 2008, ch. 5) over elementary axes. As in OpenSim's tool, every coordinate has its
+    own column, and couplers and closed loops transmit no force; `closed_motion.loop_torques` folds
+    the dependent ones in.
+
+    Parameters
+    ----------
+    model : the body that moves, mass in [kg]
+    motion : with velocities and accelerations; coordinates it lacks rest at their default
+    wrenches : external forces in ground at the motion's times, each with its body's name
+
+    Returns
+    -------
+    Series of (frames, coordinates) [N m or N], NaN in frames where the motion is NaN
+
+    Raises
+    ------
+    BadData : where derivatives are missing, or the wrenches' clock is not the motion's
+    UnknownName : where a wrench acts on a body that the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> torques = mm.inverse_dynamics(model, motion)
+    >>> torques.names, torques.values.shape
+    (('shoulder_flexion', 'elbow_flexion'), (61, 2))
+    """
+    tree = compile_tree(model)
+    c, cdot, cddot = motion_arrays(tree, motion)
+    bodies, forces, points, torques = external_arrays(tree, motion, wrenches)
+    tau = np.empty_like(c)
+    run_frames(
+        inverse_dynamics_frames, (tree.arrays, bodies), c, cdot, cddot, forces, points, torques, tau
+    )
+    return Series(motion.time, model.coordinate_names, tau, unit="N m or N")
+
+
+def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
+    """Values, velocities and accelerations (frames, coordinates) in the model's order."""
+    if motion.velocities is None or motion.accelerations is None:
+        raise BadData(
+            "inverse dynamics needs velocities and accelerations: differentiate the motion first"
+        )
+    c = tree.coordinates_of(motion)
+    cdot, cddot = tree.rates_of(motion)
+    couple_rates_frames(tree.arrays, c, cdot, cddot)
+    return c, cdot, cddot
+
+
+def rates_of(tree: Tree, motion: Motion) -> tuple[Array, Array]:
+    """Values and velocities (frames, coordinates) in the model's order, dependent ones consistent."""
+    if motion.velocities is None:
+        raise BadData("this needs the motion's velocities: differentiate the motion first")
+    still = replace(motion, accelerations=np.zeros_like(motion.velocities))
+    coordinates, rates, _ = motion_arrays(tree, still)
+    return coordinates, rates
+
+
+def external_arrays(
+    tree: Tree, motion: Motion, wrenches: Wrenches | None
+) -> tuple[Ints, Array, Array, Array]:
+    """Numbers of the bodies that wrenches act on, forces, points of application and free torques."""
+    if wrenches is None:
+        empty = np.zeros((len(motion), 0, 3))
+        return np.zeros(0, np.int64), empty, empty, empty
+    if (
+        len(wrenches) != len(motion)
+        or np.max(np.abs(wrenches.time - motion.time), initial=0.0) > 1e-6
+    ):
+        raise BadData(
+            f"external forces have {len(wrenches)} frames from {wrenches.time[:1]} s, the motion"
+            f" {len(motion)} from {motion.time[:1]} s: resample the forces to the motion's times"
+            " first"
+        )
+    bodies = np.array([tree.body_number(body) for body in wrenches.bodies], np.int64)
+    # A point of application is unknown (NaN) where nothing touches, and then does not matter.
+    points = np.where(
+        np.isnan(wrenches.points) & (wrenches.forces == 0.0).all(axis=2)[..., None],
+        0.0,
+        wrenches.points,
+    )
+    # Copies, because a kernel is compiled anew for arrays that are read-only.
+    return bodies, wrenches.forces.copy(), points, wrenches.torques.copy()
+
+
+@kernel
+def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, tau):
+    """Fill tau (frames, coordinates) from consistent values and rates, and wrenches (frames,
+    wrenches, 3) on bodies.
+    """
+    R, p, w, o, dphi = pose_room(T)
+    omega = np.empty_like(p)
+    v = np.empty_like(p)
+    alpha = np.empty_like(p)
+    a = np.empty_like(p)
+    f = np.empty_like(p)
+    m = np.empty_like(p)
+    for frame in range(c.shape[0]):
+        body_poses(T, c[frame], R, p, w, o, dphi)
+        body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, a)
+        body_wrenches(T, R, p, omega, alpha, a, f, m)
+        for e in range(bodies.shape[0]):
+            b = bodies[e]
+            force = vector(forces[frame], e)
+            moment = plus(vector(torques[frame], e), cross(vector(points[frame], e), force))
+            put_vector(f, b, minus(vector(f, b), force))
+            put_vector(m, b, minus(vector(m, b), moment))
+        project(T, w, o, dphi, f, m, tau[frame])
+
+
+@in_place
+def body_wrenches(T, R, p, omega, alpha, a, f, m):
+    """Fill f, m (bodies, 3) with what each body needs: force and moment about the ground's origin,
+    less gravity.
+    """
+    gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
+    for b in range(T.parent.shape[0]):
+        r = matrix(R, b)
+        W = vector(omega, b)
+        E = vector(alpha, b)
+        # The moment equation in the body's frame, where the inertia is constant.
+        I = matrix(T.inertia, b)
+        spin = turned_back(r, W)
+        moment = turned(r, plus(turned(I, turned_back(r, E)), cross(spin, turned(I, spin))))
+        center = turned(r, vector(T.mass_center, b))
+        _, acceleration = carried(W, E, W, vector(a, b), center)
+        force = along((0.0, 0.0, 0.0), T.mass[b], minus(acceleration, gravity))
+        put_vector(f, b, force)
+        put_vector(m, b, plus(moment, cross(plus(vector(p, b), center), force)))
+
+
+@bare
+def project(T, w, o, dphi, f, m, tau):
+    """Generalized forces tau (coordinates,) of wrenches on the bodies, summed from the leaves.
+    f, m (bodies, 3): force and moment about the ground's origin in ground, added up on the way.
+    """
+    for j in range(tau.shape[0]):
+        tau[j] = 0.0
+    for b in range(T.parent.shape[0] - 1, 0, -1):
+        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            if T.axis_kind[axis] == ROTATION:
+                t = dot(vector(w, axis), minus(vector(m, b), cross(vector(o, axis), vector(f, b))))
+            else:
+                t = dot(vector(w, axis), vector(f, b))
+            for s in range(2):
+                j = T.axis_coordinate[axis, s]
+                if j >= 0:
+                    tau[j] += dphi[axis, s] * t
+        h = T.parent[b]
+        put_vector(f, h, plus(vector(f, h), vector(f, b)))
+        put_vector(m, h, plus(vector(m, h), vector(m, b)))
+
+
+class OnlineDynamics:
+    """Generalized forces of a frame, as `inverse_dynamics` gives them.
+    `bodies`: names of those that external wrenches act on. `coordinates`, `rates`, `accelerations`
+    (1, coordinates) of the last frame, those that follow others set; `torques` (1, coordinates) [N
+    m or N].
+    """
+
+    def __init__(self, model: Model, bodies: Sequence[str]):
+        self._tree = compile_tree(model)
+        self._bodies = np.array([self._tree.body_number(body) for body in bodies], np.int64)
+        n = len(model.coordinates)
+        wrenches = len(bodies)
+        self.coordinates, self.rates, self.accelerations = np.zeros((3, 1, n))
+        self.torques = np.zeros((1, n))
+        self._forces, self._points, self._torques = np.zeros((3, 1, wrenches, 3))
+
+    def solve(
+        self, values: Array, velocities: Array, accelerations: Array, wrenches: Array
+    ) -> Array:
+        """Torques (coordinates,) of one frame; the array is used again by the next.
+        `values`, `velocities`, `accelerations` (coordinates,) in the model's order; `wrenches`
+        (bodies, 6) moment about the ground's origin and force, in ground [N m], [N].
+        """
+        self.coordinates[0] = values
+        self.rates[0] = velocities
+        self.accelerations[0] = accelerations
+        couple_rates_frames(self._tree.arrays, self.coordinates, self.rates, self.accelerations)
+        self._torques[0], self._forces[0] = wrenches[:, :3], wrenches[:, 3:]
+        inverse_dynamics_frames(
+            self._tree.arrays,
+            self._bodies,
+            self.coordinates,
+            self.rates,
+            self.accelerations,
+            self._forces,
+            self._points,
+            self._torques,
+            self.torques,
+        )
+        return self.torques[0]
+
+
+@dataclass(frozen=True, eq=False)
+class JointWrenches:
+    """Force and moment that the parent puts on each body through their joint."""
+
+    # (frames, bodies, 3) in ground [N]; those of the ground are what the whole model needs
+    forces: Array
+    moments: Array  # (frames, bodies, 3) about the ground's origin, in ground [N m]
+    torques: Array  # (frames, coordinates) their part along each coordinate's own motion [N m or N]
+    rotations: Array  # (frames, bodies, 3, 3) poses of the bodies in ground [m]
+    origins: Array  # (frames, bodies, 3) poses of the bodies in ground [m]
+
+
+def joint_wrenches(
+    tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array
+) -> JointWrenches:
+    """Newton's and Euler's equations of each body and all it carries.
+
+        wrench of joint = sum over the body and its descendants of (rate of momentum - gravity - applied)
+
+    `c`, `cdot`, `cddot` (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`;
+    `applied` (frames, bodies, 6) force and its moment about the ground's origin on each body, the
+    ground first, in ground [N], [N m]: all but gravity and what joints transmit.
+    """
+    frames = len(c)
+    bodies = len(tree.arrays.parent)
+    f = np.empty((frames, bodies, 3))
+    m = np.empty((frames, bodies, 3))
+    R = np.empty((frames, bodies, 3, 3))
+    p = np.empty((frames, bodies, 3))
+    tau = np.empty_like(c)
+    run_frames(_joint_wrenches, (tree.arrays,), c, cdot, cddot, applied, f, m, tau, R, p)
+    return JointWrenches(forces=f, moments=m, torques=tau, rotations=R, origins=p)
+
+
+@kernel
+def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
+    _, _, w, o, dphi = pose_room(T)
+    n = T.parent.shape[0]
+    omega = np.empty((n, 3))
+    v = np.empty((n, 3))
+    alpha = np.empty((n, 3))
+    a = np.empty((n, 3))
+    for frame in range(c.shape[0]):
+        body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)
+        body_rates(T, c[frame], cdot[frame], cddot[frame], p[frame], w, o, omega, v, alpha, a)
+        body_wrenches(T, R[frame], p[frame], omega, alpha, a, f[frame], m[frame])
+        for b in range(n):
+            wrench = applied[frame, b]
+            put_vector(f[frame], b, minus(vector(f[frame], b), (wrench[0], wrench[1], wrench[2])))
+            put_vector(m[frame], b, minus(vector(m[frame], b), (wrench[3], wrench[4], wrench[5])))
+        project(T, w, o, dphi, f[frame], m[frame], tau[frame])

@@ -1,0 +1,1 @@
+"""Surfaces laid onto surfaces: rigid registration, linear maps, clusters of balls."""

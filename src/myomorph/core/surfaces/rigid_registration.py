@@ -1,0 +1,288 @@
+"""One bone's surface laid on another's: trimmed iterative closest points, point to plane, with
+several starts.
+
+Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov et al. 2005 (trimming).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, frozen_array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.spatial import axis_rotation
+from myomorph.core.model.surface import Surface
+from myomorph.core.surfaces.linear_maps import Similarity
+from myomorph.core.surfaces.surface_points import Samples, Shape
+
+# Share of the residual that the mirrored source leaves, below which the side is questioned.
+OTHER_SIDE = 0.9
+# Of a part, the target's points count up to so many times the furthest of the source's that count.
+BEYOND = 3.0
+FACING = 0.7
+"""Share of normals that must agree at a good fit for them to be used to tell the two sides of a
+thin bone apart.
+"""
+
+
+COARSE = 200  # Points with which the many starts are tried.
+FEW = 4  # Different ways to lie that are looked at more closely.
+# A step that moves the surface less, in metres or as a share of the residual, ends the iteration.
+SETTLED = 1e-5, 1e-2
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class SurfaceOptions:
+    """How surfaces are laid on each other."""
+
+    scale: bool = True  # find a size too
+    # share of the points that counts, the nearest; the rest may have no counterpart
+    kept: float = 0.9
+    points: int = 2000  # of the source, spread evenly over its surface
+    iterations: int = 100  # at most
+    starts: int = 12  # turns about each of the long axis's two directions, where no start is given
+    # the source is a part of the bone; None says so where it has open edges. Of a whole bone the
+    # target's points count too, without which a free size shrinks into the target
+    partial: bool | None = None
+    mirror: bool = True  # try the mirrored source too, to name a bone of the other side
+
+    def __post_init__(self) -> None:
+        if not 0.2 <= self.kept <= 1.0:
+            raise BadData(f"kept is {self.kept:g}: expected a share of the points from 0.2 to 1")
+        if self.points < 50 or self.iterations < 1 or self.starts < 1:
+            raise BadData("expected at least 50 points, 1 iteration and 1 start")
+
+
+@read_only
+class SurfaceFit:
+    """A surface laid on another."""
+
+    similarity: Similarity  # from the source's frame to the target's
+    # (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
+    distances: Array
+    kept: np.ndarray  # (vertices,) which are among the share that counts
+    converged: bool  # whether the last step was small
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of the vertices that count [m]."""
+        return float(np.sqrt(np.mean(self.distances[self.kept] ** 2)))
+
+    def percentile(self, share: float) -> float:
+        """Distance below which that share (0 to 100) of all vertices lies [m]."""
+        return float(np.percentile(np.abs(self.distances), share))
+
+
+def register_surface(
+    source: Surface,
+    target: Surface,
+    start: Similarity | None = None,
+    options: SurfaceOptions | None = None,
+) -> SurfaceFit:
+    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone).
+    `start`: from picked points; None tries the axes of both shapes in all their turns.
+    """
+    options = options or SurfaceOptions()
+    goal = Shape(target)
+    ours = Shape(source)
+
+    def fitted(shape: Shape, begun: Similarity | None = None) -> RoughFit:
+        begun = begun or _few_fits(shape, goal, options)[0].similarity
+        return _Fitting(shape, goal, options, options.points).iterated(begun, options.iterations)
+
+    notes: list[str] = []
+    fit = fitted(ours, start)
+    if start is None and options.mirror:
+        other = fitted(Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1])))
+        if other.rms < OTHER_SIDE * fit.rms:
+            notes.append(
+                f"the surface fits better mirrored ({1e3 * other.rms:.2f} mm against"
+                f" {1e3 * fit.rms:.2f} mm): is it a bone of the other side?"
+            )
+    if not fit.converged:
+        notes.append(f"the fit had not settled after {options.iterations} iterations")
+    apart = goal.signed(fit.similarity.apply(source.vertices)) / fit.similarity.scale
+    kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)
+    return SurfaceFit(
+        similarity=fit.similarity,
+        distances=frozen_array(apart),
+        kept=kept,
+        converged=fit.converged,
+        notes=tuple(notes),
+    )
+
+
+@read_only
+class RoughFit:
+    """One of the ways in which a surface may lie on another."""
+
+    similarity: Similarity  # from the source's frame to the target's
+    rms: float  # root mean square distance that it leaves [m]
+    converged: bool  # whether the last step was small
+
+
+class _Pairs(NamedTuple):
+    """Points (n, 3) of the source, transferred, with normals there and how far they are from the
+    target's points.
+    """
+
+    moved: Array
+    normals: Array
+    away: Array
+
+    @property
+    def distance(self) -> Array:
+        return np.linalg.norm(self.away, axis=1)
+
+    def where(self, kept: np.ndarray) -> _Pairs:
+        return _Pairs(*(values[kept] for values in self))
+
+
+class _Fitting:
+    """Gauss-Newton on distances to the planes of nearest points, the furthest left out in each
+    step.
+    """
+
+    def __init__(
+        self, shape: Shape, goal: Shape, options: SurfaceOptions, count: int, fine: bool = True
+    ):
+        self.given = shape
+        self.goal = goal
+        self.options = options
+        self.fine = fine
+        self.partial = shape.is_open if options.partial is None else options.partial
+        self.ours = shape.samples(count)
+        self.theirs = goal.samples(count)
+        self.middle = self.ours.points.mean(axis=0)
+        self.radius = float(np.sqrt(np.mean(np.sum((self.ours.points - self.middle) ** 2, axis=1))))
+        self.count = 7 if options.scale and fine else 6
+
+    def iterated(self, start: Similarity, iterations: int) -> RoughFit:
+        """From a start until it settles."""
+        rotation = np.array(start.rotation)
+        translation = np.array(start.translation)
+        size = start.scale
+        converged = False
+        rms = np.inf
+        units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[
+            : self.count
+        ]
+        for _ in range(iterations):
+            pairs = self.pairs(rotation, translation, size)
+            center = size * rotation @ self.middle + translation
+            lever = pairs.moved - center
+            along = np.einsum("ij,ij->i", lever, pairs.normals)[:, None]
+            slopes = np.hstack([np.cross(lever, pairs.normals), pairs.normals, along])[
+                :, : self.count
+            ]
+            rms = float(np.sqrt(np.mean(pairs.distance**2))) / size
+            scaled = slopes * units
+            gram = scaled.T @ scaled + 1e-6 * np.sum(scaled**2) * np.eye(self.count)
+            step = -units * np.linalg.solve(
+                gram, scaled.T @ np.einsum("ij,ij->i", pairs.away, pairs.normals)
+            )
+            angle = float(np.linalg.norm(step[:3]))
+            turn = axis_rotation(step[:3] / angle, angle) if angle > 0 else np.eye(3)
+            growth = float(np.exp(np.clip(step[6], -0.1, 0.1))) if self.count == 7 else 1.0
+            rotation = turn @ rotation
+            size = size * growth
+            translation = center + step[3:6] - size * rotation @ self.middle
+            moved = (
+                angle * self.radius
+                + float(np.linalg.norm(step[3:6]))
+                + abs(growth - 1.0) * self.radius
+            )
+            if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
+                converged = True
+                break
+        return RoughFit(Similarity(rotation, translation, size), rms, converged)
+
+    def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
+        """Pairs that count: from the source's points to the target, and from the target's points to
+        the source.
+        """
+        moved = size * self.ours.points @ rotation.T + translation
+        closest = self.goal.nearest(moved, self.fine)
+        forth = _Pairs(moved, closest.normals, moved - closest.points)
+        forth = forth.where(self._kept(forth, self.ours.normals @ rotation.T, closest.normals))
+        back = (self.theirs.points - translation) @ rotation / size
+        nearest = self.given.nearest(back, self.fine)
+        moved = size * nearest.points @ rotation.T + translation
+        there = _Pairs(moved, self.theirs.normals, moved - self.theirs.points)
+        kept = self._kept(there, nearest.normals @ rotation.T, self.theirs.normals)
+        if self.partial:
+            kept &= ~nearest.rim & (there.distance <= BEYOND * forth.distance.max(initial=0.0))
+        there = there.where(kept)
+        return _Pairs(*(np.concatenate(both) for both in zip(forth, there, strict=True)))
+
+    def _kept(self, pairs: _Pairs, normals: Array, others: Array) -> np.ndarray:
+        """Pairs that face each other, the furthest left out."""
+        facing = np.einsum("ij,ij->i", normals, others) > 0
+        sided = facing if np.mean(facing) > FACING else np.ones(len(facing), dtype=bool)
+        return sided & (pairs.distance <= np.quantile(pairs.distance[sided], self.options.kept))
+
+
+def rough_fits(
+    source: Surface, target: Surface, options: SurfaceOptions | None = None
+) -> list[RoughFit]:
+    """The few different ways in which a surface may lie on another, the best first;
+    `register_surface` refines one.
+    """
+    return _few_fits(Shape(source), Shape(target), options or SurfaceOptions())
+
+
+def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughFit]:
+    coarse = _Fitting(shape, goal, options, COARSE, fine=False)
+    fits = [coarse.iterated(start, 15) for start in _starts(shape, goal, options.starts)]
+    fits.sort(key=lambda fit: fit.rms)
+    distinct: list[RoughFit] = []
+    for fit in fits:
+        if all(
+            np.trace(fit.similarity.rotation.T @ other.similarity.rotation) < 2.9
+            for other in distinct
+        ):
+            distinct.append(fit)
+        if len(distinct) == FEW:
+            break
+    finer = _Fitting(shape, goal, options, COARSE)
+    return sorted(
+        (finer.iterated(rough.similarity, 30) for rough in distinct), key=lambda rough: rough.rms
+    )
+
+
+def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
+    """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is
+    cut off.
+    """
+    middle, axes, long = _axes(shape.samples(2000))
+    goal_middle, goal_axes, goal_long = _axes(goal.samples(2000))
+    shift = max(0.0, 0.5 * (goal_long - long))
+    shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
+    starts = []
+    for flip in (0.0, np.pi):
+        for index in range(turns):
+            spin = axis_rotation((1, 0, 0), 2 * np.pi * index / turns) @ axis_rotation(
+                (0, 1, 0), flip
+            )
+            rotation = goal_axes @ spin @ axes.T
+            starts += [
+                Similarity(rotation, goal_middle + along * goal_axes[:, 0] - rotation @ middle)
+                for along in shifts
+            ]
+    return starts
+
+
+def _axes(samples: Samples) -> tuple[Array, Array, float]:
+    """Middle (3,), principal axes (3, 3) as columns of a rotation, the long one first, and the
+    length along it.
+    """
+    middle = samples.points.mean(axis=0)
+    _, _, rows = np.linalg.svd(samples.points - middle, full_matrices=False)
+    axes = rows.T * np.array([1.0, 1.0, np.sign(np.linalg.det(rows))])
+    along = (samples.points - middle) @ axes[:, 0]
+    return middle, axes, float(np.ptp(along))

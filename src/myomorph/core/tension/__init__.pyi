@@ -1,0 +1,18 @@
+# The public names of `mm.tension`: terms of the tension problem, and parts of its results.
+from ...body.personalize.fit import Fitted as Fitted
+from ...body.personalize.fit import HeldOut as HeldOut
+from ...body.personalize.generic_map import GenericMap as GenericMap
+from ...body.personalize.personalize import Estimate as Estimate
+from .tension import Certificate as Certificate
+from .tension import Fibers as Fibers
+from .terms.contacts import ContactOptions as ContactOptions
+from .terms.contacts import ContactTask as ContactTask
+from .terms.emg import EmgTarget as EmgTarget
+from .terms.term import Columns as Columns
+from .terms.term import Frames as Frames
+from .terms.term import Penalties as Penalties
+from .terms.term import Rows as Rows
+from .terms.term import Smoothing as Smoothing
+from .terms.term import Term as Term
+from .terms.term import Unknowns as Unknowns
+from .terms.term import Variables as Variables

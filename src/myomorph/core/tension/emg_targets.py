@@ -1,0 +1,146 @@
+"""How EMG takes part in muscle tensions: options, and what calibrated envelopes tell of
+activations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.series import Emg
+from myomorph.core.motion.emg_activation import USUAL, ChannelMap, EmgCalibration, uncalibrated
+from myomorph.core.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
+from myomorph.core.tension.terms.emg import EmgTarget
+
+
+@dataclass(frozen=True)
+class EmgOptions:
+    """How EMG takes part in the tension problem.
+
+    Attributes
+    ----------
+    mode : "soft": a cost keeps activations near EMG; "driven": they follow it but for the slack
+    weight : of the soft cost, in units of the effort of one muscle; None chooses the largest with
+        which channels that are left out come out as well as without EMG, and 0 where these disagree
+    slack : of driven muscles [activation]
+    delay : electromechanical delay [s]; None finds it where gains are fitted, else takes the usual
+        one
+    gains : "fitted": one gain a channel, so that the muscles that EMG drives bear the joint
+        torques; "normalized": envelopes are activations already
+    offsets : whether a channel may have an activation at rest too
+    shape : factor A of (exp(A e) - 1) / (exp(A) - 1), 0 for a straight line; None finds one for all
+        channels
+    unmeasured : of muscles without EMG: "effort": least effort alone; "synergies": those that act
+        at the joints as measured ones do are drawn near these
+    unmeasured_weight : of that, in units of the effort of one muscle; None chooses it along with
+        `weight`
+    """
+
+    SETTING_PREFIX: ClassVar[str] = "emg_"
+
+    mode: Literal["soft", "driven"] = "soft"
+    weight: float | None = None
+    slack: float = 0.02
+    delay: float | None = None
+    gains: Literal["fitted", "normalized"] = "fitted"
+    offsets: bool = False
+    shape: float | None = 0.0
+    unmeasured: Literal["effort", "synergies"] = "synergies"
+    unmeasured_weight: float | None = None
+
+    def __post_init__(self) -> None:
+        # What the target would refuse is refused before anything is calibrated.
+        EmgTarget(
+            muscles=(),
+            activations=np.zeros((0, 0)),
+            mode=self.mode,
+            weight=1.0 if self.weight is None else self.weight,
+            slack=self.slack,
+        )
+        if self.gains not in ("fitted", "normalized"):
+            raise BadData(f"unknown gains of EMG '{self.gains}': there are 'fitted', 'normalized'")
+        if self.unmeasured not in ("effort", "synergies"):
+            raise BadData(
+                f"unknown way of muscles without EMG '{self.unmeasured}': there are 'effort',"
+                " 'synergies'"
+            )
+        if self.unmeasured_weight is not None and not self.unmeasured_weight > 0.0:
+            raise BadData(
+                f"weight {self.unmeasured_weight:g} of muscles without EMG: expected above 0"
+            )
+        if self.delay is not None and not 0.0 <= self.delay <= 0.5:
+            raise BadData(f"electromechanical delay of {self.delay:g} s: expected 0 to 0.5 s")
+        if self.shape is not None and not -10.0 <= self.shape <= 0.0:
+            raise BadData(f"shape factor {self.shape:g} of EMG: expected -10 to 0")
+
+
+def emg_targets(
+    emg: Emg,
+    channels: ChannelMap,
+    model: Model,
+    time: Array,
+    options: EmgOptions | None = None,
+    calibration: EmgCalibration | None = None,
+) -> EmgTarget:
+    """Activations that EMG tells, at the motion's times, with delay and gain applied.
+    Each muscle takes the mean of the channels that tell of it and are known at that time. Dead
+    stretches are unknown, negative values 0 (see `emg_checks.envelope_faults` for what to tell the
+    user). `channels`: channel of `emg` to muscles of the model; channels that are not named are not
+    used; `time` (frames,) of the motion [s]; `calibration`: delays and gains of at least these
+    channels, by `calibrate_emg`; None takes envelopes as activations, `options.delay` late.
+    """
+    options = options or EmgOptions()
+    muscles = mapped_muscles(emg, channels, model)
+    refuse_unfit(emg, time, channels)
+    clean = without_faults(emg, envelope_faults(emg))
+    if calibration is None:
+        calibration = uncalibrated(
+            tuple(channels), USUAL if options.delay is None else options.delay
+        )
+    for channel in channels:
+        index_of("EMG channel", channel, calibration.channels, "the calibration")
+    told = calibration.applied(clean, time)
+    values = np.full((len(time), len(muscles)), np.nan)
+    for m, muscle in enumerate(muscles):
+        columns = np.array(
+            [told[channel] for channel, names in channels.items() if muscle in names]
+        )
+        known = np.isfinite(columns)
+        count = known.sum(axis=0)
+        values[:, m] = np.where(
+            count > 0, np.where(known, columns, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan
+        )
+    others = None
+    weight = calibration.weight if options.weight is None else options.weight
+    if options.unmeasured == "synergies" and calibration.synergies and weight:
+        others = calibration.extrapolated(clean, time)
+    others_weight = options.unmeasured_weight or calibration.others_weight
+    return EmgTarget(
+        muscles=muscles,
+        activations=values,
+        mode=options.mode,
+        weight=weight,
+        slack=options.slack,
+        others=others,
+        others_weight=others_weight,
+    )
+
+
+def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, ...]:
+    """Muscles that the channels measure, in the model's order."""
+    told: set[str] = set()
+    for channel, names in channels.items():
+        index_of("EMG channel", channel, emg.names, "the EMG")
+        for name in names:
+            index_of(f"muscle of EMG channel '{channel}'", name, model.muscle_names)
+        told |= set(names)
+    if not told:
+        raise BadData(
+            "no EMG channel tells of a muscle: name them as emg_muscles = { channel = ['muscle'] }"
+        )
+    return tuple(name for name in model.muscle_names if name in told)

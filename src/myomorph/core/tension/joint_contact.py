@@ -1,0 +1,360 @@
+"""Forces at the contact points of a joint: how the force that a joint transmits is shared among
+places that only push.
+
+The medial and lateral condyles of a knee are the usual case. Two points on a line give the
+two-point method: the force along their normal and the moment about the axis across their line, the
+adduction moment, determine both (Winby et al. 2009; Fregly et al. 2012; Lerner et al. 2015). Any
+number of points with normals of their own goes the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.errors import BadData, UnknownName, check_name
+from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.model import Actuator, Joint, Model
+from myomorph.core.model.series import Motion, Series, Table, Wrenches
+from myomorph.core.rigid.kinematics import Poses, forward_kinematics
+from myomorph.core.rigid.knees import long_axis
+from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.tension.reaction import Patella, frame_in_ground, joint_reactions
+from myomorph.core.tension.tension import Tension
+
+FORCE_ALONG_NORMAL = 1e3
+"""Weight of the force along the normals beside moments: a point that lifts off leaves a moment, not
+a force.
+"""
+FLAT = 0.05
+"""Moments of the points about an axis count where they are at least so much of those about the
+strongest axis.
+"""
+EVEN = 1e-3
+"""Weight of the points' own forces: of equal ways to share a force, points that lie close to each
+other share it.
+"""
+
+
+@dataclass(frozen=True)
+class ContactPoint:
+    """Where a joint's force passes from one body to the other.
+
+    Attributes
+    ----------
+    joint : whose force it carries
+    name : of the point, unique in its joint: "medial"
+    frame : body, or frame on a body, that it is fixed to; "" for the joint's child
+    point : where it is in that frame [m]
+    normal : direction in that frame in which it pushes on the joint's child; None for the way from
+        the joint's center to that of the next joint on the child, down the tibia for a knee
+    """
+
+    joint: str
+    name: str
+    frame: str
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class JointPoints:
+    """Contact points of a model's joints."""
+
+    points: tuple[ContactPoint, ...]  # of one joint after the other
+    # what is to be known of them, one line each: where they were not taken from the joint's own
+    # bone
+    notes: tuple[str, ...] = ()
+
+
+@read_only
+class JointContactForces(Labelled):
+    """Forces at contact points of joints over time.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    joints : that have contact points
+    points : names of the points, joint by joint
+    joint_of : joint of each point
+    forces : (frames, points) push of each point along its normal, 0 or more [N]; NaN where tensions
+        are
+    totals : (frames, joints) size of the joint's whole force [N]
+    shear : (frames, joints) force across the mean normal, which the points do not carry [N]
+    unbalanced_forces : (frames, joints) force along the mean normal that no push can give: above 0
+        where the bodies are pulled apart [N]
+    unbalanced_moments : (frames, joints) size of the moment that is left where points have lifted
+        off [N m]
+    weight : of the body [N]
+    """
+
+    time: Array
+    joints: tuple[str, ...]
+    points: tuple[str, ...]
+    joint_of: tuple[str, ...]
+    forces: Array
+    totals: Array
+    shear: Array
+    unbalanced_forces: Array
+    unbalanced_moments: Array
+    weight: float
+
+    def __post_init__(self) -> None:
+        frames = len(self.time)
+        each = (len(self.time), len(self.joints))
+        freeze(self, time=(-1,), forces=(frames, len(self.points)), totals=each, shear=each)
+        freeze(self, unbalanced_forces=each, unbalanced_moments=each)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def of(self, joint: str, point: str = "") -> Array:
+        """Force at a point of a joint, or the size of the joint's whole force, (frames,) [N];
+        raises `UnknownName`.
+        """
+        check_name("joint", joint, self.joints, "the contact forces")
+        if not point:
+            return self.totals[:, self.joints.index(joint)]
+        own = {
+            name: index
+            for index, (name, of) in enumerate(zip(self.points, self.joint_of, strict=True))
+            if of == joint
+        }
+        check_name("contact point", point, own, f"joint '{joint}'")
+        return self.forces[:, own[point]]
+
+    @property
+    def point_columns(self) -> tuple[str, ...]:
+        """`<point>_<joint>` of each point, so that a name still ends in its side."""
+        return tuple(
+            f"{name}_{joint}" for name, joint in zip(self.points, self.joint_of, strict=True)
+        )
+
+    def loads(self) -> Series:
+        """Totals and forces at the points, `total_<joint>` and `<point>_<joint>` joint by joint
+        [N].
+        """
+        names: list[str] = []
+        columns: list[Array] = []
+        for j, joint in enumerate(self.joints):
+            numbers = [number for number, item in enumerate(self.joint_of) if item == joint]
+            names += [f"total_{joint}", *(self.point_columns[number] for number in numbers)]
+            columns += [self.totals[:, j], *(self.forces[:, number] for number in numbers)]
+        return Series(self.time, tuple(names), np.stack(columns, axis=1))
+
+    def table(self) -> Table:
+        """Loads, and beside them what the points do not carry [N], [N m]."""
+        loads = self.loads()
+        kinds = ("shear", "unbalanced_force", "unbalanced_moment")
+        rest = (self.shear, self.unbalanced_forces, self.unbalanced_moments)
+        names = tuple(f"{kind}_{joint}" for kind in kinds for joint in self.joints)
+        facts = {"name": "Joint contact forces", "body_weight": f"{self.weight:.6g}"}
+        return Table(
+            self.time, (*loads.names, *names), np.hstack([loads.values, *rest]), facts=facts
+        )
+
+    def variables(self) -> dict[str, Variable]:
+        """Forces of points and joints."""
+        two = ("time", "contact_joint")
+        return {
+            "joint_contact_force": Variable(("time", "joint_contact"), self.forces, "N"),
+            "joint_contact_total": Variable(two, self.totals, "N"),
+            "joint_contact_shear": Variable(two, self.shear, "N"),
+            "joint_contact_unbalanced_force": Variable(two, self.unbalanced_forces, "N"),
+            "joint_contact_unbalanced_moment": Variable(two, self.unbalanced_moments, "N m"),
+        }
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], points, joints."""
+        return {
+            "time": self.time,
+            "joint_contact": self.point_columns,
+            "contact_joint": self.joints,
+        }
+
+
+def joint_contact_forces(
+    model: Model,
+    motion: Motion,
+    tension: Tension | Series | None,
+    wrenches: Wrenches | None,
+    points: Sequence[ContactPoint],
+    *,
+    actuators: Sequence[Actuator] | None = None,
+    patella: Patella = "lever",
+) -> JointContactForces:
+    """Forces at given contact points of joints.
+
+        minimise  |sum_i (r_i - c) x n_i f_i - M|^2   subject to  f >= 0,  sum_i n_i f_i = F along the mean normal
+
+    with the joint's force F and its moment M about the middle c of the points r_i, both as they act
+    on the joint's child, and normals n_i. Of M only the axes count about which the points make
+    moments: two points balance the moment across their line, and nothing else. Forces across the
+    normals (ligaments, friction) are not shared. Where a force would have to pull, its point lifts
+    off: the others carry the whole force, and the moment that is then left is part of the result.
+
+    Source: Winby et al. 2009; Fregly et al. 2012; Lerner et al. 2015.
+
+    Parameters
+    ----------
+    model, motion, tension, wrenches, actuators, patella : as of `joint_reactions`
+    points : at least one; see `ContactPoint`
+
+    Returns
+    -------
+    forces at the points, of the joints as a whole, and what the points do not carry
+
+    Raises
+    ------
+    BadData : where no point is given, two of a joint have one name, or normals of a joint point
+        against each other
+    UnknownName : where the model lacks a joint or a frame
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> ends = [("upper", (0.0, 0.0, 0.02)), ("lower", (0.0, 0.0, -0.02))]
+    >>> points = [mm.ContactPoint("elbow", name, "", place, (0.0, -1.0, 0.0)) for name, place in ends]
+    >>> mm.joint_contact_forces(model, motion, None, None, points).point_columns
+    ('upper_elbow', 'lower_elbow')
+    """
+    if not points:
+        raise BadData("no contact points are given: expected at least one")
+    known = {joint.name: joint for joint in model.joints}
+    for point in points:
+        check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
+    joints = tuple(dict.fromkeys(point.joint for point in points))
+    asked = (model, motion, tension, wrenches, joints)
+    reactions = joint_reactions(*asked, frame="ground", actuators=actuators, patella=patella)
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    ordered = []
+    results = []
+    for j, joint in enumerate(joints):
+        joint_points = [point for point in points if point.joint == joint]
+        places, normals = _in_ground(tree, poses, known[joint], joint_points)
+        ordered += joint_points
+        results.append(
+            shared_force(
+                reactions.forces[:, j],
+                reactions.moments[:, j],
+                reactions.points[:, j],
+                places,
+                normals,
+            )
+        )
+    forces, shear, pulled, moments = zip(*results, strict=True)
+    return JointContactForces(
+        time=reactions.time,
+        joints=joints,
+        points=tuple(point.name for point in ordered),
+        joint_of=tuple(point.joint for point in ordered),
+        forces=np.hstack(forces),
+        totals=np.linalg.norm(reactions.forces, axis=2),
+        shear=np.stack(shear, axis=1),
+        unbalanced_forces=np.stack(pulled, axis=1),
+        unbalanced_moments=np.stack(moments, axis=1),
+        weight=model.weight,
+    )
+
+
+def _in_ground(
+    tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactPoint]
+) -> tuple[Array, Array]:
+    """Points [m] and unit normals of one joint in ground (frames, points, 3)."""
+    names = [point.name for point in points]
+    twice = next((name for name in names if names.count(name) > 1), "")
+    if twice:
+        raise BadData(
+            f"joint '{joint.name}' has two contact points '{twice}': give each a name of its own"
+        )
+    places = []
+    normals = []
+    for point in points:
+        try:
+            frame = frame_in_ground(tree, poses, point.frame or joint.child)
+        except UnknownName as error:
+            raise BadData(
+                f"contact point '{point.name}' of joint '{joint.name}': {error}"
+            ) from None
+        places.append(frame.origins + frame.rotations @ np.asarray(point.point, dtype=np.float64))
+        if point.normal is None:
+            normals.append(_down(tree, poses, joint, point))
+        else:
+            normals.append(frame.rotations @ _unit(point))
+    return np.stack(places, axis=1), np.stack(normals, axis=1)
+
+
+def _unit(point: ContactPoint) -> Array:
+    normal = np.asarray(point.normal, dtype=np.float64)
+    size = float(np.linalg.norm(normal))
+    if not 1e-9 < size < np.inf:
+        raise BadData(
+            f"contact point '{point.name}' of joint '{point.joint}': its normal has no direction"
+        )
+    return normal / size
+
+
+def _down(tree: Tree, poses: Poses, joint: Joint, point: ContactPoint) -> Array:
+    """(frames, 3) from the joint's center to that of the next joint on its child, in ground."""
+    way = long_axis(tree.model, joint)
+    if way is None:
+        raise BadData(
+            f"contact point '{point.name}' of joint '{joint.name}' has no normal, and no joint"
+            f" follows on '{joint.child}' that would tell one: give the direction in which it"
+            f" pushes on '{joint.child}'"
+        )
+    return poses.rotations[:, tree.body_index[joint.child]] @ way
+
+
+def shared_force(
+    force: Array, moment: Array, center: Array, points: Array, normals: Array
+) -> tuple[Array, Array, Array, Array]:
+    """A joint's force among points that push, frame by frame.
+    `force`, `moment` (frames, 3) on the child, the moment about `center` [N], [N m]; `center`,
+    `points`, `normals` (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit
+    length. Returns forces (frames, points), shear (frames,), the force that would pull (frames,)
+    [N], the moment left (frames,) [N m].
+    """
+    mean = normals.sum(axis=1)
+    size = np.linalg.norm(mean, axis=1)
+    if (size < 0.1 * points.shape[1]).any():
+        raise BadData(
+            "the normals of a joint's contact points point against each other: expected one side"
+            " that pushes"
+        )
+    mean = mean / size[:, None]
+    middle = points.mean(axis=1)
+    beside = points - middle[:, None]
+    spread = np.maximum(np.sqrt((beside**2).sum(axis=2).mean(axis=1)), 1e-9)
+    about = moment + np.cross(center - middle, force)
+    arms = np.cross(beside, normals)
+    frames, count = points.shape[:2]
+    forces = np.full((frames, count), np.nan)
+    pulled = np.full(frames, np.nan)
+    left = np.full(frames, np.nan)
+    along = np.einsum("fi,fi->f", force, mean)
+    across = force - along[:, None] * mean
+    for f in np.flatnonzero(np.isfinite(along) & np.isfinite(about).all(axis=1)):
+        U, sizes, _ = np.linalg.svd(arms[f].T)
+        axes = U[:, : len(sizes)][:, sizes > max(FLAT * sizes[0], 1e-9 * spread[f])]
+        sideways = normals[f] - np.outer(normals[f] @ mean[f], mean[f])
+        rows = [
+            FORCE_ALONG_NORMAL * (normals[f] @ mean[f])[None],
+            sideways.T,
+            axes.T @ arms[f].T / spread[f],
+        ]
+        wanted = [FORCE_ALONG_NORMAL * along[f : f + 1], across[f], axes.T @ about[f] / spread[f]]
+        if count > 1 + axes.shape[1]:
+            rows = [*rows, EVEN * np.eye(count)]
+            wanted = [*wanted, np.zeros(count)]
+        forces[f] = scipy.optimize.nnls(np.vstack(rows), np.concatenate(wanted))[0]
+        pulled[f] = max(0.0, -along[f])
+        left[f] = np.linalg.norm(axes.T @ (about[f] - arms[f].T @ forces[f]))
+    return forces, np.linalg.norm(across, axis=1), pulled, left

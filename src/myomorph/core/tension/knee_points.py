@@ -1,0 +1,193 @@
+"""Contact points of knees: the lowest places of the femur's condyles on the model's own bone, or
+usual distances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadModel
+from myomorph.core.model.model import Body, Joint, Model
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.sides import other_side, split_side
+from myomorph.core.model.surface import Surface, body_meshes
+from myomorph.core.rigid.kinematics import Poses
+from myomorph.core.rigid.knees import (
+    FLEXIONS,
+    SHANK,
+    THIGH,
+    flexed,
+    hinge_axis,
+    knee_joints,
+    long_axis,
+)
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.joint_contact import ContactPoint, JointPoints
+
+# Depth of the part of a condyle whose middle is its lowest place, of the distance from hip to knee
+LOWEST = 0.0075
+CONDYLES = 0.1  # Height of the condyles above their lowest place, of the distance from hip to knee
+HALF_SPACING = 0.057
+"""Distance of a contact point from the knee's center, of that from hip to knee, where there is no
+bone: half of the 46 mm between the lowest places of the condyles over the 406 mm of the femur of
+Rajagopal et al. (2016), a man's.
+"""
+
+
+def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
+    """Medial and lateral contact point of every knee of a model, fixed to the tibia.
+
+    Where a mesh of the femur is there, each is the mean of the lowest places of its condyle, seen
+    along the tibia, at flexions of 0 to 60 degrees. The mesh of the other side serves mirrored.
+    Without a mesh the points lie at 0.057 of the distance from hip to knee beside the joint's
+    center. They push along the tibia, from knee to ankle.
+
+    Source: Lerner et al. 2015; bones of Rajagopal et al. 2016.
+
+    `model`: whose knees are the joints between a body called femur or thigh and one called tibia or
+    shank; `surfaces`: meshes by `Mesh.file`, in their own units, as far as they are there. Returns
+    the points, and a note on each knee without a bone of its own.
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> knee_points(mm.read_model("arm.osim"), {})
+    Traceback (most recent call last):
+    ...
+    myomorph.core.model.errors.BadModel: model 'arm' has no knee: ...
+    """
+    knees = knee_joints(model)
+    if not knees:
+        raise BadModel(
+            f"model '{model.name}' has no knee: no joint between a body called {' or '.join(THIGH)}"
+            f" and one called {' or '.join(SHANK)}; give the contact points in a file"
+        )
+    points: list[ContactPoint] = []
+    notes: list[str] = []
+    for knee in knees:
+        result, note = _of_knee(model, knee, surfaces)
+        points += result
+        notes += [note] if note else []
+    return JointPoints(tuple(points), tuple(notes))
+
+
+def _of_knee(
+    model: Model, knee: Joint, surfaces: Mapping[str, Surface]
+) -> tuple[list[ContactPoint], str]:
+    """Both points of a knee and a note, "" where its own bone told them."""
+    side = split_side(knee.child)[1] or split_side(knee.name)[1]
+    hip = next((joint for joint in model.joints if joint.child == knee.parent), None)
+    down = long_axis(model, knee)
+    poses = flexed(model, knee)
+    if not side or hip is None or down is None:
+        lacking = (
+            "no side in its name"
+            if not side
+            else "no hip above it"
+            if hip is None
+            else "no ankle below it"
+        )
+        raise BadModel(
+            f"joint '{knee.name}': has {lacking}, so its contact points must be given in a file"
+        )
+    if poses is None:
+        raise BadModel(
+            f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
+        )
+    center = knee.child_frame.translation
+    length = float(np.linalg.norm(knee.parent_frame.translation - hip.child_frame.translation))
+    lateral = _lateral(model, knee, poses, down, side)
+    bone, note = _bone(model, knee, surfaces)
+    if bone is None:
+        places = [center + sign * HALF_SPACING * length * lateral for sign in (-1.0, 1.0)]
+        note = (
+            f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: its contact points are"
+            f" taken {2000 * HALF_SPACING * length:.0f} mm apart around the joint's center,"
+            f" {2 * HALF_SPACING:.3f} of the distance from hip to knee; medial and lateral force"
+            " are worth no more than that"
+        )
+    else:
+        places = _lowest(model, knee, poses, bone, down, lateral, length)
+    normal = tuple(float(item) for item in down)
+    return [
+        ContactPoint(
+            joint=knee.name,
+            name=name,
+            frame=knee.child,
+            point=tuple(float(item) for item in place),
+            normal=normal,
+        )  # type: ignore[arg-type]
+        for name, place in zip(("medial", "lateral"), places, strict=True)
+    ], note
+
+
+def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) -> Array:
+    """Unit vector on the tibia, across its length, that points away from the other leg."""
+    index = compile_tree(model).body_index
+    up = model.up
+    tibia = poses.rotations[0, index[knee.child]]
+    # Where the body looks in its default pose: the way of the feet, else the x axis of the tibia.
+    ahead = np.zeros(3)
+    for foot in feet_of(model):
+        ahead += poses.rotations[0, index[foot]] @ model.body(foot).mass_center
+    if np.linalg.norm(ahead) < 1e-6:
+        ahead = tibia @ np.array([1.0, 0.0, 0.0])
+    ahead -= (ahead @ up) * up
+    right = tibia.T @ np.cross(ahead / np.linalg.norm(ahead), up)
+    away = right if side == "right" else -right
+    axis = hinge_axis(model, knee, poses, down)
+    return np.asarray(axis if axis @ away > 0.0 else -axis)
+
+
+def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[Array | None, str]:
+    """Vertices of the femur in its own frame [m]; None without a mesh. With a note where it is the
+    other side's.
+    """
+    vertices = _vertices(model.body(knee.parent), surfaces)
+    if vertices is not None:
+        return vertices, ""
+    other = other_side(knee.parent)
+    mirrored = _vertices(model.body(other), surfaces) if other in model.body_names else None
+    if mirrored is None:
+        return None, ""
+    # Both femurs have their axes the same way; the plane of symmetry is across the axis along which
+    # hips are apart.
+    hips = {joint.child: joint.parent_frame.translation for joint in model.joints}
+    across = int(np.argmax(np.abs(hips[knee.parent] - hips[other])))
+    note = (
+        f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: that of '{other}' is"
+        " taken, mirrored"
+    )
+    return mirrored * np.where(np.arange(3) == across, -1.0, 1.0), note
+
+
+def _vertices(body: Body, surfaces: Mapping[str, Surface]) -> Array | None:
+    """Those of the mesh that draws a body with most of them."""
+    return max((surface.vertices for surface in body_meshes(body, surfaces)), key=len, default=None)
+
+
+def _lowest(
+    model: Model, knee: Joint, poses: Poses, bone: Array, down: Array, lateral: Array, length: float
+) -> list[Array]:
+    """Mean lowest place of the medial and of the lateral condyle, on the tibia."""
+    index = compile_tree(model).body_index
+    femur = index[knee.parent]
+    tibia = index[knee.child]
+    sums = [np.zeros(3), np.zeros(3)]
+    for place in range(len(FLEXIONS)):
+        ground = bone @ poses.rotations[place, femur].T + poses.origins[place, femur]
+        seen = (ground - poses.origins[place, tibia]) @ poses.rotations[place, tibia]
+        depth = seen @ down
+        across = seen @ lateral
+        region = depth > depth.max() - CONDYLES * length
+        middle = 0.5 * (across[region].min() + across[region].max())
+        for i, half in enumerate((across < middle, across >= middle)):
+            half_region = region & half
+            weights = np.maximum(
+                depth[half_region] - depth[half_region].max() + LOWEST * length, 0.0
+            )
+            sums[i] += weights @ seen[half_region] / weights.sum()
+    return [part / len(FLEXIONS) for part in sums]

@@ -1,0 +1,122 @@
+"""Costs beside the effort, as options and terms: joint loads and co-contraction of muscles on both
+sides of a joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.muscles.patella import patella_of
+from myomorph.core.rigid.knees import knee_joints
+from myomorph.core.tension.reaction import joint_reactions
+from myomorph.core.tension.tension import TensionOptions
+from myomorph.core.tension.terms.co_contraction import CoContractionTerm
+from myomorph.core.tension.terms.joint_load import JointLoadTerm, crossed_joints
+from myomorph.core.tension.terms.term import Term
+
+KNEES = "knees"
+ALL = "all"
+KNEE_LOAD = 0.02  # Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)
+
+
+@dataclass(frozen=True)
+class RecruitmentOptions:
+    """Costs beside the effort of muscles.
+
+    Attributes
+    ----------
+    joint_load : weight of the squared force that joints transmit, in body weights, beside the
+        effort a^2 of one muscle; 0 for none; by default 0.02 with rigid tendons where the external
+        forces are known
+    joint_load_joints : names of these joints, separated by commas; "knees" for those between thigh
+        and shank and thigh and patella, "all" for all that a muscle crosses
+    co_contraction : share of what the weaker side of every joint can give that it gives at least, 0
+        to 1; 0 for none
+    co_contraction_coordinates : names of these coordinates, separated by commas; "" for all that
+        muscles turn both ways
+    """
+
+    joint_load: float | None = None
+    joint_load_joints: str = KNEES
+    co_contraction: float = 0.0
+    co_contraction_coordinates: str = ""
+
+    def __post_init__(self) -> None:
+        if self.joint_load is not None and not 0.0 <= self.joint_load < float("inf"):
+            raise BadData(f"weight {self.joint_load:g} of joint loads: expected 0 or more")
+        if not 0.0 <= self.co_contraction <= 1.0:
+            raise BadData(f"co-contraction of {self.co_contraction:g}: expected 0 to 1")
+        for names, weight, default in (
+            ("joint_load_joints", "joint_load", KNEES),
+            ("co_contraction_coordinates", "co_contraction", ""),
+        ):
+            if getattr(self, names) != default and not getattr(self, weight):
+                raise BadData(f"{names} without {weight}: give {weight} above 0")
+
+    def settled(self, model: Model, options: TensionOptions, external: bool) -> RecruitmentOptions:
+        """The options with a default weight of joint loads; `external`: whether the external forces
+        are known.
+        """
+        if self.joint_load is not None:
+            return self
+        plain = options.tendons == "rigid" and options.recruitment == "power" and not model.loops
+        usable = plain and external and model.weight > 0.0 and bool(loaded_knees(model))
+        return replace(self, joint_load=KNEE_LOAD if usable else 0.0)
+
+
+def recruitment_terms(
+    model: Model,
+    motion: Motion,
+    torques: Series,
+    wrenches: Wrenches | None,
+    options: RecruitmentOptions,
+) -> tuple[Term, ...]:
+    """The terms that options ask for; errors are those of `crossed_joints` and `CoContractionTerm`."""
+    terms: list[Term] = []
+    if options.joint_load:
+        joints = {KNEES: loaded_knees(model), ALL: ()}.get(options.joint_load_joints)
+        if options.joint_load_joints == KNEES and not joints:
+            raise BadData(
+                f"joint_load: no muscle crosses a knee of '{model.name}': name joints in"
+                " joint_load_joints"
+            )
+        joints = _names(options.joint_load_joints) if joints is None else joints
+        terms.append(joint_load_term(model, motion, wrenches, options.joint_load, joints))
+    if options.co_contraction:
+        coordinates = _names(options.co_contraction_coordinates)
+        terms.append(CoContractionTerm(model, motion, torques, options.co_contraction, coordinates))
+    return tuple(terms)
+
+
+def loaded_knees(model: Model) -> tuple[str, ...]:
+    """Knees that muscles cross, by name, and the joints of their patellae."""
+    names = [knee.name for knee in knee_joints(model)]
+    patellae = {patella_of(model, knee) for knee in knee_joints(model)}
+    names += [joint.name for joint in model.joints if joint.child in patellae]
+    crossed = set(crossed_joints(model)) if names and model.muscles and not model.loops else set()
+    return tuple(name for name in names if name in crossed)
+
+
+def joint_load_term(
+    model: Model,
+    motion: Motion,
+    wrenches: Wrenches | None,
+    weight: float,
+    joints: Sequence[str] = (),
+) -> JointLoadTerm:
+    """The term of joint loads.
+    `motion`: with velocities and accelerations; `wrenches`: external forces at the motion's times,
+    None for none; `weight`: of one body weight squared in units of the effort a^2 of one muscle;
+    `joints`: names; none for all that a muscle crosses.
+    """
+    chosen = crossed_joints(model, joints)
+    alone = joint_reactions(model, motion, None, wrenches, joints=chosen, frame="ground").forces
+    return JointLoadTerm(model, chosen, alone, weight)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(item.strip() for item in text.split(",") if item.strip())

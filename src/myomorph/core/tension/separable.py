@@ -1,0 +1,342 @@
+"""The separable problem as arrays: pattern of A, what all frames share, links, and Cholesky factors
+in an envelope.
+
+What variables do at given multipliers, in closed form: alone, reached by the one number s = (A^T
+y)_i (see `dual.py`),
+
+    minimise  w |x - t|^p + k dist(x, [l, h])^2 - s x   subject to  lower <= x <= upper,
+
+and below a common bound of the first variables, the greatest activation as a cost,
+
+    minimise  peak beta + sum_i c_i(x_i)   subject to  A x = b,  lower <= x <= upper,  x_i <= beta for the capped ones,
+
+the min/max criterion of muscle recruitment (Rasmussen, Damsgaard and Voigt 2001), made unique by
+the costs c_i. For multipliers s = A^T y the bound is where what the capped variables would still
+gain by a higher one is worth its cost,
+
+    sum_i max(0, s_i - c_i'(beta)) = peak ,
+
+a falling function of beta. So the dual keeps the form it has without the bound, and its generalized
+Jacobian gains one outer product: of the variables that lie on the bound, which move together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.rigid.kernels import inner
+
+
+class Separable(NamedTuple):
+    """Pattern and data that all frames share."""
+
+    # (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
+    start: NDArray[np.int64]
+    # (entries,) their rows, in the order of elimination, ascending in each column
+    row: NDArray[np.int64]
+    first: NDArray[np.int64]  # (rows,) in the envelope of A D A^T, the first column of each row
+    # weight, exponent, lower, upper: (variables,)
+    weight: Array
+    exponent: Array
+    lower: Array
+    upper: Array
+    capped: int = 0  # the first so many variables lie under a common bound besides
+    peak: float = 0.0  # what one unit of that bound costs, 0 for no such bound
+
+    @property
+    def column(self) -> NDArray[np.int64]:
+        """(entries,) the variable that each entry of A belongs to."""
+        return np.repeat(np.arange(len(self.weight)), np.diff(self.start))
+
+    def dense(self, values: Array) -> Array:
+        """A (frames, rows, variables) from its entries (frames, entries)."""
+        A = np.zeros((len(values), len(self.first), len(self.weight)))
+        A[:, self.row, self.column] = values
+        return A
+
+
+class Links(NamedTuple):
+    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k -
+    amount_(k-1))^2.
+    """
+
+    first: int  # variables first ... first + linked - 1 are linked
+    scale: Array  # (frames, linked) amount of one unit of the variable, 0 where it takes no part
+    amount: Array  # (frames, linked) room for the amounts as other frames see them
+    # (frames - 1,) between a frame and the next, in units of the variables' weights
+    stiffness: Array
+    over: float  # factor of over-relaxation, 1 to 2
+    sweeps: int  # most passes over the frames
+    tolerance: float  # change of an amount at which passes end
+
+
+def no_links() -> Links:
+    """Frames that do not know of each other."""
+    return Links(
+        first=0,
+        scale=np.zeros((0, 0)),
+        amount=np.zeros((0, 0)),
+        stiffness=np.zeros(0),
+        over=1.0,
+        sweeps=0,
+        tolerance=0.0,
+    )
+
+
+@read_only
+class Pattern:
+    """Where A (rows, variables) may differ from zero, and an order of its rows with a small
+    envelope.
+    """
+
+    start: NDArray[np.int64]
+    row: NDArray[np.int64]
+    first: NDArray[np.int64]
+    order: NDArray[np.int64]  # (rows,) the rows in the order of elimination
+    place: NDArray[np.int64]  # (entries,) position of the caller's k-th entry in the kernel's order
+
+
+def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
+    """Pattern of a matrix of `shape` (rows, variables) from `rows`, `columns` (entries,), each
+    place at most once.
+    """
+    n, variables = shape
+    filled = scipy.sparse.csr_array(
+        scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=shape)
+    )
+    coupled = scipy.sparse.csr_array(filled @ filled.T)
+    order = np.asarray(
+        scipy.sparse.csgraph.reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64
+    )
+    rank = np.empty(n, np.int64)
+    rank[order] = np.arange(n)
+    first = np.arange(n, dtype=np.int64)
+    links = scipy.sparse.coo_array(coupled)
+    np.minimum.at(first, rank[links.coords[0]], rank[links.coords[1]])
+    sorted_entries = np.lexsort((rank[rows], columns))
+    place = np.empty(len(rows), np.int64)
+    place[sorted_entries] = np.arange(len(rows))
+    start = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=variables))]).astype(
+        np.int64
+    )
+    return Pattern(
+        start=start, row=rank[rows][sorted_entries], first=first, order=order, place=place
+    )
+
+
+@inner(fastmath={"reassoc", "contract"})
+def factorize(M, first, floor):
+    """Cholesky factor of M in its envelope, in place; pivots below `floor` are raised to it."""
+    n = M.shape[0]
+    for i in range(n):
+        for j in range(first[i], i):
+            total = M[i, j]
+            for index in range(max(first[i], first[j]), j):
+                total -= M[i, index] * M[j, index]
+            M[i, j] = total / M[j, j]
+        total = M[i, i]
+        for index in range(first[i], i):
+            total -= M[i, index] * M[i, index]
+        M[i, i] = np.sqrt(max(total, floor[i]))
+
+
+@inner
+def back_substitute(M, first, z):
+    """Solve with the factor M, in place of z."""
+    n = M.shape[0]
+    for i in range(n):
+        total = z[i]
+        for index in range(first[i], i):
+            total -= M[i, index] * z[index]
+        z[i] = total / M[i, i]
+    for i in range(n - 1, -1, -1):
+        z[i] /= M[i, i]
+        for index in range(first[i], i):
+            z[index] -= M[i, index] * z[i]
+
+
+@inner
+def _pulled(w, p, target, near, pull, x, s):
+    """Zero of p w |v - target|^(p - 1) sign + 2 pull (v - near) - s, which lies between `near` and
+    x.
+    """
+    low = min(near, x)
+    high = max(near, x)
+    v = 0.5 * (low + high)
+    for _ in range(60):
+        size = abs(v - target)
+        power = w * p * size ** (p - 1.0)
+        excess = (power if v > target else -power) + 2.0 * pull * (v - near) - s
+        if excess > 0.0:
+            high = v
+        else:
+            low = v
+        step = excess / (2.0 * pull + w * p * (p - 1.0) * max(size, 1e-9) ** (p - 2.0))
+        if abs(step) <= 1e-15:
+            break
+        v = v - step if low < v - step < high else 0.5 * (low + high)
+    return v
+
+
+@inner
+def _cubic(w, low, high, pull, target, s):
+    """`_bent` of the exponent 3, by roots: it is common, and general powers would take most of its
+    time.
+    """
+    size = np.sqrt(abs(s) / (3.0 * w))
+    x = target + (size if s > 0.0 else -size)
+    slope = min((1.0 if size < 1e-3 else 0.5) / (3.0 * w * max(size, 1e-30)), 1e8 / w)
+    if pull > 0.0 and not low <= x <= high:
+        left = s - 2.0 * pull * (target - (low if x < low else high))
+        size = abs(left) / (pull + np.sqrt(pull * pull + 3.0 * w * abs(left)))
+        x = target + (size if left > 0.0 else -size)
+        slope = 0.5 / (3.0 * w * max(size, 1e-9) + pull)
+    return x, slope
+
+
+@inner
+def _bent(w, p, low, high, pull, target, s):
+    """Value at the reduced multiplier s, and its slope, of a variable that is pulled or whose
+    exponent is not 2.
+    """
+    if p == 2.0:
+        x = target + 0.5 * s / w
+        slope = 0.5 / w
+        if not low <= x <= high:
+            near = low if x < low else high
+            x = (w * target + pull * near + 0.5 * s) / (w + pull)
+            slope = 0.5 / (w + pull)
+        return x, slope
+    if p == 3.0:
+        return _cubic(w, low, high, pull, target, s)
+    size = (abs(s) / (p * w)) ** (1.0 / (p - 1.0))
+    x = target + (size if s > 0.0 else -size)
+    slope = 1.0 / (p * (p - 1.0) * w * max(size, 1e-9 if p < 2.0 else 1e-30) ** (p - 2.0))
+    # Near 0 the slope of a root (p > 2) would throw the iteration to the other side: the secant
+    # does not.
+    if p > 2.0 and size < 1e-3:
+        slope *= p - 1.0
+    slope = min(slope, 1e8 / w)
+    if pull > 0.0 and not low <= x <= high:
+        x = _pulled(w, p, target, low if x < low else high, pull, x, s)
+        if p > 2.0:
+            slope = 1.0 / (p * (p - 1.0) * w * max(abs(x - target), 1e-9) ** (p - 2.0))
+        slope = 1.0 / (1.0 / slope + 2.0 * pull)
+    return x, slope
+
+
+@inner
+def response(w, p, least, greatest, low, high, pull, target, s):
+    """Value x at the reduced multiplier s, and dx/ds there (0 on a bound).
+    Scalars, and little of its own, so that the compiler makes it a part of the loops that call it.
+    """
+    if p == 2.0 and pull == 0.0:
+        x = target + 0.5 * s / w
+        slope = 0.5 / w
+    else:
+        x, slope = _bent(w, p, low, high, pull, target, s)
+    if x <= least:
+        return least, 0.0
+    if x >= greatest:
+        return greatest, 0.0
+    return x, slope
+
+
+@inner
+def marginal_cost(w, p, low, high, pull, target, x):
+    """c'(x) and c''(x) of w |x - target|^p + pull dist(x, [low, high])^2."""
+    apart = x - target
+    if p == 2.0:
+        slope = 2.0 * w * apart
+        bend = 2.0 * w
+    else:
+        size = abs(apart)
+        slope = w * p * size ** (p - 1.0)
+        slope = slope if apart > 0.0 else -slope
+        bend = w * p * (p - 1.0) * max(size, 1e-9) ** (p - 2.0)
+    if pull > 0.0 and not low <= x <= high:
+        slope += 2.0 * pull * (x - (low if x < low else high))
+        bend += 2.0 * pull
+    return slope, bend
+
+
+@inner
+def gain(S, targets, penalty, s, ds, t, beta):
+    """What the capped variables gain by a higher bound at s + t ds, and how fast that falls."""
+    total = 0.0
+    bend = 0.0
+    for i in range(S.capped):
+        if S.upper[i] > beta:
+            slope, curvature = marginal_cost(
+                S.weight[i],
+                S.exponent[i],
+                penalty[0, i],
+                penalty[1, i],
+                penalty[2, i],
+                targets[i],
+                beta,
+            )
+            more = s[i] + t * ds[i] - slope
+            if more > 0.0:
+                total += more
+                bend += curvature
+    return total, bend
+
+
+@inner
+def ceiling(S, targets, penalty, s, ds, t):
+    """The common bound at the reduced multipliers s + t ds; infinite where it costs nothing."""
+    if not S.peak > 0.0:
+        return np.inf
+    low = 0.0
+    high = 0.0
+    for i in range(S.capped):
+        low = max(low, S.lower[i])
+        high = max(high, S.upper[i])
+    beta = low
+    for _ in range(100):
+        total, bend = gain(S, targets, penalty, s, ds, t, beta)
+        if total > S.peak:
+            low = beta
+        else:
+            high = beta
+        if high - low <= 1e-15:
+            break
+        step = (total - S.peak) / bend if bend > 0.0 else np.inf
+        if abs(step) <= 1e-16:
+            break
+        beta = beta + step if low < beta + step < high else 0.5 * (low + high)
+    return beta
+
+
+@inner
+def add_common_motion(S, values, targets, penalty, s, roof, M):
+    """Add to M what the variables on the bound do together: A_B 1 (A_B 1)^T / sum_B c''."""
+    total, bend = gain(S, targets, penalty, s, s, 0.0, roof)
+    # Where the bound lies on a bound of its own, it does not move.
+    if not bend > 0.0 or abs(total - S.peak) > 1e-6 * S.peak:
+        return
+    n = M.shape[0]
+    together = np.zeros(n)
+    for i in range(S.capped):
+        if S.upper[i] > roof:
+            slope, _ = marginal_cost(
+                S.weight[i],
+                S.exponent[i],
+                penalty[0, i],
+                penalty[1, i],
+                penalty[2, i],
+                targets[i],
+                roof,
+            )
+            if s[i] > slope:
+                for a in range(S.start[i], S.start[i + 1]):
+                    together[S.row[a]] += values[a]
+    for i in range(n):
+        for j in range(S.first[i], i + 1):
+            M[i, j] += together[i] * together[j] / bend

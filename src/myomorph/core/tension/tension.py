@@ -1,0 +1,418 @@
+"""The tension problem's settings and its result: tensions, contact forces, reserves, how much of
+each muscle's strength its passive force takes up, and how sure they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.contacts import ContactForces
+from myomorph.core.model.errors import BadData, check_choices
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.model import index_of
+from myomorph.core.muscles.hill import Convention
+from myomorph.core.tension.dual import MISSING as MISSING_INPUT
+from myomorph.core.tension.dual import NOT_DETERMINED, OPTIMAL, STATUS_NAMES
+
+
+@dataclass(frozen=True)
+class Unreachable:
+    """A muscle whose fibers cannot reach, so that its tendon was taken as rigid."""
+
+    muscle: str
+    frame: int  # the first in which they cannot
+    # the normalized fiber length furthest out: below 0 where the path is shorter than the slack
+    # tendon
+    worst: float
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How sure the solution of the elastic problem is, over all its windows.
+
+    Attributes
+    ----------
+    residual : greatest residual of the optimality conditions
+    equilibrium : greatest difference of tendon and fiber force, normalized by the maximum isometric
+        force
+    steps : most iterations of a window
+    second_activations, second_forces : root mean square distance of activations, and of normalized
+        tendon forces, of the solution from another start; NaN where none was asked for
+    """
+
+    residual: float
+    equilibrium: float
+    steps: int
+    second_activations: float = np.nan
+    second_forces: float = np.nan
+
+
+@read_only
+class Fibers:
+    """Fibers and tendons, every array (frames, muscles), NaN where a frame was not solved.
+
+    Attributes
+    ----------
+    certificate : how near the solution is to an optimum
+    lengths : of the fibers [m]
+    velocities : lengthening of the fibers [m/s]
+    tendon_strains : length over slack length less 1, 0 of a rigid tendon
+    fiber_powers, tendon_powers : positive where force does work on the outside [W]
+    transient : (frames,) whether a frame is so near to the beginning or to the end that what was
+        before it or comes after it, which nobody knows, can be felt
+    bridged : (frames,) whether torques or coordinates were missing, so that they were interpolated
+    rigid : muscles that were solved with rigid tendons: their class has no other, the model calls
+        them so, or their fibers cannot reach
+    unreachable : those whose fibers cannot reach
+    """
+
+    lengths: Array
+    velocities: Array
+    tendon_strains: Array
+    fiber_powers: Array
+    tendon_powers: Array
+    transient: np.ndarray
+    bridged: np.ndarray
+    rigid: tuple[str, ...]
+    unreachable: tuple[Unreachable, ...]
+    certificate: Certificate
+
+    def variables(self) -> dict[str, Variable]:
+        """Lengths, velocities, strains and powers, and which frames are at an end or bridged:
+        joined by `Tension`'s.
+        """
+        two = ("time", "muscle")
+        return {
+            "fiber_length": Variable(two, self.lengths, "m"),
+            "fiber_velocity": Variable(two, self.velocities, "m/s"),
+            "tendon_strain": Variable(two, self.tendon_strains, "1"),
+            "fiber_power": Variable(two, self.fiber_powers, "W"),
+            "tendon_power": Variable(two, self.tendon_powers, "W"),
+            "transient": Variable(("time",), self.transient, "1"),
+            "bridged": Variable(("time",), self.bridged, "1"),
+        }
+
+
+RESERVE = "reserve_"
+RESIDUAL = "residual_"
+"""With what the names of actuators begin that are added by default: of coordinates, and of a body
+that floats.
+"""
+# Share of the weight, root mean square, from which on forces that come from nowhere void the result
+MISSING = 0.25
+
+
+@dataclass(frozen=True)
+class TensionOptions:
+    """Settings of `solve_tension`.
+
+    Attributes
+    ----------
+    recruitment : how muscles share the load; "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of
+        activations a and controls u; "minmax": the least greatest activation, and of all that have
+        it the least sum_m w_m a_m^2 (see docs/recruitment.md)
+    exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its
+        square besides
+    weights : of muscles in the effort; "equal": w = 1; "volume": w_m in proportion to F0 L0,
+        "strength": to F0, with mean 1
+    min_activation : lower bound of activations; "zero": activations from 0; "model": from each
+        muscle's minimum in the model (in OpenSim's models usually 0.01, for the sake of simulations
+        with activation dynamics)
+    passive : whether the muscles' passive elastic forces take part. With rigid tendons they come
+        out too large, as tendon slack lengths belong to tendons that stretch
+        (docs/decisions/0019-tension-defaults.md); passive torques and bushings of the model's
+        joints always take part
+    viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that
+        have none. It does in OpenSim, where it is a force of its own beside the muscle's
+    curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`),
+        "constant" for the maximum isometric force at any length and velocity, or "auto":
+        "rigid-tendon" with passive forces and "opensim" without
+    reserve : optimal force of the reserves that are added where no actuators are given [N m or N];
+        by default 1 on a body of human size, less on a smaller one (`default_reserves`)
+    residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
+    tendons : whether tendons stretch; "rigid": every frame by itself; "elastic": tendons stretch by
+        the curves of each muscle's class, and forces of all frames are found together (see
+        docs/elastic-tendons.md)
+    activation_dynamics : with elastic tendons, whether activation changes no faster than
+        excitations between 0 and 1 let it, by the time constants of the model
+    second_start : with elastic tendons, whether the problem is solved from another start too, as
+        the problem is not convex: the distance of the two solutions is in `Fibers.certificate`
+    """
+
+    recruitment: Literal["power", "minmax"] = "power"
+    exponent: float = 2.0
+    weights: Literal["equal", "volume", "strength"] = "equal"
+    min_activation: Literal["zero", "model"] = "zero"
+    passive: bool = False
+    viscous: bool = True
+    curves: Literal["auto", "rigid-tendon", "opensim", "constant"] = "auto"
+    reserve: float | None = None
+    residual: float | None = None
+    tendons: Literal["rigid", "elastic"] = "rigid"
+    activation_dynamics: bool = True
+    second_start: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1.2 <= self.exponent <= 20.0:
+            hint = "; its limit is recruitment 'minmax'" if self.exponent > 20.0 else ""
+            raise BadData(
+                f"the exponent of the effort is {self.exponent:g}: expected 1.2 to 20{hint}"
+            )
+        if self.recruitment == "minmax" and self.exponent != 2.0:
+            raise BadData(
+                f"recruitment 'minmax' with the exponent {self.exponent:g}: the greatest activation"
+                " has none; leave the exponent out, or take recruitment 'power'"
+            )
+        if self.recruitment == "minmax" and self.tendons == "elastic":
+            raise BadData(
+                "recruitment 'minmax' needs rigid tendons: leave out tendons = 'elastic', or take"
+                " 'power'"
+            )
+        for name in ("reserve", "residual"):
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise BadData(f"the optimal force of a {name} is {value:g}: expected above 0")
+        check_choices(self)
+
+    @property
+    def convention(self) -> Convention:
+        """The curves' convention once "auto" is resolved; "constant" has none of its own."""
+        if self.curves == "auto":
+            return "rigid-tendon" if self.passive else "opensim"
+        return "opensim" if self.curves == "opensim" else "rigid-tendon"
+
+
+@read_only
+class Tension(Labelled):
+    """Muscle tensions over time, what they could not do, and whether each frame is an optimum.
+
+    Attributes
+    ----------
+    options : of the problem
+    time : (frames,) [s]
+    muscles : names
+    activations : (frames, muscles) NaN where the frame was not solved
+    forces : (frames, muscles) along the tendons, with passive and viscous force where they took
+        part [N]
+    reserve_names : names of reserves, residuals and the model's other actuators
+    reserves : (frames, reserves) their forces [N] and torques [N m]
+    coordinates : the free coordinates that were balanced
+    torques : (frames, coordinates) what muscles and reserves had to give together: inverse
+        dynamics, dependent coordinates handed on, passive torques of joints taken off [N m or N]
+    equilibrium_residual : (frames,) greatest torque or force left unbalanced [N m or N]
+    status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input,
+        not determined (no muscle is left whose limb's load is known)
+    iterations : (frames,)
+    lower, upper : (muscles,) bounds of the activations
+    overstretched : muscles whose passive force passes their maximum isometric force in some frame,
+        where it takes part: the model's fiber and tendon lengths do not fit the pose, and forces
+        mislead
+    viscous : (frames, muscles) that part of `forces` that is the muscles' viscosity [N], 0 where
+        none took part
+    passive_share, passive_time : (muscles,) greatest passive force over the maximum isometric
+        force, and when [s]; 0 where passive force takes no part
+    contacts : forces found at contact sites, NaN where the frame was not solved; None where none
+        were looked for
+    fibers : fibers and tendons, where tendons were elastic; None with rigid ones
+    """
+
+    time: Array
+    muscles: tuple[str, ...]
+    activations: Array
+    forces: Array
+    reserve_names: tuple[str, ...]
+    reserves: Array
+    coordinates: tuple[str, ...]
+    torques: Array
+    equilibrium_residual: Array
+    status: np.ndarray
+    iterations: np.ndarray
+    lower: Array
+    upper: Array
+    overstretched: tuple[str, ...]
+    options: TensionOptions
+    viscous: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    passive_share: Array = field(default_factory=lambda: np.zeros(1))
+    passive_time: Array = field(default_factory=lambda: np.zeros(1))
+    contacts: ContactForces | None = None
+    fibers: Fibers | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "viscous", np.broadcast_to(self.viscous, self.forces.shape))
+        for name in ("passive_share", "passive_time"):
+            object.__setattr__(
+                self, name, np.broadcast_to(getattr(self, name), (len(self.muscles),))
+            )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def variables(self) -> dict[str, Variable]:
+        """Activations, forces, reserves and torques, what became of each frame, and fibers where
+        tendons stretch.
+        """
+        fibers = {} if self.fibers is None else self.fibers.variables()
+        return {
+            "activation": Variable(("time", "muscle"), self.activations, "1"),
+            "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
+            "viscous_force": Variable(("time", "muscle"), self.viscous, "N"),
+            "reserve": Variable(("time", "reserve_name"), self.reserves, "N m or N"),
+            "torque": Variable(("time", "coordinate"), self.torques, "N m or N"),
+            "equilibrium_residual": Variable(("time",), self.equilibrium_residual, "N m or N"),
+            "status": Variable(("time",), self.status, "1"),
+            "iterations": Variable(("time",), self.iterations, "1"),
+            **fibers,
+        }
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], muscles, reserves, coordinates."""
+        names = {
+            "muscle": self.muscles,
+            "reserve_name": self.reserve_names,
+            "coordinate": self.coordinates,
+        }
+        return {"time": self.time, **names}
+
+    def activation(self, muscle: str) -> Array:
+        """Activation of one muscle, (frames,) from 0 to 1; raises `UnknownName`."""
+        return self.activations[:, index_of("muscle", muscle, self.muscles)]
+
+    def force(self, muscle: str) -> Array:
+        """Force of one muscle along its tendon, (frames,) [N]; raises `UnknownName`."""
+        return self.forces[:, index_of("muscle", muscle, self.muscles)]
+
+    def reserve(self, name: str) -> Array:
+        """Torque or force of one reserve, (frames,) [N m or N]; raises `UnknownName`."""
+        return self.reserves[:, index_of("reserve", name, self.reserve_names)]
+
+    @property
+    def optimal(self) -> np.ndarray:
+        """(frames,) whether the activations are the least effort in balance."""
+        return self.status == OPTIMAL
+
+    @property
+    def asked(self) -> np.ndarray:
+        """(frames,) whether a frame had all that its solution needs."""
+        return ~np.isin(self.status, (MISSING_INPUT, NOT_DETERMINED))
+
+    @property
+    def undetermined(self) -> np.ndarray:
+        """(frames, muscles) whether a muscle has no tension because what its limb carries is
+        unmeasured.
+        """
+        return np.isnan(self.activations) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
+
+    @property
+    def pushing(self) -> tuple[str, ...]:
+        """Muscles whose force is below zero in some frame: shortening against their viscosity
+        faster than they pull.
+        """
+        slack = (
+            np.nanmin(np.where(np.isnan(self.forces), 0.0, self.forces), axis=0, initial=0.0) < 0.0
+        )
+        return tuple(name for name, pulls in zip(self.muscles, slack, strict=True) if pulls)
+
+    @property
+    def large_passive(self) -> tuple[tuple[str, float, float], ...]:
+        """Muscles with much passive force: name, share of the maximum isometric force, time [s],
+        the largest first.
+        """
+        order = [i for i in np.argsort(-self.passive_share) if self.passive_share[i] > LARGE]
+        return tuple(
+            (self.muscles[i], float(self.passive_share[i]), float(self.passive_time[i]))
+            for i in order
+        )
+
+    @property
+    def residual_names(self) -> tuple[str, ...]:
+        """Those of `reserve_names` that hold a floating body, added by default."""
+        return tuple(name for name in self.reserve_names if name.startswith(RESIDUAL))
+
+    def summary(self) -> dict[str, int]:
+        """Number of frames by status."""
+        return {name: int(np.sum(self.status == index)) for index, name in enumerate(STATUS_NAMES)}
+
+
+LARGE = 0.2  # Share of the maximum isometric force from which a muscle's passive force is named
+
+
+class PassivePeaks(NamedTuple):
+    """Greatest passive force of each muscle over its maximum isometric force, (muscles,), and when
+    [s].
+    """
+
+    share: Array
+    time: Array
+
+
+def passive_peaks(passive: Array, strength: Array, time: Array) -> PassivePeaks:
+    """The peaks of forces (frames, muscles), over maximum isometric forces (muscles,) [N]."""
+    share = np.nan_to_num(passive) / np.where(strength > 0.0, strength, 1.0)
+    frame = share.argmax(axis=0)
+    return PassivePeaks(share[frame, np.arange(len(strength))], time[frame])
+
+
+def passive_notes(tension: Tension) -> tuple[str, ...]:
+    """What passive force does in a result, in a line or two; none where it takes no part."""
+    if not tension.options.passive:
+        return ()
+    notes = []
+    if tension.options.tendons == "rigid":
+        notes.append(
+            "passive force on rigid tendons: fibers take up all that a path lengthens, so it comes"
+            " out larger than with tendons that stretch"
+        )
+    large = tension.large_passive
+    if large:
+        worst = ", ".join(
+            f"{name} {100.0 * share:.0f} % at {time:.2f} s" for name, share, time in large[:3]
+        )
+        more = " ..." if len(large) > 3 else ""
+        notes.append(
+            f"passive force above {100.0 * LARGE:.0f} % of the maximum isometric force in"
+            f" {len(large)} of {len(tension.muscles)} muscles: {worst}{more}"
+        )
+    return tuple(notes)
+
+
+def contact_notes(tension: Tension) -> tuple[str, ...]:
+    """A line where a muscle's passive force in the problem that found contact forces passes all it
+    can pull with.
+    """
+    if not tension.overstretched:
+        return ()
+    count = len(tension.overstretched)
+    largest = [item for item in tension.large_passive if item[0] in tension.overstretched][:3]
+    worst = ", ".join(f"{name} {share:.1f} times at {time:.2f} s" for name, share, time in largest)
+    return (
+        (
+            f"contact forces: passive force above the maximum isometric force in {count} of"
+            f" {len(tension.muscles)} muscles ({worst}{' ...' if count > 3 else ''}): fibers of the"
+            " model do not fit the motion; compare with --no-contact-passive"
+        ),
+    )
+
+
+def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
+    """Whether contacts carry a body of this weight [N], or much of what moves it comes from nowhere
+    (its residuals; a moment counts as a force at 1 m).
+    """
+    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
+    left = np.linalg.norm(tension.reserves[:, columns], axis=1)
+    size = float(np.sqrt(np.nanmean(left**2))) if np.isfinite(left).any() else 0.0
+    if size <= MISSING * weight:
+        return ()
+    worst = int(np.nanargmax(left))
+    text = (
+        f"contacts cannot carry the motion: forces of {size:.0f} N (root mean square;"
+        f" {left[worst]:.0f} N at {tension.time[worst]:.2f} s) come from nowhere, beside a weight"
+        f" of {weight:.0f} N: believe neither contact forces nor torques and tensions (is a support"
+        " missing, --contacts, or the motion too noisy, --cutoff?)"
+    )
+    return (Finding("missing support", "contacts", text, size=size),)

@@ -1,0 +1,333 @@
+"""Ideal actuators as a term: controls, generalized forces of unit controls, and reserves where none
+are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadModel
+from myomorph.core.model.model import GROUND, Actuator, Joint, Model, index_of
+from myomorph.core.motion.lengths import length_unit
+from myomorph.core.rigid.kernels import inner, kernel
+from myomorph.core.rigid.kinematics import body_poses
+from myomorph.core.rigid.knees import THIGH
+from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
+from myomorph.core.rigid.vectors import along, cross, dot, matrix, minus, norm, plus, turned, vector
+from myomorph.core.tension.tension import RESERVE, RESIDUAL
+from myomorph.core.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
+
+TORQUE = 0
+POINT = 1
+POINT_TO_POINT = 2
+_KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
+
+
+class BodyActuators(NamedTuple):
+    """Actuators that push or turn bodies, as the kernel reads them."""
+
+    kind: NDArray[np.int64]  # (actuators,)
+    # body, other: (actuators,) numbers in the tree; -1 where nothing reacts
+    body: NDArray[np.int64]
+    other: NDArray[np.int64]
+    # point, other_point, direction: (actuators, 3)
+    point: Array
+    other_point: Array
+    direction: Array
+    # global_point, global_direction: (actuators,)
+    global_point: NDArray[np.bool_]
+    global_direction: NDArray[np.bool_]
+    # (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    start: NDArray[np.int64]
+    coordinate: NDArray[np.int64]  # (entries,) the coordinates it can have a part in
+    supports: NDArray[np.bool_]  # (bodies, axes) whether an axis lies between the ground and a body
+
+
+def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
+    """Torque, point and point-to-point actuators as flat arrays, in the order given."""
+    bodies = []
+    others = []
+    coordinates = []
+    start = [0]
+    for actuator in actuators:
+        where = f"actuator '{actuator.name}': the model"
+        bodies.append(tree.body_number(actuator.body, where))
+        others.append(tree.body_number(actuator.other_body, where) if actuator.other_body else -1)
+        if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
+            raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
+        # What both bodies hang on moves them alike, but need not cancel: a force pair has two
+        # points.
+        supported = tree.supports[
+            [number for number in (bodies[-1], others[-1]) if number >= 0]
+        ].any(axis=0)
+        touched = np.unique(tree.arrays.axis_coordinate[supported])
+        coordinates.extend(touched[touched >= 0].tolist())
+        start.append(len(coordinates))
+    point = np.array([actuator.point for actuator in actuators], dtype=np.float64).reshape(-1, 3)
+    other_point = np.array(
+        [actuator.other_point for actuator in actuators], dtype=np.float64
+    ).reshape(-1, 3)
+    direction = np.array([actuator.direction for actuator in actuators], dtype=np.float64).reshape(
+        -1, 3
+    )
+    length = np.linalg.norm(direction, axis=1, keepdims=True)
+    return BodyActuators(
+        kind=np.array([_KINDS[actuator.kind] for actuator in actuators], np.int64),
+        body=np.array(bodies, np.int64),
+        other=np.array(others, np.int64),
+        point=point,
+        other_point=other_point,
+        direction=direction / np.where(length > 0.0, length, 1.0),
+        global_point=np.array([actuator.point_is_global for actuator in actuators], np.bool_),
+        global_direction=np.array(
+            [actuator.direction_is_global for actuator in actuators], np.bool_
+        ),
+        start=np.array(start, np.int64),
+        coordinate=np.array(coordinates, np.int64),
+        supports=np.ascontiguousarray(tree.supports),
+    )
+
+
+@kernel
+def body_directions(T, P, coordinates, out):
+    """Generalized force per unit of force or torque of every body actuator."""
+    bodies = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
+    R = np.empty((bodies, 3, 3))
+    p = np.empty((bodies, 3))
+    w = np.empty((axes, 3))
+    o = np.empty((axes, 3))
+    dphi = np.empty((axes, 2))
+    column = np.empty(coordinates.shape[1])
+    zero = (0.0, 0.0, 0.0)
+    for frame in range(coordinates.shape[0]):
+        body_poses(T, coordinates[frame], R, p, w, o, dphi)
+        for a in range(P.kind.shape[0]):
+            for e in range(P.start[a], P.start[a + 1]):
+                column[P.coordinate[e]] = 0.0
+            b = P.body[a]
+            other = P.other[a]
+            d = vector(P.direction, a)
+            if not P.global_direction[a]:
+                d = turned(matrix(R, b), d)
+            if P.kind[a] == TORQUE:
+                _add_work(T, P, w, o, dphi, b, zero, d, column)
+                if other >= 0:
+                    _add_work(T, P, w, o, dphi, other, zero, minus(zero, d), column)
+            else:
+                x = _place(P, a, R, p, vector(P.point, a), b)
+                if P.kind[a] == POINT_TO_POINT:
+                    # A positive force drives the points apart.
+                    y = _place(P, a, R, p, vector(P.other_point, a), max(other, 0))
+                    d = minus(x, y)
+                    d = along(zero, 1.0 / norm(d), d)
+                    if other >= 0:
+                        _add_work(T, P, w, o, dphi, other, minus(zero, d), cross(d, y), column)
+                _add_work(T, P, w, o, dphi, b, d, cross(x, d), column)
+            for e in range(P.start[a], P.start[a + 1]):
+                out[frame, e] = column[P.coordinate[e]]
+
+
+@inner
+def _place(P, a, R, p, point, body):
+    """A point of an actuator in ground."""
+    return point if P.global_point[a] else plus(vector(p, body), turned(matrix(R, body), point))
+
+
+@inner
+def _add_work(T, P, w, o, dphi, body, force, moment, column):
+    """Add what a force and its moment about the ground's origin do along the axes that carry a
+    body.
+    """
+    for index in range(w.shape[0]):
+        if P.supports[body, index]:
+            acts = force
+            if T.axis_kind[index] == ROTATION:
+                acts = minus(moment, cross(vector(o, index), force))
+            power = dot(vector(w, index), acts)
+            for s in range(2):
+                if T.axis_coordinate[index, s] >= 0:
+                    column[T.axis_coordinate[index, s]] += dphi[index, s] * power
+
+
+def free_coordinates(model: Model) -> tuple[str, ...]:
+    """Coordinates whose torque has to be balanced: not locked, not prescribed, not driven by a
+    coupler.
+    """
+    return tuple(
+        coordinate.name
+        for coordinate in model.coordinates
+        if not coordinate.locked
+        and coordinate.prescribed is None
+        and coordinate.name not in model.dependent_coordinates
+    )
+
+
+RESERVE_FORCE = 1.0
+RESIDUAL_FORCE = 10.0
+"""Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
+ROTATOR_FORCE = 5.0
+"""Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent
+thigh outward [N m].
+
+Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings
+must straighten the hip alone, against quadriceps.
+"""
+ROTATORS = ("quadfem", "quadratus", "obturator", "obtur", "gem")
+"""How names of those muscles begin, lower case without underscores: quadratus femoris, obturators,
+gemelli.
+"""
+
+
+def default_reserves(
+    model: Model, reserve: float | None = None, residual: float | None = None
+) -> tuple[Actuator, ...]:
+    """A weak actuator for every free coordinate, and force and torque on a body that floats.
+    What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and
+    torques with the fourth power of the body's `length_unit`, as weights and their moments do.
+    `ROTATOR_FORCE` stands in for muscles that many models of the leg leave out. `reserve`: optimal
+    force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]; `residual`:
+    optimal force of what holds a body that is joined to the ground by six free coordinates:
+    "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ... "residual_MZ", along
+    the ground's axes [N], [N m].
+    """
+    unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
+    actuators: list[Actuator] = []
+    floating = floating_joints(model)
+    held = {name for joint in floating for name in joint.coordinates}
+    for joint in floating:
+        ending = "" if len(floating) == 1 else f"_{joint.child}"
+        center = model.body(joint.child).mass_center
+        kinds: tuple[tuple[Literal["point", "torque"], str, int], ...] = (
+            ("point", "F", 3),
+            ("torque", "M", 4),
+        )
+        for kind, letter, power in kinds:
+            strength = RESIDUAL_FORCE * unit**power if residual is None else residual
+            for axis, direction in zip("XYZ", np.eye(3), strict=True):
+                name = f"{RESIDUAL}{letter}{axis}{ending}"
+                push = Actuator(
+                    name, kind, strength, body=joint.child, point=center, direction=direction
+                )
+                actuators.append(push)
+    weak = _without_rotators(model)
+    for name in free_coordinates(model):
+        if name not in held:
+            power = 3 if model.coordinate(name).motion == "translational" else 4
+            force = ROTATOR_FORCE if name in weak else RESERVE_FORCE
+            strength = force * unit**power if reserve is None else reserve
+            actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", strength, coordinate=name))
+    return tuple(actuators)
+
+
+def _without_rotators(model: Model) -> set[str]:
+    """Coordinates of the hips' axial rotation, by name; none where the model has muscles and
+    rotators among them.
+    """
+    plain = [muscle.name.lower().replace("_", "") for muscle in model.muscles]
+    if not plain or any(name.startswith(ROTATORS) for name in plain):
+        return set()
+    hips = [joint for joint in model.joints if any(word in joint.child.lower() for word in THIGH)]
+    return {name for joint in hips for name in joint.coordinates if "rotation" in name.lower()}
+
+
+def floating_joints(model: Model) -> tuple[Joint, ...]:
+    """Joints to the ground with six free coordinates: each holds a subject or an object that
+    floats.
+    """
+    free = set(free_coordinates(model))
+    return tuple(joint for joint in model.joints if joint.parent == GROUND and _floats(joint, free))
+
+
+def _floats(joint: Joint, free: set[str]) -> bool:
+    moving = [axis for axis in joint.axes if axis.function.arity]
+    used = {name for axis in moving for name in axis.coordinates}
+    rotations = sum(axis.kind == "rotation" for axis in moving)
+    return (
+        len(moving) == 6
+        and rotations == 3
+        and used == set(joint.coordinates)
+        and len(used) == 6
+        and used <= free
+    )
+
+
+NEAR_ZERO_COST = 1e-6
+"""Cost of u^2 that controls have besides |u|^p where p > 2: near 0 that power alone has no
+curvature to step by.
+"""
+
+
+class ActuatorTerm(Term):
+    """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's
+    own actuators. `actuators`: in the order of their controls; `optimal_forces` (actuators,) [N or
+    N m].
+    """
+
+    def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):
+        self.actuators = tuple(actuators)
+        self.optimal_forces = np.array(
+            [actuator.optimal_force for actuator in actuators], dtype=np.float64
+        )
+        self._tree = tree
+        self._exponent = exponent
+        self._on_bodies = [
+            i for i, actuator in enumerate(actuators) if actuator.kind != "coordinate"
+        ]
+        self._bodies = compile_body_actuators(tree, [actuators[i] for i in self._on_bodies])
+
+    def variables(self) -> Variables:
+        """Controls, with their effort."""
+        count = len(self.actuators)
+        names = tuple(actuator.name for actuator in self.actuators)
+        lower, upper = (
+            np.array([[actuator.min_control, actuator.max_control] for actuator in self.actuators])
+            .reshape(-1, 2)
+            .T
+        )
+        return Variables(
+            names=names,
+            weight=np.ones(count),
+            exponent=np.full(count, self._exponent),
+            lower=lower,
+            upper=upper,
+        )
+
+    def entries(self) -> Sequence[tuple[int, int]]:
+        """Of actuators on bodies first, then one of each actuator on a coordinate."""
+        names = self._tree.model.coordinate_names
+        bodies = self._bodies
+        owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
+        result = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
+        return result + [
+            (i, index_of("coordinate", actuator.coordinate, names))
+            for i, actuator in enumerate(self.actuators)
+            if actuator.kind == "coordinate"
+        ]
+
+    def columns(self, frames: Frames) -> Columns:
+        """Generalized forces of unit forces, and the optimal forces."""
+        filled = np.empty((len(frames), len(self._bodies.coordinate)))
+        if filled.shape[1]:
+            body_directions(self._tree.arrays, self._bodies, frames.coordinates, filled)
+        ones = np.ones((len(frames), len(self.actuators) - len(self._on_bodies)))
+        forces = np.broadcast_to(self.optimal_forces, (len(frames), len(self.actuators)))
+        return Columns(np.hstack([filled, ones]), forces)
+
+    def penalties(self, unknowns: Unknowns) -> Penalties | None:
+        """A curvature at 0 where the exponent leaves none."""
+        if self._exponent <= 2.0:
+            return None
+        columns = unknowns.of(self)
+        zero = np.zeros((1, len(self.actuators)))
+        return Penalties(
+            columns=range(columns.start, columns.stop),
+            low=zero,
+            high=zero,
+            weight=np.full_like(zero, NEAR_ZERO_COST),
+        )

@@ -1,0 +1,1 @@
+"""Models, recordings and results for other programs: OpenSim's setups, MuJoCo, BIDS."""

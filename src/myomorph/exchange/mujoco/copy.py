@@ -1,0 +1,201 @@
+"""A written model as MuJoCo has it: its lengths, moment arms and generalized forces at our
+coordinates.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from myomorph.core.io.mjcf.compile import silent_mujoco
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Model
+from myomorph.core.model.spatial import quaternion_from_rotation, rotation_from_euler_xyz
+
+NEWTON_STEPS = 4
+CLOSED = 1e-10
+FOLLOWING = (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON))
+
+
+class MujocoCopy:
+    """MuJoCo's copy of a model, from the file that was written of it."""
+
+    def __init__(self, path: str | os.PathLike[str], model: Model):
+        with silent_mujoco():
+            self.m: Any = mujoco.MjModel.from_xml_path(os.fspath(path))
+        self.d: Any = mujoco.MjData(self.m)
+        # Rows of constraints are dense then, and only those of equalities are there.
+        self.m.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
+        self.m.opt.disableflags |= int(
+            mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        )
+        self.model = model
+        self.held = model.dependent_coordinates
+        self.simple: dict[str, tuple[int, int]] = {}
+        self.turning: list[tuple[int, int, int, Array]] = []
+        at = 0
+        for joint in model.joints:
+            names = list(joint.coordinates)
+            for kind in joint.kind.split("+"):
+                if kind in ("hinge", "slide"):
+                    self.simple[names[0]] = self._address(names[0])
+                    at = at + 1
+                    names = names[1:]
+                elif kind in ("free", "ball"):
+                    start = joint.child_frame.rotation.T if kind == "free" else np.eye(3)
+                    adr, dof = self._address(names[0].rsplit("_", 1)[0])
+                    if kind == "free":
+                        for i in range(3):
+                            self.simple[names[i]] = adr + i, dof + i
+                        adr = adr + 3
+                        at = at + 3
+                        names = names[3:]
+                    self.turning.append((adr, dof, at, start))
+                    at = at + 3
+                    names = names[3:]
+        order = {name: i for i, name in enumerate(model.coordinate_names)}
+        self.columns = np.array([order[name] for name in self.simple], np.int64)
+        self.qpos, self.dofs = (
+            np.array([pair[i] for pair in self.simple.values()], np.int64) for i in range(2)
+        )
+        self.followers = np.array(
+            [dof for name, (_, dof) in self.simple.items() if name in self.held], np.int64
+        )
+        self.follower_qpos = np.array(
+            [adr for name, (adr, _) in self.simple.items() if name in self.held], np.int64
+        )
+        self.free = [name for name in self.simple if name not in self.held]
+        self.free_dofs = np.array([self.simple[name][1] for name in self.free], np.int64)
+        kind = mujoco.mjtObj.mjOBJ_TENDON
+        self.tendons = [
+            mujoco.mj_name2id(self.m, kind, f"{name}_tendon") for name in model.muscle_names
+        ]
+
+    def _address(self, name: str) -> tuple[int, int]:
+        number = mujoco.mj_name2id(self.m, mujoco.mjtObj.mjOBJ_JOINT, name)
+        return int(self.m.jnt_qposadr[number]), int(self.m.jnt_dofadr[number])
+
+    def place(self, coordinates: Array) -> None:
+        """Put MuJoCo's copy into a pose (coordinates,), where followers are as its own constraints
+        hold them.
+        """
+        d = self.d
+        self._put(coordinates)
+        for _ in range(NEWTON_STEPS):
+            mujoco.mj_fwdPosition(self.m, d)
+            rows, gap = self._following()
+            if not len(gap) or np.abs(gap).max() < CLOSED:
+                break
+            d.qpos[self.follower_qpos] -= np.linalg.lstsq(rows[:, self.followers], gap, rcond=None)[
+                0
+            ]
+
+    def _put(self, coordinates: Array) -> None:
+        d = self.d
+        d.qpos[:] = self.m.qpos0
+        d.qpos[self.qpos] = coordinates[self.columns]
+        for adr, _, at, start in self.turning:
+            d.qpos[adr : adr + 4] = quaternion_from_rotation(
+                rotation_from_euler_xyz(coordinates[at : at + 3]) @ start
+            )
+
+    def _following(self) -> tuple[Array, Array]:
+        """Rows (constraints, dofs) and errors (constraints,) of what holds followers."""
+        d = self.d
+        count = int(self.d.ne)
+        kinds = self.m.eq_type[d.efc_id[:count]]
+        used = np.isin(kinds, FOLLOWING)
+        rows = np.reshape(d.efc_J, (-1, self.m.nv))[:count]
+        return np.array(rows[used]), np.array(d.efc_pos[:count][used])
+
+    def lengths_and_arms(self, coordinates: Array) -> tuple[Array, Array]:
+        """Lengths (poses, muscles) and moment arms (poses, muscles, `free`) [m, m/rad or m/m]."""
+        lengths = np.empty((len(coordinates), len(self.tendons)))
+        arms = np.empty((len(coordinates), len(self.tendons), len(self.free)))
+        # MuJoCo warns of poses in which two axes of a joint are in line.
+        with silent_mujoco():
+            for pose, row in enumerate(coordinates):
+                self.place(row)
+                lengths[pose] = self.d.ten_length[self.tendons]
+                jacobian = tendon_jacobian(self.m, self.d)[self.tendons]
+                arms[pose] = -jacobian[:, self.free_dofs]
+                rows, _ = self._following()
+                if len(rows):
+                    slopes = -np.linalg.lstsq(
+                        rows[:, self.followers], rows[:, self.free_dofs], rcond=None
+                    )[0]
+                    arms[pose] -= jacobian[:, self.followers] @ slopes
+        return lengths, arms
+
+    def muscle_forces(self, lengths: Array, speeds: Array) -> tuple[Array, Array]:
+        """Active forces of full activation and passive ones, (samples, muscles), of tendons as long
+        and fast [N].
+        """
+        forces = np.zeros((2, *lengths.shape))
+        for i in range(lengths.shape[1]):
+            bounds = self.m.actuator_lengthrange[i]
+            strength = self.m.actuator_acc0[i]
+            values = self.m.actuator_gainprm[i]
+            for sample, length in enumerate(lengths[:, i]):
+                gain = mujoco.mju_muscleGain(
+                    length, speeds[sample, i], bounds, strength, values[:9]
+                )
+                bias = mujoco.mju_muscleBias(length, bounds, strength, values[:9])
+                forces[:, sample, i] = -gain, -bias
+        return forces[0], forces[1]
+
+    def generalized_forces(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+        """(frames, `simple`) what moves MuJoCo's copy so, by `mj_inverse` without constraints and
+        armature [N m or N]. The motion, three times (frames, coordinates), is consistent; free and
+        ball joints do not turn.
+        """
+        m = self.m
+        flags = int(m.opt.disableflags)
+        armature = m.dof_armature.copy()
+        m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        m.dof_armature[:] = 0.0
+        result = np.empty((len(coordinates), len(self.dofs)))
+        # MuJoCo warns of bodies whose mass is next to nothing.
+        with silent_mujoco():
+            for frame, row in enumerate(coordinates):
+                self._put(row)
+                self.d.qvel[:] = 0.0
+                self.d.qacc[:] = 0.0
+                self.d.qvel[self.dofs] = speeds[frame, self.columns]
+                self.d.qacc[self.dofs] = accelerations[frame, self.columns]
+                mujoco.mj_inverse(m, self.d)
+                result[frame] = self.d.qfrc_inverse[self.dofs]
+        m.opt.disableflags = flags
+        m.dof_armature[:] = armature
+        return result
+
+    def steps(self, count: int) -> bool:
+        """Whether MuJoCo takes steps from the default pose, all values finite and no coordinate
+        lost.
+        """
+        with silent_mujoco():
+            mujoco.mj_resetData(self.m, self.d)
+            for _ in range(count):
+                mujoco.mj_step(self.m, self.d)
+        lost = int(self.d.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number)
+        return bool(np.isfinite(self.d.qpos).all() and np.isfinite(self.d.qvel).all() and not lost)
+
+
+def tendon_jacobian(m: Any, d: Any) -> Array:
+    """(tendons, nv), from MuJoCo's rows: dense in small models before 3.6, where the pattern moved
+    to the model.
+    """
+    if not hasattr(m, "ten_J_rownnz") and not mujoco.mj_isSparse(m):
+        return np.array(np.reshape(d.ten_J, (m.ntendon, m.nv)))
+    home = m if hasattr(m, "ten_J_rownnz") else d
+    values = np.ravel(d.ten_J)
+    columns = np.ravel(home.ten_J_colind)
+    jacobian = np.zeros((m.ntendon, m.nv))
+    for t in range(m.ntendon):
+        start = home.ten_J_rowadr[t]
+        count = home.ten_J_rownnz[t]
+        jacobian[t, columns[start : start + count]] = values[start : start + count]
+    return jacobian

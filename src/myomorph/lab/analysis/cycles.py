@@ -1,0 +1,297 @@
+"""Cycles: curves over the cycle and their mean, and whether a signal repeats, after how long, and
+how sure that is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from myomorph.core.model.arrays import Array, freeze, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Series
+
+MAX_SAMPLES = 4096
+MIN_KNOWN = 0.5
+
+
+@dataclass(frozen=True)
+class PeriodOptions:
+    """What counts as a period.
+
+    Attributes
+    ----------
+    confidence : a period is named from here on, 0 to 1
+    likeness : and where the signal correlates so much with itself one period later
+    cycles : and where at least so many are in the recording
+    first : the first repetition within this share of the best one is the period, not a multiple of
+        it (McLeod and Wyvill 2005)
+    """
+
+    confidence: float = 0.95
+    likeness: float = 0.4
+    cycles: float = 2.0
+    first: float = 0.85
+
+    def __post_init__(self) -> None:
+        if self.cycles < 2.0:
+            raise BadData(
+                f"a period from {self.cycles:g} cycles: expected 2 or more, or nothing is repeated"
+            )
+
+
+@dataclass(frozen=True)
+class Periodicity:
+    """The best candidate for a period, and whether it is one.
+
+    Attributes
+    ----------
+    period : [s], nan where the signal does not even rise again
+    cycles : how many fit the recording
+    likeness : correlation of the signal with itself one period later, -1 to 1
+    confidence : one minus the chance that a signal which does not repeat looks so alike somewhere
+    periodic : whether that passes the limits of `PeriodOptions`
+    """
+
+    period: float
+    cycles: float
+    likeness: float
+    confidence: float
+    periodic: bool
+
+
+NONE = Periodicity(period=float("nan"), cycles=0.0, likeness=0.0, confidence=0.0, periodic=False)
+
+
+def find_period(time: Array, values: Array, options: PeriodOptions | None = None) -> Periodicity:
+    """Period of a signal by its autocorrelation, less its straight line.
+
+    r(k) = 2 sum x_t x_(t+k) / sum (x_t^2 + x_(t+k)^2)  is 1 for k = 0 and for a multiple of a
+    period (McLeod and Wyvill 2005). Its first high maximum after it left its first lobe is the
+    candidate. A signal that forgets itself after that lobe has r(k) of variance (1 + 2 sum_(j <
+    lobe) r(j)^2) / (n - k) there (Bartlett 1946); the chance that one of as many independent lags
+    as were searched is so high gives the confidence.
+
+    Parameters
+    ----------
+    time, values : (frames,) ascending [s]; values that are NaN are left out, up to half of them
+    options : lengths that are searched [s] and what is asked of a period; see `PeriodOptions`
+
+    Returns
+    -------
+    the period [s], whether there is one, and with what confidence
+
+    Raises
+    ------
+    Nothing: too few values, or a signal that does not repeat, give `periodic` False
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> time = np.arange(0.0, 10.0, 0.02)
+    >>> found = mm.find_period(time, np.sin(2.0 * np.pi * time / 1.25))
+    >>> found.periodic, round(float(found.period), 2)
+    (True, 1.25)
+    """
+    options = options or PeriodOptions()
+    sampled = _evenly(time, values)
+    if sampled is None:
+        return NONE
+    step, signal, seen = sampled
+    count = len(signal)
+    likeness, pairs = _autocorrelation(signal, seen)
+    longest = int(count / options.cycles)
+    lobe = int(np.argmax(likeness[:longest] <= 0.0))
+    if lobe == 0:
+        return NONE
+    searched = likeness[lobe : longest + 1]
+    inner = (
+        np.flatnonzero((searched[1:-1] >= searched[:-2]) & (searched[1:-1] > searched[2:]))
+        + 1
+        + lobe
+    )
+    if not len(inner) or likeness[inner].max() <= 0.0:
+        return NONE
+    first = int(inner[np.argmax(likeness[inner] >= options.first * likeness[inner].max())])
+    # Noise puts small maxima on the shoulder of a wide one.
+    lag = first + int(np.argmax(likeness[first : min(int(1.25 * first), longest) + 1]))
+    memory = 1.0 + 2.0 * float(np.sum(likeness[1:lobe] ** 2))
+    score = float(likeness[lag]) / np.sqrt(memory / pairs[lag])
+    tries = max(1.0, (longest - lobe) / memory)
+    confidence = float(scipy.special.ndtr(score) ** tries)
+    period = step * _refined(likeness, lag, longest)
+    duration = step * (count - 1)
+    high = float(likeness[lag])
+    sure = confidence >= options.confidence and high >= options.likeness
+    return Periodicity(
+        period=period, cycles=duration / period, likeness=high, confidence=confidence, periodic=sure
+    )
+
+
+def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
+    """Step, detrended values (0 where unknown) and which are known, at even times; None where too
+    few are.
+    """
+    known = np.isfinite(values)
+    if known.sum() < 8 or known.mean() < MIN_KNOWN:
+        return None
+    count = min(len(time), MAX_SAMPLES)
+    even = np.linspace(time[0], time[-1], count)
+    seen = np.interp(even, time, known.astype(np.float64)) > 0.5
+    signal = np.interp(even, time[known], values[known])
+    along = even - even[0]
+    line = np.polynomial.polynomial.polyfit(along[seen], signal[seen], 1)
+    scale = float(np.ptp(signal)) + float(np.abs(signal).max())
+    signal = np.where(seen, signal - line[0] - line[1] * along, 0.0)
+    if float(np.ptp(signal)) <= 1e-9 * scale:
+        return None
+    return float(even[1] - even[0]), signal, seen.astype(np.float64)
+
+
+def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
+    """r(k) of `find_period` for every lag, and how many pairs of values it compares."""
+    size = scipy.fft.next_fast_len(2 * len(signal), real=True)
+    wave, square, mask = np.fft.rfft(np.stack([signal, signal**2, seen]), size, axis=1)
+    spectra = [np.abs(wave) ** 2, square * np.conj(mask), mask * np.conj(square), np.abs(mask) ** 2]
+    products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[
+        :, : len(signal)
+    ]
+    return 2.0 * products / np.maximum(later + earlier, 1e-300), np.maximum(pairs, 1.0)
+
+
+def _refined(likeness: Array, lag: int, longest: int) -> float:
+    """A lag between samples, from the last repetition that still stands out: m periods divided by
+    m.
+    """
+    best = _vertex(likeness, lag)
+    multiple = 2
+    while (multiple + 0.5) * best < longest:
+        middle = multiple * best
+        reach = 0.25 * best
+        low = int(middle - reach)
+        high = int(middle + reach) + 1
+        peak = low + int(np.argmax(likeness[low : high + 1]))
+        if peak in (low, high) or likeness[peak] < 0.5 * likeness[lag]:
+            break
+        best = _vertex(likeness, peak) / multiple
+        multiple += 1
+    return best
+
+
+def _vertex(values: Array, at: int) -> float:
+    """Place of the maximum of the parabola through the neighbourhood of k, a twelfth of k to both
+    sides.
+    """
+    reach = min(max(1, at // 12), at, len(values) - 1 - at)
+    if reach < 1:
+        return float(at)
+    around = np.arange(-reach, reach + 1)
+    _, slope, bend = np.polynomial.polynomial.polyfit(
+        around, values[at - reach : at + reach + 1], 2
+    )
+    return float(at + np.clip(-0.5 * slope / bend, -reach, reach)) if bend < 0.0 else float(at)
+
+
+SAMPLES = 101
+MAX_GAP = 0.1  # Of a signal within a cycle, as a share of it, that a line may cross
+
+
+@read_only
+class Cycles:
+    """Signals of many cycles, each from 0 to 100 %."""
+
+    names: tuple[str, ...]  # of the signals
+    values: Array  # (cycles, samples, names), NaN where not known
+
+    def __post_init__(self) -> None:
+        freeze(self, values=(-1, -1, len(self.names)))
+
+    @property
+    def percent(self) -> Array:
+        """(samples,) of the cycle [%]."""
+        return np.linspace(0.0, 100.0, self.values.shape[1])
+
+
+@read_only
+class Band:
+    """A mean curve with its interval."""
+
+    # mean, low, high: (samples, ...); the limits are NaN with fewer than two curves
+    mean: Array
+    low: Array
+    high: Array
+    spread: Array  # (samples, ...) population standard deviation of the curves
+    count: Array  # (samples, ...) curves that are known there
+
+
+def over_cycles(
+    series: Series, spans: Sequence[tuple[float, float]], samples: int = SAMPLES
+) -> Cycles:
+    """Signals resampled over cycles by straight lines between frames.
+    `series`: values (frames, names), NaN where not known; `spans`: start and end of each cycle [s];
+    a part outside of the series is NaN.
+    """
+    if series.values.ndim != 2:
+        raise BadData(
+            "curves over the cycle are of single numbers, but these have shape"
+            f" {series.values.shape}"
+        )
+    for start, stop in spans:
+        if not stop > start:
+            raise BadData(f"a cycle from {start:g} to {stop:g} s does not go forward")
+    starts, stops = np.array(spans, dtype=np.float64).reshape(-1, 2).T
+    at = np.linspace(starts, stops, samples, axis=1)
+    step = float(np.median(np.diff(series.time))) if len(series) > 1 else np.nan
+    known = np.isfinite(series.values).all(axis=0)
+    if known.all():
+        return Cycles(series.names, _between(series.time, series.values, at, step))
+    values = np.full((len(spans), samples, len(series.names)), np.nan)
+    # Columns without gaps share their places in time, and are done together.
+    values[..., known] = _between(series.time, series.values[:, known], at, step)
+    for j in np.flatnonzero(~known):
+        finite = np.isfinite(series.values[:, j])
+        values[..., j] = _between(series.time[finite], series.values[finite, j, None], at, step)[
+            ..., 0
+        ]
+    return Cycles(series.names, values)
+
+
+def _between(time: Array, values: Array, at: Array, step: float) -> Array:
+    """Values (frames, n), all known, by straight lines at times (cycles, samples); NaN outside and
+    in long gaps.
+    """
+    if len(time) < 2:
+        return np.full((*at.shape, values.shape[1]), np.nan)
+    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    span = time[after] - time[after - 1]
+    share = ((at - time[after - 1]) / span)[..., None]
+    before = values[after - 1]
+    result: Array = before + share * (values[after] - before)
+    apart = np.where(time[after] == at, 0.0, span)
+    longest = np.maximum(MAX_GAP * (at[:, -1:] - at[:, :1]), 1.5 * step)
+    result[(apart > longest) | (at < time[0]) | (at > time[-1])] = np.nan
+    return result
+
+
+def band(curves: ArrayLike, confidence: float = 0.95) -> Band:
+    """Mean of curves (curves, samples, ...) and its interval by Student's t, sample by sample."""
+    curves = np.asarray(curves, dtype=np.float64)
+    known = np.isfinite(curves)
+    count = known.sum(axis=0)
+    filled = np.where(known, curves, 0.0)
+    mean = np.where(count > 0, filled.sum(axis=0) / np.maximum(count, 1), np.nan)
+    squares = (np.where(known, curves - mean, 0.0) ** 2).sum(axis=0)
+    freedom = np.maximum(count - 1, 1)
+    error = np.sqrt(squares / freedom / np.maximum(count, 1))
+    half = np.where(
+        count > 1, scipy.special.stdtrit(freedom, 0.5 + 0.5 * confidence) * error, np.nan
+    )
+    spread = np.where(count > 0, np.sqrt(squares / np.maximum(count, 1)), np.nan)
+    return Band(
+        mean=mean, low=mean - half, high=mean + half, spread=spread, count=count.astype(np.float64)
+    )

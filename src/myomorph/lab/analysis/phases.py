@@ -1,0 +1,275 @@
+"""Events and phases of a movement, from what presses on the ground: gait, jumps, single contacts."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Event, Series, Wrenches
+from myomorph.core.model.sides import split_side
+
+_SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
+STANDING = 0.2  # How far the force of one who stands may be from a known weight, as a share of it
+THRESHOLD = 0.03  # Vertical force that is contact, as a share of body weight (0.03 is about 20 N)
+SHORTEST_CONTACT = 0.03  # Contacts and gaps shorter than this are noise [s]
+SHORTEST_FLIGHT = 0.12  # A jump flies at least so long [s]
+QUIET_TIME = 0.3  # A jump starts from standing still so long [s]
+# Standard deviation of the force that is still standing, as a share of body weight
+QUIET_SPREAD = 0.03
+# A jump begins where the force leaves body weight by so many SDs of quiet standing (Owen 2014)
+ONSET_SPREAD = 5.0
+ONSET_LEAD = 0.03  # The movement has begun so long before that [s] (the same)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number about a movement: name, value, unit and how it was found."""
+
+    name: str
+    value: float
+    unit: str
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """What a recording shows."""
+
+    kind: str = ""  # "gait", "jump", "contact" or "" where no force shows it
+    events: tuple[Event, ...] = ()  # in order of time
+    measures: tuple[Measure, ...] = ()  # numbers that usually go with such a movement
+
+
+def side_of(name: str, body: str = "") -> str:
+    """Side of a wrench from its body's name or its own: "Right", "Left" or ""."""
+    for text in (body, name):
+        side = split_side(text)[1] if text else ""
+        word = _SIDE_WORD.search(text)
+        side = side or (word[1].lower() if word else "")
+        if side:
+            return side.capitalize()
+    return ""
+
+
+def find_movement(
+    wrenches: Wrenches, up: Array, weight: float | None = None, height: Series | None = None
+) -> Movement:
+    """Events of a walk, a run or a jump from the ground forces.
+    A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon
+    et al. 2018: onset, start of braking, lowest point, take-off, landing. Otherwise every side that
+    touches and leaves the ground gets foot strikes and foot offs. `up` (3,) unit vector against
+    gravity; `weight`: of the body [N]; without it, the largest quiet force or a third of the peak
+    stands in; `height`: center of mass over time; its largest column along `up` gives the lowest
+    point.
+    """
+    vertical = np.nan_to_num(wrenches.forces @ up)
+    if len(wrenches) < 3 or not vertical.size or np.max(vertical) <= 0.0:
+        return Movement()
+    total = vertical.sum(axis=1)
+    scale = weight or float(np.max(total)) / 3.0
+    com = None
+    if height is not None:
+        com = np.interp(wrenches.time, height.time, height.values @ up, left=np.nan, right=np.nan)
+    jump = _jump(wrenches.time, total, scale, com, weight is not None)
+    if jump:
+        return jump
+    sides = [
+        side_of(name, body) for name, body in zip(wrenches.names, wrenches.bodies, strict=True)
+    ]
+    return _gait(wrenches.time, vertical, sides, scale)
+
+
+def contacts(
+    time: Array, force: Array, threshold: float, shortest: float
+) -> tuple[tuple[int, int], ...]:
+    """Intervals [first, last] of samples with contact, in order.
+    Contact is a force over the threshold, averaged over a hundredth of a second so that the noise
+    of an unloaded plate does not touch it; it must reach three times the threshold and last
+    `shortest`, and a gap shorter than that does not end it. `time`, `force` (samples,) [s], [N];
+    `threshold` [N]; `shortest` [s].
+    """
+    width = max(1, round(0.01 / max(float(np.median(np.diff(time))), 1e-9)))
+    smooth = np.convolve(np.pad(force, width, mode="edge"), np.ones(width) / width, mode="same")[
+        width:-width
+    ]
+    joined: list[tuple[int, int]] = []
+    for start, end in runs(smooth > threshold):
+        stop = end - 1
+        if np.max(smooth[start : stop + 1]) < 3.0 * threshold:
+            continue
+        if joined and time[start] - time[joined[-1][1]] < shortest:
+            joined[-1] = (joined[-1][0], stop)
+        else:
+            joined.append((start, stop))
+    return tuple((start, stop) for start, stop in joined if time[stop] - time[start] >= shortest)
+
+
+def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> Movement:
+    events: list[Event] = []
+    measures: list[Measure] = []
+    known = [side for side in ("Right", "Left") if side in sides]
+    for side in known or [""]:
+        force = vertical[:, [i for i, other in enumerate(sides) if other == side]].sum(axis=1)
+        strikes = []
+        stances = []
+        for start, stop in contacts(time, force, THRESHOLD * weight, SHORTEST_CONTACT):
+            if start > 0:
+                events.append(Event(float(time[start]), "Foot Strike" if side else "Contact", side))
+                strikes.append(time[start])
+            if stop < len(time) - 1:
+                events.append(Event(float(time[stop]), "Foot Off" if side else "Release", side))
+            if start > 0 and stop < len(time) - 1:
+                stances.append(time[stop] - time[start])
+        for name, times, plates in (
+            ("stance", stances, ", from the plates"),
+            ("stride", np.diff(strikes), ""),
+        ):
+            if side and len(times):
+                mean = float(np.mean(times))
+                measures.append(
+                    Measure(
+                        name=f"{side} {name} time",
+                        value=mean,
+                        unit="s",
+                        source=f"mean of {len(times)}{plates}",
+                    )
+                )
+    kind = "" if not events else "gait" if known else "contact"
+    return Movement(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+
+
+def _jump(
+    time: Array, total: Array, weight: float, com: Array | None, weighed: bool
+) -> Movement | None:
+    """Phases of the first jump that starts from standing, None where there is none."""
+    grounded = contacts(time, total, THRESHOLD * weight, SHORTEST_CONTACT)
+    for (start, off), (land, last) in itertools.pairwise(grounded):
+        if time[land] - time[off] < SHORTEST_FLIGHT:
+            continue
+        quiet = _quiet(time, total, start, off, weight, weighed)
+        if quiet is None:
+            continue
+        onset, standing = quiet
+        # An unknown weight was a guess; quiet standing measures it.
+        return _jump_phases(time, total, (onset, off, land, last), standing, com)
+    return None
+
+
+def _quiet(
+    time: Array, total: Array, start: int, off: int, weight: float, weighed: bool
+) -> tuple[int, float] | None:
+    """Sample of the movement's onset and the weight that stood there [N], before a take-off.
+    Where the body's weight is known, who stands carries it: feet of one who sits do not.
+    """
+    step = float(np.median(np.diff(time)))
+    width = max(3, round(QUIET_TIME / step))
+    part = total[start : off + 1]
+    if len(part) <= width:
+        return None
+    sums = np.concatenate([[0.0], np.cumsum(part)])
+    squares = np.concatenate([[0.0], np.cumsum((part - weight) ** 2)])
+    mean = (sums[width:] - sums[:-width]) / width
+    spread = np.sqrt(
+        np.maximum((squares[width:] - squares[:-width]) / width - (mean - weight) ** 2, 0.0)
+    )
+    stands = np.abs(mean - weight) < STANDING * weight if weighed else np.ones(len(mean), np.bool_)
+    still = np.flatnonzero(stands & (spread < QUIET_SPREAD * mean))
+    if not len(still):
+        return None
+    window = slice(int(still[-1]), int(still[-1]) + width)
+    standing = float(np.median(part[window]))
+    band = max(ONSET_SPREAD * float(np.std(part[window])), 0.01 * standing)
+    inside = np.abs(part - standing) < band
+    # The last stay inside the band of at least a third of the quiet time ends where the movement
+    # begins.
+    end = still[-1] + width - 1
+    run = 0
+    for i, still_inside in enumerate(inside):
+        run = run + 1 if still_inside else 0
+        if run >= max(2, width // 3):
+            end = i
+    lead = round(ONSET_LEAD / step)
+    return start + max(int(end) - lead, 0), standing
+
+
+def _jump_phases(
+    time: Array, total: Array, marks: tuple[int, int, int, int], weight: float, com: Array | None
+) -> Movement:
+    onset, off, land, last = marks
+    gravity = 9.80665
+    push = slice(onset, off + 1)
+    accelerating = (total[push] / weight - 1.0) * gravity
+    steps = np.diff(time[push])
+    speed = np.concatenate([[0.0], np.cumsum(0.5 * (accelerating[1:] + accelerating[:-1]) * steps)])
+    events = [Event(float(time[onset]), "Onset")]
+    flight = float(time[land] - time[off])
+    height = max(speed[-1], 0.0) ** 2 / (2 * gravity)
+    measures = [
+        Measure(name="Body weight on the plates", value=weight, unit="N", source="quiet standing"),
+        Measure(
+            name="Flight time",
+            value=flight,
+            unit="s",
+            source=f"vertical force under {100 * THRESHOLD:.0f} % of body weight",
+        ),
+        Measure(
+            name="Jump height from flight time",
+            value=gravity * flight**2 / 8.0,
+            unit="m",
+            source="g t² / 8",
+        ),
+        Measure(
+            name="Jump height from take-off velocity",
+            value=height,
+            unit="m",
+            source="v² / 2g, impulse",
+        ),
+    ]
+    slowest = int(np.argmin(speed))
+    if speed[slowest] < -0.05 * max(speed.max(), 1e-9):
+        turn = slowest + int(np.argmax(speed[slowest:] >= 0.0))
+        if com is not None and np.isfinite(com[push]).any():
+            turn = int(np.nanargmin(com[push]))
+            depth = float(com[onset] - com[push][turn])
+            measures.append(
+                Measure(
+                    name="Countermovement depth", value=depth, unit="m", source="center of mass"
+                )
+            )
+        events.append(Event(float(time[onset + slowest]), "Braking"))
+        events.append(Event(float(time[onset + turn]), "Lowest point"))
+    events += [Event(float(time[off]), "Take-off"), Event(float(time[land]), "Landing")]
+    settled = min(last, land + max(1, int(np.searchsorted(time[land:], time[land] + 0.5))))
+    for when, part in (("before take-off", total[push]), ("of landing", total[land : settled + 1])):
+        peak = float(part.max())
+        measures.append(
+            Measure(
+                name=f"Peak force {when}",
+                value=peak,
+                unit="N",
+                source=f"{peak / weight:.2f} body weights",
+            )
+        )
+    return Movement("jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a motion: its name, its start and its end [s]."""
+
+    name: str
+    start: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        if not self.start < self.stop:
+            raise BadData(
+                f"phase '{self.name}' lasts from {self.start:g} to {self.stop:g} s: expected a"
+                " later end"
+            )

@@ -1,0 +1,293 @@
+"""Strides of a model's motion: which of its bodies are limbs, where their points are, and whether
+it walks at all; foot strikes and foot offs of a run from the vertical force that the center of mass
+shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Event, Motion, Series, Wrenches
+from myomorph.core.model.sides import split_side
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.analysis.center_of_mass import centroid
+from myomorph.lab.analysis.foot_events import Limb
+from myomorph.lab.analysis.strides import Strides, find_strides
+
+# Of the filter of the center of mass [Hz]; for a smaller body higher, as its strides are shorter
+CUTOFF = 8.0
+# A runner's force falls below this share of the weight between contacts; a walker's stays above 0.6
+FLIGHT = 0.3
+# Share of the weight at which the slope of the force is taken, along which it goes on to nothing
+EDGE = 0.5
+MIN_FRAMES = 24  # Frames that a second derivative takes
+
+
+def vertical_force(model: Model, motion: Motion) -> Array:
+    """Vertical force on the whole body over its weight (frames,): 1 + a / g, with a of the center
+    of mass [m/s^2].
+    """
+    g = float(np.linalg.norm(model.gravity))
+    height = centroid(model, motion).values @ np.asarray(model.up)
+    rate = 1.0 / float(np.median(np.diff(motion.time)))
+    if rate > 2.0 * CUTOFF:
+        height = scipy.signal.sosfiltfilt(
+            scipy.signal.butter(2, CUTOFF, fs=rate, output="sos"), height
+        )
+    return 1.0 + np.gradient(np.gradient(height, motion.time), motion.time) / g
+
+
+def running_contacts(
+    model: Model, motion: Motion, feet: Sequence[str]
+) -> Mapping[str, tuple[tuple[float, float], ...]]:
+    """Contact intervals of each foot in a run [s]; none for a walk, in which a foot is always on
+    the ground. The events that show a walk's contacts, a foot farthest ahead of and behind the
+    trunk, are far from a runner's: a foot goes on backward after it has left the ground. Between
+    two flights one foot carries the body, the lower one. The force's slope where it passes half the
+    weight leads to where it begins and ends. `motion`: coordinates (frames, coordinates) [rad or
+    m]; `feet`: bodies.
+    """
+    known = np.isfinite(motion.values).all(axis=1)
+    if (
+        known.sum() < MIN_FRAMES
+        or not known.all()
+        or model.mass <= 0.0
+        or not np.linalg.norm(model.gravity) > 0.0
+    ):
+        return {}
+    force = vertical_force(model, motion)
+    time = motion.time
+    up = np.flatnonzero((force[:-1] < EDGE) & (force[1:] >= EDGE))
+    down = np.flatnonzero((force[:-1] >= EDGE) & (force[1:] < EDGE))
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    heights = np.stack(
+        [poses.origins[:, tree.body_index[name]] @ np.asarray(model.up) for name in feet], axis=1
+    )
+    stances: dict[str, list[tuple[float, float]]] = {name: [] for name in feet}
+    for start in up:
+        ends = down[down > start]
+        if not len(ends):
+            continue
+        stop = int(ends[0])
+        before = force[: start + 1]
+        after = force[stop + 1 :]
+        flies = (_dip(before[::-1]), _dip(after))
+        if max(flies) > FLIGHT:
+            continue
+        middle = slice(int(start), stop + 1)
+        foot = feet[int(np.argmin(heights[middle].mean(axis=0)))]
+        stances[foot].append((_edge(time, force, int(start)), _edge(time, force, stop)))
+    return {name: tuple(intervals) for name, intervals in stances.items() if intervals}
+
+
+def _dip(force: Array) -> float:
+    """The least force until it is over half the weight again; that of a recording that ends there
+    counts.
+    """
+    return float(force[: np.append(np.flatnonzero(force >= EDGE), len(force))[0]].min())
+
+
+def _edge(time: Array, force: Array, at: int) -> float:
+    """Where the line through two samples of the force reaches nothing [s]."""
+    slope = (force[at + 1] - force[at]) / (time[at + 1] - time[at])
+    return float(time[at] - force[at] / slope)
+
+
+# The body goes over the ground, not in place on a belt, where it goes so many times as far as a
+# foot.
+TRAVELS = 3.0
+# Feet stand, the body moves over them (up from a chair), where none goes so many times as far.
+STANDS = 0.5
+MIN_DUTY = 0.1  # The only stride of a recording has a stance and a swing of at least this share
+# Strides of a walk differ in duration by less than this share of the usual one, as a median
+STEADY = 0.35
+
+
+def walking_limbs(model: Model) -> tuple[Limb, ...]:
+    """A limb for every body that is a foot by its name and has a side; () where there are none."""
+    feet = [name for name in feet_of(model) if split_side(name)[1]]
+    return tuple(Limb(name, (name,), bodies=(name,)) for name in feet)
+
+
+def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
+    """By limb: its bodies from the foot up to where the chains of all limbs meet, and those beyond
+    the foot.
+    """
+    parents = {joint.child: joint.parent for joint in model.joints}
+    ways: dict[str, list[str]] = {}
+    for body in model.body_names:
+        way = [body]
+        at = parents.get(body, GROUND)
+        while at != GROUND:
+            way.append(at)
+            at = parents.get(at, GROUND)
+        ways[body] = way
+    bodies_of = {limb.name: set(ways[limb.points[0]]) for limb in limbs}
+    shared = set.intersection(*bodies_of.values()) if len(bodies_of) > 1 else {model.body_names[0]}
+    parts = {name: bodies - shared for name, bodies in bodies_of.items()}
+    names = model.body_names
+    return {
+        name: frozenset(body for body in names if bodies & set(ways[body]))
+        for name, bodies in parts.items()
+    }
+
+
+def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = None) -> Series:
+    """Mass centers of the feet and the origin of the root (frames, points, 3) [m].
+    With a fit, a foot is unseen (NaN) in frames that show no marker of it nor of the body it hangs
+    on: there its pose is a guess.
+    """
+    tree = compile_tree(model)
+    limbs = walking_limbs(model)
+    names = [limb.name for limb in limbs]
+    root = model.body_names[0]
+    known = np.isfinite(motion.values).all(axis=1)
+    values = tree.coordinates_of(motion)
+    values[~known] = tree.defaults
+    poses = forward_kinematics(tree, values)
+    places = np.empty((len(motion), len(names) + 1, 3))
+    for column, name in enumerate(names):
+        b = tree.body_index[name]
+        places[:, column] = (
+            poses.origins[:, b] + poses.rotations[:, b] @ model.body(name).mass_center
+        )
+    places[:, -1] = poses.origins[:, tree.body_index[root]]
+    places[~known] = np.nan
+    if fit is not None and len(fit.motion) == len(motion):
+        parents = {joint.child: joint.parent for joint in model.joints}
+        for column, name in enumerate(names):
+            bodies = (name, parents[name])
+            near = [
+                i
+                for i, marker in enumerate(fit.marker_names)
+                if model.marker(marker).body in bodies
+            ]
+            if near:
+                places[~np.isfinite(fit.errors[:, near]).any(axis=1), column] = np.nan
+    return Series(motion.time, (*names, root), places)
+
+
+def walking_strides(
+    model: Model,
+    motion: Motion,
+    fit: KinematicsFit | None = None,
+    *,
+    wrenches: Wrenches | None = None,
+    events: Sequence[Event] = (),
+) -> Strides | None:
+    """Strides of a motion, or None where it is no walk: no feet, feet that stand, no stride, or
+    none like another. `motion`: coordinates (frames, coordinates) [rad or m]; `wrenches`: on the
+    feet: strikes and lifts that they show go before all others; `events`: of the recording, which
+    go before those of the motion.
+    """
+    limbs = walking_limbs(model)
+    if len(limbs) < 2 or not len(motion):
+        return None
+    points = walking_points(model, motion, fit)
+    if not feet_move(points):
+        return None
+    feet = {body for limb in limbs for body in limb.bodies}
+    plates = (
+        wrenches
+        if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies)
+        else None
+    )
+    try:
+        strides = find_strides(
+            points,
+            limbs,
+            model.body_names[:1],
+            model.up,
+            ground_speed=ground_speed(points),
+            wrenches=plates,
+            weight=None if plates is None else model.weight,
+            events=events,
+            running=running_events(model, motion, limbs),
+            facing=facing_of(model, motion, limbs),
+        )
+    except BadData:
+        return None
+    lasting: Array = np.array([stride.duration for stride in strides.strides])
+    if not len(lasting):
+        return None
+    if len(lasting) == 1:
+        only = strides.strides[0]
+        return strides if MIN_DUTY < only.duty < 1.0 - MIN_DUTY and only.length > 0.0 else None
+    usual = float(np.median(lasting))
+    unlike = float(np.median(np.abs(lasting - usual))) / usual
+    return strides if unlike < STEADY else None
+
+
+def ground_speed(points: Series) -> float | None:
+    """0 where the root goes over the ground; None where it stays in place, as on a belt whose speed
+    is not known.
+    """
+    # On a belt the root, the last of the points, only drifts.
+    return (
+        0.0
+        if _way(points.values[:, -1]) > TRAVELS * max(_ways_beside(points), default=0.0)
+        else None
+    )
+
+
+def running_events(model: Model, motion: Motion, limbs: Sequence[Limb]) -> tuple[Event, ...]:
+    """Foot strikes and foot offs of a run, from its flights; () for a walk."""
+    return tuple(
+        Event(time, label, split_side(foot)[1].capitalize())
+        for foot, intervals in running_contacts(
+            model, motion, [limb.name for limb in limbs]
+        ).items()
+        for interval in intervals
+        for time, label in zip(interval, ("Foot Strike", "Foot Off"), strict=True)
+    )
+
+
+def facing_of(model: Model, motion: Motion, limbs: Sequence[Limb]) -> Array | None:
+    """(3,) mean direction from the feet's joints to their centers of mass; None where they have
+    none.
+    """
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    if not known.any():
+        return None
+    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
+    ways = [
+        poses.rotations[:, tree.body_index[limb.name]] @ model.body(limb.name).mass_center
+        for limb in limbs
+    ]
+    mean: Array = np.mean(ways, axis=(0, 1))
+    return mean if np.linalg.norm(mean) > 0.0 else None
+
+
+def feet_move(points: Series) -> bool:
+    """Whether a foot goes about as far over the ground or the belt as beside the root."""
+    beside = _ways_beside(points)
+    return any(_way(points.values[:, index]) > STANDS * way for index, way in enumerate(beside))
+
+
+def _ways_beside(points: Series) -> list[float]:
+    """How far every foot goes as the root sees it [m]."""
+    return [
+        _way(points.values[:, index] - points.values[:, -1])
+        for index in range(len(points.names) - 1)
+    ]
+
+
+def _way(places: Array) -> float:
+    """Extent of a path (frames, 3) without its farthest tenth [m]."""
+    seen = places[np.isfinite(places).all(axis=1)]
+    return (
+        float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0)))
+        if len(seen)
+        else 0.0
+    )

@@ -1,0 +1,645 @@
+"""Raw recordings to a study: protocol, axes, static trial, model, forces and EMG found, and the
+study file written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.model.errors import BadData, BadFile, UnknownName, few, listing
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.protocols import labels_between
+from myomorph.core.motion.sync import cut
+from myomorph.core.muscles.published_arms import arm_warnings
+from myomorph.lab.analyze.arms import have_arms
+from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.analyze.plate_cover import weighed
+from myomorph.lab.analyze.proposed_protocol import proposed_sites, proposed_table
+from myomorph.lab.analyze.recorded_trial import (
+    AnalyzeRequest,
+    laboratory_of,
+    protocol_sentences,
+    recorded_trial,
+)
+from myomorph.lab.analyze.recordings import (
+    Recording,
+    bare,
+    by_what_shows,
+    files_of,
+    look_at,
+    sites_of,
+    standing_height,
+    stands_still,
+    static_beside,
+)
+from myomorph.lab.analyze.sensor_trials import (
+    MIN_FRAMES,
+    check_sensors,
+    unmarked_model,
+    unmarked_request,
+    with_pose,
+)
+from myomorph.lab.analyze.unfit_markers import is_arm, unfit_markers
+from myomorph.lab.study.inputs.assumed import Assumed
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.keys import Notes, Place, flag_of
+from myomorph.lab.study.inputs.labels import Labels
+from myomorph.lab.study.inputs.laboratory import AS_RECORDED
+from myomorph.lab.study.inputs.loads import LoadsFile
+from myomorph.lab.study.inputs.mass import BodyMass
+from myomorph.lab.study.inputs.reading import cut_to, open_model
+from myomorph.lab.study.inputs.table import all_keys, settings_of_keys
+from myomorph.lab.study.plan.plan import Plan
+from myomorph.lab.study.plan.written_plan import is_unchanged, study_text
+from myomorph.lab.study.subject.subject_files import SubjectFiles
+from myomorph.lab.study.trial.trial_inputs import TrialFiles
+from myomorph.lab.study.trial.uncertainty_file import STEP as UNCERTAINTY
+
+STUDY = "study.toml"
+GENERIC = "generic.osim"
+SUBJECT = "subject"
+PROPOSED = "protocol.toml"
+STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
+MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
+NEEDED = ("pelvis", "thigh", "shank")  # Segments that must have a marker, ...
+OF_ARMS = ("trunk", "upper_arm", "forearm")  # ... and where there are markers of arms alone.
+OF_MUSCLES = ("muscles", "tension")  # Steps that a model without muscles does not take.
+HEIGHT_TOLERANCE = 0.1  # A height that the markers show lies within this share of the true one.
+
+
+@dataclass(frozen=True)
+class PreparedStudy:
+    """A study file that was written, and what it assumes.
+
+    Attributes
+    ----------
+    study : the file, for `read_plan`
+    assumed : sentences, those on all recordings first
+    """
+
+    study: Path
+    assumed: tuple[str, ...]
+
+
+def prepare_study(
+    recordings: Sequence[str | Path],
+    out: str | Path,
+    mass: float | None = None,
+    height: float | None = None,
+    static: str | Path | None = None,
+    model: str | Path | None = None,
+    arms: bool = False,
+    keys: Mapping[str, object] = FrozenMap({}),
+    options: Mapping[str, Mapping[str, object]] = FrozenMap({}),
+) -> PreparedStudy:
+    """Look at raw recordings and write a study file that `run_study` takes from them to a report,
+    as `analyze`.
+
+    Parameters
+    ----------
+    recordings : files of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt),
+        or folders of them
+    out : folder for `study.toml`, the generic model where no other is given, and the results
+    mass : of the subject [kg]; without it, plates weigh the subject where they can
+    height : of the subject [m], which scales the generic model
+    static : recording of standing still; by default found among or beside the recordings
+    model : OpenSim or MuJoCo file with markers; by default myo-sim's legs and trunk
+    arms : give the generic model both arms, where markers show how they move
+    keys : of the inputs of trials, as a study file has them; they go before what is found
+    options : of the steps, by step and setting
+
+    Returns
+    -------
+    the study file, and what it assumes, one sentence each
+
+    Raises
+    ------
+    MyomorphError
+        with one line that says what is missing, and the option that supplies it
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> squat = mm.demo_recording()
+    >>> mm.write_trc(squat.markers, "squat.trc")
+    >>> notes = mm.write_osim(squat.model, "squat.osim")
+    >>> prepared = mm.prepare_study(["squat.trc"], "squat", mass=squat.model.mass, model="squat.osim")
+    >>> mm.read_plan(prepared.study).steps[0]
+    ('calibrate', 'ik', 'id', 'muscles', 'tension', 'report')
+    """
+    request = AnalyzeRequest(
+        recordings=tuple(map(Path, recordings)),
+        mass=mass,
+        height=height,
+        static=None if static is None else Path(static),
+        model=None if model is None else Path(model),
+        arms=arms,
+        inputs=_inputs_of(keys),
+        options=FrozenMap(options),
+    )
+    return prepare_request(request, Path(out))
+
+
+def _inputs_of(keys: Mapping[str, object]) -> ByType:
+    """Settings of inputs from keys as a study file beside the program would have them."""
+    known = all_keys()
+    place = Place(Path(), "keys", Notes())
+    for name in keys:
+        if name not in known:
+            raise UnknownName("key", name, known, "a study file")
+    values = {name: known[name][1].kind.located(name, value, place) for name, value in keys.items()}
+    if place.notes.problems:
+        raise BadData("; ".join(place.notes.problems))
+    return settings_of_keys(values)
+
+
+@dataclass(frozen=True, eq=False)
+class SortedRecordings:
+    """Recordings of a request by what they are for.
+
+    Attributes
+    ----------
+    marked : motions that markers show
+    sensed : motions that inertial sensors alone show
+    static : markers of standing still, None for none
+    looked_at : all recordings of markers that were given
+    """
+
+    marked: Sequence[Recording]
+    sensed: Sequence[Recording]
+    static: Recording | None
+    looked_at: Sequence[Recording]
+
+    @property
+    def moving(self) -> list[Recording]:
+        """Recordings of motion, of which each becomes a trial."""
+        return [*self.marked, *self.sensed]
+
+    @property
+    def of_body(self) -> list[Recording]:
+        """Recordings that show the lengths of segments."""
+        return self._with_static(self.marked)
+
+    @property
+    def of_standing(self) -> list[Recording]:
+        """Recordings in which somebody may stand still."""
+        return self._with_static(self.looked_at)
+
+    def _with_static(self, recordings: Sequence[Recording]) -> list[Recording]:
+        return [*recordings] if self.static is None else [*recordings, self.static]
+
+
+@dataclass(frozen=True)
+class RecordingSentences:
+    """Sentences on the recordings of a request, for the report.
+
+    Attributes
+    ----------
+    worth : what results of sensors alone are worth
+    passed_over : files that are no recordings
+    static, pose : the static trial, and the sensors' calibration pose
+    """
+
+    worth: Sequence[str] = ()
+    passed_over: Sequence[str] = ()
+    static: Sequence[str] = ()
+    pose: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenModel:
+    """The subject's model.
+
+    Attributes
+    ----------
+    model, path : the model and its file
+    labels : names of its markers, by the labels of recordings that call them otherwise
+    of_height, of_model : sentences
+    """
+
+    model: Model
+    path: Path
+    labels: Mapping[str, str]
+    of_height: Sequence[str]
+    of_model: Sequence[str]
+
+
+def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
+    """Look at the recordings and write a study file, with the generic model where none is given.
+
+    Parameters
+    ----------
+    request : recordings, and what the user says of them
+    out : folder that both are written into
+
+    Returns
+    -------
+    the study file, and what it assumes
+
+    Raises
+    ------
+    MyomorphError
+        with one line that says what is missing, and the option that supplies it
+    """
+    study = out / STUDY
+    _refuse_changed(study)
+    request, recordings, of_recordings = _sorted_recordings(request)
+    _check_inputs(request.inputs, recordings.moving)
+    _check_recordings(recordings, request, out)
+    moving = _with_given_loads(recordings.moving, request.inputs)
+
+    of_mass: list[str] = []
+    if request.mass is None:
+        mass, sentence = weighed(recordings.static, moving, request.forces)
+        request = replace(request, mass=mass)
+        of_mass.append(sentence)
+    out.mkdir(parents=True, exist_ok=True)
+    chosen = _chosen_model(recordings, request, out)
+
+    own_markers = () if request.model is None else chosen.model.marker_names
+    assumed = [
+        *of_recordings.worth,
+        *of_mass,
+        *chosen.of_height,
+        *of_recordings.passed_over,
+        *of_recordings.static,
+        *of_recordings.pose,
+        *protocol_sentences(recordings.marked, (*own_markers, *chosen.labels)),
+        *chosen.of_model,
+    ]
+    if not chosen.model.muscles:
+        assumed.append(
+            f"{chosen.path.name} has no muscles: the report ends with joint angles and torques."
+        )
+    trials, of_trials = _trials(moving, chosen, request, assumed)
+    plan = _plan(study, trials, recordings, chosen, request)
+    head = (
+        f"Written by: {' '.join(request.command.split())}",
+        "Change it as you like; these words run it again:",
+        f"myomorph run {_shell(study)} --out {_shell(out)}",
+    )
+    study.write_text(study_text(plan, out, head), encoding="utf-8")
+    return PreparedStudy(study=study, assumed=(*assumed, *of_trials))
+
+
+def _sorted_recordings(
+    request: AnalyzeRequest,
+) -> tuple[AnalyzeRequest, SortedRecordings, RecordingSentences]:
+    """Read the recordings of a request; the request gets what sensors alone need."""
+    paths, passed_over = files_of(request.recordings)
+    looked_at, sensed = by_what_shows(look_at(path, table=request.table) for path in paths)
+    static: Recording | None = None
+    marked = looked_at
+    sentences = RecordingSentences(passed_over=passed_over)
+    if looked_at:
+        static, marked, of_static = _static(looked_at, request)
+        sentences = replace(sentences, static=[of_static])
+    else:
+        request, worth = unmarked_request(request)
+        sentences = replace(sentences, worth=[worth])
+    request, sensed, of_pose = with_pose(request, sensed, alone=not marked)
+    recordings = SortedRecordings(marked=marked, sensed=sensed, static=static, looked_at=looked_at)
+    return request, recordings, replace(sentences, pose=of_pose)
+
+
+def _check_recordings(recordings: SortedRecordings, request: AnalyzeRequest, out: Path) -> None:
+    """Refuse motions that are too short, or whose markers or sensors do not show a body."""
+    for recording in recordings.sensed:
+        check_sensors(recording, request)
+    for recording in recordings.marked:
+        markers = recording.trial.markers
+        assert markers is not None
+        labels = markers.names
+        if request.model is None:
+            _check_markers(recording, recordings.of_standing, out)
+            labels = tuple(recording.found.sites)
+        _check_time(recording.path, markers, labels, request.time)
+
+
+def _with_given_loads(moving: list[Recording], inputs: ByType) -> list[Recording]:
+    """The recordings, with a file of forces that the user gave to the only one of them."""
+    loads = inputs.or_default(LoadsFile).loads
+    if loads is None:
+        return moving
+    near = FrozenMap({**moving[0].near, "loads": loads})
+    return [replace(moving[0], near=near)]
+
+
+def _chosen_model(recordings: SortedRecordings, request: AnalyzeRequest, out: Path) -> ChosenModel:
+    """The model that was given, or the generic one fitted to the recordings and written."""
+    if not recordings.marked:
+        model, path, of_model = unmarked_model(request, out / GENERIC)
+        return ChosenModel(model=model, path=path, labels={}, of_height=(), of_model=of_model)
+    height, of_height = _height(recordings.static or recordings.marked[0], request.height)
+    model, path, labels, of_model = _model(recordings.of_body, request, height, out)
+    return ChosenModel(
+        model=model, path=path, labels=labels, of_height=of_height, of_model=of_model
+    )
+
+
+def _trials(
+    moving: Sequence[Recording],
+    chosen: ChosenModel,
+    request: AnalyzeRequest,
+    assumed: Sequence[str],
+) -> tuple[tuple[TrialFiles, ...], list[str]]:
+    """A trial of each recording of motion, and sentences on single trials."""
+    labels = Labels(FrozenMap(chosen.labels))
+    mass = BodyMass(request.mass)
+    trials = []
+    sentences = []
+    for recording, name in zip(moving, _names(moving), strict=True):
+        files = TrialFiles(model=chosen.path, name=name, subject=SUBJECT, inputs=request.inputs)
+        trial, of_trial = recorded_trial(recording, files, chosen.model, request)
+        trials.append(trial.having(labels, mass, Assumed((*assumed, *of_trial))))
+        sentences += [f"{name}: {sentence}" for sentence in of_trial]
+    return tuple(trials), sentences
+
+
+def _plan(
+    study: Path,
+    trials: tuple[TrialFiles, ...],
+    recordings: SortedRecordings,
+    chosen: ChosenModel,
+    request: AnalyzeRequest,
+) -> Plan:
+    """The study: one subject, all of whose trials take the same steps."""
+    static = recordings.static
+    subject = SubjectFiles(
+        name=SUBJECT,
+        model=chosen.path,
+        mass=request.mass,
+        static=None if static is None else static.path,
+        trials=trials,
+        labels=FrozenMap(chosen.labels),
+        static_laboratory=(
+            AS_RECORDED if static is None else laboratory_of(static, chosen.model, request)
+        ),
+    )
+    steps = [step for step in STEPS if chosen.model.muscles or step not in OF_MUSCLES]
+    if not recordings.marked:
+        steps.remove("calibrate")
+    if UNCERTAINTY in request.options:
+        steps.append(UNCERTAINTY)
+    return Plan(
+        name=study.parent.resolve().name,
+        path=study,
+        trials=trials,
+        steps=(tuple(steps),) * len(trials),
+        settings=request.options,
+        subjects=FrozenMap({SUBJECT: subject}),
+        flat=True,
+    )
+
+
+def _check_inputs(inputs: ByType, moving: Sequence[Recording]) -> None:
+    """Refuse files that do not exist, and inputs that belong to one recording where there are
+    several.
+    """
+    for name, (declared, key) in all_keys().items():
+        value = getattr(inputs.or_default(declared.settings), name)
+        if value == key.default:
+            continue
+        for path in key.kind.files(value):
+            if not path.exists():
+                raise BadFile(path, "does not exist", f"give a file that does ({flag_of(name)})")
+        if key.kind.per == "trial" and len(moving) != 1:
+            raise BadData(
+                f"{flag_of(name)} {value}: it belongs to one recording, and there are"
+                f" {len(moving)}; analyze one at a time, or write '{name}' to each trial of the"
+                " study file (--prepare)"
+            )
+
+
+def _shell(path: Path) -> str:
+    text = str(path)
+    return f'"{text}"' if " " in text else text
+
+
+def _refuse_changed(path: Path) -> None:
+    """Raise `BadData` where a study file stands that somebody has changed or written."""
+    if path.is_file() and not is_unchanged(path.read_text(encoding="utf-8", errors="replace")):
+        raise BadData(
+            f"{path} was changed since it was written, and would be lost: run it ('myomorph run"
+            f" {path} --out {path.parent}'), or give another folder (--out)"
+        )
+
+
+def _static(
+    looked: list[Recording], request: AnalyzeRequest
+) -> tuple[Recording | None, list[Recording], str]:
+    """The recording of standing still, the others, and a sentence on it."""
+    if request.static is not None:
+        static = look_at(request.static, table=request.table)
+        moved = "" if static.still else ", although markers move in it by more than 3 cm"
+        return static, looked, f"{static.path.name} is the static trial, as --static says{moved}."
+    still = [one for one in looked if one.still]
+    moving = [one for one in looked if not one.still]
+    if still and moving:
+        static = max(still, key=lambda one: len(one.found.sites))
+        return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
+    beside = static_beside(looked[0], request.table) if moving else None
+    if beside is not None:
+        return (
+            beside,
+            moving,
+            f"{beside.path.name} beside the recording is the static trial: nobody moves in it.",
+        )
+    return (
+        None,
+        looked,
+        "There is no static trial (--static FILE): segment lengths come from the motion alone.",
+    )
+
+
+def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Path) -> None:
+    """Raise `BadData` where the labels that are known do not show a pelvis and a leg: what the
+    markers are, and a table of what they may lie on where somebody stands still with them.
+    """
+    segments = {site.segment for site in recording.found.sites.values()}
+    lacking = [
+        name for name in (OF_ARMS if is_arm(recording.found) else NEEDED) if name not in segments
+    ]
+    if len(recording.found.sites) >= MIN_MARKERS and not lacking:
+        return
+    if not recording.found.sites and not recording.found.unknown:
+        raise BadData(
+            f"{recording.path}: holds no marker that is ever seen: give the recording of the"
+            " markers"
+        )
+    why = unfit_markers(recording.found, lacking)
+    standing = None if is_arm(recording.found) else next(filter(_all_still, everyone), None)
+    proposals = (
+        proposed_sites(standing.trial.markers)
+        if standing is not None and standing.trial.markers
+        else ()
+    )
+    if standing is None or not proposals:
+        raise BadData(f"{recording.path}: {why}")
+    table = out / PROPOSED
+    if not table.exists():
+        out.mkdir(parents=True, exist_ok=True)
+        table.write_text(proposed_table(proposals, standing.path.name), encoding="utf-8")
+    raise BadData(
+        f"{recording.path}: {why}. What {len(proposals)} markers of {standing.path.name} may lie"
+        f" on, by geometry, is in {table}: check each line, then give it (--protocol {table})"
+    )
+
+
+def _all_still(recording: Recording) -> bool:
+    """Whether somebody stands still, by all markers."""
+    markers = recording.trial.markers
+    return markers is not None and stands_still(np.moveaxis(markers.values, 1, 0))
+
+
+def _check_time(
+    path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None
+) -> None:
+    """Raise `BadData` where the part of a recording that is used is too short, or shows too few of
+    the markers.
+    """
+    used = cut_to(time, markers, path)
+    count = len(markers if used is None else cut(markers, *used))
+    if count < MIN_FRAMES:
+        raise BadData(
+            f"{path}: holds {count} frame{'' if count == 1 else 's'}{' (--time)' if time else ''},"
+            f" derivatives need {MIN_FRAMES} in a row: give a longer recording, and this one as"
+            " --static where nobody moves in it"
+        )
+    if time is None:
+        return
+    places = np.stack([markers[label] for label in labels], axis=1)
+    seen = np.isfinite(places).all(axis=2).sum(axis=1) >= MIN_MARKERS
+    if not seen[(markers.time >= time[0]) & (markers.time <= time[1])].any():
+        known = markers.time[seen]
+        where = (
+            f"seen together from {known[0]:.2f} to {known[-1]:.2f} s"
+            if len(known)
+            else "never seen together"
+        )
+        raise BadData(
+            f"{path}: from {time[0]:g} to {time[1]:g} s (--time) fewer than {MIN_MARKERS} markers"
+            f" of the body are seen in any frame; they are {where}"
+        )
+
+
+def _model(
+    everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, out: Path
+) -> tuple[Model, Path, dict[str, str], list[str]]:
+    """The model, its file, what it calls markers that recordings call otherwise, and sentences on
+    it.
+    """
+    if request.model is None:
+        recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
+        assert request.mass is not None
+        sites = sites_of(everyone)
+        seen = have_arms(sites)
+        alone = any(is_arm(one.found) for one in everyone)
+        arms = alone or (request.arms and seen)
+        model, without = generic_model(sites, height, request.mass, arms, alone)
+        path = out / GENERIC
+        write_osim(model, path)
+        text = (
+            "No model was given (--model FILE): myo-sim's"
+            f" legs{', trunk and arms' if arms else ' and trunk'} with {len(model.muscles)}"
+            f" muscles, {len(model.markers)} markers placed on its bones by landmark, its segments"
+            " stretched to the"
+            f" recordings{'' if height is None else f', from those of a body of {height:g} m'}. "
+        )
+        if alone:
+            text += (
+                "No marker is on a leg: arms with markers move, on a trunk that goes where its"
+                " markers are; all else hangs from it, without muscles, and what holds the trunk is"
+                " nobody's torque."
+            )
+        if not arms:
+            text += "The arms' mass is part of the trunk's" + (
+                " (--arms gives it arms)." if seen else "."
+            )
+        if request.arms and not seen:
+            text += " It has no arms, for no markers show two segments of one (--arms)."
+        if without:
+            text += f" Without a place on it: {few(without)}."
+        return (
+            model,
+            path,
+            {label: bare(label) for label in recorded if bare(label) != label},
+            [text],
+        )
+    model = open_model(request.model)
+    names = model.marker_names
+    # A model may have markers that no protocol knows.
+    recorded = list(
+        dict.fromkeys(label for one in everyone for label in (*one.found.sites, *one.found.unknown))
+    )
+    labels = {
+        label: bare(label) for label in recorded if bare(label) != label and bare(label) in names
+    }
+    rest = [label for label in recorded if label not in labels]
+    labels |= {
+        old: new
+        for old, new in labels_between(rest, names, request.table).items()
+        if new not in labels.values()
+    }
+    known = [label for label in recorded if label in names or label in labels]
+    if len(known) < MIN_MARKERS:
+        raise BadData(
+            f"{request.model}: {len(known)} of its {len(names)} markers are in the recordings,"
+            f" which have {listing('', recorded)}: give a model with such markers, or leave --model"
+            " out for the generic one"
+        )
+    texts = [f"{len(known)} labels are markers of {request.model.name}."]
+    if labels:
+        shown = few([f"{old} as {new}" for old, new in labels.items()])
+        texts.append(
+            f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}."
+        )
+    texts += [f"{request.model.name}: {line}." for line in arm_warnings(model)]
+    return model, request.model, labels, texts
+
+
+def _height(recording: Recording, height: float | None) -> tuple[float | None, list[str]]:
+    """The height that the generic model begins with [m], None for its own; and a sentence on what
+    markers show.
+    """
+    if height is None:
+        return None, []
+    found = standing_height(recording)
+    if found is None:
+        return height, [
+            f"--height {height:g} m could not be held against the markers: none are on shoulders"
+            " and ankles."
+        ]
+    apart = found / height - 1.0
+    shown = (
+        f"the markers of {recording.path.name} show a body of about {found:.2f} m, "
+        f"{100.0 * apart:+.0f} % of --height"
+    )
+    if abs(apart) < HEIGHT_TOLERANCE:
+        return height, [f"Height {height:g} m (--height): {shown}."]
+    return None, [
+        f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this"
+        " person?"
+    ]
+
+
+def _names(recordings: Sequence[Recording]) -> list[str]:
+    """Names of trials: those of the files, and of their folders where these say nothing or are
+    alike.
+    """
+    names = [one.name for one in recordings]
+    result = []
+    for recording, name in zip(recordings, names, strict=True):
+        plain = name.lower() in ("markers", "marker", "motion", "motion_capture")
+        parent = recording.path.resolve().parent.name
+        result.append(
+            parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name
+        )
+    return result

@@ -1,0 +1,7 @@
+"""`python -m myomorph.lab.cli`."""
+
+import sys
+
+from myomorph.lab.cli import main
+
+sys.exit(main())

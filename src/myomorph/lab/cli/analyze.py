@@ -1,0 +1,103 @@
+"""`analyze`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+from myomorph.lab.cli import options as flags
+from myomorph.lab.cli.output import said
+from myomorph.lab.study.step.step import step_of
+from myomorph.lab.study.trial.uncertainty_file import drawn_settings
+
+INPUTS = (
+    "imu",
+    "tasks",
+    "laboratory",
+    "loads",
+    "emg",
+    "contacts",
+    "contact points",
+    "actuators",
+    "time",
+)
+STEPS = tuple(map(step_of, ("ik", "id", "muscles", "tension")))
+AnalyzeInputs = flags.inputs_class(*INPUTS)
+AnalyzeOptions = flags.options_class(*(kind for step in STEPS for kind in step.options))
+
+
+@flags.documented
+def analyze_command(
+    recordings: tuple[Path, ...],
+    /,
+    *,
+    mass: float | None = None,
+    height: float | None = None,
+    static: Path | None = None,
+    model: Path | None = None,
+    arms: bool = False,
+    protocol: Path | None = None,
+    inputs: AnalyzeInputs | None = None,  # type: ignore[valid-type]
+    options: AnalyzeOptions | None = None,  # type: ignore[valid-type]
+    draws: flags.DrawCount = None,
+    out: Path = Path("analysis"),
+    threads: flags.Threads = None,
+    workers: int | None = None,
+    prepare: bool = False,
+    dry_run: bool = False,
+) -> int:
+    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are
+    found, and said.
+
+    Parameters
+    ----------
+    recordings : recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv,
+        .txt), or folders of them, those of OpenCap and Pose2Sim too
+    mass : of the subject [kg]; by default what plates weigh, where they can
+    height : of the subject [m]: scales the generic model, and is held against the markers
+    static : recording of standing still; by default found among or beside the recordings
+    model : OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk
+    arms : give the generic model both arms and their muscles, where markers show them
+    protocol : table of marker protocols of your own (.toml), beside those of the package
+    out : folder to write
+    workers : processes that work side by side
+    prepare : only write the study file, so that it can be changed before it is run
+    dry_run : only write the study file, and print what would be computed and how long it takes
+    """
+    from myomorph.core.model.errors import BadData
+    from myomorph.lab.analyze.analyze import prepare_request
+    from myomorph.lab.analyze.recorded_trial import AnalyzeRequest, read_protocols
+    from myomorph.lab.cli.running import Running
+    from myomorph.lab.cli.study import run_plan
+    from myomorph.lab.study.plan.plan import read_plan
+
+    if not recordings:
+        raise BadData(
+            "no recording: give one or more recordings (.c3d, .trc, .mvnx, ...) or folders of them"
+        )
+    if mass is not None and not mass > 0.0:
+        raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
+    flags.use_threads(threads)
+    request = AnalyzeRequest(
+        recordings=recordings,
+        mass=mass,
+        height=height,
+        static=static,
+        model=model,
+        arms=arms,
+        table=None if protocol is None else read_protocols(protocol),
+        inputs=flags.inputs_of_flags(inputs, near=True),
+        options=flags.settings_by_step(options, STEPS) | drawn_settings(draws, None),
+        command=shlex.join(["myomorph", *sys.argv[1:]]),
+    )
+    prepared = prepare_request(request, out)
+    said("assumed:")
+    for text in prepared.assumed:
+        said(f"  {text}")
+    said(f"study file, to be changed and run again: {prepared.study}")
+    if prepare and not dry_run:
+        return 0
+    return run_plan(
+        read_plan(prepared.study), out, Running(dry_run=dry_run, workers=workers, threads=threads)
+    )

@@ -1,0 +1,254 @@
+"""Commands on files and folders of results: `info`, `convert`, `export`, `report`, `run-tool` and
+`view`.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Literal
+
+from myomorph.lab.cli.options import Threads, documented, inputs_class, inputs_of_flags, use_threads
+from myomorph.lab.cli.output import said, warn
+
+if TYPE_CHECKING:
+    from myomorph.core.model.model import Model
+    from myomorph.lab.study.trial.viewing import Recordings
+
+
+ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
+
+
+@documented
+def info_command(file: Path, /) -> int:
+    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.
+
+    Parameters
+    ----------
+    file : model, recording or table
+    """
+    from myomorph.lab.info.inspect import inspect
+
+    for line in inspect(file).lines():
+        said(line)
+    return 0
+
+
+@documented
+def convert_command(
+    files: list[Path],
+    /,
+    *,
+    out: Path,
+    up: Literal["", "y", "z", "keep"] = "",
+    forward: Literal["", "x", "-x", "y", "-y", "z", "-z"] = "",
+    axes: str = "",
+    units: Literal["mm", "cm", "m"] = "mm",
+    labels: Path | None = None,
+    inputs: ConvertInputs | None = None,  # type: ignore[valid-type]
+) -> int:
+    """A recording as other files: C3D to TRC, MOT with external loads and STO, and back.
+
+    Parameters
+    ----------
+    files : recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of
+        them
+    out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside
+        it, .sto or .csv EMG or a table, .c3d all of it; or a folder for all that there is
+    up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
+    forward : axis that the walk goes along, by right angles; kept by default
+    axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
+    units : of lengths in a TRC file
+    labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
+    """
+    from myomorph.core.io.labels import read_labels
+    from myomorph.lab.convert.convert import ConvertOptions, convert
+    from myomorph.lab.study.inputs.loads import LoadsFile
+    from myomorph.lab.study.inputs.time_span import TimeSpan
+
+    names = {} if labels is None else read_labels(labels)
+    named = inputs_of_flags(inputs)
+    plates = named.or_default(LoadsFile).plates
+    time = named.or_default(TimeSpan).time
+    options = ConvertOptions(
+        up=up, forward=forward, axes=axes, units=units, labels=names, plates=plates, time=time
+    )
+    made = convert(files, out, options)
+    warn(made.notes, "'myomorph info FILE' lists those of the file")
+    for path, held in made.files:
+        said(f"wrote {path}: {held}")
+    return 0
+
+
+@documented
+def export_command(
+    source: Path,
+    /,
+    *,
+    mjcf: Path | None = None,
+    bids: Path | None = None,
+    geometry: Path | None = None,
+) -> int:
+    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much.
+    Or a study's recordings and results as a dataset of BIDS.
+
+    Parameters
+    ----------
+    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with
+        --bids the folder of results that run or another command wrote
+    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go
+        beside it
+    bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
+    geometry : folder of the model's meshes; those beside its file and in Geometry there by default
+    """
+    from myomorph.core.model.errors import BadData
+
+    if mjcf is not None and bids is None:
+        return _mjcf(source, mjcf, geometry)
+    if bids is None or mjcf is not None:
+        which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
+        raise BadData(
+            f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER"
+        )
+    from myomorph.exchange.bids.dataset import export_bids
+
+    warn(export_bids(source, bids), "recordings are looked for where results name them")
+    said(f"wrote {bids}")
+    return 0
+
+
+def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
+    from myomorph.core.io.formats import read_model
+    from myomorph.core.model.errors import BadFile
+    from myomorph.exchange.mujoco.export import write_mjcf, write_tables
+
+    if mjcf.suffix.lower() != ".xml":
+        raise BadFile(
+            mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml"
+        )
+    if geometry is not None and not geometry.is_dir():
+        raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
+    read = read_model(model)
+    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,))
+    for line in certificate.lines:
+        said(line)
+    tables = write_tables(read, certificate, mjcf)
+    said(f"wrote {mjcf}, {', '.join(path.name for path in tables)}")
+    return 0
+
+
+@documented
+def report_command(
+    folder: Path, /, *, preset: str = "", times: tuple[float, ...] = (), norms: tuple[str, ...] = ()
+) -> int:
+    """Make report.html of a folder of results, and of a walk gait.html, one page for the clinic.
+
+    Parameters
+    ----------
+    folder : of results
+    preset : how to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it
+        fits
+    times : instants to picture [s]; those of events by default
+    norms : what gait.html holds a walk against: folders of results of a control group, adults or
+        none; by default adults, for a body of their size
+    """
+    from myomorph.lab.study.trial.reporting import report_folder
+    from myomorph.swings.viscosity.study.results import STORE, remake_report
+
+    if (folder / STORE).is_file():
+        paths = [remake_report(folder)]
+    else:
+        paths = report_folder(
+            folder, preset=preset, times=times, demo_model=_demo_model, norms=norms
+        )
+    for path in paths:
+        said(f"wrote {path}")
+    return 0
+
+
+@documented
+def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
+    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or
+    AnalyzeTool.
+
+    Parameters
+    ----------
+    setup : OpenSim setup file (.xml) of one of the four tools
+    """
+    from myomorph.exchange.opensim.run import run_tool
+
+    use_threads(threads)
+    result = run_tool(setup)
+    warn(result.warnings)
+    for line in result.lines:
+        said(f"{result.tool}: {line}")
+    for path in result.written:
+        said(f"wrote {path}")
+    return 0
+
+
+@documented
+def view_command(folders: list[Path], /, *, port: int | None = None, browser: bool = True) -> int:
+    """Show results in a web page: the body moves, with its muscles, forces, markers and curves.
+
+    Parameters
+    ----------
+    folders : of results; several are shown in one scene, with one clock
+    port : of the page; any free one by default
+    browser : open the page in the browser
+    """
+    from myomorph.lab.study.trial.viewing import open_replay
+
+    def served(opened: int) -> None:
+        address = f"http://127.0.0.1:{opened}"
+        said(f"{address} (for this machine only; Ctrl-C ends)")
+        if browser:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    with _ended_by_ctrl_c() as ended:
+        replay = open_replay(folders, port, served, _demo_model, _swings)
+        try:
+            while not ended.wait(0.5):
+                pass
+        finally:
+            replay.close()
+    return 0
+
+
+def _swings(folder: Path) -> Recordings:
+    if not [*folder.glob("swings.json"), *folder.glob("*/swings.json")]:
+        return {}
+    from myomorph.swings.viscosity.study.viewing import swings_of
+
+    return swings_of(folder)
+
+
+def _demo_model(name: str) -> Model:
+    from myomorph.show.demo.demos import demo_model
+
+    return demo_model(name)
+
+
+@contextmanager
+def _ended_by_ctrl_c() -> Iterator[threading.Event]:
+    """The event that the first Ctrl-C sets; a second one interrupts.
+
+    An exception can be raised anywhere, in callbacks too whose exceptions Python prints and
+    forgets: the program would then go on.
+    """
+    ended = threading.Event()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, before)
+        ended.set()
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield ended
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,191 @@
+"""Command-line options made of the steps' option dataclasses, and those that many commands share."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Iterable
+from inspect import signature
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+
+from cyclopts import Parameter
+
+from myomorph.core.model.errors import BadData
+from myomorph.lab.store.settings import attribute_help, settings_of
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.keys import Key, flag_of
+from myomorph.lab.study.inputs.table import input_of, settings_of_keys
+from myomorph.lab.study.step.step import StepHead
+
+Documented = TypeVar("Documented", bound=Callable[..., Any])
+ModelFile = Annotated[
+    Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")
+]
+MotionFile = Annotated[
+    Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")
+]
+LOADS_HELP = (
+    "an OpenSim external loads file (.xml), a table of forces (.mot, .sto, .csv), or a recording"
+    " with force plates (.c3d)"
+)
+Loads = Annotated[
+    tuple[Path, ...],
+    Parameter(
+        name="--loads",
+        help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.",
+    ),
+]
+OutFile = Annotated[
+    Path,
+    Parameter(name="--out", help="File to write; the same values go into a .nc file beside it."),
+]
+OutFolder = Annotated[
+    Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")
+]
+DrawCount = Annotated[
+    int | None,
+    Parameter(
+        name="--draws",
+        help=(
+            "Compute it anew so many times with errors in all inputs, 200 for example; beside every"
+            " table stand its limits of 90 % (NAME_low, NAME_high), and uncertainty.csv says what"
+            " contributes."
+        ),
+    ),
+]
+DrawProcesses = Annotated[
+    int | None,
+    Parameter(
+        name="--workers",
+        help=(
+            "Processes that share the draws; by default as many as threads, where that is worth"
+            " their start."
+        ),
+    ),
+]
+UncertaintyFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--uncertainty",
+        help=(
+            "Sizes of the errors (.toml of lines 'placement = 0.008'), in the place of usual ones; "
+            "'myomorph uncertainty --help' lists them."
+        ),
+    ),
+]
+Threads = Annotated[
+    int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")
+]
+
+
+def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
+    """A dataclass whose fields are the settings of option dataclasses, each a command-line option.
+    `sources`: option dataclasses of steps; `leave_out`: settings that another option gives.
+    """
+    fields: list[tuple[str, Any, Any]] = []
+    for source in sources:
+        for setting in settings_of(source):
+            if setting.name in leave_out or setting.name in {name for name, _, _ in fields}:
+                continue
+            kind = Annotated[setting.kind, Parameter(help=_sentence(setting.help))]  # type: ignore[name-defined]
+            fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
+    made = dataclasses.make_dataclass(
+        "Options", fields, frozen=True, namespace={"__module__": __name__}
+    )
+    return Annotated[made, Parameter(name="*")]
+
+
+def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
+    """A dataclass whose fields are the keys of a trial's inputs, each a command-line option.
+    `names`: of inputs, see `study.inputs.table`; `leave_out`: keys that the command has of its own,
+    as several files of one.
+    """
+    keys = [key for name in names for key in input_of(name).keys if key.name not in leave_out]
+    fields = [(key.name, flag(key), dataclasses.field(default=_no_flag(key))) for key in keys]
+    made = dataclasses.make_dataclass(
+        "Inputs", fields, frozen=True, namespace={"__module__": __name__, "NAMES": names}
+    )
+    return Annotated[made, Parameter(name="*")]
+
+
+def flag(key: Key) -> Any:
+    """A key of an input as an annotation of a command's parameter."""
+    return Annotated[key.flag, Parameter(name=flag_of(key.name), help=_sentence(key.help))]
+
+
+def documented(owner: Documented) -> Documented:
+    """A command, or a dataclass of its options, with the help of each parameter or attribute in its
+    docstring. What is off by default is only switched on.
+    """
+    kinds = get_type_hints(owner, include_extras=True)
+    defaults = {name: parameter.default for name, parameter in signature(owner).parameters.items()}
+    for name, text in attribute_help(
+        owner, "Attributes" if isinstance(owner, type) else "Parameters"
+    ).items():
+        switch: dict[str, Any] = {"negative": ()} if defaults[name] is False else {}
+        kinds[name] = Annotated[kinds[name], Parameter(help=_sentence(text), **switch)]
+    owner.__annotations__ = kinds
+    return owner
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}".rstrip(".") + "."
+
+
+def _no_flag(key: Key) -> Any:
+    """What a command gets where a flag is not there."""
+    if key.kind.flag is None:
+        return key.default
+    return "" if key.flag is str else () if get_origin(key.flag) is tuple else None
+
+
+def inputs_of_flags(flags: Any, near: bool = False) -> ByType:
+    """Settings of inputs from a value of `inputs_class`, None where no flag is there. `near`: files
+    are looked for near the recordings too, so that what is said of them may stand without them.
+    Raises `BadData` where a flag stands without the one that it belongs to.
+    """
+    if flags is None:
+        return ByType()
+    values: dict[str, Any] = {}
+    for declared in map(input_of, flags.NAMES):
+        keys = [key for key in declared.keys if hasattr(flags, key.name)]
+        written = {key.name: getattr(flags, key.name) for key in keys}
+        said = [key.name for key in keys if written[key.name] != _no_flag(key)]
+        main = next((key for key in keys if key.name == declared.main), None)
+        if said and main is not None and main.name not in said and not near:
+            word = f" {written[said[0]]}" if isinstance(written[said[0]], str) else ""
+            alone = flag_of(said[0]) + word
+            needed = flag_of(main.name)
+            raise BadData(f"{alone} without {needed}: give {needed} too, or leave both out")
+        values |= {
+            key.name: key.kind.parsed(key.name, written[key.name])
+            for key in keys
+            if key.name in said
+        }
+    return settings_of_keys(values, flags.NAMES)
+
+
+def settings_dict(options: Any) -> dict[str, Any]:
+    """The options as a mapping; empty where there are none."""
+    return {} if options is None else dataclasses.asdict(options)
+
+
+def settings_by_step(options: Any, steps: Iterable[StepHead]) -> dict[str, dict[str, Any]]:
+    """Options that are not the usual ones, by the first step that has them."""
+    changed = settings_dict(options)
+    settings: dict[str, dict[str, Any]] = {}
+    for step in steps:
+        for setting in step.settings:
+            if setting.name in changed and changed.pop(setting.name) != setting.default:
+                settings.setdefault(step.name, {})[setting.name] = getattr(options, setting.name)
+    return settings
+
+
+def use_threads(threads: int | None) -> None:
+    """Let the kernels use so many threads. Raises `BadData` where that is less than one."""
+    if threads is None:
+        return
+    if threads < 1:
+        raise BadData(f"--threads {threads}: expected 1 or more")
+    os.environ["MYOMORPH_THREADS"] = str(threads)

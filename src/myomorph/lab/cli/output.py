@@ -1,0 +1,86 @@
+"""What commands print, and the files they leave: whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from myomorph.core.model.errors import BadFile, one_line
+from myomorph.lab.store.results import STORED, ResultWriter, new_result, whole_folder
+
+MAX_WARNINGS = 5
+LISTED = "'myomorph info FILE' lists them"
+
+
+def said(text: str) -> None:
+    """Print a line of result."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def warn(warnings: Sequence[str], where: str = LISTED) -> None:
+    """Print what looked wrong but did not stop the work, and where all of it is listed."""
+    for text in warnings[:MAX_WARNINGS]:
+        sys.stderr.write(f"warning: {one_line(' '.join(text.split()))}\n")
+    if len(warnings) > MAX_WARNINGS:
+        sys.stderr.write(f"warning: and {len(warnings) - MAX_WARNINGS} more: {where}\n")
+
+
+def made(
+    out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], where: str = LISTED
+) -> int:
+    """Say what was found for a model that was written beside its tables, and warnings; the exit
+    status.
+    """
+    warn(notes, where)
+    for line in lines:
+        said(line)
+    said(f"wrote {out} and {tables}")
+    return 0
+
+
+@contextmanager
+def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, ResultWriter]]:
+    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc`
+    stands beside it. The table's limits, where there are any, become `OUT_low` and `OUT_high`.
+    Raises `BadFile` where `out` is a folder, its folder does not exist, or its name ends otherwise.
+    """
+    check_out_file(out, Path(name).suffix)
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
+        folder = Path(temporary)
+        with new_result(folder / f"result{STORED}", step) as writer:
+            yield folder, writer
+        os.replace(folder / f"result{STORED}", out.with_name(f"{out.stem}_{step}{STORED}"))
+        table = Path(name)
+        for path in folder.glob(f"{table.stem}_*{table.suffix}"):
+            os.replace(path, out.with_name(f"{out.stem}{path.name.removeprefix(table.stem)}"))
+        for path in folder.glob("uncertainty*.csv"):
+            os.replace(path, out.with_name(f"{out.stem}_{path.name}"))
+        os.replace(folder / name, out)
+
+
+def check_out_file(out: Path, ending: str) -> None:
+    """Raise `BadFile` where a table cannot be written under this name."""
+    if out.is_dir():
+        raise BadFile(
+            out, "is a folder, but the result is a file", f"give a name that ends in {ending}"
+        )
+    if out.suffix.lower() not in (".sto", ".mot"):
+        raise BadFile(
+            out, f"is no name for the result: it ends in '{out.suffix}'", f"expected {ending}"
+        )
+    if not out.parent.is_dir():
+        raise BadFile(
+            out, f"cannot be written: folder '{out.parent}' does not exist", "make it first"
+        )
+
+
+@contextmanager
+def folder_with(out: Path, name: str) -> Iterator[tuple[Path, ResultWriter]]:
+    """A folder of results that appears whole, and a NetCDF file `name` in it."""
+    with whole_folder(out) as folder, new_result(folder / f"{name}{STORED}", name) as writer:
+        yield folder, writer

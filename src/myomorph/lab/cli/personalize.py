@@ -1,0 +1,63 @@
+"""`personalize`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from myomorph.lab.cli import options as flags
+from myomorph.lab.cli.output import made
+from myomorph.lab.report.trial.personalized import personal_lines
+from myomorph.lab.store.settings import Differentiation, ForceOptions
+from myomorph.lab.study.subject import personalizing
+
+PersonalSettings = flags.options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
+PersonalInputs = flags.inputs_class("loads", "emg", "time", leave_out=("loads", "emg"))
+
+
+@flags.documented
+def personalize_command(
+    *,
+    model: flags.ModelFile,
+    out: Path,
+    motion: tuple[Path, ...] = (),
+    loads: flags.Loads = (),
+    torques: tuple[Path, ...] = (),
+    emg: tuple[Path, ...] = (),
+    passive: tuple[Path, ...] = (),
+    generic: Path | None = None,
+    inputs: PersonalInputs | None = None,  # type: ignore[valid-type]
+    options: PersonalSettings | None = None,  # type: ignore[valid-type]
+    threads: flags.Threads = None,
+) -> int:
+    """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and
+    EMG.
+
+    Parameters
+    ----------
+    out : model to write (.osim); tables and a report go into a folder beside it
+    motion : coordinates over time, one file a recording
+    torques : instead of loads: torques of inverse dynamics (.sto), one a recording, in the same
+        order
+    emg : EMG, one a recording, in the same order; a channel named as a muscle
+    passive : measured passive torques (.sto): a pose a row by its coordinates, and
+        COORDINATE_moment that resting muscles apply about them, blank where not measured
+    generic : the model that was scaled: muscles begin with its operating ranges
+    """
+    from myomorph.lab.study.inputs.reading import open_model
+    from myomorph.lab.study.subject.subjects import tables_folder
+
+    flags.use_threads(threads)
+    tables = tables_folder(out, personalizing.STEP.tables, (model, generic))
+    recordings = (motion, loads, torques, emg, passive)
+    files = personalizing.PersonalFiles(model, *recordings, generic, flags.inputs_of_flags(inputs))
+    scaled = open_model(model)
+    personalized = personalizing.personalize_files(files, flags.settings_dict(options), scaled)
+    lost = personalizing.write_personalized(personalized, out, tables)
+    notes = (*personalized.found.notes, *personalized.warnings, *lost)
+    return made(
+        out,
+        tables,
+        personal_lines(personalized.found),
+        notes,
+        f"'{tables / personalizing.NOTES}' lists them",
+    )

@@ -1,0 +1,115 @@
+"""`myomorph`: the program, its exit statuses, and what it says when something is wrong."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from myomorph.core.model.errors import MyomorphError, UnknownName, one_line
+
+if TYPE_CHECKING:
+    from cyclopts import App
+
+DONE = 0
+OUR_FAULT = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status. 0 done; 2 bad input, reported in one line; 1
+    our fault; 130 interrupted with Ctrl-C. `arguments`: what follows the program's name; None takes
+    them from the process.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    # Let names of files be printed where the terminal, or the file that it is sent to, has no such
+    # letters.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        with warnings.catch_warnings():
+            if not debug:
+                warnings.simplefilter("ignore")
+            return _run([word for word in words if word != "--debug"])
+    except KeyboardInterrupt:
+        return _say("interrupted: nothing half-written was left behind", INTERRUPTED)
+    except BrokenPipeError:
+        # End quietly, as other programs do, where whoever read our output has gone (`| head`).
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except MyomorphError as error:
+        return _say(f"error: {error}", BAD_INPUT, debug)
+    except UnicodeEncodeError as error:
+        near = error.object[max(error.start - 40, 0) : error.end + 40]
+        return _say(f"error: a file's name is not UTF-8 ('{near}'): rename it", BAD_INPUT, debug)
+    except OSError as error:
+        return _say(f"error: {_about_file(error)}", BAD_INPUT, debug)
+    except MemoryError:
+        return _say(
+            "error: not enough memory: cut the recording with --time START END", BAD_INPUT, debug
+        )
+    except Exception as error:
+        text = f"this is a fault of Myomorph, not of your files: {type(error).__name__}: {error}; "
+        text += "please report it" + (
+            "" if debug else ", with what the same command prints with --debug"
+        )
+        return _say(text, OUR_FAULT, debug)
+
+
+def _run(words: list[str]) -> int:
+    from cyclopts.exceptions import CycloptsError
+
+    from myomorph.lab.cli.app import command_names, new_app
+    from myomorph.lab.cli.panels import ALL_FLAG
+
+    command = words[0] if words and not words[0].startswith("-") else ""
+    if command and command not in command_names():
+        raise UnknownName("command", command, command_names(), "myomorph")
+    app = new_app(ALL_FLAG in words)
+    words = ["--help" if word == ALL_FLAG else word for word in words]
+    try:
+        status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        if command:
+            _check_options(app[command], command, words[1:])
+        where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
+        return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
+    return status if isinstance(status, int) else DONE
+
+
+def _check_options(app: App, command: str, words: Sequence[str]) -> None:
+    """Raise `UnknownName` for the first word that looks like an option and is none of the
+    command's.
+    """
+    names = [name for argument in app.assemble_argument_collection() for name in argument.names]
+    options = [name for name in names if name.startswith("--")]
+    for word in words:
+        name = word.partition("=")[0]
+        if re.fullmatch(r"--[a-z][\w-]*", name) and name not in (*options, "--help", "--version"):
+            raise UnknownName("option", name, options, f"myomorph {command}")
+
+
+def _say(text: str, status: int, debug: bool = False) -> int:
+    """Print one line, whatever the text holds, and return the status."""
+    if debug:
+        traceback.print_exc()
+    sys.stderr.write(one_line(" ".join(text.split())) + "\n")
+    sys.stderr.flush()
+    return status
+
+
+def _about_file(error: OSError) -> str:
+    """An operating system's error as one line that names the file."""
+    reason = error.strerror or str(error)
+    # Of two names the second is the one that could not be written, as where a result is open in
+    # another program.
+    name = error.filename2 if error.filename2 is not None else error.filename
+    return f"{name}: {reason}" if name is not None else reason

@@ -1,0 +1,77 @@
+"""`refine`."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+from myomorph.body.refine.options import RefineOptions
+from myomorph.lab.cli import options as flags
+from myomorph.lab.cli.output import made
+from myomorph.lab.store.settings import ForceOptions, with_settings
+
+RefineSettings = flags.options_class(ForceOptions, RefineOptions)
+RefineInputs = flags.inputs_class(
+    "loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",)
+)
+
+
+@flags.documented
+def refine_command(
+    *,
+    model: flags.ModelFile,
+    out: Path,
+    markers: tuple[Path, ...] = (),
+    loads: flags.Loads = (),
+    mass: float | None = None,
+    inputs: RefineInputs | None = None,  # type: ignore[valid-type]
+    options: RefineSettings | None = None,  # type: ignore[valid-type]
+    threads: flags.Threads = None,
+) -> int:
+    """Motions, link lengths, marker positions and masses that agree with markers and force plates
+    at once.
+
+    Parameters
+    ----------
+    out : model to write (.osim); motions, tables and a report go into a folder beside it
+    markers : recordings: .trc, .c3d, .mat or .h5, one or more
+    mass : of the subject [kg]; the model's by default
+    """
+    from myomorph.core.model.errors import BadData
+    from myomorph.lab.study.inputs.loads import LoadsFile
+    from myomorph.lab.study.inputs.markers import MarkersFile
+    from myomorph.lab.study.subject import refining
+    from myomorph.lab.study.subject.subjects import tables_folder
+    from myomorph.lab.study.trial.trial_inputs import TrialFiles
+
+    flags.use_threads(threads)
+    tables = tables_folder(out, refining.STEP.tables, (model,))
+    if not markers or len(markers) != len(loads):
+        raise BadData(
+            f"{len(markers)} recordings of markers and {len(loads)} files of forces: give one of"
+            " each for every recording, in the same order"
+        )
+    settings = flags.settings_dict(options)
+    forces = {
+        field.name: settings.pop(field.name)
+        for field in fields(ForceOptions)
+        if field.name in settings
+    }
+    shared = flags.inputs_of_flags(inputs)
+    named = shared.or_default(LoadsFile)
+    names = [path.stem for path in markers]
+    if len(set(names)) < len(names):
+        names = [f"{path.parent.name}_{path.stem}" for path in markers]
+    files = [
+        TrialFiles(
+            model,
+            name,
+            inputs=shared.having(MarkersFile(marker_file), replace(named, loads=load_file)),
+        )
+        for name, marker_file, load_file in zip(names, markers, loads, strict=True)
+    ]
+    chosen = with_settings(RefineOptions(), settings)
+    refined = refining.refine_files(model, files, mass, chosen, {"id": forces} if forces else {})
+    lost = refining.write_refined(refined, out, tables)
+    notes = (*refined.found.notes, *refined.warnings, *lost)
+    return made(out, tables, refining.summary(refined.found), notes)

@@ -1,0 +1,52 @@
+"""`transfer`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from myomorph.body.identify.transfer_options import TransferOptions
+from myomorph.lab.cli.options import (
+    ModelFile,
+    Threads,
+    documented,
+    options_class,
+    settings_dict,
+    use_threads,
+)
+from myomorph.lab.cli.output import made
+
+TransferSettings = options_class(TransferOptions)
+
+
+@documented
+def transfer_command(
+    *,
+    model: ModelFile,
+    to: Path,
+    out: Path,
+    pose: Path | None = None,
+    motion: tuple[Path, ...] = (),
+    options: TransferSettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """A subject's lengths, marker positions and masses for a model with more joints.
+
+    Parameters
+    ----------
+    to : model with more joints (.osim or .xml)
+    out : model to write (.osim); tables go into a folder beside it
+    pose : coordinates of the subject's model (.mot or .sto) in whose first frame it stands much
+        like the other's default pose; its own default pose without
+    motion : coordinates of the subject's model over time, carried to the other: into the folder
+        `motions` of the tables
+    """
+    from myomorph.lab.store.settings import with_settings
+    from myomorph.lab.study.subject import transferring
+    from myomorph.lab.study.subject.subjects import tables_folder
+
+    use_threads(threads)
+    tables = tables_folder(out, transferring.STEP.tables, (model, to, pose, *motion))
+    chosen = with_settings(TransferOptions(), settings_dict(options))
+    transferred = transferring.transfer_files(model, to, pose, chosen, motion)
+    lost = transferring.write_transferred(transferred, out, tables)
+    return made(out, tables, transferring.summary(transferred), (*transferred.found.notes, *lost))

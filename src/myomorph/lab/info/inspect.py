@@ -1,0 +1,200 @@
+"""What a file holds and what looks wrong with it: `myomorph info FILE`."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.core.io.formats import is_composed, model_format, read_model, trial_format
+from myomorph.core.io.sto import read_sto
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Table
+from myomorph.lab.info.inspect_recording import Inspection, inspect_table, inspect_trial, listed
+
+TABLES = (".mot", ".sto")
+EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
+
+
+def inspect(path: str | os.PathLike[str]) -> Inspection:
+    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong
+    with it.
+    """
+    path = Path(path)
+    if is_composed(path):
+        return inspect_model(read_model(path))
+    if not path.exists():
+        raise BadFile(path, "does not exist")
+    if path.is_dir():
+        raise BadFile(path, "is a folder", EXPECTED)
+    ending = path.suffix.lower()
+    recording = trial_format(path)
+    if recording is not None:
+        from myomorph.lab.study.inputs.reading import read_recording
+
+        return inspect_trial(read_recording(path), recording.name)
+    if ending in TABLES:
+        return inspect_table(read_sto(path))
+    if ending in (".bdf", ".edf"):
+        from myomorph.exchange.bids.recording import read_emg
+
+        emg = read_emg(path)
+        return inspect_table(Table(emg.time, emg.names, emg.values))
+    if ending == ".xml":
+        return _inspect_xml(path)
+    if model_format(path) is not None:
+        return inspect_model(read_model(path))
+    raise BadFile(path, f"is of no kind that is known: its name ends in '{ending}'", EXPECTED)
+
+
+def _inspect_xml(path: Path) -> Inspection:
+    """A MuJoCo model, or one of OpenSim's settings."""
+    from myomorph.core.io.parsing.xml import read_xml
+
+    file = read_xml(path)
+    root = file.root
+    if root.tag == "mujoco":
+        return inspect_model(read_model(path))
+    inner = (
+        next((child for child in root if isinstance(child.tag, str)), None)
+        if root.tag == "OpenSimDocument"
+        else root
+    )
+    if inner is None:
+        raise BadFile(path, f"holds an empty '{root.tag}'", EXPECTED)
+    if inner.tag == "Model":
+        from myomorph.core.io.osim.read import read_osim
+
+        return inspect_model(read_osim(path))
+    if inner.tag == "ExternalLoads":
+        return _inspect_loads(path)
+    named = [child.tag for child in inner if isinstance(child.tag, str)]
+    facts = (("name", str(inner.get("name", ""))), ("settings", listed(sorted(set(named)))))
+    return Inspection(f"OpenSim settings: {inner.tag}", facts, file.warnings)
+
+
+def _inspect_loads(path: Path) -> Inspection:
+    from myomorph.core.io.loads import read_load_entries
+
+    entries = read_load_entries(path)
+    facts = [("forces", str(len(entries)))]
+    warnings = []
+    for entry in entries:
+        facts.append(
+            (
+                entry.name,
+                f"on '{entry.body}', columns '{entry.force}*' and '{entry.point}*' of {entry.data}",
+            )
+        )
+    for data in dict.fromkeys(entry.data for entry in entries):
+        if not data.exists():
+            warnings.append(f"the table {data} does not exist")
+            continue
+        table = read_sto(data)
+        warnings += [f"{data.name}: {line}" for line in table.warnings]
+        for entry in entries:
+            for prefix in (entry.force, entry.point, entry.torque):
+                if (
+                    entry.data == data
+                    and prefix
+                    and not any(name.startswith(prefix) for name in table.names)
+                ):
+                    warnings.append(f"{data.name} has no column that begins with '{prefix}'")
+    return Inspection("OpenSim external loads", tuple(facts), tuple(warnings))
+
+
+def inspect_model(model: Model) -> Inspection:
+    """Counts, mass, joints and muscles of a model, and what its reader and its numbers warn of."""
+    facts = [
+        ("name", model.name),
+        ("mass", f"{model.mass:.5g} kg in {len(model.bodies)} bodies"),
+        ("joints", _counted([joint.kind for joint in model.joints])),
+        ("coordinates", _coordinates(model)),
+        ("gravity", " ".join(f"{value:g}" for value in model.gravity) + " m/s^2"),
+        ("markers", str(len(model.markers))),
+        ("muscles", _counted([muscle.kind for muscle in model.muscles])),
+        ("wrap objects", str(len(model.wrap_objects))),
+        ("actuators", _counted([actuator.kind for actuator in model.actuators])),
+        ("coordinate names", listed(model.coordinate_names)),
+        ("body names", listed(model.body_names)),
+    ]
+    passive = [
+        *(torque.name for torque in model.passive_torques),
+        *(bushing.name for bushing in model.bushings),
+    ]
+    further = {
+        "closed loops": [loop.name for loop in model.loops],
+        "springs, limits and bushings": passive,
+        "muscles with viscosity": [muscle.name for muscle in model.muscles if muscle.viscosity],
+    }
+    facts += [(label, listed(names)) for label, names in further.items() if names]
+    modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
+    kept = [part.kind for part in model.kept if part.name not in modelled]
+    if kept:
+        facts.append(("kept, not modelled", _counted(kept)))
+    return Inspection(
+        "model", tuple(facts), (*model.warnings, *_model_warnings(model), *_arm_warnings(model))
+    )
+
+
+def _arm_warnings(model: Model) -> tuple[str, ...]:
+    if not model.muscles:
+        return ()
+    from myomorph.core.muscles.published_arms import arm_warnings
+
+    return arm_warnings(model)
+
+
+def _coordinates(model: Model) -> str:
+    locked = sum(1 for coordinate in model.coordinates if coordinate.locked)
+    clamped = sum(1 for coordinate in model.coordinates if coordinate.clamped)
+    parts = [f"{len(model.coordinates)}"]
+    for count, word in (
+        (len(model.couplers), "dependent"),
+        (locked, "locked"),
+        (clamped, "clamped"),
+    ):
+        if count:
+            parts.append(f"{count} {word}")
+    return ", ".join(parts)
+
+
+def _model_warnings(model: Model) -> list[str]:
+    """What looks wrong with a model's numbers."""
+    result = []
+    light = [body.name for body in model.bodies if body.mass <= 0.0]
+    if not np.isfinite(model.mass) or model.mass <= 0:
+        result.append("the bodies have no mass: inverse dynamics and tensions would be zero")
+    elif light:
+        result.append(f"{len(light)} bodies have no mass: {listed(light)}")
+    for body in model.bodies:
+        moments = np.sort(np.linalg.eigvalsh(0.5 * (body.inertia + body.inertia.T)))
+        if body.mass > 0 and (
+            moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12
+        ):
+            result.append(
+                f"the inertia of body '{body.name}' is not that of a real body:"
+                f" {np.round(moments, 6).tolist()}"
+            )
+    for coordinate in model.coordinates:
+        lower, upper = coordinate.range
+        if coordinate.clamped and not lower <= coordinate.default <= upper:
+            result.append(
+                f"the default of '{coordinate.name}' ({coordinate.default:.4g}) is outside its"
+                " range"
+            )
+    if np.linalg.norm(model.gravity) == 0:
+        result.append("gravity is zero")
+    return result
+
+
+def _counted(kinds: Sequence[str]) -> str:
+    """'3 PinJoint, 1 FreeJoint' of a list of kinds."""
+    counts = Counter(kinds).most_common()
+    return f"{len(kinds)}" + (
+        f": {', '.join(f'{count} {kind}' for kind, count in counts)}" if counts else ""
+    )

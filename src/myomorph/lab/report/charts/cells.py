@@ -1,0 +1,197 @@
+"""Many values as colors: the heat map of many columns over time, and tables whose cells are
+colored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Event
+from myomorph.lab.report.charts.axis import Axis
+from myomorph.lab.report.charts.curves import event_line
+from myomorph.lab.report.charts.marks import (
+    Frame,
+    drawing,
+    frame,
+    grid_along,
+    image,
+    mark,
+    rect,
+    shortened,
+    text,
+)
+from myomorph.lab.report.scene.image import HEAT, data_uri, png
+
+MAX_COLUMNS = 700
+WIDTH = 1040
+ROW = 19.0
+LABEL = 190.0
+SIDES = ("right", "left")
+
+
+def pooled(values: Array, max_rows: int = MAX_COLUMNS) -> Array:
+    """(frames, n) cut to at most `max_rows` rows, each the largest of the frames it stands for."""
+    if len(values) <= max_rows:
+        return values
+    edges = np.linspace(0, len(values), max_rows + 1).astype(np.int64)
+    filled = np.where(np.isnan(values), -np.inf, values)
+    largest: Array = np.maximum.reduceat(filled, edges[:-1], axis=0)
+    return np.where(np.isfinite(largest), largest, np.nan)
+
+
+def heat_map(
+    title: str,
+    unit: str,
+    time: Array,
+    values: Array,
+    names: Sequence[str],
+    blocks: Sequence[tuple[str, NDArray[np.int64]]],
+    events: Sequence[Event] = (),
+) -> str:
+    """Many columns (frames, columns) over time as rows of color, light for zero, in labelled blocks
+    of columns.
+    """
+    rows = int(sum(len(columns) for _, columns in blocks))
+    row = 10.0 if rows <= 90 else max(1.6, 900.0 / rows)
+    gap = 14.0
+    top = 38.0
+    left = 96.0
+    right = WIDTH - 76.0
+    peak = float(np.max(values, where=np.isfinite(values), initial=0.0)) or 1.0
+    index = np.clip(np.round(np.nan_to_num(pooled(values)) / peak * 255.0), 0, 255).astype(np.uint8)
+    span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-9)
+    parts = []
+    y = top
+    every = max(1, int(np.ceil(9.8 / row)))
+    for label, columns in blocks:
+        tall = len(columns) * row
+        area = frame(left, y, right, y + tall, span, (0.0, float(len(columns))))
+        parts += [_heat_block(area, label, [names[i] for i in columns], index[:, columns], every)]
+        # Events of the block's side, or of no side.
+        beside = [
+            event
+            for event in events
+            if not event.side or not label or event.side.lower() == label.lower()
+        ]
+        parts += [
+            event_line(area, event, "over") for event in beside if span[0] <= event.time <= span[1]
+        ]
+        y += tall + gap
+    bottom = y - gap
+    parts.append(
+        grid_along(frame(left, top, right, bottom, span, unit="s"), 9, lines=False, drop=14.0)
+    )
+    parts.append(
+        _color_bar(
+            right + 14,
+            Axis(low=0.0, high=peak, start=top + min(bottom - top, 220.0), stop=top),
+            unit,
+        )
+    )
+    attributes = f'data-peak="{peak:.9g}" data-unit="{escape(unit, True)}"'
+    return drawing(
+        "heat", title, (WIDTH, int(bottom + 24)), *parts, unit=unit, attributes=attributes
+    )
+
+
+def _heat_block(
+    area: Frame, label: str, names: Sequence[str], index: NDArray[np.uint8], every: int
+) -> str:
+    """Rows of the colors `index` (frames, rows) with the block's label; names stand beside `every`
+    so many rows.
+    """
+    y = area.y.stop
+    tall = area.y.start - area.y.stop
+    address = data_uri(png(np.ascontiguousarray(index.T), HEAT))
+    listed = escape("|".join(name.replace("|", "/") for name in names), True)
+    parts = [
+        f'<image class="heat" href="{address}" x="{area.x.start:g}" y="{y:.1f}" '
+        f'width="{area.x.stop - area.x.start:g}" height="{tall:.1f}" preserveAspectRatio="none" '
+        f'data-names="{listed}" {area.data}/>'
+    ]
+    for place in range(0, len(names), every):
+        parts.append(
+            text(
+                area.x.start - 4,
+                y + (place + 0.5) * tall / len(names) + 3,
+                names[place],
+                "tick y row",
+            )
+        )
+    return "".join(parts) + (text(10.0, y + tall / 2, label, "block", turned=True) if label else "")
+
+
+def _color_bar(x: float, axis: Axis, unit: str) -> str:
+    """The colors of the values along an upright axis."""
+    address = data_uri(png(np.arange(255, -1, -1, dtype=np.uint8)[:, None], HEAT))
+    parts = [
+        image(address, x, axis.stop, 10.0, axis.start - axis.stop, stretch=True),
+        text(x + 5, axis.stop - 5, unit, "tick x"),
+    ]
+    for tick in axis.ticks(5):
+        parts.append(mark("path", "grid", d=f"M{x + 10:.1f} {tick.position:.1f}h3"))
+        parts.append(text(x + 16, tick.position + 3, tick.text, "tick end"))
+    return "".join(parts)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value between -1 and 1 that colors the cell, its printed text, and what is shown under the
+    pointer.
+    """
+
+    value: float
+    text: str = ""
+    under: str = ""
+
+
+def sided_table(
+    title: str,
+    unit: str,
+    columns: Sequence[str],
+    rows: Sequence[tuple[str, Sequence[Sequence[Cell | None]]]],
+) -> str:
+    """A table of colored cells: a label each row, and for every column the cells of both sides or
+    one for both.
+    """
+    room = min((WIDTH - LABEL) / max(len(columns), 1), 250.0)
+    gap = 6.0
+    top = 52.0
+    parts = []
+    sided = any(len(cells) == 2 for _, each in rows for cells in each)
+    for j, column in enumerate(columns):
+        left = LABEL + room * j
+        head = shortened(column, (room - gap) / 5.6)
+        parts.append(text(left + (room - gap) / 2, 33.0, head, "tick x strong", column))
+        for place, side in enumerate(SIDES if sided else ()):
+            name = side if room > 90 else side[0].upper()
+            parts.append(
+                text(left + (room - gap) * (0.25 + 0.5 * place), 46.0, name, f"tick x {side}")
+            )
+    for i, (label, each) in enumerate(rows):
+        y = top + ROW * i
+        parts.append(text(2.0, y + 13, label, "tick end"))
+        for j, cells in enumerate(each):
+            wide = (room - gap) / max(len(cells), 1)
+            known = (
+                (LABEL + room * j + wide * place, cell)
+                for place, cell in enumerate(cells)
+                if cell is not None
+            )
+            parts += [_cell(cell, x, y, wide - 1.5) for x, cell in known]
+    return drawing("cells", title, (WIDTH, top + ROW * len(rows) + 4), *parts, unit=unit)
+
+
+def _cell(cell: Cell, x: float, y: float, wide: float) -> str:
+    kind = "more" if cell.value >= 0.0 else "less"
+    unknown = bool(np.isnan(cell.value))
+    depth = 0.0 if unknown else 0.06 + 0.68 * min(abs(cell.value), 1.0) ** 0.85
+    box = rect(f"cell {kind}", x, y + 1.0, wide, ROW - 2.0, fill_opacity=f"{depth:.2f}")
+    under = f"<title>{escape(cell.under)}</title>" if cell.under else ""
+    return f"<g>{box}{text(x + wide / 2, y + 13, cell.text, 'tick x' if unknown else 'tick x ink')}{under}</g>"

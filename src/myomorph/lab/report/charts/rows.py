@@ -1,0 +1,295 @@
+"""One row, or one column, for each name: bars, dots and intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.provenance import Estimate
+from myomorph.lab.report.charts import marks as svg
+from myomorph.lab.report.charts.axis import number
+
+
+@read_only
+class Beside:
+    """Values (names,) drawn as marks beside others, NaN where there is none."""
+
+    label: str
+    style: str
+    values: Array
+
+
+def row_frame(
+    names: Sequence[str], x: tuple[float, float], row: float, width: float, top: float = 26.0
+) -> svg.Frame:
+    """The area of rows of one height under each other, wide enough at the left for their names."""
+    left = 10.0 + svg.LETTER * max((len(name) for name in names), default=1)
+    return svg.frame(left, top, width - 14.0, top + row * len(names), x)
+
+
+def named_rows(
+    kind: str,
+    title: str,
+    unit: str,
+    area: svg.Frame,
+    rows: Sequence[tuple[str, str, str]],
+    width: float,
+    levels: Sequence[svg.Level] = (),
+    count: int = 6,
+) -> str:
+    """A drawing of rows, each its name, what is shown under the pointer, and its marks."""
+    tall = (area.y.start - area.y.stop) / max(len(rows), 1)
+    parts = []
+    for i, (name, under, marks) in enumerate(rows):
+        label = svg.text(area.x.start - 6, area.y.stop + tall * (i + 0.5) + 3.5, name, "tick y")
+        parts.append(svg.group(f"{name}: {under}", label, marks))
+    size = width, int(area.y.start + 24)
+    return svg.drawing(
+        kind,
+        title,
+        size,
+        svg.grid_along(area, count),
+        svg.levels_up(area, levels),
+        *parts,
+        unit=unit,
+    )
+
+
+def _across(area: svg.Frame, low: float, high: float, y: float, kind: str) -> str:
+    """A line along a row."""
+    return svg.mark(
+        "path", kind, d=f"M{float(area.x.cut(low)):.1f} {y:.1f}H{float(area.x.cut(high)):.1f}"
+    )
+
+
+def _under(labels: Sequence[str], values: Sequence[float], unit: str) -> str:
+    listed = ", ".join(
+        f"{label} {number(value)}" for label, value in zip(labels, values, strict=True)
+    )
+    return f"{listed} {unit}".strip()
+
+
+def bar_plot(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Array],
+    styles: Sequence[str],
+    labels: Sequence[str],
+    levels: Sequence[svg.Level] = (),
+    width: int = 680,
+    peak: float = 0.0,
+) -> str:
+    """Bars of names; several `values` (names,) lie over each other, the widest first; `peak` to
+    share a scale.
+    """
+    row = 15.0
+    highest = (float(np.nanmax(value)) for value in values if np.isfinite(value).any())
+    peak = max([peak, *highest, *(level.value for level in levels)])
+    area = row_frame(names, (0.0, 1.06 * (peak or 1.0)), row, width, 36.0 if levels else 26.0)
+    rows = []
+    for i, name in enumerate(names):
+        bars = ""
+        for j, (column, style) in enumerate(zip(values, styles, strict=True)):
+            thick = row - 4.0 if j == 0 else row - 9.0
+            top = area.y.stop + row * (i + 0.5) - thick / 2
+            wide = float(area.x.at(column[i])) - area.x.start
+            bars += (
+                svg.rect(f"bar {style}", area.x.start, top, wide, thick)
+                if np.isfinite(wide)
+                else ""
+            )
+        rows.append((name, _under(labels, [float(value[i]) for value in values], unit), bars))
+    return named_rows("bars", title, unit, area, rows, width, levels)
+
+
+def dot_plot(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Array],
+    styles: Sequence[str],
+    labels: Sequence[str],
+    width: int = 680,
+    spread: Array | None = None,
+) -> str:
+    """One row a name, one dot for each of `values` (names,), joined by a line, so that many names
+    compare at a glance; `spread`: (names,) drawn as a bar to both sides of the first kind's dot.
+    """
+    half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
+    finite = [
+        value[np.isfinite(value)] for value in (values[0] - half, values[0] + half, *values[1:])
+    ]
+    low = min(0.0, *(float(column.min(initial=0.0)) for column in finite))
+    high = max((float(column.max(initial=0.0)) for column in finite), default=1.0) or 1.0
+    air = 0.05 * (high - low)
+    row = 14.0
+    area = row_frame(names, (low - air * (low < 0.0), high + air), row, width)
+    rows = []
+    for i, name in enumerate(names):
+        row_values = [float(value[i]) for value in values]
+        y = area.y.stop + row * (i + 0.5)
+        known = [value for value in row_values if np.isfinite(value)]
+        marks = _across(area, min(known), max(known), y, "grid") if len(known) > 1 else ""
+        if half[i] > 0.0:
+            marks += _across(
+                area, row_values[0] - half[i], row_values[0] + half[i], y, f"line {styles[0]}"
+            )
+        for at, style in reversed(list(zip(row_values, styles, strict=True))):
+            marks += svg.dot(float(area.x.at(at)), y, style) if np.isfinite(at) else ""
+        rows.append((name, _under(labels, row_values, unit), marks))
+    return named_rows("dots", title, unit, area, rows, width)
+
+
+def interval_rows(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Estimate],
+    beside: Sequence[Beside] = (),
+    levels: Sequence[svg.Level] = (),
+    solid: Sequence[bool] | None = None,
+    signed: bool = False,
+) -> str:
+    """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values
+    are cut. `signed`: zero is in the middle, for values of both signs, and the chart at least 1
+    wide to both sides.
+    """
+    known = [dot.value for dot in values] + [level.value for level in levels]
+    known += [value for marks in beside for value in marks.values]
+    peak = max([abs(value) for value in known if np.isfinite(value)] or [0.0])
+    peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
+    ends = [
+        abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)
+    ]
+    reach = 1.06 * max(peak, min(max(ends, default=0.0), furthest * peak)) or 1.0
+    row = 17.0
+    width = 680
+    area = row_frame(
+        names, (-reach if signed else 0.0, reach), row, width, 38.0 if levels else 28.0
+    )
+    rows = []
+    for i, (name, value) in enumerate(zip(names, values, strict=True)):
+        y = area.y.stop + row * (i + 0.5)
+        marks = ""
+        if np.isfinite(value.low) and np.isfinite(value.high):
+            marks += _across(area, value.low, value.high, y, "whisker")
+            inside = [
+                float(area.x.at(end))
+                for end in (value.low, value.high)
+                if area.x.low <= end <= area.x.high
+            ]
+            marks += "".join(
+                svg.mark("path", "whisker", d=f"M{x:.1f} {y - 3:.1f}v6") for x in inside
+            )
+        for other in beside:
+            if np.isfinite(other.values[i]):
+                x = float(area.x.at(other.values[i]))
+                marks += svg.mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
+        if np.isfinite(value.value):
+            marks += svg.dot(
+                float(area.x.cut(value.value)),
+                y,
+                "first" if solid is None or solid[i] else "open",
+                4.2,
+            )
+        rows.append(
+            (name, "; ".join([with_interval(value), *_printed(beside, i)]) + f" {unit}", marks)
+        )
+    return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
+
+
+def with_interval(estimate: Estimate) -> str:
+    """A value for print, with its interval where that is known."""
+    interval = (
+        f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
+    )
+    return number(estimate.value) + interval
+
+
+def _printed(beside: Sequence[Beside], i: int) -> list[str]:
+    return [
+        f"{marks.label} {number(float(marks.values[i]))}"
+        for marks in beside
+        if np.isfinite(marks.values[i])
+    ]
+
+
+def interval_bars(
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: Sequence[Estimate | None],
+    beside: Sequence[Beside] = (),
+    levels: Sequence[svg.Level] = (),
+) -> str:
+    """Upright bars, one a name, each with its interval; an interval that reaches far above the rest
+    is cut.
+    """
+    top = _top(values, beside, levels)
+    width = 330
+    height = 210
+    area = svg.frame(
+        48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top)
+    )
+    column = (area.x.stop - area.x.start) / max(len(names), 1)
+    half = min(13.0, 0.3 * column)
+    parts = [svg.grid_up(area), svg.levels_across(area, levels)]
+    for i, (name, value) in enumerate(zip(names, values, strict=True)):
+        x = float(area.x.at(i + 0.5))
+        known = [] if value is None else [with_interval(value)]
+        marks = svg.text(x, height - 8.0, svg.shortened(name, column / 6.0), "tick x")
+        marks += "" if value is None else _bar(area, value, x, half)
+        for other in beside:
+            if np.isfinite(other.values[i]):
+                y = float(area.y.cut(other.values[i]))
+                marks += svg.mark(
+                    "path",
+                    f"tack {other.style}",
+                    d=f"M{x - half - 3:.1f} {y:.1f}h{2 * half + 6:.1f}",
+                )
+        parts.append(
+            svg.group(
+                f"{name}: {'; '.join([*known, *_printed(beside, i)]) or 'not known'} {unit}", marks
+            )
+        )
+    return svg.drawing("upright", title, (width, height), *parts, unit=unit)
+
+
+def _top(
+    values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Sequence[svg.Level]
+) -> float:
+    """Highest value shown: all, except intervals that would press everything else to the floor."""
+    known = [value.value for value in values if value is not None and np.isfinite(value.value)]
+    known += [float(value) for other in beside for value in other.values if np.isfinite(value)]
+    known += [
+        level.value + level.spread for level in levels if np.isfinite(level.value + level.spread)
+    ]
+    highs = [value.high for value in values if value is not None and np.isfinite(value.high)]
+    peak = max([*known, 0.0])
+    return 1.08 * max(peak, min(max([*highs, 0.0]), 2.0 * peak)) or 1.0
+
+
+def _bar(area: svg.Frame, estimate: Estimate, x: float, half: float) -> str:
+    """An upright bar with its whisker; an arrow where the interval is cut."""
+    if not np.isfinite(estimate.value):
+        return ""
+    y = float(area.y.cut(estimate.value))
+    bottom = area.y.start
+    bar = svg.rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))
+    if not (
+        np.isfinite(estimate.low) and np.isfinite(estimate.high) and estimate.high > estimate.low
+    ):
+        return bar
+    low = float(area.y.cut(estimate.low))
+    high = float(area.y.cut(estimate.high))
+    cap = (
+        f"M{x - 4:.1f} {high:.1f}h8"
+        if estimate.high <= area.y.high
+        else f"M{x - 4:.1f} {high + 5:.1f}l4 -5l4 5"
+    )
+    return bar + svg.mark(
+        "path", "whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}M{x - 4:.1f} {low:.1f}h8{cap}"
+    )

@@ -1,0 +1,128 @@
+"""The HTML around sections, tiles and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+from typing import get_args
+
+from jinja2 import Environment, StrictUndefined
+
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.page.parts import Link, PageHead, Reference, Section, State, Verdict
+from myomorph.lab.report.scene.pictures import Picture
+
+_KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
+
+
+@dataclass(frozen=True)
+class Instant:
+    """The body at one time: label and pictures from the side and the front."""
+
+    label: str
+    side: Picture
+    front: Picture
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the summary: value, what it is, whether it is within its limit."""
+
+    value: str
+    name: str
+    state: str
+
+
+def rendered(
+    head: PageHead,
+    sections: Sequence[Section],
+    references: Sequence[Reference],
+    *,
+    facts: Sequence[tuple[str, str]] = (),
+    tiles: Sequence[Tile] = (),
+    verdicts: Sequence[Verdict] = (),
+    missing: Sequence[str] = (),
+    instants: Sequence[Instant] = (),
+    motion: str = "",
+    muscles_colored: bool = False,
+    arrows: str = "",
+    pages: Sequence[Link] = (),
+) -> str:
+    """The page of given sections, as HTML text. `instants`, `motion`: pictures of the body, and the
+    moving skeleton; `muscles_colored`: whether they show activations; `arrows`: the kind of forces
+    that they show, "" where none; `pages`: further ones beside this one.
+    """
+    # What is over its limit first.
+    ordered = [
+        _printed(verdict)
+        for state in get_args(State)
+        for verdict in verdicts
+        if verdict.state == state
+    ]
+    over = sum(1 for verdict in verdicts if verdict.state == "over")
+    judged = sum(1 for verdict in verdicts if verdict.limit is not None)
+    return page_text(
+        "report.html.j2",
+        head=head,
+        date=_date(head.date),
+        script=_text("report.js"),
+        facts=facts,
+        tiles=tiles,
+        kinds=_KINDS,
+        verdicts=ordered,
+        over=over,
+        judged=judged,
+        sections=sections,
+        missing=missing,
+        instants=instants,
+        motion=motion,
+        muscles_colored=muscles_colored,
+        arrows=arrows,
+        references=references,
+        pages=pages,
+    )
+
+
+def page_text(template: str, **values: object) -> str:
+    """A template of the room with the style of all pages, as HTML text."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(_text(template)).render(style=_text("report.css"), **values)
+
+
+def _date(text: str) -> str:
+    """A date of a clock (ISO 8601) to the minute; any other text as it is."""
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    if len(text) <= len("2026-01-02"):
+        return text
+    zone = "" if when.tzinfo is None else " UTC"
+    return (when if when.tzinfo is None else when.astimezone(UTC)).strftime("%Y-%m-%d %H:%M") + zone
+
+
+def _text(name: str) -> str:
+    return (files("myomorph.lab.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _printed(verdict: Verdict) -> dict[str, str]:
+    """A verdict as text, by the names that the template has."""
+    limit = "none agreed" if verdict.limit is None else "0"
+    if verdict.limit:
+        limit = f"{number(verdict.limit)} {'%' if '%' in verdict.unit else verdict.unit}"
+    whole = (
+        verdict.value == int(verdict.value) and "%" not in verdict.unit and "cm" not in verdict.unit
+    )
+    value = number(verdict.value, 1.0) if whole else number(verdict.value)
+    time = "" if verdict.time is None else f"{number(verdict.time, 0.001)} s"
+    return {
+        **{
+            name: getattr(verdict, name)
+            for name in ("quantity", "state", "worst", "source", "detail")
+        },
+        **{"value": f"{value} {verdict.unit}".strip(), "limit": limit, "time": time},
+    }

@@ -1,0 +1,198 @@
+"""A small renderer: shaded triangles and tubes into pixels, seen from far away."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.rigid.kernels import inner, kernel
+from myomorph.lab.report.scene.image import Bytes
+
+FAR = -1e30
+
+
+@read_only
+class View:
+    """An orthographic camera."""
+
+    axes: Array  # (3, 3) rows: to the right of the picture, up in it, towards the viewer
+    center: Array  # (3,) point in the middle of the picture [m]
+    scale: float  # pixels per meter
+    # width, height: of the picture [pixels]
+    width: int
+    height: int
+
+    def project(self, points: Array) -> Array:
+        """Points (..., 3) in ground as pixels to the right, pixels down and nearness in pixels."""
+        local = (np.asarray(points) - self.center) @ self.axes.T * self.scale
+        local[..., 0] += self.width / 2
+        local[..., 1] = self.height / 2 - local[..., 1]
+        return local
+
+
+class Canvas:
+    """Color and nearness of every pixel, drawn into and then made a picture."""
+
+    def __init__(self, view: View):
+        self.view = view
+        self.color = np.zeros((view.height, view.width, 3))
+        self.near = np.full((view.height, view.width), FAR)
+
+    def surface(self, vertices: Array, normals: Array, faces: np.ndarray, color: ArrayLike) -> None:
+        """Draw triangles over `vertices` (n, 3) in ground, lit by their `normals` (n, 3)."""
+        points = np.ascontiguousarray(self.view.project(vertices))
+        turned = np.ascontiguousarray(normals @ self.view.axes.T)
+        fill_triangles(
+            points,
+            turned,
+            np.ascontiguousarray(faces),
+            np.array(color, dtype=np.float64),
+            self.color,
+            self.near,
+        )
+
+    def tubes(self, starts: Array, ends: Array, radii: Array, colors: Array) -> None:
+        """Draw round tubes between points (n, 3) in ground, of radii (n, 2) at both ends [m]."""
+        if len(starts):
+            fill_tubes(
+                np.ascontiguousarray(self.view.project(starts)),
+                np.ascontiguousarray(self.view.project(ends)),
+                np.ascontiguousarray(radii * self.view.scale),
+                np.ascontiguousarray(colors, dtype=np.float64),
+                self.color,
+                self.near,
+            )
+
+    def picture(self, shrink: int) -> Bytes:
+        """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn
+        darker.
+        """
+        solid = self.near > FAR / 2
+        depth = np.where(solid, self.near, -1e9)
+        step = 0.02 * self.view.height
+        edge = np.zeros(depth.shape, dtype=bool)
+        for axis in (0, 1):
+            fall = depth - np.roll(depth, -1, axis)
+            edge |= fall > step
+            edge |= np.roll(-fall > step, 1, axis)
+        color = self.color * np.where(edge, 0.62, 1.0)[..., None]
+        height = depth.shape[0] // shrink
+        width = depth.shape[1] // shrink
+
+        def mean(values: np.ndarray) -> Array:
+            rows = height * shrink
+            columns = width * shrink
+            parts = [
+                values[y:rows:shrink, x:columns:shrink]
+                for y in range(shrink)
+                for x in range(shrink)
+            ]
+            total: Array = np.sum(parts, axis=0, dtype=np.float64)
+            return total / len(parts)
+
+        cover = mean(solid)
+        paint = mean(color)
+        pixels = np.zeros((height, width, 4), dtype=np.uint8)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            pixels[..., :3] = np.nan_to_num(
+                255.0 * np.clip(paint / cover[..., None], 0.0, 1.0)
+            ).astype(np.uint8)
+        pixels[..., 3] = (255.0 * cover).astype(np.uint8)
+        return pixels
+
+
+@inner
+def lit(n0, n1, n2):
+    """Brightness of a surface with this normal: a soft light from the upper left, a little from the
+    viewer.
+    """
+    if n2 < 0.0:
+        n0 = -n0
+        n1 = -n1
+        n2 = -n2
+    key = -0.35 * n0 + 0.55 * n1 + 0.76 * n2
+    return 0.42 + 0.48 * max(key, 0.0) + 0.14 * n2
+
+
+@kernel
+def fill_triangles(points, normals, faces, color, image, near):
+    """Draw triangles: `points` (n, 3) pixels and nearness, `normals` (n, 3) in the view's axes."""
+    height, width = near.shape
+    for f in range(faces.shape[0]):
+        a = faces[f, 0]
+        b = faces[f, 1]
+        c = faces[f, 2]
+        ax = points[a, 0]
+        ay = points[a, 1]
+        bx = points[b, 0]
+        by = points[b, 1]
+        cx = points[c, 0]
+        cy = points[c, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if abs(area) < 1e-12:
+            continue
+        left = max(0, int(np.floor(min(ax, bx, cx))))
+        right = min(width - 1, int(np.ceil(max(ax, bx, cx))))
+        top = max(0, int(np.floor(min(ay, by, cy))))
+        bottom = min(height - 1, int(np.ceil(max(ay, by, cy))))
+        for y in range(top, bottom + 1):
+            for x in range(left, right + 1):
+                px = x + 0.5
+                py = y + 0.5
+                u = ((bx - px) * (cy - py) - (by - py) * (cx - px)) / area
+                v = ((cx - px) * (ay - py) - (cy - py) * (ax - px)) / area
+                w = 1.0 - u - v
+                if u < 0.0 or v < 0.0 or w < 0.0:
+                    continue
+                z = u * points[a, 2] + v * points[b, 2] + w * points[c, 2]
+                if z <= near[y, x]:
+                    continue
+                near[y, x] = z
+                n0 = u * normals[a, 0] + v * normals[b, 0] + w * normals[c, 0]
+                n1 = u * normals[a, 1] + v * normals[b, 1] + w * normals[c, 1]
+                n2 = u * normals[a, 2] + v * normals[b, 2] + w * normals[c, 2]
+                size = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2) + 1e-30
+                brightness = lit(n0 / size, n1 / size, n2 / size)
+                for i in range(3):
+                    image[y, x, i] = color[i] * brightness
+
+
+@kernel
+def fill_tubes(starts, ends, radii, colors, image, near):
+    """Draw tubes with round ends between `starts` and `ends` (n, 3) pixels and nearness."""
+    height, width = near.shape
+    for s in range(starts.shape[0]):
+        ax = starts[s, 0]
+        ay = starts[s, 1]
+        az = starts[s, 2]
+        dx = ends[s, 0] - ax
+        dy = ends[s, 1] - ay
+        dz = ends[s, 2] - az
+        if not np.isfinite(ax + ay + az + dx + dy + dz):
+            continue
+        most = max(radii[s, 0], radii[s, 1])
+        left = max(0, int(np.floor(min(ax, ax + dx) - most)))
+        right = min(width - 1, int(np.ceil(max(ax, ax + dx) + most)))
+        top = max(0, int(np.floor(min(ay, ay + dy) - most)))
+        bottom = min(height - 1, int(np.ceil(max(ay, ay + dy) + most)))
+        long = dx * dx + dy * dy
+        for y in range(top, bottom + 1):
+            for x in range(left, right + 1):
+                px = x + 0.5 - ax
+                py = y + 0.5 - ay
+                t = 0.0 if long < 1e-12 else min(max((px * dx + py * dy) / long, 0.0), 1.0)
+                r = radii[s, 0] + t * (radii[s, 1] - radii[s, 0])
+                ox = px - t * dx
+                oy = py - t * dy
+                d = ox * ox + oy * oy
+                if d >= r * r:
+                    continue
+                out = np.sqrt(r * r - d)
+                z = az + t * dz + out
+                if z <= near[y, x]:
+                    continue
+                near[y, x] = z
+                brightness = lit(ox / r, -oy / r, out / r)
+                for i in range(3):
+                    image[y, x, i] = colors[s, i] * brightness

@@ -1,0 +1,227 @@
+"""Estimated contact forces: which they are, what acts beside them, and what they leave over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.core.contact.shared import group_bodies
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.contacts import ContactForces
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.series import Wrenches
+from myomorph.lab.analysis.contact_states import limb_of, row_label
+from myomorph.lab.analysis.selection import Subject
+from myomorph.lab.report.page.parts import Quantity, Verdict
+from myomorph.lab.report.trial.figures import ORDINAL
+from myomorph.lab.report.trial.report_input import ReportInput, Situation
+from myomorph.lab.report.trial.tables import judged_residual
+
+SITUATIONS: Mapping[Situation, str] = {
+    "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
+    "shared": (
+        "There are fewer plates than contacts: what a plate measured is shared among the sites that"
+        " touch it ([D] chapter 4, second situation)."
+    ),
+    "sound": "Forces of impacts come from their sound ([D] chapter 4, third situation).",
+    "unknown": (
+        "Forces that no plate measured are solved together with the muscle tensions ([D] chapter 4,"
+        " fourth situation)."
+    ),
+}
+LOADED = 0.03
+BETWEEN = "between"
+
+
+def situation_of(results: ReportInput) -> Situation:
+    """How the contact forces of a recording are known, "" where there are none."""
+    if results.contacts.situation:
+        return results.contacts.situation
+    if results.contacts.forces is None:
+        return (
+            "measured"
+            if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names)
+            else ""
+        )
+    touches = results.contacts.touches
+    heard = touches is not None and any(
+        interval.source == "sound" for interval in touches.intervals
+    )
+    return "sound" if heard else "unknown"
+
+
+def acting_forces(results: ReportInput) -> Wrenches | None:
+    """Forces to be drawn: contact forces as estimated, and measured ones while nothing is estimated
+    in their place.
+    """
+    forces = results.contacts.forces
+    if forces is None or not len(forces) or not forces.sites:
+        return results.dynamics.wrenches
+    estimated = group_forces(forces)
+    measured = results.dynamics.wrenches
+    if measured is None or not len(measured.names):
+        return estimated
+    instead = _instead(forces, measured, results.model)
+    if instead.all():
+        return estimated
+    time = estimated.time
+    parts = {
+        what: _at(time, measured.time, getattr(measured, what))
+        for what in ("forces", "points", "torques")
+    }
+    parts["forces"] = np.where(instead[..., None], 0.0, np.nan_to_num(parts["forces"]))
+    return estimated.and_others(Wrenches(time, measured.names, measured.bodies, *parts.values()))
+
+
+def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:
+    """(frames, wrenches) whether contacts were estimated then where a wrench was measured."""
+    bodies = _bodies(forces, model)
+    result = np.zeros((len(forces), len(measured.names)), dtype=bool)
+    for column, site in enumerate(forces.sites):
+        on = forces.activations[:, column] > 0.0
+        for j, body in enumerate(measured.bodies):
+            if not body or body in bodies[site.group]:
+                result[on, j] = True
+    return result
+
+
+def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]]:
+    """Bodies of every group of sites; with a model those a joint away too, as forces on a foot are
+    put on any of it.
+    """
+    if model is not None:
+        return group_bodies(model, forces.sites)
+    names = {site.group for site in forces.sites}
+    return {name: {site.body for site in forces.sites if site.group == name} for name in names}
+
+
+def group_forces(forces: ContactForces) -> Wrenches:
+    """One force a group of sites, at its center of pressure, whatever bodies they are on; its
+    opposite on the other.
+    """
+    first = {site.group: site.body for site in reversed(forces.sites)}
+    sites = tuple(replace(site, body=first[site.group]) for site in forces.sites)
+    return replace(forces, sites=sites).wrenches("group")
+
+
+def _at(time: Array, clock: Array, values: Array) -> Array:
+    """Columns (samples, n, 3) at other times, by the straight line between samples; NaN outside."""
+    flat = values.reshape(len(values), -1)
+    columns = [np.interp(time, clock, column, left=np.nan, right=np.nan) for column in flat.T]
+    return np.stack(columns, axis=1).reshape(len(time), *values.shape[1:])
+
+
+@read_only
+class Group:
+    """Contact forces of one group of sites."""
+
+    name: str
+    label: str
+    # whose groups it stands with: a subject's name, "" for the only one, `BETWEEN` where two bodies
+    # touch
+    block: str
+    style: str  # of the style sheet, its own in its block
+    against: str  # what is touched
+    forces: Array  # (frames, 3) as estimated [N]
+    estimated: np.ndarray  # (frames,) whether it might carry force
+    # (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was
+    # measured
+    measured: Array | None
+
+
+def groups_of(
+    forces: ContactForces,
+    measured: Wrenches | None,
+    model: Model | None = None,
+    who: Sequence[Subject] = (),
+) -> tuple[Group, ...]:
+    """Estimated forces by group, each beside what was measured on its bodies; of two bodies the
+    force on the first.
+    """
+    near = _bodies(forces, model)
+    names = tuple(dict.fromkeys(site.group for site in forces.sites))
+    members = {
+        name: [index for index, site in enumerate(forces.sites) if site.group == name]
+        for name in names
+    }
+    first = {name: forces.sites[indices[0]] for name, indices in members.items()}
+    limbs = {
+        name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names
+    }
+    blocks = {
+        name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names
+    }
+    groups = []
+    bodies = () if measured is None else measured.bodies
+    for name, member in members.items():
+        known = None
+        columns = [index for index, body in enumerate(bodies) if body in near[name]]
+        if columns and measured is not None:
+            known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(
+                axis=1
+            )
+            size = np.linalg.norm(np.nan_to_num(known), axis=1)
+            known[size < LOADED * size.max(initial=0.0)] = np.nan
+        beside = [other for other in names if blocks[other] == blocks[name]]
+        side = limbs[name].side
+        alone = bool(side) and [limbs[other].side for other in beside].count(side) == 1
+        style = side if alone else ORDINAL[beside.index(name) % len(ORDINAL)]
+        against = first[name].against
+        label = row_label(name, who) + (
+            f" on {row_label(against, who).lower()}" if against != GROUND else ""
+        )
+        ready = np.asarray((forces.activations[:, member] > 0.0).any(axis=1))
+        force = forces.forces[:, member].sum(axis=1)
+        groups.append(
+            Group(
+                name=name,
+                label=label,
+                block=blocks[name],
+                style=style,
+                against=against,
+                forces=force,
+                estimated=ready,
+                measured=known,
+            )
+        )
+    return tuple(groups)
+
+
+def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
+    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al.
+    2015).
+    """
+    if results.contacts.forces is None or not len(results.contacts.forces):
+        return []
+    rows: list[Verdict] = []
+    acting = acting_forces(results)
+    total = np.zeros((1, 3)) if acting is None else np.nan_to_num(acting.forces).sum(axis=1)
+    peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
+    residuals = results.contacts.residuals
+    if residuals is not None and peak > 0.0:
+        for what, scale in (("force", peak), ("moment", peak * height)):
+            names = [name.removeprefix("residual_") for name in residuals.names]
+            columns = [
+                index for index, name in enumerate(names) if name.startswith(what[0].upper())
+            ]
+            values = np.linalg.norm(residuals.values[:, columns], axis=1)
+            if columns and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
+                detail = f" left with contact forces; F = {peak:.4g} N"
+                verdicts = judged_residual(what, values, residuals.time, scale, contacts=True)
+                rows += [replace(row, detail=row.detail + detail) for row, _ in verdicts]
+    lost = results.contacts.infeasible
+    first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
+    unit = f"of {len(results.contacts.forces)}"
+    rows.append(
+        Verdict(
+            quantity=Quantity.INFEASIBLE_CONTACT,
+            value=float(len(lost)),
+            unit=unit,
+            limit=0.0,
+            time=first,
+            detail=relaxation,
+        )
+    )
+    return rows

@@ -1,0 +1,311 @@
+"""The analysis of a motion: who moves, where the center of gravity goes, what touches, when, and
+what goes together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.contacts import Contacts
+from myomorph.core.model.series import Series
+from myomorph.lab.analysis.contact_states import (
+    Limb,
+    limb_states,
+    measured_contacts,
+    solved_contacts,
+)
+from myomorph.lab.analysis.correlations import Correlations, correlate
+from myomorph.lab.analysis.cycles import NONE, Periodicity, find_period
+from myomorph.lab.analysis.motion_phases import Cuttable, Cutting, StageMeasures, cut, measure
+from myomorph.lab.analysis.presets import Preset, fitting_preset, named_muscles, preset_of
+from myomorph.lab.analysis.selection import (
+    Pair,
+    Subject,
+    centroids,
+    lowest_joint,
+    standing_height,
+    subjects,
+)
+from myomorph.lab.report.trial.figures import axis_names, weighted
+from myomorph.lab.report.trial.prepared import Prepared, thinned
+
+REST_TIME = 0.5
+REST_SPEED = 0.03
+REST_SHARE = 0.05
+MAX_FRAMES = 20000
+STEP_TIME = 0.1
+PERSONS = ("third", "second", "fourth")
+NEARLY = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One subject in the analysis."""
+
+    who: Subject
+    center: Series  # center of gravity along `axis_names(up)`, vertical first, (frames, 3) [m]
+    # height of the center of gravity over the lowest joint in the model's default posture, and its
+    # mean height over the lowest joint of the motion [m]
+    standing: tuple[float, float]
+    still: float  # mean height while the recording begins at rest [m], nan where it does not
+    periods: tuple[Periodicity, ...]  # of the three columns of `center`
+    muscles: tuple[Pair, ...]  # of the preset or those chosen, as far as the model has them
+    lacking: tuple[str, ...]  # the others
+    # (frames, n) by `column_name`, parts of a muscle weighted by strength; None where nothing is
+    # known of them
+    activations: Series | None
+
+
+@read_only
+class MotionAnalysis:
+    """What the panels show."""
+
+    preset: Preset
+    chosen: bool  # whether the user named the preset
+    span: tuple[float, float]
+    axes: tuple[str, ...]  # names of the columns of centers of gravity
+    persons: tuple[Person, ...]
+    contacts: Contacts | None
+    # limbs, touching: what can touch, and (frames, limbs) whether it does, at `time`
+    limbs: tuple[Limb, ...]
+    time: Array
+    touching: np.ndarray | None
+    cutting: Cutting
+    measures: tuple[StageMeasures, ...]  # of every stage, of the first person
+    # rows contacts and muscles, columns `axes`, of the first person
+    correlations: Correlations | None
+
+    @property
+    def who(self) -> tuple[Subject, ...]:
+        """Subjects and objects."""
+        return tuple(person.who for person in self.persons)
+
+
+def analyse(prepared: Prepared) -> MotionAnalysis | None:
+    """The analysis of what was given; None where neither a center of gravity nor contacts are
+    known.
+    """
+    results = prepared.results
+    contacts = _contacts(prepared)
+    who = (
+        subjects(results.model)
+        if results.model is not None and prepared.centroid is not None
+        else ()
+    )
+    if not who and (contacts is None or not contacts.intervals):
+        return None
+    sources = (
+        tuple({interval.source for interval in contacts.intervals}) if contacts is not None else ()
+    )
+    people = sum(1 for subject in who if subject.muscles)
+    clock = _clock(prepared)
+    limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
+    walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
+    named = results.analysis.preset
+    preset = (
+        preset_of(named) if named else fitting_preset(walks, sources, people, len(who) > people > 0)
+    )
+    persons = _persons(prepared, who, results.analysis.muscles or preset.muscles)
+    # The clearest of the longest periods of the first person's center of gravity.
+    periodic = [period for period in persons[0].periods if period.periodic] if persons else []
+    longest = max((period.period for period in periodic), default=0.0)
+    alike = [period for period in periodic if period.period > NEARLY * longest]
+    clearest = max(alike, key=lambda period: period.likeness).period if alike else float("nan")
+    nothing = "no plate loaded" if sources == ("plates",) else "no contact"
+    labels = tuple(limb.label for limb in limbs)
+    cuttable = Cuttable(
+        span=prepared.span,
+        time=clock,
+        events=prepared.events,
+        contact_names=labels,
+        touching=touching,
+        nothing=nothing,
+        period=clearest,
+    )
+    cutting = cut(cuttable, preset.cuts, results.analysis.phases)
+    center, muscles = (persons[0].center, persons[0].activations) if persons else (None, None)
+    measures = tuple(measure(stage, center, muscles, clock, touching) for stage in cutting.stages)
+    rows = _rows(muscles, clock, limbs, touching)
+    related = (
+        correlate(rows, leveled(center))
+        if center is not None and rows is not None and len(rows) > 1
+        else None
+    )
+    shown = (persons, contacts, limbs, clock, touching, cutting, measures, related)
+    return MotionAnalysis(
+        preset, bool(named), prepared.span, tuple(axis_names(prepared.up)[1]), *shown
+    )
+
+
+def _contacts(prepared: Prepared) -> Contacts | None:
+    results = prepared.results
+    if results.contacts.touches is not None:
+        return results.contacts.touches
+    if results.contacts.forces is not None and results.contacts.forces.sites:
+        return solved_contacts(results.contacts.forces)
+    if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names):
+        return measured_contacts(results.dynamics.wrenches, prepared.up, prepared.weight)
+    return None
+
+
+def _steps(limbs: tuple[Limb, ...], touching: np.ndarray | None, time: Array) -> bool:
+    """Whether the right foot and the left one each stand alone for a while, as in steps and not in
+    rising.
+    """
+    if touching is None or len(time) < 2:
+        return False
+    alone = touching.sum(axis=1) == 1
+    step = float(np.median(np.diff(time)))
+    stood = {
+        limb.side: step * float((alone & on).sum())
+        for limb, on in zip(limbs, touching.T, strict=True)
+    }
+    return all(stood.get(side, 0.0) > STEP_TIME for side in ("right", "left"))
+
+
+def _clock(prepared: Prepared) -> Array:
+    if prepared.centroid is not None:
+        return prepared.centroid.time
+    wrenches = prepared.results.dynamics.wrenches
+    if wrenches is not None and len(wrenches) > 1:
+        return wrenches.time[:: max(1, len(wrenches) // MAX_FRAMES)]
+    return np.linspace(*prepared.span, 1001)
+
+
+def _persons(
+    prepared: Prepared, who: tuple[Subject, ...], wanted: tuple[str, ...]
+) -> tuple[Person, ...]:
+    results = prepared.results
+    motion = prepared.results.kinematics.motion
+    if results.model is None or motion is None or prepared.centroid is None or not who:
+        return ()
+    fewer = thinned(motion, MAX_FRAMES)
+    centers = (prepared.centroid,) if len(who) == 1 else centroids(results.model, fewer, who)
+    vectors = np.stack(axis_names(prepared.up)[0])
+    names = results.tension.muscles if results.tension is not None else ()
+    persons = []
+    for subject, center in zip(who, centers, strict=True):
+        series = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
+        lowest = lowest_joint(results.model, fewer, subject, prepared.up)
+        height = (
+            float(np.nanmean(series.values[:, 0]))
+            if np.isfinite(series.values[:, 0]).any()
+            else float("nan")
+        )
+        known = [name for name in names if name in set(subject.muscles)]
+        muscles, lacking = named_muscles(known, wanted if subject.muscles else (), subject.prefix)
+        periods = tuple(
+            find_period(series.time, column) if len(series) > 8 else NONE
+            for column in series.values.T
+        )
+        standing = standing_height(results.model, subject, prepared.up), height - lowest
+        active = _activations(prepared, muscles)
+        persons.append(
+            Person(
+                who=subject,
+                center=series,
+                standing=standing,
+                still=_still(series),
+                periods=periods,
+                muscles=muscles,
+                lacking=lacking,
+                activations=active,
+            )
+        )
+    return tuple(persons)
+
+
+def _still(center: Series) -> float:
+    """Mean height over the first half second, where the center of gravity hardly moves then."""
+    first = center.time <= center.time[0] + REST_TIME
+    part = center.values[first]
+    if first.all() or len(part) < 3 or not np.isfinite(part).all():
+        return float("nan")
+    moved = float(np.ptp(part, axis=0).max())
+    least = min(
+        REST_SPEED * REST_TIME, REST_SHARE * float(np.nanmax(np.ptp(center.values, axis=0)))
+    )
+    return float(part[:, 0].mean()) if moved < least else float("nan")
+
+
+def _activations(prepared: Prepared, muscles: tuple[Pair, ...]) -> Series | None:
+    series = prepared.results.activations
+    strengths = prepared.results.strengths
+    if series is None:
+        return None
+    columns: dict[str, Array] = {}
+    for pair in muscles:
+        for side, members in pair.members.items():
+            mean = weighted(series, members, strengths)
+            columns |= {} if mean is None else {column_name(pair, side): mean}
+    return (
+        Series(series.time, tuple(columns), np.stack(list(columns.values()), axis=1))
+        if columns
+        else None
+    )
+
+
+def column_name(pair: Pair, side: str) -> str:
+    """Name of a muscle's column in `Person.activations`."""
+    return f"{pair.label}, {side}" if side else pair.label
+
+
+def _rows(
+    activations: Series | None, clock: Array, limbs: tuple[Limb, ...], touching: np.ndarray | None
+) -> Series | None:
+    """Contacts that change and muscles as columns of one series."""
+    rows: list[Series] = []
+    state = np.zeros((1, 0), dtype=bool) if touching is None else touching
+    changing = np.asarray(state.any(axis=0) & ~state.all(axis=0))
+    if touching is not None and changing.any():
+        names = tuple(limb.label for limb, changes in zip(limbs, changing, strict=True) if changes)
+        rows.append(Series(clock, names, touching[:, changing].astype(np.float64)))
+    if activations is not None and activations.names:
+        rows.append(activations)
+    return rows[0] if len(rows) == 1 else _joined(rows) if rows else None
+
+
+def _joined(rows: list[Series]) -> Series:
+    """Columns of several series at the last one's times within all."""
+    last = rows[-1]
+    inside = np.ones(len(last), dtype=bool)
+    for row in rows:
+        inside &= (last.time >= row.time[0] - 1e-9) & (last.time <= row.time[-1] + 1e-9)
+    time = last.time[inside]
+    columns = [np.interp(time, row.time, column) for row in rows for column in row.values.T]
+    names = tuple(name for row in rows for name in row.names)
+    return Series(
+        time, names, np.stack(columns, axis=1) if len(time) else np.zeros((0, len(names)))
+    )
+
+
+def leveled(series: Series) -> Series:
+    """Every column less its straight line: walking forward is no relation."""
+    values = np.array(series.values)
+    for column in values.T:
+        known = np.isfinite(column)
+        if known.sum() > 2:
+            x = series.time - series.time[0]
+            fit = np.polynomial.polynomial.polyfit(x[known], column[known], 1)
+            column -= fit[0] + fit[1] * x
+    return Series(series.time, series.names, values)
+
+
+def person_styles(analysis: MotionAnalysis) -> list[str]:
+    """Style of every person's lines."""
+    return (
+        [PERSONS[i % 3] for i in range(len(analysis.persons))]
+        if len(analysis.persons) > 1
+        else ["middle"]
+    )
+
+
+def person_legend(analysis: MotionAnalysis) -> list[tuple[str, str]]:
+    """Styles and names of the persons."""
+    return [
+        (style, person.who.name)
+        for person, style in zip(analysis.persons, person_styles(analysis), strict=True)
+    ]

@@ -1,0 +1,256 @@
+"""What several sections need, worked out once from what was given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.series import Event, Motion, Series
+from myomorph.lab.analysis.center_of_mass import centroid
+from myomorph.lab.analysis.gait_curves import GaitCurves, gait_curves
+from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
+from myomorph.lab.analysis.phases import Movement, find_movement
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.analysis.walking import walking_strides
+from myomorph.lab.report.page.parts import Quantity, Verdict
+from myomorph.lab.report.trial import tables
+from myomorph.lab.report.trial.estimated_forces import contact_verdicts
+from myomorph.lab.report.trial.report_input import ReportInput
+
+MAX_CENTER_FRAMES = 40000
+MAX_PLAYED = 7.5
+MAX_WHOLE = 20.0
+GAITS = ("", "gait")  # Presets in which strides are looked for.
+
+
+@read_only
+class Prepared:
+    """The given parts with what follows from them."""
+
+    results: ReportInput
+    up: Array  # against gravity, (3,)
+    span: tuple[float, float]  # first and last time of the report [s]
+    movement: Movement  # kind, events and measures
+    centroid: Series | None  # center of mass over time, or None
+    floor: float  # height of the ground along `up` [m]
+    weight: float | None  # of the body [N], None if unknown
+    scale: float  # of the body against an adult, for limits
+    verdicts: tuple[Verdict, ...]  # everything held against a limit
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Events within the span."""
+        return tuple(
+            event for event in self.movement.events if self.span[0] <= event.time <= self.span[1]
+        )
+
+    @property
+    def played(self) -> tuple[float, float]:
+        """What is played: a short recording whole, of a long one some seconds around its events
+        [s].
+        """
+        start, stop = self.span
+        if self.events:
+            start = max(start, self.events[0].time - 0.5)
+            stop = min(stop, self.events[-1].time + 1.0)
+        if stop - start > MAX_PLAYED:
+            middle = (start + stop) / 2
+            start = middle - MAX_PLAYED / 2
+            stop = middle + MAX_PLAYED / 2
+        return start, stop
+
+    @property
+    def detail(self) -> tuple[float, float]:
+        """What charts show: the whole, or of a long recording the part that is played [s]."""
+        return self.span if self.span[1] - self.span[0] <= MAX_WHOLE else self.played
+
+    @property
+    def detail_note(self) -> str:
+        """A sentence for charts that show a part, else ""."""
+        if self.detail == self.span:
+            return ""
+        first, last = self.detail
+        whole = f"a recording of {self.span[1] - self.span[0]:.0f} s; tables cover all of it."
+        return f" Charts show {first:.1f} to {last:.1f} s, the part that plays above, of {whole}"
+
+    @cached_property
+    def strides(self) -> Strides | None:
+        """Of the motion, None where it is no walk."""
+        model = self.results.model
+        kinematics = self.results.kinematics
+        events = self.results.recorded.events or ()
+        if model is None or kinematics.motion is None:
+            return None
+        wrenches = self.results.dynamics.wrenches
+        return walking_strides(
+            model, kinematics.motion, kinematics.fit, wrenches=wrenches, events=events
+        )
+
+    @cached_property
+    def gait(self) -> GaitCurves | None:
+        """Curves of clinical gait analysis over the strides; None where the motion is no walk of
+        two legs.
+        """
+        model = self.results.model
+        motion = self.results.kinematics.motion
+        if (
+            model is None
+            or motion is None
+            or self.strides is None
+            or self.results.analysis.preset not in GAITS
+        ):
+            return None
+        dynamics = self.results.dynamics
+        return gait_curves(
+            model, dynamics.motion or motion, self.strides, dynamics.torques, dynamics.wrenches
+        )
+
+    @cached_property
+    def lengths(self) -> LengthAnalysis | None:
+        """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not
+        there.
+        """
+        model = self.results.model
+        muscles = self.results.muscles
+        preset = self.results.analysis.preset
+        if model is None or muscles.lengths is None or preset not in GAITS or self.strides is None:
+            return None
+        return length_analysis(model, muscles.lengths, self.strides, muscles.velocities)
+
+    @property
+    def center_height(self) -> float:
+        """Mean height of the center of mass over the ground [m], nan if unknown."""
+        if self.centroid is None or not np.isfinite(self.centroid.values).any():
+            return float("nan")
+        return float(np.nanmean(self.centroid.values @ self.up)) - self.floor
+
+
+def prepare(results: ReportInput) -> Prepared:
+    """Span, events, center of mass and verdicts of what was given."""
+    up = np.array([0.0, 1.0, 0.0]) if results.model is None else results.model.up
+    span = _span(results)
+    motion = results.kinematics.motion
+    com = None
+    if (
+        results.model is not None
+        and motion is not None
+        and len(motion)
+        and results.model.mass > 0.0
+    ):
+        # It is drawn, not computed with.
+        com = centroid(results.model, thinned(motion, MAX_CENTER_FRAMES))
+    weight = None
+    if results.model is not None and results.model.mass > 0.0 and np.any(results.model.gravity):
+        weight = results.model.weight
+    # A model of part of a body does not weigh what stands on the plates.
+    whole = weight if not results.dynamics.root_note else None
+    movement = Movement()
+    pressing = results.dynamics.wrenches
+    # A plate that feet share is on the nearest one among the measured forces.
+    if (
+        pressing is None or results.contacts.situation == "shared"
+    ) and results.contacts.forces is not None:
+        pressing = results.contacts.forces.wrenches()
+    if pressing is not None and len(pressing.names):
+        movement = find_movement(pressing, up, whole, com)
+    if results.recorded.events is not None:
+        kind = movement.kind if not results.recorded.events else movement.kind or "movement"
+        events = tuple(sorted(results.recorded.events, key=lambda event: event.time))
+        movement = Movement(kind, events, movement.measures)
+    scale = tables.body_scale(results.kinematics.markers)
+    prepared = Prepared(
+        results=results,
+        up=up,
+        span=span,
+        movement=movement,
+        centroid=com,
+        floor=_floor(results, up),
+        weight=whole,
+        scale=scale,
+        verdicts=(),
+    )
+    return replace(prepared, verdicts=tuple(_verdicts(prepared)))
+
+
+def _span(results: ReportInput) -> tuple[float, float]:
+    for series in (
+        results.kinematics.motion,
+        results.dynamics.torques,
+        results.tension,
+        results.kinematics.markers,
+        results.dynamics.wrenches,
+        results.recorded.emg,
+    ):
+        if series is not None and len(series.time):
+            return float(series.time[0]), float(series.time[-1])
+    return 0.0, 1.0
+
+
+def thinned(motion: Motion, max_frames: int) -> Motion:
+    """Every few frames of a motion that is longer than `max_frames`."""
+    step = -(-len(motion) // max_frames)
+    return motion if step <= 1 else Motion(motion.time[::step], motion.names, motion.values[::step])
+
+
+def _floor(results: ReportInput, up: Array) -> float:
+    """Height of the ground: the plates', else of loaded points of application, else zero."""
+    if results.recorded.plates:
+        return float(np.mean([plate.corners @ up for plate in results.recorded.plates]))
+    if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names):
+        return tables.loaded_height(results.dynamics.wrenches, up)
+    return 0.0
+
+
+def _verdicts(prepared: Prepared) -> list[Verdict]:
+    results = prepared.results
+    motion = prepared.results.kinematics.motion
+    tension = prepared.results.tension
+    model = results.model
+    torques = results.dynamics.torques
+    wrenches = results.dynamics.wrenches
+    rows: list[Verdict] = []
+    if results.kinematics.fit is not None:
+        rows += tables.marker_verdicts(results.kinematics.fit, prepared.scale)
+    if results.kinematics.markers is not None:
+        rows += tables.gap_verdicts(results.kinematics.markers)
+    if model is not None and motion is not None and len(motion):
+        rows += tables.range_verdicts(model, motion)
+    # What contacts were solved for is still in the torques of inverse dynamics.
+    judged = (
+        not results.dynamics.root_note
+        and results.contacts.forces is None
+        and prepared.center_height > 0
+    )
+    if judged and model is not None and torques is not None and wrenches is not None:
+        rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
+    rows += contact_verdicts(results, prepared.center_height)
+    if tension is not None:
+        asked = tension.asked
+        rows.append(
+            tables.counted_verdict(
+                Quantity.NOT_OPTIMAL, ~tension.optimal[asked], tension.time[asked]
+            )
+        )
+        if model is not None and torques is not None:
+            names = results.reserve_coordinates
+            reserves = tension.reserves
+            rows += tables.reserve_verdicts(
+                model, torques, names, reserves, tension.time, results.muscles.driven
+            )
+        bounds = (
+            {}
+            if model is None
+            else {muscle.name: muscle.max_activation for muscle in model.muscles}
+        )
+        most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
+        if tension.options.passive or tension.overstretched:
+            rows.append(
+                tables.stretch_verdict(
+                    tension.overstretched, len(tension.muscles), tension.large_passive
+                )
+            )
+        rows += tables.saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
+    return rows

@@ -1,0 +1,249 @@
+"""The parts of the page in order: each a heading, figures and tables, or a word on what is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from myomorph.core.model.errors import few
+from myomorph.core.model.series import Series
+from myomorph.lab.analysis.columns import extremes
+from myomorph.lab.analysis.selection import coordinate_pairs
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.lab.report.trial import figures as drawings
+from myomorph.lab.report.trial import muscle_sections
+from myomorph.lab.report.trial.analysis_sections import analysis_sections
+from myomorph.lab.report.trial.contact_panel import joint_contact_section
+from myomorph.lab.report.trial.identification import identification_sections
+from myomorph.lab.report.trial.muscle_sections import fiber_section
+from myomorph.lab.report.trial.prepared import Prepared
+from myomorph.lab.report.trial.report_input import Truth
+from myomorph.lab.report.trial.tables import residuals
+from myomorph.lab.report.trial.validation import truth_section, uncertainty_section
+
+BANDS = " Bands hold 90 % of the draws (see Uncertainty)."
+
+
+def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
+    """All sections that what was given allows, and a sentence on each that it does not."""
+    results = prepared.results
+    made = (
+        []
+        if results.identification is None
+        else identification_sections(results.identification, results.surfaces)
+    )
+    missing: list[str] = []
+    motion = results.kinematics.motion
+    wrenches = results.dynamics.wrenches
+    if made and motion is None and results.kinematics.markers is None and wrenches is None:
+        return made, missing
+    made += analysis_sections(prepared)
+    for make, absent in (
+        (
+            marker_section,
+            (
+                "Marker errors: no inverse kinematics. Specify a marker file (TRC or C3D) and the"
+                " step “ik”."
+            ),
+        ),
+        (force_section, ""),
+        (
+            joint_section,
+            "Joint angles and moments: no motion. Specify the step “ik”, or a motion file.",
+        ),
+        (
+            muscle_sections.activation_section,
+            "Muscle activations: not solved. Specify the steps “muscles” and “tension”.",
+        ),
+        (muscle_sections.tension_section, ""),
+        (fiber_section, ""),
+        (joint_contact_section, ""),
+        (muscle_sections.emg_conflict_section, ""),
+        (muscle_sections.emg_section, "EMG: no channels."),
+        (muscle_sections.length_section, ""),
+        (muscle_sections.length_cycle_section, ""),
+        (uncertainty_section, ""),
+        (truth_section, ""),
+    ):
+        section = make(prepared)
+        if section is not None:
+            made.append(section)
+        elif absent and not (
+            make is muscle_sections.emg_section and muscle_sections.matched_emg(prepared)
+        ):
+            missing.append(absent)
+    if wrenches is None:
+        missing.append(
+            "Ground forces: none. Specify the plates of the C3D or an external-loads file."
+        )
+    if motion is not None and results.dynamics.torques is None:
+        missing.append(
+            "Joint moments and residuals: no inverse dynamics. Specify external forces and the step"
+            " “id”."
+        )
+    return [*made, *results.more], missing
+
+
+def marker_section(prepared: Prepared) -> Section | None:
+    """Marker errors over time and one by one."""
+    fit = prepared.results.kinematics.fit
+    if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
+        return None
+    over_time, *bars = drawings.marker_figures(fit, prepared.span, prepared.events, prepared.scale)
+    text = f"{len(fit.marker_names)} markers were followed"
+    if fit.unused_markers:
+        text += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
+    if fit.missing_markers:
+        text += f"; in the model, but not recorded: {few(fit.missing_markers, 8)}"
+    text += (
+        ". The error is the distance between a recorded marker and the same marker on the model."
+    )
+    legend = (("first", "RMS"), ("second", "largest"), ("limit", "limit"))
+    figures = (Figure(over_time, "full"), *(Figure(bar, "medium") for bar in bars))
+    return Section(key="markers", title="Marker errors", lead=text, legend=legend, figures=figures)
+
+
+def force_section(prepared: Prepared) -> Section | None:
+    """Ground forces, center of pressure, center of mass and residuals."""
+    results = prepared.results
+    wrenches = results.dynamics.wrenches
+    torques = results.dynamics.torques
+    events = prepared.events
+    drawn: list[str] = []
+    lead = ""
+    if wrenches is not None and len(wrenches.names):
+        drawn += drawings.force_figures(
+            wrenches, prepared.up, prepared.detail, events, prepared.weight
+        )
+        drawn.append(drawings.pressure_figure(wrenches, results.recorded.plates, prepared.up))
+    # The first of the forces is the vertical one.
+    first = len(drawn) > 0
+    if prepared.centroid is not None:
+        drawn += drawings.centroid_figures(prepared.centroid, prepared.up, prepared.detail, events)
+    if wrenches is not None and torques is not None and results.model is not None:
+        left = residuals(results.model, torques)
+        lead = results.dynamics.root_note
+        if not lead and left is not None and np.isfinite(prepared.center_height):
+            net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
+            peak = float(net.max(initial=0.0))
+            drawn += drawings.residual_figures(
+                torques.time, *left, peak, prepared.center_height, prepared.span, events
+            )
+            lead = (
+                "Residuals are the forces at the model's root that the motion would need beside the"
+                " measured ones."
+            )
+    figures = [
+        Figure(chart, "medium" if first and i == 0 else "small")
+        for i, chart in enumerate(drawn)
+        if chart
+    ]
+    if not figures:
+        return None
+    measures = prepared.movement.measures
+    rows = tuple((each.name, f"{number(each.value)} {each.unit}", each.source) for each in measures)
+    grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
+    title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"
+    legend: tuple[tuple[str, str], ...] = ()
+    if wrenches is not None:
+        legend = (*SIDES_LEGEND, ("middle", "both or neither"), ("limit", "limit, body weight"))
+    return Section(
+        key="forces", title=title, lead=lead, legend=legend, figures=tuple(figures), grids=grids
+    )
+
+
+def joint_section(prepared: Prepared) -> Section | None:
+    """Angles and moments of the joints that move, right and left together."""
+    results = prepared.results
+    motion = prepared.results.kinematics.motion
+    if motion is None or not len(motion) or results.model is None:
+        return None
+    ranges = {extreme.name: extreme.high - extreme.low for extreme in extremes(motion)}
+    chosen = coordinate_pairs(results.model, ranges)
+    if not chosen:
+        return None
+    figures = []
+    mass = 0.0 if results.model is None or results.dynamics.root_note else results.model.mass
+    scale = (1.0 / mass, "N·m/kg") if mass > 0.0 else None
+    truth = results.recorded.truth or Truth()
+    torques = results.dynamics.torques
+    shown = (prepared.detail, prepared.events)
+    margin = 36 if scale and torques is not None else 8
+    spreads = results.uncertainty.spreads
+    angles = spreads.get("coordinates")
+    moments = spreads.get("torques_with_contacts", spreads.get("torques"))
+    for pair in chosen:
+        base = pair.label.removesuffix(" angle")
+        drawing = drawings.pair_panel(
+            f"{base} angle",
+            "°",
+            pair,
+            motion,
+            *shown,
+            180 / np.pi,
+            truth=truth.motion,
+            margin=margin,
+            spread=angles,
+        )
+        if torques is not None and any(name in torques.names for name in pair.names):
+            drawing += drawings.pair_panel(
+                f"{base} moment",
+                "N·m",
+                pair,
+                torques,
+                *shown,
+                second=scale,
+                truth=truth.torques,
+                spread=moments,
+            )
+        figures.append(Figure(drawing))
+    moving = sum(1 for span in ranges.values() if span > 1e-6)
+    lead = (
+        f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving}"
+        " coordinates that "
+    )
+    lead += "move; all are in the table." + (
+        " Vertical lines are events." if prepared.events else ""
+    )
+    lead += prepared.detail_note + (BANDS if angles is not None else "")
+    legend = SIDES_LEGEND + ((("truth", "truth"),) if results.recorded.truth else ())
+    title = "Joint angles and moments" if torques is not None else "Joint angles"
+    return Section(
+        key="joints",
+        title=title,
+        lead=lead,
+        legend=legend,
+        figures=tuple(figures),
+        grids=tuple(_joint_grids(prepared, motion)),
+    )
+
+
+def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
+    results = prepared.results
+    model = results.model
+    assert model is not None
+    turning = {
+        coordinate.name for coordinate in model.coordinates if coordinate.motion == "rotational"
+    }
+    torques = results.dynamics.torques
+
+    def grid(series: Series, units: tuple[str, str], last: str, what: str) -> Grid:
+        rows = []
+        for extreme in extremes(
+            series, dict.fromkeys(turning, 180 / np.pi) if series is motion else None
+        ):
+            unit = units[extreme.name not in turning]
+            ends = [f"{number(value)} {unit}" for value in (extreme.low, extreme.high)]
+            times = [f"{number(time, 0.001)} s" for time in (extreme.low_time, extreme.high_time)]
+            size = f"{number(extreme.high - extreme.low)} {unit}"
+            if series is torques:
+                peak = max(abs(extreme.low), abs(extreme.high))
+                size = f"{number(peak / model.mass)} {unit}/kg" if model.mass > 0 else "–"
+            rows.append((extreme.name, ends[0], times[0], ends[1], times[1], size))
+        head = ("Coordinate", "Smallest", "at", "Largest", "at", last)
+        return Grid(head=head, rows=tuple(rows), title=f"All {len(rows)} {what}", folded=True)
+
+    grids = [grid(motion, ("°", "m"), "Range", "coordinates")]
+    if torques is not None:
+        grids.append(grid(torques, ("N·m", "N"), "Peak per body mass", "generalized forces"))
+    return grids

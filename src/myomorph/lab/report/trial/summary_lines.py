@@ -1,0 +1,351 @@
+"""What a command prints of its result: the numbers that the field judges by, with unit, place, time
+and verdict.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+
+import numpy as np
+
+from myomorph.body.calibrate.calibration import SOURCES, Calibration
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import few
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Motion, Series, Wrenches
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.tension.dual import MISSING
+from myomorph.core.tension.tension import Tension
+from myomorph.lab.analysis.center_of_mass import centroid
+from myomorph.lab.report.trial import tables
+
+# Share of a coordinate's torque that its muscles give at most where it has none that counts.
+ALONE = 1e-3
+
+
+def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -> str:
+    """Frames, markers that matched, errors with marker and time, and whether they are within the
+    usual limits. Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm).
+    The markers show the size of the body.
+    """
+    matched = f"{len(fit.marker_names)} of the model's {len(model.markers)} markers"
+    if len(fit.marker_names) == len(model.markers):
+        matched = f"all {len(model.markers)} markers of the model"
+    unused = f" ({len(fit.unused_markers)} recorded ones unused)" if fit.unused_markers else ""
+    if fit.sensor_names and not fit.marker_names:
+        matched = f"{len(fit.sensor_names)} inertial sensors"
+        unused = ""
+    text = f"{len(fit.motion)} frames, {matched}{unused}"
+    sensed = _sensors_text(fit)
+    if not np.isfinite(fit.errors).any():
+        return f"{text}: {sensed or 'no frame shows a marker'}"
+    worst, largest, lost, *_ = tables.marker_verdicts(fit, tables.body_scale(markers))
+    within = "within" if worst.state == largest.state == "ok" else "over"
+    closed = (
+        "" if fit.closure is None else f"; loops closed to {float(np.nanmax(fit.closure)):.1g} m"
+    )
+    return (
+        f"{text}: root mean square {100 * float(np.nanmean(fit.rms)):.2f} cm (worst frame"
+        f" {worst.value:.2f} cm at "
+        f"{worst.time:.2f} s), largest {largest.value:.2f} cm ({largest.worst} at"
+        f" {largest.time:.2f} s): {within} "
+        f"{worst.limit:.3g} and {largest.limit:.3g} cm (Hicks et al."
+        f" 2015){f'; {sensed}' if sensed else ''}"
+        f"{f'; {lost.value:.0f} frames did not converge' if lost.value else ''}{closed}"
+    )
+
+
+def _sensors_text(fit: KinematicsFit) -> str:
+    """How well the sensors are explained; "" without any."""
+    errors = np.degrees(fit.sensor_errors)
+    if not np.isfinite(errors).any():
+        return ""
+    rms = np.sqrt(np.nanmean(errors**2, axis=0))
+    worst = int(np.nanargmax(rms))
+    mean = float(np.sqrt(np.nanmean(errors**2)))
+    worst_name = fit.sensor_names[worst]
+    return (
+        f"{len(rms)} sensors explained to {mean:.1f}° RMS ({worst_name} worst, {rms[worst]:.1f}°)"
+    )
+
+
+def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None) -> str:
+    """Residuals of the root as a share of body weight, against limits by the external force; ""
+    without a free root. Source: Hicks et al. 2015 (force under 5 % of the peak external force,
+    moment under 1 % of that times the height of the center of mass).
+    """
+    root = tables.residuals(model, torques)
+    if root is None or not np.isfinite(root[0]).any() or model.weight <= 0.0:
+        return ""
+    parts = []
+    for what, values, unit in (("force", root[0], "N"), ("moment", root[1], "N m")):
+        at = int(np.nanargmax(values))
+        share = (
+            "" if unit == "N m" else f", {plain(100 * values[at] / model.weight)} % of body weight"
+        )
+        rms = float(np.sqrt(np.nanmean(values**2)))
+        parts.append(
+            f"{what} {plain(values[at])} {unit}{share} at {torques.time[at]:.2f} s (RMS"
+            f" {plain(rms)} {unit})"
+        )
+    text = f"largest residual {parts[0]}, {parts[1]}"
+    if wrenches is None or not len(wrenches.names):
+        return f"{text}: without external forces they carry the body"
+    net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
+    height = float(np.nanmean(centroid(model, motion).values @ model.up)) - tables.loaded_height(
+        wrenches, model.up
+    )
+    peak = float(net.max(initial=0.0))
+    if peak <= 0.0 or not height > 0.0:
+        return text
+    force, moment = (float(np.nanmax(component)) for component in root)
+    shares = f"{plain(100 * force / peak)} and {plain(100 * moment / (peak * height))} %"
+    within = (
+        force <= tables.RESIDUAL_FORCE * peak and moment <= tables.RESIDUAL_MOMENT * peak * height
+    )
+    limits = f"{100 * tables.RESIDUAL_FORCE:g} and {100 * tables.RESIDUAL_MOMENT:g} %"
+    judged = f"{'within' if within else 'over'} the limits of {limits} (Hicks et al. 2015)"
+    return f"{text}: {shares} of the peak external force (times height), {judged}"
+
+
+def tension_line(model: Model, tension: Tension) -> str:
+    """Frames that are optimal, and the largest reserve with its unit, time and share of the torque."""
+    optimal = int(tension.optimal.sum())
+    count = (
+        "all frames optimal"
+        if optimal == len(tension)
+        else f"{optimal} of {len(tension)} frames optimal"
+    )
+    text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {count}"
+    missing = int((tension.status == MISSING).sum())
+    unknown = tension.undetermined
+    text += f", {missing} without input" if missing else ""
+    if unknown.any():
+        share = 100.0 * float(unknown.sum()) / (unknown.shape[1] * (len(tension) - missing))
+        text += (
+            f", {share:.0f} % of the tensions not determined (no plate measures the load of their"
+            " limb alone)"
+        )
+    if tension.reserves.size:
+        text += _reserves(model, tension)
+    if tension.contacts is not None:
+        peak = float(np.linalg.norm(tension.contacts.forces.sum(axis=1), axis=1).max(initial=0.0))
+        groups = len({site.group for site in tension.contacts.sites})
+        text += f"; {groups} contacts carry up to {peak:.4g} N together"
+    if tension.pushing:
+        some = ", ".join(tension.pushing[:3]) + (" ..." if len(tension.pushing) > 3 else "")
+        text += (
+            f"; {len(tension.pushing)} muscles push somewhere, shortening against their viscosity"
+            f" ({some})"
+        )
+    return text
+
+
+def _reserves(model: Model, tension: Tension) -> str:
+    """The reserve that is the largest share of its coordinate's torque, and the largest that holds
+    the root.
+    """
+    time = tension.time
+    text = ""
+    torques = Series(time, tension.coordinates, tension.torques)
+    names = [reserve_coordinate(model, name) for name in tension.reserve_names]
+    alone = _without_muscles(torques, names, tension)
+    driven = [name for name in tension.coordinates if name not in alone]
+    worst = tables.worst_reserve(model, torques, names, tension.reserves, driven)
+    if worst is not None:
+        value = abs(float(tension.reserves[worst.frame, worst.column]))
+        at = float(time[worst.frame])
+        unit = reserve_unit(model, worst.coordinate)
+        verdict = "within" if worst.share <= tables.RESERVE else "over"
+        whose = "its peak torque"
+        if not worst.own:
+            whose = f"{plain(worst.scale)} {unit} (its own torque is negligible)"
+        text = f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
+        text += f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * tables.RESERVE:g} %"
+    for unit in ("N", "N m"):
+        columns = [
+            i
+            for i, name in enumerate(tension.reserve_names)
+            if _residual_unit(model, name, names[i]) == unit
+        ]
+        values = np.abs(tension.reserves[:, columns])
+        if columns and np.isfinite(values).any():
+            frame, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
+            name = tension.reserve_names[columns[column]]
+            start = ", " if text.endswith(" s)") else "; largest residual "
+            text += f"{start}{plain(values[frame, column])} {unit} ({name} at {time[frame]:.2f} s)"
+    if alone:
+        name = max(alone, key=lambda coordinate: float(np.nanmax(np.abs(torques[coordinate]))))
+        peak = float(np.nanmax(np.abs(torques[name])))
+        largest = f"{name} up to {plain(peak)} {reserve_unit(model, name)}"
+        text += (
+            f"; {len(alone)} coordinates without muscles are carried by reserves alone ({largest})"
+        )
+    return text
+
+
+def _without_muscles(torques: Series, names: list[str], tension: Tension) -> list[str]:
+    """Coordinates of joints whose torque is that of their reserve throughout, so that no muscle
+    drives them.
+    """
+    result = []
+    for i, name in enumerate(names):
+        if name in torques.names and np.isfinite(torques[name]).any():
+            peak = float(np.nanmax(np.abs(torques[name])))
+            if float(np.nanmax(np.abs(torques[name] - tension.reserves[:, i]))) <= ALONE * peak:
+                result.append(name)
+    return result
+
+
+def reserve_coordinate(model: Model, name: str) -> str:
+    """The coordinate that a reserve drives, "" where it drives none."""
+    if name in model.coordinate_names:
+        return name
+    coordinate = next(
+        (actuator.coordinate for actuator in model.actuators if actuator.name == name), ""
+    )
+    short = name.removesuffix("_reserve").removeprefix("reserve_")
+    return coordinate or (short if short in model.coordinate_names else "")
+
+
+def reserve_unit(model: Model, coordinate: str) -> str:
+    """N m of a rotation, N of a translation."""
+    return "N" if coordinate and model.coordinate(coordinate).motion == "translational" else "N m"
+
+
+def _residual_unit(model: Model, name: str, coordinate: str) -> str:
+    """Unit of a residual, "" of a reserve of a joint."""
+    if coordinate or not name.startswith("residual_"):
+        return ""
+    return "N" if "_F" in name.removeprefix("residual") else "N m"
+
+
+def calibration_line(calibration: Calibration) -> str:
+    """Frames, markers, errors before and after, size, and whether the search ended."""
+    count = sum(len(frame) for frame in calibration.frames)
+    names = calibration.marker_names
+    after = np.concatenate([errors.reshape(-1, len(names)) for errors in calibration.after])
+    with np.errstate(invalid="ignore"):
+        each = np.sqrt(
+            np.nanmean(np.where(np.isfinite(after).any(axis=0), after, 0.0) ** 2, axis=0)
+        )
+    worst = int(np.nanargmax(each))
+    ended = (
+        f"{'converged' if calibration.converged else 'NOT converged'} after {calibration.steps}"
+        " steps"
+    )
+    ended += f" (last change {calibration.last_change:.1g})"
+    fixed = Counter(angle.source for angle in calibration.zero_angles)
+    zeros = (
+        f"; zero angles by {', '.join(f'{name} {fixed[name]}' for name in SOURCES if fixed[name])}"
+        if fixed
+        else ""
+    )
+    limit = "within" if calibration.rms_after <= tables.MARKER_RMS else "over"
+    return (
+        f"{count} frames, {len(names)} markers: root mean square {1e3 * calibration.rms_before:.1f}"
+        f" -> {1e3 * calibration.rms_after:.1f} mm ({limit} {1e3 * tables.MARKER_RMS:g} mm), worst"
+        f" marker {names[worst]} {1e3 * each[worst]:.1f} mm; size {calibration.size:.3f};"
+        f" {ended}{zeros}"
+    )
+
+
+def plain(value: float) -> str:
+    """A number of three digits, or whole where it has more, without an exponent: 0.264, 15.5, 1012."""
+    return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:.3g}"
+
+
+# Lengths over the optimal one between which fibers pull actively (Zajac 1989).
+FIBER_RANGE = (0.5, 1.5)
+# A path whose length changes by so much more between two frames than its velocity explains jumps
+# [m].
+JUMP = 1e-3
+# And by so many times what is usual for the muscle, so that coarse frames of fast motions are no
+# jumps.
+UNUSUAL = 10.0
+MAX_NAMED = 3
+
+
+def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
+    """Frames, muscles, shortest and longest fibers with muscle and time, the fastest shortening,
+    and jumps of paths. Fibers are those on a tendon at its slack length. Source: Zajac 1989 (active
+    force between 0.5 and 1.5 optimal fiber lengths).
+    """
+    text = f"{len(time)} frames, {len(model.muscles)} muscles"
+    known = np.isfinite(lengths).all(axis=1)
+    optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
+    slack = np.array([muscle.tendon_slack_length for muscle in model.muscles])
+    sine = np.sin([muscle.pennation_at_optimal for muscle in model.muscles])
+    fibers = np.hypot(
+        np.maximum(lengths - slack, 0.0) / np.where(optimal > 0.0, optimal, np.nan), sine
+    )
+    if not known.any() or not np.isfinite(fibers).any():
+        return text
+    parts = (
+        _range(model, time, fibers),
+        _fastest(model, time, velocities),
+        _jumps(model, time, lengths, velocities),
+    )
+    return f"{text}: {'; '.join(parts)}"
+
+
+def _range(model: Model, time: Array, fibers: Array) -> str:
+    """The shortest and the longest fibers, and which leave the range of active force."""
+    names = model.muscle_names
+    ends = []
+    for at in (np.nanargmin(fibers), np.nanargmax(fibers)):
+        frame, muscle = np.unravel_index(int(at), fibers.shape)
+        ends.append(f"{fibers[frame, muscle]:.2f} ({names[muscle]} at {time[frame]:.2f} s)")
+    low, high = FIBER_RANGE
+    with np.errstate(invalid="ignore"):
+        out = np.any((fibers < low) | (fibers > high), axis=0)
+    verdict = f"within {low:g} to {high:g} (Zajac 1989)"
+    if out.any():
+        verdict = (
+            f"{few(itertools.compress(names, out), MAX_NAMED)} outside {low:g} to {high:g} (Zajac"
+            " 1989)"
+        )
+    return f"fibers {ends[0]} to {ends[1]} optimal lengths, tendons at slack length: {verdict}"
+
+
+def _fastest(model: Model, time: Array, velocities: Array) -> str:
+    """The greatest shortening velocity as a share of what the muscle can do at all."""
+    limit = np.array(
+        [muscle.optimal_fiber_length * muscle.max_contraction_velocity for muscle in model.muscles]
+    )
+    shares = -velocities / np.where(limit > 0.0, limit, np.nan)
+    if not np.isfinite(shares).any():
+        return "no velocities"
+    frame, column = np.unravel_index(int(np.nanargmax(shares)), shares.shape)
+    share = float(shares[frame, column])
+    with np.errstate(invalid="ignore"):
+        over = np.any(shares >= 1.0, axis=0)
+    fast = few(itertools.compress(model.muscle_names, over), MAX_NAMED)
+    verdict = f"{fast} too fast to pull" if over.any() else "below it"
+    where = f"{model.muscle_names[column]} at {time[frame]:.2f} s"
+    return (
+        f"fastest shortening {plain(100 * share)} % of the greatest velocity ({where}): {verdict}"
+    )
+
+
+def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
+    """Paths whose length changes between two frames by what no velocity explains, as where a path
+    leaves a surface.
+    """
+    if len(time) < 3:
+        return "too few frames to see jumps"
+    step = np.diff(time)[:, None]
+    odd = np.abs(np.diff(lengths, axis=0) - 0.5 * step * (velocities[1:] + velocities[:-1]))
+    odd = np.where(np.isfinite(odd), odd, 0.0)
+    jumping = odd > np.maximum(JUMP, UNUSUAL * np.median(odd, axis=0))
+    if not jumping.any():
+        return "no path jumps"
+    frame, muscle = np.unravel_index(int(np.argmax(np.where(jumping, odd, 0.0))), odd.shape)
+    where = (
+        f"{model.muscle_names[muscle]} by {1e3 * odd[frame, muscle]:.1f} mm at"
+        f" {time[frame + 1]:.2f} s"
+    )
+    count = int(jumping.any(axis=0).sum())
+    some = "1 path jumps" if count == 1 else f"{count} paths jump"
+    return f"{some} ({where}): moment arms there are unreliable"

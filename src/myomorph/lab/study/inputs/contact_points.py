@@ -1,0 +1,93 @@
+"""Points that share a joint's force: `auto`, a folder of bone meshes, or a file (.toml) of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.model import Model
+from myomorph.lab.store.results import value_source
+from myomorph.lab.store.study_file import Strict, checked, read_toml, refuse
+from myomorph.lab.study.inputs.input import Input, Opened, Opening
+from myomorph.lab.study.inputs.keys import WordOrFile
+
+if TYPE_CHECKING:
+    from myomorph.core.tension.joint_contact import JointPoints
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ContactPointsFile:
+    """Share a joint's force among contact points (joint_contact_forces.sto): auto (medial and
+    lateral point of every knee, from the femur's mesh beside the model), a folder with the bones'
+    meshes, or a file of points (.toml).
+    """
+
+    contact_points: Annotated[str, WordOrFile(option_of="tension")] = ""
+
+
+class _Point(Strict):
+    joint: str = Field(min_length=1)
+    name: str = Field(min_length=1)
+    frame: str = ""
+    point: Vector
+    normal: Vector | None = None
+
+
+class _File(Strict):
+    point: list[_Point] = Field(min_length=1)
+
+
+def _open(settings: ContactPointsFile, opening: Opening) -> Opened:
+    points = contact_points(settings.contact_points, opening.model)
+    if points is None:
+        return Opened()
+    return Opened(
+        (points,), (value_source("contact points", settings.contact_points, points.points),)
+    )
+
+
+INPUT = Input(name="contact points", settings=ContactPointsFile, open=_open, main="contact_points")
+
+
+def contact_points(source: str, model: Model) -> JointPoints | None:
+    """Contact points of a model's joints, and what is to be known of them: "auto" for the knees
+    with the bones beside the model's file, a folder of bones, a TOML file; None for "". Raises
+    `BadFile` for a file without contact points.
+    """
+    if not source:
+        return None
+    from myomorph.core.io.mesh import read_surfaces
+    from myomorph.core.tension.joint_contact import ContactPoint, JointPoints
+    from myomorph.core.tension.knee_points import knee_points
+
+    path = Path(source)
+    if source == "auto" or path.is_dir():
+        home = Path(model.source).parent
+        beside = (home, home / "Geometry", home / "geometry") if model.source else ()
+        folders = [folder for folder in beside if folder.is_dir()] if source == "auto" else [path]
+        return knee_points(model, read_surfaces(model, folders)[0] if folders else {})
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        raise BadFile(
+            path,
+            "gives no contact points",
+            "expected 'auto', a folder of bone meshes, or a file .toml",
+        )
+    table, problems = checked(_File, read_toml(path))
+    refuse(path, problems)
+    points = (
+        ContactPoint(
+            joint=point.joint,
+            name=point.name,
+            frame=point.frame,
+            point=point.point,
+            normal=point.normal,
+        )
+        for point in table.point
+    )
+    return JointPoints(tuple(points))

@@ -1,0 +1,359 @@
+"""External forces of a motion from files of every kind: external loads, a table, a recording's
+plates, stairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from myomorph.core.contact.force_checks import checked_forces
+from myomorph.core.contact.force_inspection import LOAD
+from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.io.force_table import force_layout, read_forces
+from myomorph.core.io.formats import trial_format
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData, BadFile, UnknownName
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.model import Model
+from myomorph.core.model.provenance import Source
+from myomorph.core.model.segments import feet_of
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
+from myomorph.core.motion.sync import clock_shift
+from myomorph.lab.store.results import file_source, value_source
+from myomorph.lab.store.settings import ForceOptions
+from myomorph.lab.study.inputs.contacts import ContactsFile
+from myomorph.lab.study.inputs.input import Opened, Opening
+from myomorph.lab.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.lab.study.inputs.loads import TABLES, ExternalLoads, LoadsFile
+from myomorph.lab.study.inputs.markers import MarkersFile, Recording
+from myomorph.lab.study.inputs.plate_wrenches import nearest_feet, recorded_wrenches
+from myomorph.lab.study.inputs.reading import PosesBy, about, faces_z, read_recording
+from myomorph.lab.study.inputs.torques import TorquesFile
+
+NOBODY = ("", "-", "none")  # What stands for a plate on which nobody steps.
+
+
+def opened(settings: LoadsFile, opening: Opening) -> Opened:
+    """External forces of a trial: of a file, or of the plates in its recording. Raises `BadData`
+    where bodies are named, but there are no forces.
+    """
+    model = opening.model
+    recording = opening.values.get(Recording)
+    torques = opening.settings.get(TorquesFile)
+    sources: list[Source] = []
+    if settings.bodies or settings.plates:
+        bodies = sorted(settings.bodies.items())
+        sources.append(value_source("bodies", "bodies of the forces", bodies, settings.plates))
+    if settings.loads is None:
+        if recording is None and sources:
+            raise BadData(
+                "bodies of forces without forces: give --loads FILE with --plates or --bodies"
+            )
+        # Torques of a file hold whatever acts from outside.
+        named = any(map(_body_on_plate, settings.plates))
+        plates = (
+            named
+            if settings.plates
+            else (recording is not None and recording.trial.plates and feet_of(model))
+        )
+        if recording is None or not plates or (torques is not None and torques.torques is not None):
+            return Opened(sources=tuple(sources))
+        nearest = (
+            "The force of each plate acts on the foot that is nearest to its center of pressure."
+        )
+        plated = recording.trial
+        options = _force_options(opening)
+        of_plates = ExternalLoads(
+            lambda moved: on_feet(plate_wrenches(plated, settings.plates), model, moved, options)
+        )
+        contacts = opening.values.get(ContactPlan)
+        assumed = (
+            () if settings.plates or (contacts and contacts.measured == "shared") else (nearest,)
+        )
+        return Opened(
+            (of_plates,), tuple(sources), real="external forces of the plates", assumed=assumed
+        )
+    path = settings.loads
+    markers = opening.settings.or_default(MarkersFile)
+    loads = partial(
+        read_loads,
+        path,
+        model,
+        bodies=settings.bodies,
+        trial=markers.markers,
+        plates=settings.plates,
+        laboratory=opening.settings.or_default(Laboratory),
+        options=_force_options(opening),
+    )
+    sources += (file_source("loads", path), *load_tables(path, markers.markers))
+    by_nearness = path.suffix.lower() in TABLES and not settings.bodies
+    return Opened(
+        (ExternalLoads(loads, by_nearness),),
+        tuple(sources),
+        real=f"external forces from {path.name}",
+    )
+
+
+def _force_options(opening: Opening) -> ForceOptions:
+    """What is done with external forces: forces that contacts share are not on one body each, and
+    stay as they are.
+    """
+    options = opening.options[ForceOptions]
+    contacts = opening.settings.get(ContactsFile)
+    if contacts is None or not contacts.contacts:
+        return options
+    return (
+        replace(options, force_checks="none")
+        if opening.values[ContactPlan].measured == "shared"
+        else options
+    )
+
+
+def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
+    """The tables that an external loads file, or a file of stairs, takes its numbers from."""
+    if path.suffix.lower() == ".toml":
+        from myomorph.lab.study.inputs.contact_file import recording_of
+
+        return [file_source("load table", table) for table in recording_of(path, markers)]
+    if path.suffix.lower() != ".xml":
+        return []
+    from myomorph.core.io.loads import read_load_entries
+
+    with about(path):
+        tables = dict.fromkeys(entry.data for entry in read_load_entries(path))
+    return [file_source("load table", table) for table in tables]
+
+
+def read_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
+    options: ForceOptions | None = None,
+) -> Wrenches:
+    """External forces of an OpenSim external loads file, a table of forces, a recording's force
+    plates, or stairs.
+
+    Forces of a table or of plates whose bodies are not given go to the foot that is nearest to
+    their center of pressure, step by step: feet that step on one plate in turn each get their part.
+
+    Source: Seth et al. 2018, `ExternalLoads`; Motion Lab Systems, the C3D file format.
+
+    Parameters
+    ----------
+    path : of the file; an XML names its table
+    model : whose bodies the forces act on
+    motion : coordinates (frames, coordinates) [rad or m], to find bodies and for loads in a body's
+        frame
+    bodies : for a table: what the names of the columns of each force begin with, and the body it
+        acts on
+    trial : for stairs: the file of the markers, which specifies the one of the load cells
+    plates : for a recording: bodies on its plates in their order, "" for a plate that is left out
+    laboratory : how the axes that the forces are along stand to the model's
+    options : whether they are checked against the motion and mended, with a note of each finding;
+        and their clock
+
+    Returns
+    -------
+    forces [N], points [m] and free torques [N m] in ground, (samples, forces, 3) each
+
+    Raises
+    ------
+    BadFile, BadData, BadModel, UnknownName
+        where a file is not what it should be, or names what the table or the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> loads = mm.read_loads("reach_grf.xml", model, mm.read_motion("reach.mot", model))
+    >>> loads.bodies, loads.forces[0, 0].tolist()
+    (('fore',), [0.0, -10.0, 0.0])
+    """
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
+    with about(path):
+        return on_feet(wrenches, model, motion, options)
+
+
+def on_feet(
+    wrenches: Wrenches, model: Model, motion: Motion, options: ForceOptions | None = None
+) -> Wrenches:
+    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted
+    only. Raises `BadData` where a body is not known and the model has no foot.
+    """
+    options = options or ForceOptions()
+    findings: tuple[Finding, ...] = ()
+    if options.force_shift:
+        wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
+    else:
+        wrenches = on_clock(wrenches, motion.time, options.force_checks == "mend")
+    # Of frames that are still to arrive there is no motion to hold forces against.
+    if options.force_checks != "none" and len(motion) > 1:
+        found = checked_forces(wrenches, model, motion, options.force_checks == "mend")
+        wrenches = found.wrenches
+        findings = found.findings
+        wrenches = _without_loads(wrenches, findings)
+    if not all(wrenches.bodies):
+        wrenches = nearest_feet(wrenches, model, motion, options.force_checks != "none")
+    texts = tuple(finding.text for finding in findings)
+    places = tuple(f"{finding.place} may carry" for finding in findings)
+    kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))
+    notes = (*texts, *kept)
+    return replace(wrenches, notes=notes, findings=(*wrenches.findings, *findings))
+
+
+def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
+    """Forces without those on nobody that no foot carries, so that none is given to the nearest
+    foot.
+    """
+    loads = {finding.place for finding in findings if finding.kind == LOAD}
+    names = zip(wrenches.names, wrenches.bodies, strict=True)
+    kept = [index for index, (name, body) in enumerate(names) if body or name not in loads]
+    return wrenches if len(kept) == len(wrenches.names) else wrenches.columns(kept)
+
+
+def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
+    """Forces on the motion's clock where theirs begins at another zero, which is noted with the
+    shift. `time`: of the motion (frames,) [s]; `mend`: move them where that is certain. Raises
+    `BadData` where they have no time in common with the motion, and nothing says by how much they
+    are to be moved.
+    """
+    if not len(wrenches) or not len(time):
+        return wrenches
+    shift = clock_shift(time, wrenches.time)
+    if shift == 0.0:
+        return wrenches
+    spans = (
+        f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from"
+        f" {time[0]:g} to {time[-1]:g} s"
+    )
+    apart = min(time[-1], wrenches.time[-1]) < max(time[0], wrenches.time[0])
+    if shift is None or (apart and not mend):
+        begin = time[0] - wrenches.time[0]
+        raise BadData(
+            f"{spans}: no time in common; state what is to be added to the forces' times"
+            f" (--force-shift SECONDS; {begin:.4g} lets both begin together)"
+        )
+    done = f"moved by {shift:.4g} s" if mend else f"not moved; --force-shift {shift:.4g} does"
+    text = f"{spans}: both last equally long, so their clocks begin at different zeros: {done}"
+    moved = replace(wrenches, time=wrenches.time + shift) if mend else wrenches
+    findings = (
+        Finding(
+            kind="clock zero", place=", ".join(wrenches.names), text=text, times=(), mended=mend
+        ),
+        *wrenches.findings,
+    )
+    return replace(moved, notes=(text, *wrenches.notes), findings=findings)
+
+
+def raw_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
+    options: ForceOptions | None = None,
+) -> Wrenches:
+    """External forces as a file has them, unchecked; "" for a body that neither it nor the caller
+    names.
+
+    Parameters and errors as in `read_loads`.
+    """
+    ending = Path(path).suffix.lower()
+    _refuse_wrong_kind(path, ending, bodies, plates)
+    if ending in TABLES:
+        with about(path):
+            wrenches = laboratory.wrenches(force_table(path, bodies, options))
+    elif ending == ".xml":
+        from myomorph.core.io.loads import read_external_loads
+
+        with about(path):
+            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
+    elif ending == ".toml":
+        from myomorph.core.contact.feet_on_steps import stairs_wrenches
+        from myomorph.lab.study.inputs.contact_file import read_stairs
+
+        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
+    elif trial_format(path) is not None:
+        with about(path):
+            recording = laboratory.trial(read_recording(path))
+            wrenches = plate_wrenches(upright(recording, model), plates)
+    else:
+        raise BadFile(
+            path,
+            f"holds no external loads: its name ends in '{ending}'",
+            "expected .xml, a table of forces (.mot, .sto, .csv), a recording with force plates"
+            " (.c3d), or .toml of force-measuring stairs",
+        )
+    for body in wrenches.bodies:
+        if body and body not in model.body_names and body != "ground":
+            raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
+    return wrenches
+
+
+def _refuse_wrong_kind(
+    path: str | Path, ending: str, bodies: Mapping[str, str] | None, plates: Sequence[str]
+) -> None:
+    """Raise `BadData` where bodies are named in the way of another kind of file."""
+    recording = trial_format(path) is not None
+    if plates and not recording:
+        raise BadData(
+            f"{path}: bodies on plates (--plates) belong to a recording (.c3d): name forces by"
+            " prefix=body"
+        )
+    if bodies and recording:
+        raise BadData(
+            f"{path}: a recording's plates have no column names: name their bodies in order"
+            " (--plates)"
+        )
+    if bodies and ending in (".xml", ".toml"):
+        raise BadData(f"{path}: names the bodies itself: leave out prefix=body")
+
+
+def force_table(
+    path: str | Path, bodies: Mapping[str, str] | None = None, options: ForceOptions | None = None
+) -> Wrenches:
+    """Forces of a table, by the names of its columns; the bodies are those given, else not known
+    (""). `bodies`: prefix of each force's columns ("ground_force_", "1_ground_force_",
+    "ground_force_r_"), and its body; `options`: columns, rate and origins that the table does not
+    say.
+    """
+    told = options or ForceOptions()
+    return read_forces(
+        Path(path), bodies, force_layout(told.force_columns, told.force_rate, told.force_origins)
+    )
+
+
+def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:
+    """Forces of a recording's plates on the bodies that are named, "" where none is."""
+    if not trial.plates:
+        why = f" ({'; '.join(trial.warnings)})" if trial.warnings else ""
+        raise BadData(f"{trial.source}: holds no force plate that can be read{why}")
+    return recorded_wrenches(trial, [_body_on_plate(plate) for plate in plates] if plates else None)
+
+
+def upright(trial: Trial, model: Model) -> Trial:
+    """A recording of plates with the model's vertical: one whose plates lie level with z is turned
+    to y up.
+    """
+    if model.gravity[1] < 0.0 and trial.plates and all(map(faces_z, trial.plates)):
+        return replace(
+            trial.rotated(Z_UP_TO_Y_UP),
+            warnings=(
+                *trial.warnings,
+                "the plates lie level with z: the recording was turned to the model's y axis",
+            ),
+        )
+    return trial
+
+
+def _body_on_plate(text: str) -> str:
+    return "" if text.strip().lower() in NOBODY else text.strip()

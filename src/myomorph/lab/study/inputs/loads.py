@@ -1,0 +1,127 @@
+"""External forces of a trial: of a file, or of the plates in its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from myomorph.core.io.force_table import holds_forces
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.series import Motion, Trial, Wrenches
+from myomorph.lab.study.inputs.beside import TABLE_ENDINGS, companion, is_alone, plain_stem
+from myomorph.lab.study.inputs.input import Beside, Input, later
+from myomorph.lab.study.inputs.keys import File, Names, Pairs
+
+WORDS = (
+    "grf",
+    "GRF",
+    "external_loads",
+    "external_forces",
+    "externalforces",
+    "ExternalLoads",
+    "loads",
+    "forces",
+)
+"""In the name of a file of forces that belongs to a recording."""
+TABLES = (".mot", ".sto", ".csv", ".txt")  # Endings of tables of forces.
+FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
+"""Names of folders of forces, in small letters without underscores."""
+
+
+@dataclass(frozen=True)
+class LoadsFile:
+    """External forces.
+
+    Attributes
+    ----------
+    loads : external forces: an OpenSim external loads file (.xml), a table of forces (.mot, .sto,
+        .csv), or a recording with force plates (.c3d)
+    bodies : PREFIX=BODY ...: what the columns of each force of a table begin with, and the body it
+        acts on; the foot that is nearest to its center of pressure by default
+    plates : BODY,BODY,...: bodies on a recording's force plates in their order, none for one that
+        is left out; the foot that is nearest to the center of pressure, step by step, by default
+    """
+
+    loads: Annotated[Path | None, File(per="trial")] = None
+    bodies: Annotated[
+        Mapping[str, str], Pairs(of="body", shown="prefix=body, as ground_force_r_=calcn_r")
+    ] = field(default_factory=lambda: FrozenMap({}))
+    plates: Annotated[tuple[str, ...], Names(of="body")] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalLoads:
+    """External forces of a motion, which is needed to find the bodies they act on.
+
+    `nearest`: nobody named these, so each force is put on the foot nearest to its center of
+    pressure.
+    """
+
+    of: Callable[[Motion], Wrenches]
+    nearest: bool = False
+
+
+def loads_by_name(recording: Path) -> Path | None:
+    """The forces that belong to a recording by the rule of names, or None; a model may have the
+    recording's name.
+    """
+    path = companion(recording, WORDS, (".xml", *TABLE_ENDINGS), alone=True)
+    model = path is not None and path.suffix == ".xml" and b"<mujoco" in path.read_bytes()
+    return companion(recording, WORDS, TABLE_ENDINGS, alone=True) if model else path
+
+
+def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
+    """The same where nothing else holds what they do, and a table has columns of forces."""
+    path = None if values.get("torques") is not None else loads_by_name(recording)
+    # Of sensors alone the recording is a table itself.
+    if path == recording:
+        return Beside(None)
+    if (
+        path is None
+        or values.get("bodies")
+        or path.suffix.lower() not in TABLE_ENDINGS
+        or holds_forces(path)
+    ):
+        return Beside(path)
+    return Beside(None, f"{path.name} is not used: no columns of forces are found in it")
+
+
+def _near(recording: Path, trial: Trial) -> Path | None:
+    """The forces of a recording without plates: by its name, beside it or in a folder of forces;
+    else the only ones.
+    """
+    if trial.plates:
+        return None
+    homes = [home for home in (recording.parent, recording.parent.parent) if home.is_dir()]
+    folders = [folder for home in homes for folder in sorted(home.iterdir()) if folder.is_dir()]
+    folders = [folder for folder in folders if folder.name.lower().replace("_", "") in FOLDERS]
+    for folder in (recording.parent, *folders):
+        path = loads_by_name(folder / recording.name)
+        if path is not None and _has_forces(path):
+            return path
+    files = sorted(recording.parent.iterdir())
+    tables = [file for file in files if file.suffix.lower() in TABLES and file != recording]
+    stem = plain_stem(recording).lower()
+    named = [
+        table for table in tables if table.stem.lower().startswith(stem) and _has_forces(table)
+    ]
+    if len(named) == 1:
+        return named[0]
+    forces = [table for table in tables if _has_forces(table)] if is_alone(recording) else []
+    return forces[0] if len(forces) == 1 else None
+
+
+def _has_forces(path: Path) -> bool:
+    return path.suffix.lower() not in TABLES or holds_forces(path)
+
+
+INPUT = Input(
+    name="loads",
+    settings=LoadsFile,
+    open=later("myomorph.lab.study.inputs.external_forces:opened"),
+    main="loads",
+    beside=_beside,
+    near=_near,
+)

@@ -1,0 +1,159 @@
+"""Coordinates that agree with markers and forces, in the place of those of inverse kinematics, and
+these forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.lab.store.results import file_source
+from myomorph.lab.study.inputs.input import Input, Opened, Opening
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.inputs.reading import read_motion
+from myomorph.lab.study.inputs.soft_tissue import SOFT_TISSUE, read_soft_tissue
+
+if TYPE_CHECKING:
+    from myomorph.core.motion.marker_checks import CheckedFit
+
+
+@dataclass(frozen=True)
+class RefinedFile:
+    """What the subject's step `refine` found of a trial. `path`: of its coordinates; no such file
+    where the trial was not among its own; `cutoff`: of the low-pass filter of the forces that these
+    agree with [Hz].
+    """
+
+    path: Path
+    cutoff: float
+
+
+@read_only
+class RefinedMotion:
+    """Coordinates that agree with markers and forces. `cutoff`: of the low-pass filter of the
+    forces; the motion holds nothing much above it [Hz]; `tissue`: by which its markers move more,
+    None for not at all.
+    """
+
+    motion: Motion
+    cutoff: float
+    tissue: SoftTissue | None = None
+
+    @property
+    def of_markers(self) -> Array:
+        """(frames, coordinates) that the markers show."""
+        if self.tissue is None:
+            return self.motion.values
+        from myomorph.core.motion.filters import differentiate
+
+        return self.tissue.shown(differentiate(self.motion))
+
+
+def _open(settings: RefinedFile, opening: Opening) -> Opened:
+    """The refined motion, and external forces filtered as they were when it was refined. Raises
+    `BadFile` where it is of another model.
+    """
+    path = settings.path
+    loads = opening.values.get(ExternalLoads)
+    if not path.is_file():
+        return Opened()
+    from myomorph.core.motion.sync import resample_wrenches
+
+    motion = read_motion(path, opening.model)
+    table = path.parent.parent / SOFT_TISSUE
+    tissue = read_soft_tissue(table) if table.is_file() else None
+    if motion.names != opening.model.coordinate_names:
+        raise BadFile(
+            path, "is no refined motion of this model", "run the study again with --fresh"
+        )
+
+    def filtered(moved: Motion) -> Wrenches:
+        assert loads is not None
+        wrenches = loads.of(moved)
+        return resample_wrenches(wrenches, wrenches.time, settings.cutoff)
+
+    return Opened(
+        (
+            RefinedMotion(motion, settings.cutoff, tissue),
+            None if loads is None else ExternalLoads(filtered),
+        ),
+        (file_source("refined motion", path),),
+        real="coordinates refined together with body, masses and forces",
+    )
+
+
+INPUT = Input(name="refined", settings=RefinedFile, open=_open)
+
+
+def refined_fit(
+    name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
+) -> tuple[CheckedFit, tuple[str, ...]]:
+    """Refined coordinates in the place of those of inverse kinematics, with their marker errors,
+    and notes. Raises `BadData` where they are of other frames than the recording.
+    """
+    fit = checked.fit
+    time = refined.motion.time
+    step = float(np.median(np.diff(fit.motion.time)))
+    rows = (fit.motion.time > time[0] - 0.5 * step) & (fit.motion.time < time[-1] + 0.5 * step)
+    if rows.sum() != len(time) or np.abs(fit.motion.time[rows] - time).max() > 0.1 * step:
+        raise BadData(
+            f"{name}: its refined motion is of other frames than its markers: run again with"
+            " --fresh"
+        )
+    markers = replace(
+        checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows]
+    )
+    seen = np.isfinite(fit.motion.values[rows]).all(axis=1)
+    motion = Motion(
+        markers.time, refined.motion.names, np.where(seen[:, None], refined.motion.values, np.nan)
+    )
+    shown = Motion(
+        markers.time, refined.motion.names, np.where(seen[:, None], refined.of_markers, np.nan)
+    )
+    errors = marker_distances(model, fit.marker_names, markers, shown)
+    lost = len(fit.motion) - int(rows.sum())
+    notes = (
+        (
+            (
+                f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were"
+                f" recorded; {lost} frames of markers before and after are not used"
+            ),
+        )
+        if lost > 1
+        else ()
+    )
+    fit = replace(
+        fit,
+        motion=motion,
+        errors=errors,
+        converged=fit.converged[rows],
+        iterations=fit.iterations[rows],
+        closure=None if fit.closure is None else fit.closure[rows],
+    )
+    return replace(checked, fit=fit, markers=markers), notes
+
+
+def marker_distances(model: Model, names: Sequence[str], markers: Markers, motion: Motion) -> Array:
+    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where
+    unseen.
+    """
+    from myomorph.core.rigid.kinematics import forward_kinematics
+    from myomorph.core.rigid.tree import compile_tree
+
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    distances = np.full((len(motion), len(names)), np.nan)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
+    points = poses.markers([model.marker(name) for name in names])
+    recorded = markers.values[:, [markers.names.index(name) for name in names]]
+    distances[known] = np.linalg.norm(points - recorded[known], axis=2)
+    return distances

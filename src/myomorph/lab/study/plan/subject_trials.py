@@ -1,0 +1,304 @@
+"""One subject of a study file: its files and its trials, with forces and EMG found by name;
+mistakes go to one list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from myomorph.bones.study.morph_files import bones_of
+from myomorph.core.model.errors import listing
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.store.study_file import existing, matching
+from myomorph.lab.study.inputs.beside import plain_stem
+from myomorph.lab.study.inputs.keys import Notes, Place
+from myomorph.lab.study.inputs.laboratory import Laboratory
+from myomorph.lab.study.inputs.table import INPUTS, all_keys, input_of, settings_of_keys
+from myomorph.lab.study.plan.measures import Measures
+from myomorph.lab.study.plan.subject_tables import (
+    Named,
+    SubjectTable,
+    given_options,
+    study_steps,
+    trial_table,
+)
+from myomorph.lab.study.step.step_table import STEPS
+from myomorph.lab.study.subject.subject_files import BodyShape, SubjectFiles
+from myomorph.lab.study.trial.trial_inputs import TrialFiles
+
+BEGINS = ("markers", "motion")  # Keys of what a trial begins with.
+COORDINATES = (".mot", ".sto")  # Endings of tables of coordinates, with which a trial may begin.
+# Steps that hold what they find against the mass of the subject.
+NEEDS_MASS = ("refine", "identify")
+
+
+def measured(
+    named: Named, measures: Measures | None, source: str, notes: Notes
+) -> tuple[SubjectTable, Path | None]:
+    """A subject's table with what the table of measures tells, and its model where that is told
+    there.
+
+    What both tell must be the same; where either height or chest is known, there is no body shape,
+    so neither is used.
+    """
+    where = f"subject '{named.name}'"
+    table = named.table
+    if measures is None:
+        if table.model is None and table.model_of is None:
+            notes.problems.append(
+                f"{where}: has no model: give 'model', 'model_of', or a column 'model' in {source}"
+            )
+        return table, None
+    told: dict[str, Any] = {
+        name: getattr(measures, name) for name in ("mass", "height", "chest", "sex", "age")
+    }
+    for name, value in told.items():
+        own = getattr(table, name)
+        if None not in (own, value) and own != value:
+            notes.problems.append(
+                f"{where}: {name} is {own} here and {value} in {source}: give it in one of them"
+            )
+    model = measures.model
+    if model is not None and (table.model is not None or table.model_of is not None):
+        given = table.model or table.model_of
+        notes.problems.append(
+            f"{where}: model is '{given}' here and '{model.name}' in {source}: give it in one of"
+            " them"
+        )
+    if model is None and table.model is None and table.model_of is None:
+        notes.problems.append(
+            f"{where}: has no model: give 'model', 'model_of', or a cell 'model' in {source}"
+        )
+    sizes = [table.height or told["height"], table.chest or told["chest"]]
+    if table.skin is None and table.height is None and table.chest is None and None in sizes:
+        # Tables of measures often have heights only: no fault, but too little for a body shape.
+        told["height"] = told["chest"] = None
+    return (
+        table.model_copy(update={name: value for name, value in told.items() if value is not None}),
+        model,
+    )
+
+
+def subject_files(
+    named: Named, model: Path | None, trials: tuple[TrialFiles, ...], notes: Notes
+) -> SubjectFiles:
+    """What the steps on a subject need, and whether they come before the others.
+
+    Parameters
+    ----------
+    model : file that a table of measures names; None where the subject's own table does
+    """
+    table = named.table
+    folder = named.folder
+    where = f"subject '{named.name}'"
+    problems = notes.problems
+    _check_steps(table, where, problems)
+    files = {
+        role: existing(folder, getattr(table, role), f"{where}: {role}", problems)
+        for role in ("static", "skin", "landmarks", "generic", "detailed")
+    }
+    passive = [
+        path
+        for given in table.passive
+        for path in matching(folder, given, f"{where}: passive", problems)
+    ]
+    if "personalize" not in table.steps:
+        notes.remarks += [
+            f"{where}: '{key}' is not used: its steps lack 'personalize'"
+            for key in ("passive", "generic")
+            if getattr(table, key)
+        ]
+    if table.skin is None and (table.height is None) != (table.chest is None):
+        lacking = "chest" if table.chest is None else "height"
+        problems.append(
+            f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing"
+        )
+    if "morph" in table.steps and table.bones is None:
+        problems.append(
+            f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's"
+            " bones"
+        )
+    if ("transfer" in table.steps) != (table.detailed is not None):
+        problems.append(
+            f"{where}: the step 'transfer' and 'detailed', the model with more joints, go together"
+        )
+    shared = located(table, "subject", named.place(notes))
+    source = model or folder / (table.model or "")
+    bones = (
+        None
+        if table.bones is None
+        else bones_of(table.bones, source, table.mass, folder, where, problems)
+    )
+    shape = BodyShape(
+        skin=files["skin"],
+        landmarks=files["landmarks"],
+        height=table.height,
+        chest=table.chest,
+        sex=table.sex,
+        age=table.age,
+    )
+    return SubjectFiles(
+        name=named.name,
+        model=source,
+        mass=table.mass,
+        static=files["static"],
+        shape=shape,
+        trials=trials,
+        bones=bones,
+        model_of=table.model_of or "",
+        labels=shared.get("labels", FrozenMap({})),
+        static_laboratory=Laboratory(
+            shared.get("up", ""),
+            shared.get("turn", 0.0) if table.static_turn is None else table.static_turn,
+        ),
+        passive=tuple(passive),
+        generic=files["generic"],
+        detailed=files["detailed"],
+    )
+
+
+def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
+    for step in table.steps:
+        if step not in study_steps():
+            problems.append(
+                f"{where}: unknown step '{step}': there are {listing(step, study_steps())}"
+            )
+    for step in dict.fromkeys(table.steps):
+        if table.steps.count(step) > 1:
+            problems.append(f"{where}: steps: '{step}' is there twice")
+    if "ik" not in table.steps:
+        problems.append(f"{where}: steps lack 'ik', which every other step needs")
+    for step in STEPS["subject"]:
+        later = study_steps()[study_steps().index(step) + 1 :]
+        before = table.steps[: table.steps.index(step)] if step in table.steps else []
+        early = [one for one in before if one in later]
+        if early:
+            problems.append(
+                f"{where}: steps wait for each other: '{step}' comes after '{early[0]}', which uses"
+                " the model that it makes"
+            )
+        if step in NEEDS_MASS and step in table.steps and table.mass is None:
+            problems.append(f"{where}: the step '{step}' needs the subject's 'mass' [kg]")
+
+
+def subject_trials(
+    named: Named,
+    model: Path | None,
+    common: Mapping[str, Any],
+    left_out: Callable[[str, str], bool],
+    notes: Notes,
+) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
+    """The trials of a subject, each with what its own table says of the steps. `common`: what the
+    study says of inputs of all subjects, by key; `left_out`: whether the study leaves out a trial
+    of a subject; its other files are then not looked for.
+    """
+    table = named.table
+    place = named.place(notes)
+    file = existing(named.folder, table.model, f"{place.where}: model", notes.problems)
+    if table.emg_gains_file is not None and "emg" in table.steps:
+        notes.problems.append(
+            f"{place.where}: 'emg_gains_file' and the step 'emg', which finds gains: leave one of"
+            " them out"
+        )
+    if not table.trials:
+        notes.problems.append(f"{place.where}: has no trials")
+    shared = {**common, **located(table, "subject", place)}
+    for trial, recording in _recordings(table, named.folder, place.where, notes.problems):
+        name = trial.name or plain_stem(recording)
+        if left_out(named.name, name):
+            continue
+        own = located(trial, "trial", place, leave_out=BEGINS)
+        if trial.markers or trial.motion:
+            own["markers" if trial.markers else "motion"] = recording
+        values = shared | own
+        values |= {
+            key: (*shared[key], *own[key])
+            for key in own
+            if key in shared and all_keys()[key][1].kind.adds
+        }
+        if own.get("torques") is not None and own.get("loads") is not None:
+            notes.problems.append(
+                f"{place.where}: {name}: 'torques' and 'loads' are given: give one of them"
+            )
+        beside = _beside(recording, values, named.name, notes)
+        if not (trial.markers or trial.motion):
+            # Sensors do not show where on the plates the feet are.
+            beside.pop("loads", None)
+        inputs = settings_of_keys(values | beside)
+        yield (
+            TrialFiles(
+                model=model or file or named.folder,
+                name=name,
+                subject=named.name,
+                inputs=inputs,
+                condition=trial.condition,
+            ),
+            given_options(trial),
+        )
+
+
+def located(table: Any, per: str, place: Place, leave_out: Sequence[str] = ()) -> dict[str, Any]:
+    """What a table says of inputs, by key, its paths as files. `table`: of a subject, a trial, or
+    the whole file, of which only options say something of inputs; `per`: "subject" or "trial":
+    whose table it is; `leave_out`: keys that are looked at elsewhere.
+    """
+    values = {}
+    for name, (_, key) in all_keys().items():
+        if name in leave_out or key.kind.per not in (per, "both"):
+            continue
+        step = key.kind.option_of
+        options = getattr(table.options, step) if step else None
+        if options is not None and name in options.model_fields_set:
+            values[name] = key.kind.located(name, getattr(options, name), place)
+        elif name in table.model_fields_set:
+            if step:
+                place.notes.remarks.append(
+                    f"{place.where}: '{name}' belongs to [options.{step}]; it is still read here"
+                )
+            values[name] = key.kind.located(name, getattr(table, name), place)
+    return values
+
+
+def _beside(
+    recording: Path, values: Mapping[str, Any], subject: str, notes: Notes
+) -> dict[str, Path]:
+    """Files that belong to a recording by the rule of names, where nothing else is said."""
+    result = {}
+    for declared in map(input_of, INPUTS):
+        if declared.beside is None or declared.main in values:
+            continue
+        path, remark = declared.beside(recording, values)
+        if remark:
+            notes.remarks.append(f"{subject}/{remark}")
+        if path is not None and path != recording:
+            notes.found.append(f"{subject}/{recording.name}: {declared.main} from {path.name}")
+            result[declared.main] = path
+    return result
+
+
+def _recordings(
+    table: SubjectTable, folder: Path, where: str, problems: list[str]
+) -> Iterator[tuple[Any, Path]]:
+    """The recordings of markers, coordinates or sensors alone that the entries of `trials` name:
+    patterns, files, or tables.
+    """
+    trial: Any
+    for given in table.trials:
+        trial = given
+        if isinstance(given, str):
+            # A name or a pattern: of coordinates where it ends as tables do, else of markers.
+            key = "motion" if Path(given).suffix.lower() in COORDINATES else "markers"
+            trial = trial_table()(**{key: given})
+        if not (trial.markers or trial.motion) and trial.imu:
+            sensors = [
+                path for text in trial.imu for path in matching(folder, text, where, problems)
+            ]
+            yield from ((trial, path) for path in sensors[:1])
+            continue
+        if bool(trial.markers) == bool(trial.motion):
+            problems.append(f"{where}: a trial has one of 'markers' and 'motion', or 'imu'")
+            continue
+        for recording in matching(folder, trial.markers or trial.motion, where, problems):
+            yield trial, recording

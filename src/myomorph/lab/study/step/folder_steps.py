@@ -1,0 +1,195 @@
+"""Steps whose result is a folder: on a subject, a specimen or a whole study."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Generic, Protocol, Self, TypeVar
+
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.provenance import Provenance
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.results import file_source, whole_folder
+from myomorph.lab.study.step.job_steps import JobSteps
+from myomorph.lab.study.step.step import WHOLE_STUDY, Step, step_of
+from myomorph.lab.study.step.step_table import Scope
+
+PROVENANCE = "provenance.json"
+# What may not be believed of a step's result, one line each, in the folder of its tables.
+NOTES = "notes.txt"
+RESULT = "result"
+"""Role of a step's own files, where its folder holds others too: one that was altered makes the
+step run again.
+"""
+
+
+@dataclass(frozen=True)
+class FolderOutput:
+    """Where a step of a subject, specimen or study writes, and what its result is derived from."""
+
+    step: Step[Any]
+    home: Path
+    made: Provenance
+
+    @property
+    def tables(self) -> Path:
+        """Folder of the step's own tables."""
+        return self.home / self.step.tables
+
+    def path(self, use: str) -> Path:
+        """A file that later steps and jobs read (`Step.leaves`)."""
+        return self.home / self.step.leaves[use]
+
+    def whole(self, notes: Sequence[str] = ()) -> AbstractContextManager[Path]:
+        """A folder to fill with the step's tables, all there in the end or not at all, and notes."""
+        return result_folder(self.tables, self.made, notes, self.step)
+
+
+@contextmanager
+def result_folder(
+    tables: Path, made: Provenance, notes: Sequence[str] = (), step: Step[Any] | None = None
+) -> Iterator[Path]:
+    """The same where the result is not that of a job: a command made it."""
+    with (
+        whole_folder(tables) if step is None or step.tables else _shared_folder(tables, step.name)
+    ) as folder:
+        yield folder
+        if notes:
+            (folder / NOTES).write_text("".join(f"{text}\n" for text in notes), encoding="utf-8")
+        if step is not None and not step.tables:
+            files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+            results = (file_source(RESULT, path) for path in files)
+            named = (
+                replace(result, name=Path(result.name).relative_to(folder).as_posix())
+                for result in results
+            )
+            made = replace(made, sources=(*made.sources, *named))
+        (folder / provenance_file(step)).write_text(made.to_json() + "\n", encoding="utf-8")
+
+
+@contextmanager
+def _shared_folder(home: Path, name: str) -> Iterator[Path]:
+    """A folder whose files are moved, all at the end, among those of others; what a killed process
+    left is removed.
+    """
+    for path in home.glob(f".{name}.*"):
+        shutil.rmtree(path, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=home) as temporary:
+        yield Path(temporary)
+        for path in sorted(Path(temporary).iterdir()):
+            os.replace(path, home / path.name)
+
+
+def provenance_file(step: Step[Any] | None = None) -> str:
+    """Name of the file that tells what a result is derived from; those of a study lie beside each
+    other.
+    """
+    return (
+        PROVENANCE if step is None or step.scope not in WHOLE_STUDY else f"{step.name}_{PROVENANCE}"
+    )
+
+
+def stored_provenance(tables: Path, step: Step[Any] | None = None) -> Provenance | None:
+    """What an earlier run made a step's result from; None where nothing tells, or a file of it was
+    altered.
+    """
+    try:
+        made = Provenance.from_json((tables / provenance_file(step)).read_text(encoding="utf-8"))
+        results = [source for source in made.sources if source.role == RESULT]
+        if any(
+            file_source(RESULT, tables / result.name).sha256 != result.sha256 for result in results
+        ):
+            return None
+    except (OSError, ValueError, BadFile):
+        return None
+    return replace(made, sources=tuple(source for source in made.sources if source.role != RESULT))
+
+
+class ScopeInputs(Protocol):
+    """What the steps of a subject, a specimen or a study begin with."""
+
+    def after(self, step: Step[Any], home: Path) -> Self:
+        """The same once a step's result is in the folder; nothing else where it is the only one."""
+        return self
+
+
+Inputs = TypeVar("Inputs", bound=ScopeInputs)
+
+
+class FolderSteps(JobSteps, Generic[Inputs]):
+    """The steps of one subject, specimen or study, whose results go into the folder of the outcome."""
+
+    linked = True
+
+    def __init__(self, scope: Scope, inputs: Inputs, outcome: Outcome, fresh: bool = False):
+        self.scope = scope
+        self.inputs = inputs
+        self.outcome = outcome
+        self.fresh = fresh
+        self._known: dict[str, Provenance] = {}
+
+    def _step(self, name: str) -> Step[Any]:
+        return step_of(name, self.scope)
+
+    def provenance(self, step: str) -> Provenance:
+        """What a step's result would be made from now."""
+        if step not in self._known:
+            made_from = self._step(step).made_from
+            assert made_from is not None
+            self._known[step] = made_from(self.inputs)
+        return self._known[step]
+
+    def earlier(self, step: str) -> Provenance | None:
+        """What an earlier run made a step's result from, None where a file of it is missing."""
+        value = self._step(step)
+        home = self.outcome.folder
+        if self.fresh or not all((home / name).exists() for name in value.leaves.values()):
+            return None
+        return stored_provenance(home / value.tables, value)
+
+    def reasons(self, step: str) -> tuple[str, ...]:
+        """Why a step is computed; of a result of which only a file is missing, as an older version
+        left it, which.
+        """
+        value = self._step(step)
+        home = self.outcome.folder
+        missing = [name for name in value.leaves.values() if not (home / name).exists()]
+        if missing and not self.fresh and stored_provenance(home / value.tables, value) is not None:
+            return (f"{missing[0]} is missing",)
+        return super().reasons(step)
+
+    def compute(self, step: str) -> None:
+        """Run a step, which writes its files."""
+        value = self._step(step)
+        home = self.outcome.folder
+        home.mkdir(parents=True, exist_ok=True)
+        try:
+            value.run(self.inputs, FolderOutput(value, home, self.provenance(step)))
+        finally:
+            with suppress(OSError):
+                # Only where it is empty, since the step has failed.
+                home.rmdir()
+        self.reuse(step)
+
+    def reuse(self, step: str) -> None:
+        """Go on with a result that is there."""
+        self.inputs = self.inputs.after(self._step(step), self.outcome.folder)
+        self._known.clear()
+
+    def end(self, outcome: Outcome) -> Outcome:
+        """The outcome with what the steps noted of their results, also of those that an earlier run
+        made.
+        """
+        findings: list[str] = []
+        for step in outcome.done:
+            path = outcome.folder / self._step(step).tables / NOTES
+            if path.is_file():
+                findings += [
+                    f"{step}: {line}" for line in path.read_text(encoding="utf-8").splitlines()
+                ]
+        return replace(outcome, findings=(*outcome.findings, *findings))

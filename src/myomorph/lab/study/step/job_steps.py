@@ -1,0 +1,183 @@
+"""The steps of one job, in their order: what an earlier run left is reused unless something
+changed.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import PurePath
+
+from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.provenance import Provenance, Source
+from myomorph.lab.store.outcome import Outcome, failed
+
+NEVER = "is not computed yet"  # Why a step is computed of which there is no result.
+AFTER_OTHERS = "what it begins with is made anew"
+"""Why a step is computed that begins with files of one that is computed."""
+
+
+class JobSteps(AbstractContextManager["JobSteps"]):
+    """The steps of a trial, a subject, a specimen or a study, with its inputs opened; `outcome` is
+    that before the first. `linked`: a step begins with files that those before it write, so that
+    its own inputs are known only then.
+    """
+
+    outcome: Outcome
+    linked = False
+
+    @abstractmethod
+    def provenance(self, step: str) -> Provenance:
+        """What a step's result would be made from now."""
+
+    @abstractmethod
+    def earlier(self, step: str) -> Provenance | None:
+        """What an earlier run made a step's result from, None where there is no whole result."""
+
+    @abstractmethod
+    def compute(self, step: str) -> None:
+        """Run a step and store its result."""
+
+    @abstractmethod
+    def reuse(self, step: str) -> None:
+        """Go on with what an earlier run found."""
+
+    def end(self, outcome: Outcome) -> Outcome:
+        """What follows from all steps that were done: tables, a page, what the outcome tells of
+        their results.
+        """
+        return outcome
+
+    def reasons(self, step: str) -> tuple[str, ...]:
+        """Why a step is computed, one line each; () where its result is reused."""
+        earlier = self.earlier(step)
+        return (NEVER,) if earlier is None else changes(earlier, self.provenance(step))
+
+    def all_reasons(self, steps: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """By step, why a run would compute it; () where it would be reused. Nothing is computed."""
+        reasons: dict[str, tuple[str, ...]] = {}
+        for step in steps:
+            if self.linked and any(reasons.values()):
+                reasons[step] = (NEVER if self.earlier(step) is None else AFTER_OTHERS,)
+                continue
+            reasons[step] = self.reasons(step)
+            if not reasons[step]:
+                self.reuse(step)
+        return reasons
+
+    def unchanged(self, steps: Sequence[str]) -> Outcome | None:
+        """The outcome of a job whose folder is what a run would leave it as, None for any other."""
+        if any(self.all_reasons(steps).values()):
+            return None
+        return self.end(replace(self.outcome, done=tuple(steps), reused=tuple(steps)))
+
+    def __exit__(self, *raised: object) -> None:
+        """Let go of what was only needed while steps run; an interrupted job keeps what it has
+        found.
+        """
+        return
+
+
+def run_steps(
+    job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None
+) -> Outcome:
+    """Run steps in their order; where one fails, what is before it is kept. What `check` raises
+    ends the job.
+    """
+    outcome = job.outcome
+    with job:
+        for step in steps:
+            try:
+                check()
+                reasons = job.reasons(step)
+                if not reasons:
+                    job.reuse(step)
+                    outcome = replace(
+                        outcome, done=(*outcome.done, step), reused=(*outcome.reused, step)
+                    )
+                    continue
+                changed = dict.fromkeys(
+                    (*outcome.changed, *(text for text in reasons if text != NEVER))
+                )
+                outcome = replace(outcome, changed=tuple(changed))
+                started = time.monotonic()
+                job.compute(step)
+                timed = (*outcome.timed, (step, time.monotonic() - started))
+                outcome = replace(outcome, done=(*outcome.done, step), timed=timed)
+            except Exception as error:
+                outcome = failed(outcome, error, step)
+                break
+        return job.end(outcome)
+
+
+LONGEST = 60  # Longest value that is reported whole [characters].
+
+
+def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
+    """Why a result that was made one way would come out otherwise the other way, () where the keys
+    are equal: "model generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001", "version 1.0.0 ->
+    1.1.0".
+    """
+    if before.key == after.key:
+        return ()
+    lines = []
+    if before.version != after.version:
+        lines.append(f"version {before.version or 'unknown'} -> {after.version or 'unknown'}")
+    lines += _sources(before.sources, after.sources)
+    names = sorted(before.options.keys() | after.options.keys())
+    for name in names:
+        old = _option(before.options, name)
+        new = _option(after.options, name)
+        if old != new:
+            short = max(len(old), len(new)) <= LONGEST
+            lines.append(f"{name} {old} -> {new}" if short else f"{name} has changed")
+    return tuple(dict.fromkeys(lines)) or ("what it was made from has changed",)
+
+
+def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
+    """Inputs that came, went or hold something else; a file that only moved is the same input."""
+    result = []
+    old = grouped((source.role, source) for source in before)
+    new = grouped((source.role, source) for source in after)
+    for role in dict.fromkeys((*old, *new)):
+        before_role = old.get(role, [])
+        after_role = new.get(role, [])
+        gone = [
+            source
+            for source in before_role
+            if source.sha256 not in {other.sha256 for other in after_role}
+        ]
+        come = [
+            source
+            for source in after_role
+            if source.sha256 not in {other.sha256 for other in before_role}
+        ]
+        for source in come:
+            same = next((other for other in gone if other.name == source.name), None)
+            if same is None and len(gone) == len(come) == 1:
+                same = gone[0]
+            if same is None:
+                result.append(f"{role} {_name(source)} is new")
+                continue
+            gone.remove(same)
+            moved = _name(same) != _name(source)
+            result.append(
+                f"{role} {_name(same)} -> {_name(source)}"
+                if moved
+                else f"{role} {_name(source)} has changed"
+            )
+        result += [f"{role} {_name(source)} is no longer used" for source in gone]
+    return result
+
+
+def _name(source: Source) -> str:
+    return PurePath(source.name.replace("\\", "/")).name or source.name
+
+
+def _option(options: Mapping[str, object], name: str) -> str:
+    """A value as text; stored ones were read back from JSON, so tuples and lists are the same."""
+    return str(json.loads(json.dumps(options.get(name), default=str)))

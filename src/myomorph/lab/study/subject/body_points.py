@@ -1,0 +1,184 @@
+"""Mass points of a subject from a skin mesh, from height and chest, or from envelopes of the
+model's own links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from myomorph.body.identify.validation import Inside
+from myomorph.body.shape.envelope import own_points
+from myomorph.body.shape.points import Links, MassPoints, fill, links_of, reference_masses
+from myomorph.body.shape.skin import check_skin, inside
+from myomorph.body.shape.weights import (
+    bone_weights,
+    cog_weights,
+    links_with_mass,
+    nearest_weights,
+)
+from myomorph.core.io.landmarks import read_landmarks
+from myomorph.core.io.mesh import read_mesh
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import Model
+from myomorph.core.model.segments import segments_of
+from myomorph.core.model.series import DEFAULT_POSE
+from myomorph.core.model.surface import Surface
+from myomorph.lab.store.progress import progress
+from myomorph.lab.study.inputs.reading import about
+from myomorph.lab.study.subject.subject_files import BodyOptions, BodyShape
+
+if TYPE_CHECKING:
+    from myomorph.body.shape.shape import Shape
+
+OWN = "own"  # Weight map of envelopes: each point belongs to the link whose envelope it fills.
+WEIGHT_MAPS = {"bone": bone_weights, "cog": cog_weights, "nearest": nearest_weights}
+"""By the names of the command."""
+
+
+def body_points(
+    model: Model,
+    shape: BodyShape,
+    mass: float,
+    options: BodyOptions,
+    compare: bool = True,
+    surfaces: Mapping[str, Surface] | None = None,
+) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
+    """Mass points by weight map, the one to use first; what tells what is inside the skin; and what
+    there is to say.
+
+    Parameters
+    ----------
+    model : of the body
+    shape : what is known of it: a skin, or height and chest [m]; nothing for envelopes of the links
+    mass : of the whole body [kg]
+    options : spacing of the points [m], weight map and density; see `BodyOptions`
+    compare : also by the other weight maps, where a skin makes them differ
+    surfaces : meshes of the model's bodies
+
+    Returns
+    -------
+    points by weight map; a test of points (points, 3) [m], None without a skin; notes
+
+    Raises
+    ------
+    BadData : a shape that cannot be, or more points than memory holds
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> points, inside, notes = mm.body_points(model, mm.BodyShape(), 4.0, mm.BodyOptions(spacing=0.05))
+    >>> list(points), round(float(points["own"].reference.sum()), 3), inside
+    (['own'], 4.0, None)
+    """
+    if not 0.0005 <= options.spacing <= 0.1:
+        raise BadData(
+            f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as"
+            " 0.005"
+        )
+    if shape.skin is not None or shape.height is not None or shape.chest is not None:
+        return _in_skin(model, shape, mass, options, compare)
+    points = own_points(model, DEFAULT_POSE, mass, options.spacing, surfaces)
+    if options.weights is None:
+        return {OWN: points}, None, ()
+    weights = _weights(model, points.points, points.links, (options.weights,))
+    return (
+        _made(
+            points.points, points.reference, weights, points.links, options.spacing, points.source
+        ),
+        None,
+        (),
+    )
+
+
+def _weights(
+    model: Model, points: Array, links: Links, names: Sequence[str]
+) -> dict[str, scipy.sparse.csr_array]:
+    """Weights of points by the maps' names, links without mass left out."""
+    taking = links_with_mass(model)
+    result: dict[str, scipy.sparse.csr_array] = {}
+    with progress("weights of mass points", len(names), "maps") as advance:
+        for name in names:
+            result[name] = WEIGHT_MAPS[name](points, links, taking=taking)
+            advance(1)
+    return result
+
+
+def _made(
+    points: Array,
+    reference: Array,
+    weights: Mapping[str, scipy.sparse.csr_array],
+    links: Links,
+    spacing: float,
+    source: str,
+) -> dict[str, MassPoints]:
+    return {
+        name: MassPoints(
+            points=points,
+            reference=reference,
+            weights=weight,
+            links=links,
+            spacing=spacing,
+            source=source,
+        )
+        for name, weight in weights.items()
+    }
+
+
+def _in_skin(
+    model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
+) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
+    """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
+    from myomorph.body.shape.fit_pose import pose_model_to_skin
+
+    if shape.skin is not None:
+        with about(shape.skin):
+            skin = check_skin(read_mesh(shape.skin), shape.height)
+        landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
+        with about(shape.landmarks or shape.skin):
+            fitted = pose_model_to_skin(model, skin, landmarks)
+        source = f"the skin {shape.skin.name}"
+        notes = skin.notes
+    else:
+        body = _statistical(shape, mass)
+        fitted = pose_model_to_skin(model, body)
+        reached = ", ".join(f"{name} {value:.4g}" for name, value in body.reached.items())
+        source = f"a statistical body ({reached})"
+        notes = body.notes
+    posed = fitted.skin
+    with about(shape.skin or "the body"):
+        points = fill(posed, options.spacing)
+    links = links_of(model, fitted.motion)
+    first = options.weights or "bone"
+    names = (first, *(kind for kind in WEIGHT_MAPS if kind != first and compare))
+    weights = _weights(model, points, links, names)
+    regions = _regions(model, weights[first]) if options.density == "segments" else None
+    made = _made(
+        points, reference_masses(points, mass, regions), weights, links, options.spacing, source
+    )
+    return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
+
+
+def _regions(model: Model, weights: scipy.sparse.csr_array) -> np.ndarray:
+    """(points,) segment of the body that has the largest share of each point."""
+    segments = segments_of(model)
+    names = np.array([segments[body].name for body in model.body_names])
+    return names[np.asarray(weights.argmax(axis=1)).ravel()]
+
+
+def _statistical(shape: BodyShape, mass: float) -> Shape:
+    from myomorph.body.shape.shape import body_shape
+
+    if shape.height is None or shape.chest is None:
+        lacking, provided = (
+            ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
+        )
+        raise BadData(
+            f"{provided} needs {lacking} beside it: a body shape follows from both, in metres"
+        )
+    return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)

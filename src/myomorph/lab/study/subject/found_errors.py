@@ -1,0 +1,74 @@
+"""How far off a subject's model may be, as the steps that made it found: sizes of errors for limits
+of results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from myomorph.body.personalize.personalize import FIBER, FORCE, SLACK, Personalized
+from myomorph.body.refine.refinement import Refinement
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import grouped
+from myomorph.core.model.inertia import inertial_parameters
+from myomorph.core.model.model import Model
+from myomorph.lab.uncertainty.sources import ItemSize
+
+NINETY = 1.645  # Standard deviations of a 90 % interval.
+
+
+def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
+    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies,
+    10). What a first moment or an inertia owes to the error of the mass is taken off, as masses are
+    drawn themselves.
+    """
+    for body, parameter, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
+        if not (body.mass > 0.0 and error[0] > 0.0):
+            continue
+        share = float(error[0]) / body.mass
+        yield ItemSize("segment_mass", body.name, share)
+        radius = np.sqrt(max(float(np.trace(body.inertia)), 0.0) / (2.0 * body.mass))
+        apart = (
+            np.sqrt(np.maximum(error[1:4] ** 2 - (body.mass_center * error[0]) ** 2, 0.0))
+            / body.mass
+        )
+        if radius > 0.0:
+            yield ItemSize("mass_center", body.name, float(np.sqrt(np.mean(apart**2))) / radius)
+        trace = float(parameter[4:7].sum())
+        if trace > 0.0:
+            whole = float(np.sqrt((error[4:7] ** 2).sum())) / trace
+            yield ItemSize("inertia", body.name, float(np.sqrt(max(whole**2 - share**2, 0.0))))
+
+
+def refined_errors(refinement: Refinement) -> Iterator[ItemSize]:
+    """Masses; those that were kept are no surer than before."""
+    if not refinement.masses:
+        return
+    for body, sd in zip(refinement.model.bodies, refinement.mass_sd, strict=True):
+        if body.mass > 0.0 and sd > 0.0:
+            yield ItemSize("segment_mass", body.name, float(sd) / body.mass)
+
+
+def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
+    """Fiber and slack lengths of muscles; strengths, which muscles of a group share."""
+    fibers = {muscle.name: muscle.optimal_fiber_length for muscle in personalized.model.muscles}
+    members = grouped(
+        zip(personalized.strength_groups, personalized.model.muscle_names, strict=False)
+    )
+    for estimate in personalized.estimates:
+        if not (np.isfinite(estimate.low) and estimate.low > 0.0 and estimate.high > estimate.low):
+            continue
+        ratio = float(np.log(estimate.high / estimate.low)) / (2.0 * NINETY)
+        if estimate.parameter == FIBER:
+            yield ItemSize("fiber_length", estimate.of, ratio)
+        elif estimate.parameter == SLACK:
+            yield ItemSize(
+                "slack_length",
+                estimate.of,
+                (estimate.high - estimate.low) / (2.0 * NINETY) / fibers[estimate.of],
+            )
+        elif estimate.parameter == FORCE:
+            for muscle in members.get(estimate.of, ()):
+                yield ItemSize(source="strength", item=muscle, size=ratio, shared=estimate.of)

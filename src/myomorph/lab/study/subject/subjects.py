@@ -1,0 +1,95 @@
+"""Steps on a subject rather than a trial: the model that they make for its trials, written whole or
+not at all.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.model.errors import BadFile
+from myomorph.core.model.model import Model
+from myomorph.core.model.provenance import Provenance
+from myomorph.lab.study.step.folder_steps import result_folder
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, eq=False)
+class Made(Generic[Found]):
+    """What a step on a subject found, what it was made from, and what its files had to say, one
+    line each.
+    """
+
+    found: Found
+    provenance: Provenance
+    warnings: tuple[str, ...] = ()
+
+
+def tables_folder(out: Path, tables: str, read: Iterable[Path | None] = ()) -> Path:
+    """Where the tables and the report of a model go that a command makes: beside it. Raises
+    `BadFile` as `check_out_model`.
+    """
+    folder = out.with_name(f"{out.stem}_{tables}")
+    check_out_model(out, folder, read)
+    return folder
+
+
+def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
+    """A table of rows that name their columns, which are those of the first."""
+    head = list(rows[0]) if rows else []
+    write_csv(path, head, ([row[name] for name in head] for row in rows))
+
+
+def check_out_model(out: Path, tables: Path, read: Iterable[Path | None] = ()) -> None:
+    """Raise `BadFile` where a model cannot be written so, or it or its folder would replace what is
+    `read`.
+    """
+    if out.suffix.lower() != ".osim":
+        raise BadFile(
+            out,
+            f"is no name for a model: it ends in '{out.suffix}'",
+            "give a name that ends in .osim",
+        )
+    if out.is_dir():
+        raise BadFile(
+            out, "is a folder, but the result is a file", "give a name that ends in .osim"
+        )
+    if not out.parent.is_dir():
+        raise BadFile(
+            out, f"cannot be written: folder '{out.parent}' does not exist", "make it first"
+        )
+    for path in read:
+        if path is not None and path.resolve() in (out.resolve(), tables.resolve()):
+            raise BadFile(
+                out,
+                f"would be written over '{path}', which it is made from",
+                "give --out another name",
+            )
+
+
+def write_made_model(
+    model: Model,
+    made: Provenance,
+    out: Path,
+    tables: Path,
+    fill: Callable[[Path], None],
+    notes: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is
+    lost in its file.
+    """
+    check_out_model(out, tables)
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
+        path = Path(temporary) / out.name
+        lost = write_osim(model, path)
+        with result_folder(tables, made, notes) as folder:
+            fill(folder)
+        os.replace(path, out)
+    return lost

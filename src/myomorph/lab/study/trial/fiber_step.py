@@ -1,0 +1,277 @@
+"""Fibers and tendons as part of the step `tension`: written, and reported in notes, signals and
+numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import astuple, dataclass, fields
+
+import numpy as np
+
+from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Series, Table
+from myomorph.core.tension.dual import STALLED
+from myomorph.core.tension.elastic.windows import FASTEST, solved_every
+from myomorph.core.tension.tension import Fibers, Tension
+from myomorph.lab.analysis.joint_loads import own_strides
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.store.results import Stored
+from myomorph.lab.store.stored import get_fibers
+from myomorph.lab.study.step.step import StepOutput
+from myomorph.lab.study.trial.trial_inputs import Signals, Value, all_drawn
+
+WORK = "fiber_work.csv"
+UNITS = {
+    "start": "s",
+    "stop": "s",
+    "peak": "W",
+    "done": "J",
+    "absorbed": "J",
+    "returned": "J",
+    "stored": "J",
+}
+"""Of the columns of the table of work, by the last word of their names."""
+
+# Strain at which tendons tear: where it is passed, the model's tendon does not fit.
+LARGE_STRAIN = 0.1
+
+MAX_NAMED = 8  # Muscles that a note names one by one.
+
+
+@dataclass(frozen=True)
+class FiberWork:
+    """What fibers and tendon of one muscle do in one stride (1, 2, ... of the muscle's own leg; 0
+    for the whole recording), from `start` to `stop` [s]. Positive work, and negative as a positive
+    number, of the fibers and of the tendon [J], greatest powers [W], the tendon's strain, fiber
+    length over optimal.
+    """
+
+    muscle: str
+    stride: int
+    start: float
+    stop: float
+    fiber_done: float
+    fiber_absorbed: float
+    tendon_returned: float
+    tendon_stored: float
+    fiber_peak: float
+    tendon_peak: float
+    max_strain: float
+    shortest: float
+    longest: float
+
+
+def fiber_work(
+    time: Array,
+    muscles: tuple[str, ...],
+    fibers: Fibers,
+    optimal: Mapping[str, float],
+    strides: Strides | None,
+) -> tuple[FiberWork, ...]:
+    """Work, powers, strains and lengths of every muscle in every stride of its own leg, or in the
+    whole recording. Frames near an end of the recording (`Fibers.transient`) and unsolved ones are
+    left out; a stride with less than two others is left out itself.
+    """
+    result = []
+    for m, name in enumerate(muscles):
+        spans = [
+            (index, stride.start, stride.stop)
+            for index, stride in enumerate(own_strides(name, strides), 1)
+        ]
+        for number, start, stop in spans or [(0, float(time[0]), float(time[-1]))]:
+            inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & ~fibers.transient
+            known = np.flatnonzero(inside & np.isfinite(fibers.fiber_powers[:, m]))
+            if len(known) < 2:
+                continue
+            fiber = fibers.fiber_powers[known, m]
+            tendon = fibers.tendon_powers[known, m]
+            lengths = fibers.lengths[known, m] / optimal[name]
+            result.append(
+                FiberWork(
+                    *(name, number, start, stop),
+                    *_work(time[known], fiber),
+                    *_work(time[known], tendon),
+                    *(
+                        float(fiber.max()),
+                        float(tendon.max()),
+                        float(fibers.tendon_strains[known, m].max()),
+                    ),
+                    *(float(lengths.min()), float(lengths.max())),
+                )
+            )
+    return tuple(result)
+
+
+def _work(time: Array, power: Array) -> tuple[float, float]:
+    """Positive and negative work [J], the latter as a positive number."""
+    each = (np.maximum(power, 0.0), np.maximum(-power, 0.0))
+    done, absorbed = (float(0.5 * (part[1:] + part[:-1]) @ np.diff(time)) for part in each)
+    return done, absorbed
+
+
+def write_fibers(
+    tension: Tension, model: Model, strides: Strides | None, output: StepOutput
+) -> tuple[str, ...]:
+    """Write fibers and tendons, their work over strides or the whole; returns notes. None for rigid
+    tendons.
+    """
+    fibers = tension.fibers
+    if fibers is None:
+        return ()
+    tables = (
+        ("fiber_lengths", "fiber lengths [m]", fibers.lengths),
+        ("fiber_velocities", "lengthening velocities of fibers [m/s]", fibers.velocities),
+        ("tendon_strains", "tendon strains", fibers.tendon_strains),
+        ("tendon_forces", "tendon forces [N]", tension.forces),
+        ("fiber_powers", "powers of fibers [W]", fibers.fiber_powers),
+        ("tendon_powers", "powers of tendons [W]", fibers.tendon_powers),
+    )
+    for name, title, values in tables:
+        facts = FrozenMap({"name": f"Muscle tensions: {title}"})
+        write_sto(
+            Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto"
+        )
+    optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
+    work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
+    names = [field.name for field in fields(FiberWork)]
+    units = (UNITS.get(name.rpartition("_")[2], "") for name in names)
+    head = (f"{name}_{unit}" if unit else name for name, unit in zip(names, units, strict=True))
+    write_csv(output.folder / WORK, head, map(astuple, work))
+    return fiber_notes(tension)
+
+
+def fiber_notes(tension: Tension) -> tuple[str, ...]:
+    """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons
+    strained too far.
+    """
+    fibers = tension.fibers
+    if fibers is None:
+        return ()
+    notes = []
+    stalled = np.flatnonzero(tension.status == STALLED)
+    if len(stalled):
+        first, last = tension.time[stalled[[0, -1]]]
+        notes.append(
+            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between"
+            f" {first:.3f} and {last:.3f} s (residual {fibers.certificate.residual:.2g}): forces"
+            " and fibers there are not to be believed; try frames at 100 Hz, or rigid tendons"
+        )
+    for fiber in fibers.unreachable[:MAX_NAMED]:
+        too_long = f"fibers would be {fiber.worst:.2f} optimal lengths long"
+        why = "the path is shorter than the slack tendon" if fiber.worst <= 0.0 else too_long
+        at = f"{tension.time[fiber.frame]:.3f} s (frame {fiber.frame})"
+        notes.append(f"{fiber.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
+    left = [fiber.muscle for fiber in fibers.unreachable[MAX_NAMED:]]
+    if left:
+        notes.append(
+            f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons:"
+            f" {', '.join(left)}"
+        )
+    every = solved_every(tension.time)
+    if every > 1 and tension.contacts is None:
+        notes.append(
+            f"one in {every} frames was solved ({FASTEST:.0f} a second at most); activations"
+            " between them are interpolated, and forces so too, changed as little as balances the"
+            " torques"
+        )
+    if fibers.bridged.any():
+        first, last = tension.time[np.flatnonzero(fibers.bridged)[[0, -1]]]
+        notes.append(
+            f"torques or coordinates are missing in {int(fibers.bridged.sum())} frames between"
+            f" {first:.3f} and {last:.3f} s: interpolated for the tendons' dynamics, without"
+            " results there"
+        )
+    inside = np.where(fibers.transient[:, None], np.nan, fibers.tendon_strains)
+    most = np.max(np.nan_to_num(inside, nan=-np.inf), axis=0, initial=-np.inf)
+    torn = np.flatnonzero(most > LARGE_STRAIN)
+    if len(torn):
+        worst = int(torn[np.argmax(most[torn])])
+        at = tension.time[int(np.nanargmax(inside[:, worst]))]
+        notes.append(
+            f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f} %,"
+            f" where tendons tear; most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at"
+            f" {at:.3f} s: its slack length does not fit"
+        )
+    return tuple(notes)
+
+
+def inside_ends(fibers: Fibers, values: Array) -> Array:
+    """Values with NaN where the start-up or the end can be felt."""
+    return np.where(fibers.transient[:, None], np.nan, values)
+
+
+def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
+    """Normalized fiber length, tendon strain and powers for tables of values and curves, ends left
+    out.
+    """
+    fibers = get_fibers(stored)
+    if fibers is None:
+        return ()
+    muscles = stored.names["muscle"]
+    optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
+    normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
+
+    def signals(
+        values: Array,
+        ending: str,
+        unit: str,
+        statistics: tuple[str, ...],
+        curve: str,
+        factor: float = 1.0,
+    ) -> Signals:
+        series = Series(stored.time, muscles, inside_ends(fibers, values))
+        return all_drawn("tension", series, ending, unit, statistics, curve, factor)
+
+    ends = ("minimum", "maximum")
+    mean = ("minimum", "maximum", "mean")
+    return (
+        signals(
+            normal, "_normalized_fiber_length", "1", (*ends, "range"), "normalized fiber length"
+        ),
+        signals(
+            fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0
+        ),
+        signals(fibers.fiber_powers, "_fiber_power", "W", mean, "fiber power [W]"),
+        signals(fibers.tendon_powers, "_tendon_power", "W", mean, "tendon power [W]"),
+    )
+
+
+def fiber_numbers(stored: Stored) -> Iterator[Value]:
+    """Greatest tendon strain, muscles on rigid tendons, and how sure the solution is."""
+    fibers = get_fibers(stored)
+    if fibers is None:
+        return
+    strains = inside_ends(fibers, fibers.tendon_strains)
+    if np.isfinite(strains).any():
+        yield Value(
+            step="tension",
+            quantity="tendon strain, largest",
+            value=float(np.nanmax(strains)),
+            unit="1",
+        )
+    yield Value(
+        step="tension",
+        quantity="muscles on rigid tendons",
+        value=float(len(fibers.rigid)),
+        unit="1",
+    )
+    yield Value(
+        step="tension",
+        quantity="muscles whose fibers cannot reach",
+        value=float(len(fibers.unreachable)),
+        unit="1",
+    )
+    yield Value(
+        step="tension", quantity="frames bridged", value=float(fibers.bridged.sum()), unit="1"
+    )
+    yield Value(
+        step="tension",
+        quantity="elastic tendons, residual",
+        value=fibers.certificate.residual,
+        unit="1",
+    )

@@ -1,0 +1,164 @@
+"""Results of trials as values, from the folders that a run, a step or a demo wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from myomorph.core.model.errors import from_extra
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
+from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.tension.tension import Tension, TensionOptions
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.results import Stored, read_result, result_files
+from myomorph.lab.store.uncertainty_store import get_uncertainty
+from myomorph.lab.uncertainty.spread import Uncertainty
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+
+@dataclass(frozen=True, eq=False)
+class TrialResult:
+    """What the steps found for one trial, each part None where its step was not run.
+
+    Attributes
+    ----------
+    path : of the result file
+    provenance : by step: inputs with their hashes, options, version, date
+    facts : texts about the trial: its name, its subject, notes
+    fit : of inverse kinematics: coordinates [rad, m] and marker errors [m]
+    motion : coordinates with velocities and accelerations, as forces were computed for them
+    torques : generalized forces of inverse dynamics (frames, coordinates) [N m, N]
+    wrenches : external forces as they were used
+    tension : activations, muscle forces [N], reserves
+    uncertainty : limits of the tables that hold 90 % of the draws, and what contributes to them
+    markers, emg : as recorded and used
+    """
+
+    path: Path
+    provenance: Mapping[str, Provenance]
+    facts: Mapping[str, str]
+    stored: Stored
+
+    @cached_property
+    def fit(self) -> KinematicsFit | None:
+        """Of inverse kinematics."""
+        return store.get_fit(self.stored)
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """Coordinates with derivatives; as fitted where no later step has filtered them."""
+        return store.get_derivatives(self.stored) or (None if self.fit is None else self.fit.motion)
+
+    @cached_property
+    def torques(self) -> Series | None:
+        """Generalized forces."""
+        return store.get_torques(self.stored)
+
+    @cached_property
+    def wrenches(self) -> Wrenches | None:
+        """External forces."""
+        return store.get_wrenches(self.stored)
+
+    @cached_property
+    def tension(self) -> Tension | None:
+        """Muscle tensions."""
+        return store.get_tension(self.stored, TensionOptions())
+
+    @cached_property
+    def uncertainty(self) -> Uncertainty | None:
+        """Limits of the results, and what contributes to them."""
+        return get_uncertainty(self.stored)
+
+    @cached_property
+    def markers(self) -> Markers | None:
+        """Recorded markers."""
+        return store.get_markers(self.stored)
+
+    @cached_property
+    def emg(self) -> Emg | None:
+        """Recorded excitations."""
+        return store.get_emg(self.stored)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Every variable of the result file, moment arms included, as one `xarray.Dataset`.
+
+        Raises
+        ------
+        MissingPackage
+            where xarray is not installed
+        """
+        # Only here: it brings pandas, which takes longer to import than most steps take to run.
+        xarray = from_extra("xarray", "xarray")
+        _ = from_extra("xarray", "h5netcdf")
+        return xarray.load_dataset(self.path, engine="h5netcdf")
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All that has one value a frame, a row a frame: columns are pairs of variable and name.
+
+        Raises
+        ------
+        MissingPackage
+            where xarray and pandas are not installed
+        """
+        dataset = self.to_xarray()
+        pandas = from_extra("xarray", "pandas")
+        parts = {
+            str(name): variable.to_pandas()
+            if variable.ndim == 2
+            else variable.to_pandas().to_frame("")
+            for name, variable in dataset.data_vars.items()
+            if variable.dims[:1] == ("time",) and variable.ndim <= 2
+        }
+        return pandas.concat(parts, axis=1)
+
+
+def load(folder: str | Path) -> Mapping[str, TrialResult]:
+    """The results in a folder that `run`, a step or a demo wrote, by subject and trial.
+
+    Values are read when they are first used; the models behind them are not needed.
+
+    Parameters
+    ----------
+    folder : of results, of a whole study, or one result file
+
+    Returns
+    -------
+    by name: the place of the result below the folder, e.g. "s01/walk1", or the trial's name in a
+    folder of one trial
+
+    Raises
+    ------
+    BadFile
+        where there are no results
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> results = mm.load("results")
+    >>> list(results)
+    ['s01/reach']
+    >>> results["s01/reach"].torques.names
+    ('shoulder_flexion', 'elbow_flexion')
+    """
+    folder = Path(folder)
+    results: dict[str, TrialResult] = {}
+    for path in result_files(folder):
+        stored = read_result(path, leave_out=("moment_arm",))
+        home = path.parent.relative_to(folder if folder.is_dir() else folder.parent)
+        name = (
+            path.stem
+            if home == Path()
+            else (home if home.name == path.stem else home / path.stem).as_posix()
+        )
+        results[name] = TrialResult(
+            path=path, provenance=stored.provenance, facts=stored.facts, stored=stored
+        )
+    return FrozenMap(results)

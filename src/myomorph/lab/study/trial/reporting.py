@@ -1,0 +1,380 @@
+"""From results to `report.html`: what was found, what it was made from, what is real and what is
+assumed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from myomorph import __version__
+from myomorph.core.io.parsing.text import write_csv, written
+from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.join import join_models
+from myomorph.core.model.model import Model
+from myomorph.core.model.provenance import Provenance, Source
+from myomorph.core.model.surface import Surface
+from myomorph.lab.analysis.gait_curves import GaitCurves
+from myomorph.lab.analysis.length_analysis import RANGE_HEAD, curve_rows, range_row
+from myomorph.lab.analysis.phases import Phase
+from myomorph.lab.analysis.presets import preset_of
+from myomorph.lab.report.page.parts import Note, PageHead, SourceFile, option_text
+from myomorph.lab.report.page.parts import Step as PageStep
+from myomorph.lab.report.scene.shapes import reduced
+from myomorph.lab.report.trial.gait_page import GAIT_PAGE, gait_page
+from myomorph.lab.report.trial.prepared import Prepared, prepare
+from myomorph.lab.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
+from myomorph.lab.report.trial.trial_page import prepared_page
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.results import STORED, Stored, file_source, read_result, result_files
+from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.study.step.step import large_variables, step_of
+from myomorph.lab.study.step.step_table import STEPS
+from myomorph.lab.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm_of
+from myomorph.lab.study.trial.together import object_model
+
+REPORT = "report.html"
+DEMO = "demo:"  # Begins the name of a model that a demo makes.
+
+ModelMaker = Callable[[str], Model]  # Makes a model by a name.
+
+NOT_IN_TABLES = ("coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
+"""Variables of results that no table of values comes from."""
+LENGTH_CURVES = "length_strides.csv"
+LENGTH_RANGES = "length_ranges.csv"
+
+
+def report_folder(
+    folder: str | Path,
+    preset: str = "",
+    times: Sequence[float] = (),
+    demo_model: ModelMaker | None = None,
+    norms: Sequence[str] = (),
+) -> list[Path]:
+    """Make `report.html` of every folder of results in a folder, or of the folder itself.
+
+    What a report says is described in docs/getting-started.md.
+
+    Parameters
+    ----------
+    folder : of results, of a trial or of a whole study
+    preset : how to look at the motion, see `presets`; "" as the results say
+    times : instants to picture [s], () for those of events
+    demo_model : makes the model of a demo by its name; without it results of demos are refused
+    norms : what the gait page holds a walk against: folders of results of a control group,
+        ("adults",) or ("none",); by default adults, for a body of their size
+
+    Returns
+    -------
+    the reports written
+
+    Raises
+    ------
+    BadFile
+        where there are no results, or the model they were made with is gone
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> [path.name for path in mm.report_folder("results")]
+    ['report.html']
+    """
+    if preset:
+        preset_of(preset)
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise BadFile(
+            folder, "is not a folder of results", "give the --out of run, muscles or tension"
+        )
+    homes = [folder] if any(folder.glob(f"*{STORED}")) else []
+    homes = homes or sorted({path.parent for path in result_files(folder)})
+    model = partial(model_of, demo_model=demo_model)
+    walks = GaitNorms.of(norms, model)
+    return [
+        _write(home, sorted(home.glob(f"*{STORED}")), preset, times, model, walks) for home in homes
+    ]
+
+
+def _write(
+    home: Path,
+    paths: Sequence[Path],
+    preset: str,
+    times: Sequence[float],
+    model: Callable[[Stored], Model],
+    norms: GaitNorms,
+) -> Path:
+    """The report of the results in one folder, whole or not at all."""
+    stored = joined([read_result(path, leave_out=large_variables()) for path in paths])
+    shown = report_input(stored, model(stored))
+    chosen = replace(shown.analysis, preset=preset or shown.analysis.preset, times=tuple(times))
+    return write_report(home, prepare(replace(shown, analysis=chosen)), norms)
+
+
+def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None) -> Path:
+    """Write `report.html`, whole or not at all, and where the motion is a walk the page on its gait
+    and muscle lengths of every stride.
+    """
+    texts = {REPORT: prepared_page(prepared)}
+    if prepared.gait is not None and prepared.results.model is not None:
+        person = prepared.results.recorded.subject
+        against = norms or GaitNorms()
+        norm, note = norm_of(against.names, prepared.results.model, person, against.controls)
+        texts[GAIT_PAGE] = gait_page(prepared, prepared.gait, norm, note)
+    analysis = prepared.lengths
+    if analysis is not None and analysis.ranges:
+        rows = curve_rows(analysis)
+        write_csv(home / LENGTH_CURVES, next(rows), rows)
+        write_csv(home / LENGTH_RANGES, RANGE_HEAD, map(range_row, analysis.ranges))
+    for name, text in texts.items():
+        with written(home / name) as stream:
+            stream.write(text)
+    return home / REPORT
+
+
+@dataclass(frozen=True)
+class GaitNorms:
+    """What walks are held against, and the strides of a control group by person."""
+
+    names: tuple[str, ...] = ()
+    controls: Mapping[str, Sequence[GaitCurves]] = field(default_factory=lambda: FrozenMap({}))
+
+    @classmethod
+    def of(cls, norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNorms:
+        """Names are checked, and folders read."""
+        names = checked_norms(norms)
+        controls = dict[str, list[GaitCurves]]()
+        folders = () if names in ((ADULTS,), (NO_NORM,)) else names
+        for path in (path for folder in folders for path in result_files(Path(folder))):
+            stored = read_result(path, leave_out=large_variables())
+            results = TrialResults(path, model(stored), stored, page=False)
+            if results.prepared.gait is not None:
+                controls.setdefault(stored.facts.get("subject", path.stem), []).append(
+                    results.prepared.gait
+                )
+        return cls(names, FrozenMap({person: tuple(parts) for person, parts in controls.items()}))
+
+
+class TrialResults:
+    """The results of a trial, read and prepared once, when first wanted; a page needs more than
+    tables of values.
+    """
+
+    def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
+        self.path = path
+        self.model = model
+        self._stored = stored
+        self._page = page
+        self._leave_out = (*large_variables(), *(() if page else NOT_IN_TABLES))
+
+    @cached_property
+    def stored(self) -> Stored:
+        """What the result file holds."""
+        return self._stored or read_result(self.path, leave_out=self._leave_out)
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        """What follows from it."""
+        return prepare(report_input(self.stored, self.model, self._page))
+
+
+def joined(parts: Sequence[Stored]) -> Stored:
+    """Several results of one recording as one."""
+    first = parts[0]
+    values = dict(first.values)
+    names = dict(first.names)
+    made = dict(first.provenance)
+    facts = dict(first.facts)
+    for part in parts[1:]:
+        if (
+            len(part.time) != len(first.time)
+            or np.max(np.abs(part.time - first.time), initial=0.0) > 1e-6
+        ):
+            raise BadData(
+                f"{part.path}: has {len(part.time)} frames from {part.time[:1]} s, but"
+                f" {first.path.name} {len(first.time)} from {first.time[:1]} s; keep the results of"
+                " one recording in a folder of their own"
+            )
+        values = values | dict(part.values)
+        names = names | dict(part.names)
+        made = made | dict(part.provenance)
+        facts = facts | dict(part.facts)
+    return Stored(path=first.path, values=values, names=names, provenance=made, facts=facts)
+
+
+def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
+    """The model that results were made with, read again; a demo's by its name."""
+    sources = list(
+        dict.fromkeys(
+            source
+            for made in stored.provenance.values()
+            for source in made.sources
+            if source.role == "model"
+        )
+    )
+    if not sources:
+        raise BadFile(
+            stored.path, "does not show which model it was made with", "run the steps again"
+        )
+    parts = json.loads(stored.facts.get("parts", "{}"))
+    if not parts:
+        return _source_model(sources[0], stored, demo_model)
+    by_name = {source.name: source for source in sources}
+    models = {
+        name: (
+            object_model(source)
+            if isinstance(source, dict)
+            else _source_model(by_name[source], stored, demo_model)
+        )
+        for name, source in parts.items()
+    }
+    return join_models(models, stored.facts["trial"])
+
+
+def _source_model(source: Source, stored: Stored, demo_model: ModelMaker | None) -> Model:
+    if source.name.startswith(DEMO) and demo_model is not None:
+        return demo_model(source.name.removeprefix(DEMO))
+    return open_model(source_file(source, stored))
+
+
+def source_file(source: Source, stored: Stored) -> Path:
+    """The file that results were made from, as it was then; raises `BadFile`."""
+    # A name that was given relative to a folder is looked for from the results upwards too.
+    places = dict.fromkeys(
+        [Path(source.name), *(parent / source.name for parent in stored.path.resolve().parents)]
+    )
+    there = [place for place in places if place.is_file()]
+    if not there:
+        raise BadFile(
+            source.name,
+            f"is gone, but the {source.role} is needed",
+            f"{stored.path} was made with it",
+        )
+    same = next(
+        (place for place in there if file_source(source.role, place).sha256 == source.sha256), None
+    )
+    if same is None:
+        raise BadFile(there[0], "has changed since the results were made", "run the steps again")
+    return same
+
+
+def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInput:
+    """What a report is made of, from results and their model; `drawn`: with the meshes that lie
+    beside the model's file, which tables of values need not.
+    """
+    facts = stored.facts
+    mass = stored.facts.get("mass", "")
+    notes = json.loads(facts.get("notes", "{}"))
+    truth = store.get_truth(stored)
+    head = PageHead(
+        title=": ".join(part for part in (facts.get("subject", ""), facts.get("trial", "")) if part)
+        or model.name,
+        date=max((made.date for made in stored.provenance.values()), default=""),
+        version=__version__,
+        notes=tuple(
+            Note(kind, text)
+            for kind in ("real", "simulated", "assumed")
+            for text in notes.get(kind, ())
+        ),
+        sources=_sources(stored.provenance),
+        steps=tuple(
+            _shown_step(step, stored) for step in STEPS["trial"] if step in stored.provenance
+        ),
+        warnings=(*json.loads(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
+    )
+    recorded = Recorded(
+        subject=facts.get("subject", ""),
+        facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
+        emg=store.get_emg(stored),
+        emg_muscles={
+            name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()
+        },
+        plates=store.get_plates(stored),
+        events=store.get_events(stored) or None,
+        truth=(
+            Truth(truth.get("motion"), truth.get("torques"), truth.get("activations"))
+            if truth
+            else None
+        ),
+    )
+    phases = tuple(
+        Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items()
+    )
+    choice = AnalysisChoice(
+        facts.get("preset", ""), phases, muscles=tuple(json.loads(facts.get("muscles", "[]")))
+    )
+    meshes: Mapping[str, Surface] = (
+        reduced_for_pictures(surfaces_of(model)) if drawn else FrozenMap({})
+    )
+    shown = ReportInput(head=head, model=model, surfaces=meshes, recorded=recorded, analysis=choice)
+    for step in STEPS["trial"]:
+        shown = step_of(step).show(shown, stored)
+    return shown
+
+
+MAX_TRIANGLES = 40000
+
+
+def surfaces_of(model: Model) -> Mapping[str, Surface]:
+    """Meshes of the model's bodies, as far as they lie beside its file."""
+    from myomorph.core.io.mesh import read_surfaces
+
+    source = Path(model.source)
+    if not model.source or not source.parent.is_dir():
+        return {}
+    folders = [source.parent, source.parent / "Geometry", source.parent / "geometry"]
+    return read_surfaces(model, [folder for folder in folders if folder.is_dir()])[0]
+
+
+def reduced_for_pictures(surfaces: Mapping[str, Surface]) -> Mapping[str, Surface]:
+    """Copies with no more triangles than pictures a few hundred pixels tall can show."""
+    sizes = [float(np.ptp(surface.vertices, axis=0).max()) for surface in surfaces.values()]
+    # A body is about four times as tall as its longest bone.
+    return dict(
+        zip(
+            surfaces,
+            reduced(list(surfaces.values()), 4.0 * max(sizes, default=0.0), MAX_TRIANGLES),
+            strict=True,
+        )
+    )
+
+
+def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
+    unique = dict.fromkeys(
+        (source.role, Path(source.name).name, source.sha256)
+        for each in made.values()
+        for source in each.sources
+    )
+    return tuple(SourceFile(*source) for source in unique)
+
+
+def _shown_step(step: str, stored: Stored) -> PageStep:
+    made = stored.provenance[step]
+    prefix = f"{step}."
+    told = {
+        name.removeprefix(prefix): value
+        for name, value in made.options.items()
+        if name.startswith(prefix)
+    }
+    options = {name: option_text(value) for name, value in told.items()}
+    time = made.options.get("time")
+    if isinstance(time, list):
+        options["time"] = f"{time[0]:g} to {time[1]:g} s"
+    return PageStep(
+        name=step_of(step).title, options=options, seconds=None, frames=len(stored.time)
+    )
+
+
+def _mass_warning(mass: str, model: Model) -> list[str]:
+    """A sentence where the subject's mass is not the model's: masses are not scaled by these steps."""
+    if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
+        return []
+    return [
+        f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques belong"
+        " to the model's mass"
+    ]

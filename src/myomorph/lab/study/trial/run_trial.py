@@ -1,0 +1,347 @@
+"""The steps of one recording and their results in its folder: one file, tables of values and a
+report.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Self
+
+from myomorph.core.model.provenance import Provenance
+from myomorph.lab.store import results as store
+from myomorph.lab.store.netcdf import HeldFile, open_netcdf
+from myomorph.lab.store.outcome import Outcome, failed
+from myomorph.lab.study.step.job_steps import JobSteps, run_steps
+from myomorph.lab.study.step.step import StepOutput, large_variables, step_of, trial_steps
+from myomorph.lab.study.step.step_table import REPORT, STEPS
+from myomorph.lab.study.trial import trial_step
+from myomorph.lab.study.trial.reporting import TrialResults, write_report
+from myomorph.lab.study.trial.tidy import write_trial_values
+from myomorph.lab.study.trial.trial_inputs import TrialInputs
+from myomorph.lab.study.workers.ahead import Ahead, compile_ahead, wraps_of
+
+PARTS = ".steps"
+PART = f"step{store.STORED}"
+VALUES = "values.csv"
+HELD_FRAMES = 1000
+"""Steps of longer recordings go to disk as they are computed, however fast that is: they may not
+fit in memory.
+"""
+# Steps that took longer go to disk at once, so that a process that is killed leaves them.
+HELD_SECONDS = 1.0
+
+_LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
+
+
+class TrialSteps(JobSteps):
+    """Steps of one recording, whose results go into one file in its folder; `results` are known
+    before the first.
+    """
+
+    def __init__(
+        self,
+        trial: TrialInputs,
+        asked: Sequence[str],
+        folder: Path,
+        fresh: bool = False,
+        results: trial_step.StepResults | None = None,
+    ):
+        self.trial = trial
+        self.folder = folder
+        self.fresh = fresh
+        self.outcome = Outcome(trial.subject, trial.name, folder)
+        self.steps = tuple(step for step in STEPS["trial"] if step in asked)
+        self.reports = REPORT in asked
+        self.parts = folder / PARTS
+        self.stored = folder / f"{store.file_name(trial.name)}{store.STORED}"
+        self.results = results or trial_step.StepResults()
+        self._files, self._made = ({}, {}) if fresh else self._earlier()
+        self._waiting: list[str] = []
+        markers = trial.recording.markers
+        short = markers is not None and len(markers) <= HELD_FRAMES
+        self._held = _Held(self.parts, short and not self._files and not self.stored.exists())
+        self._ahead: Ahead | None = None
+
+    def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
+        """The file that holds the result of each step, and what that was made from."""
+        stored = store.stored_provenance(self.stored)
+        made = {step: provenance for step, provenance in stored.items() if step in STEPS["trial"]}
+        files = dict.fromkeys(made, self.stored)
+        for step in STEPS["trial"]:
+            part = self.parts / step / PART
+            provenance = store.stored_provenance(part).get(step)
+            if provenance is not None:
+                made[step] = provenance
+                files[step] = part
+        return files, made
+
+    def provenance(self, step: str) -> Provenance:
+        """What a step's result would be made from now."""
+        return trial_step.step_provenance(step_of(step), self.trial)
+
+    def earlier(self, step: str) -> Provenance | None:
+        """What an earlier run made a step's result from."""
+        return self._made.get(step)
+
+    def all_reasons(self, steps: Sequence[str]) -> dict[str, tuple[str, ...]]:
+        """By step, why a run would compute it; of the report, which is no result, too."""
+        reasons = super().all_reasons([step for step in STEPS["trial"] if step in steps])
+        if REPORT in steps:
+            computed = any(reasons.values())
+            reason = ("its results are new",) if computed else ("what it contains has changed",)
+            made = not computed and trial_step.report_is_made(
+                self.folder, self.trial, tuple(reasons)
+            )
+            reasons[REPORT] = () if made else reason
+        return reasons
+
+    def unchanged(self, steps: Sequence[str]) -> Outcome | None:
+        """The outcome of a trial whose folder is what a run would leave it as; its file is opened
+        once.
+        """
+        expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
+        if self.parts.exists() or not all(
+            (self.folder / name).is_file() for name in (self.stored.name, *expected)
+        ):
+            return None
+        values = [step_of(step) for step in self.steps]
+        with open_netcdf(self.stored) as file:
+            made = store.made_from(file.attributes)
+            # A step that nobody asks for now is for a run to keep or to remove.
+            key = trial_step.report_key(self.trial, self.steps)
+            if set(made) != set(self.steps) or file.attributes.get(trial_step.KEY, "") != key:
+                return None
+            if any(made[step].key != self.provenance(step).key for step in self.steps):
+                return None
+            telling = [step for step in values if step.outcome is not None]
+            stored = store.stored_values(
+                self.stored,
+                file,
+                only=[name for step in telling for name in step.outcome_variables],
+            )
+        clear_leftovers(self.folder)
+        done = (*self.steps, REPORT) if self.reports else self.steps
+        results = trial_step.StepResults(
+            *(step.read(stored, self.trial.options) for step in telling)
+        )
+        return with_results(replace(self.outcome, done=done, reused=done), results)
+
+    def __enter__(self) -> Self:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        clear_leftovers(self.folder)
+        if self.fresh:
+            shutil.rmtree(self.parts, ignore_errors=True)
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        if self._ahead is not None:
+            self._ahead.stop()
+        if raised[0] is not None:
+            self._held.keep()
+
+    def compute(self, step: str) -> None:
+        """Run a step with the results before it."""
+        if self._ahead is None:
+            self._ahead = compile_ahead(
+                self.steps[self.steps.index(step) :], wraps_of(self.trial.model)
+            )
+        self._ahead.wait(step)
+        shutil.rmtree(self.parts / step, ignore_errors=True)
+        value = step_of(step)
+        with (
+            store.whole_folder(self.parts / step) as temporary,
+            self._held.writer(step, temporary) as writer,
+        ):
+            known = self._having(*value.needs, *value.uses)
+            self.results = trial_step.run_step(
+                value, self.trial, known, StepOutput(writer, temporary)
+            )
+
+    def reuse(self, step: str) -> None:
+        """Use what an earlier run found; it is read where a later step needs it."""
+        self._waiting.append(step)
+
+    def _having(self, *kinds: type) -> trial_step.StepResults:
+        """What was found, results of these types included."""
+        for step in [name for name in self._waiting if step_of(name).gives in kinds]:
+            stored = store.read_result(self._files[step], leave_out=large_variables())
+            self.results = self.results.having(step_of(step).read(stored, self.trial.options))
+            self._waiting.remove(step)
+        return self.results
+
+    def end(self, outcome: Outcome) -> Outcome:
+        """Put the results into one file, and make the tables and the report of it."""
+        if self._ahead is not None:
+            self._ahead.stop()
+        if not outcome.done:
+            return outcome
+        try:
+            self._having(*(step.gives for step in trial_steps() if step.outcome is not None))
+            held = self._gather(outcome)
+            shown = TrialResults(self.stored, self.trial.model, held, self.reports)
+            outcome = with_results(outcome, self.results)
+            if outcome.timed or not (self.folder / VALUES).is_file():
+                write_trial_values(shown, outcome)
+        except Exception as error:
+            self._held.keep()
+            lost = () if self.stored.is_file() else self._held.lost
+            done = tuple(step for step in outcome.done if step not in lost)
+            timed = tuple((step, seconds) for step, seconds in outcome.timed if step not in lost)
+            return failed(replace(outcome, done=done, timed=timed), error, "results")
+        return _report(self.trial, outcome, shown) if self.reports else outcome
+
+    def _gather(self, outcome: Outcome) -> store.Stored | None:
+        """Move the steps' tables up and put their values, and those reused, into one file; returns
+        what it holds, where all was in memory.
+
+        Results of steps that nobody asks for now stay as long as they would come out the same. The
+        order is that of the steps, whichever of them were reused, so that the file is the same
+        either way. The tables of muscle paths, of which there are many, get a folder of their own.
+        """
+        held = self._held
+        parts = self.parts
+        fresh = [
+            step for step in outcome.done if step in held.files or (parts / step / PART).is_file()
+        ]
+        others = [step for step in self._files if step not in self.steps and not self.reasons(step)]
+        lost = [step for step in self._files if step not in outcome.done and step not in others]
+        if not fresh and not lost and trial_step.same_report(self.folder, self.trial, outcome.done):
+            return None
+        whole = HeldFile() if held.allowed else None
+        every = [step for step in STEPS["trial"] if step in outcome.done or step in others]
+        with store.new_result(self.stored) as writer:
+            gathered = writer if whole is None else store.ResultWriter(whole)
+            if whole is not None:
+                whole.attributes |= store.WHOSE
+            trial_step.keep_facts(gathered, self.trial, outcome.done)
+            for step in every:
+                if step in held.files:
+                    gathered.take(held.files[step], (step,))
+                else:
+                    gathered.copy(
+                        parts / step / PART if step in fresh else self._files[step], (step,)
+                    )
+            gathered.gather_remarks(every, self.trial.warnings)
+            if whole is not None:
+                writer.take(whole, every)
+                # Before the file has its name: whoever finds it there finds the tables, too.
+                _move_tables(fresh, parts, self.folder)
+            # A report and values of the results before must not stand beside those that come now.
+            for name in (trial_step.PAGE, VALUES):
+                (self.folder / name).unlink(missing_ok=True)
+        if whole is None:
+            _move_tables(fresh, parts, self.folder)
+        if parts.is_dir():
+            # Gone at once, so that a run that is killed meanwhile finds all of it or nothing.
+            away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=self.folder))
+            os.replace(parts, away / "steps")
+            shutil.rmtree(away, ignore_errors=True)
+        return None if whole is None else store.stored_values(self.stored, whole)
+
+
+def run_trial(
+    trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False
+) -> Outcome:
+    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and
+    `report.html`. A step whose inputs, options and version are those of an earlier run is reused.
+    Where a step fails, what the steps before it found is kept.
+    """
+    job = TrialSteps(trial, steps, folder, fresh)
+    return run_steps(job, job.steps)
+
+
+class _Held:
+    """Values of quick steps in memory until they are put into one file, where no earlier run left
+    anything to lose.
+    """
+
+    def __init__(self, parts: Path, allowed: bool):
+        self.parts = parts
+        self.allowed = allowed
+        self.files: dict[str, HeldFile] = {}
+
+    @contextmanager
+    def writer(self, step: str, folder: Path) -> Iterator[store.ResultWriter]:
+        """Take what a step finds, for a folder of its own."""
+        if not self.allowed:
+            with store.new_result(folder / PART, step) as writer:
+                yield writer
+            return
+        file = HeldFile()
+        started = time.monotonic()
+        yield store.ResultWriter(file, step)
+        self.files[step] = file
+        if time.monotonic() - started > HELD_SECONDS:
+            self._store(step, folder)
+
+    def _store(self, step: str, folder: Path) -> None:
+        with store.new_result(folder / PART) as writer:
+            writer.take(self.files[step], (step,))
+
+    def keep(self) -> None:
+        """Write what is only here: this run is interrupted."""
+        for step in self.files:
+            folder = self.parts / step
+            if folder.is_dir() and not (folder / PART).exists():
+                with suppress(OSError):
+                    self._store(step, folder)
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Steps that are nowhere but here, although they were to be kept: nothing more can be
+        written.
+        """
+        return tuple(step for step in self.files if not (self.parts / step / PART).is_file())
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove what a process that was killed had not finished: files and folders with temporary
+    names.
+    """
+    for home in (folder, folder / PARTS):
+        for path in home.iterdir() if home.is_dir() else ():
+            if not _LEFTOVER.match(path.name):
+                continue
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+
+def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
+    """Move the tables of steps into a trial's folder."""
+    for step in steps:
+        home = folder / step_of(step).tables
+        home.mkdir(exist_ok=True)
+        for path in sorted((parts / step).iterdir()):
+            if path.name != PART:
+                os.replace(path, home / path.name)
+
+
+def with_results(outcome: Outcome, results: trial_step.StepResults) -> Outcome:
+    """An outcome with what results tell of the trial, as its frames and marker errors."""
+    for step in trial_steps():
+        result = results.get(step.gives)
+        if step.outcome is not None and result is not None:
+            outcome = step.outcome(outcome, result)
+    return outcome
+
+
+def _report(trial: TrialInputs, outcome: Outcome, results: TrialResults) -> Outcome:
+    if not outcome.timed and trial_step.report_is_made(outcome.folder, trial, outcome.done):
+        return replace(outcome, done=(*outcome.done, REPORT), reused=(*outcome.reused, REPORT))
+    started = time.monotonic()
+    try:
+        write_report(outcome.folder, results.prepared)
+    except Exception as error:
+        return outcome if outcome.error else failed(outcome, error, REPORT)
+    timed = (*outcome.timed, (REPORT, time.monotonic() - started))
+    return replace(outcome, done=(*outcome.done, REPORT), timed=timed)

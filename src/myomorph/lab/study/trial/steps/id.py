@@ -1,0 +1,359 @@
+"""Inverse dynamics of a trial: the generalized force of every coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series, Table, Wrenches
+from myomorph.core.model.soft_tissue import SoftTissue
+from myomorph.core.motion.automatic_cutoff import automatic_cutoff
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.sync import cut, resample_wrenches, torques_at
+from myomorph.core.motion.turns import floating_coordinates
+from myomorph.core.rigid.dynamics import inverse_dynamics
+from myomorph.core.rigid.loops import closed_motion, loop_torques
+from myomorph.lab.report.trial.report_input import Dynamics, ReportInput
+from myomorph.lab.report.trial.summary_lines import dynamics_line
+from myomorph.lab.report.trial.tables import residuals
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.results import Stored, get_findings, put_findings
+from myomorph.lab.store.settings import Differentiation, ForceOptions, TorqueTable
+from myomorph.lab.study.inputs.input import ByType, OptionSet
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.inputs.reading import has_mass
+from myomorph.lab.study.inputs.refined import RefinedMotion
+from myomorph.lab.study.inputs.torques import RecordedTorques
+from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
+from myomorph.lab.study.trial.steps.ik import Poses
+from myomorph.lab.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value, all_drawn
+
+if TYPE_CHECKING:
+    from myomorph.lab.study.trial.trial_strides import TrialStrides
+
+
+FINDINGS = "force_findings"  # Findings about external forces in a result file.
+
+
+MAX_EFFECT = 0.25
+"""Change of the largest joint torque by a filter at twice the automatic cutoff, from which noise
+may make it.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Torques:
+    """Generalized forces (frames, coordinates) [N m or N] of a motion, filtered where asked for,
+    with derivatives; external forces at its times, as measured.
+    """
+
+    motion: Motion
+    torques: Series
+    wrenches: Wrenches | None
+    notes: tuple[str, ...] = ()
+
+
+def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
+    """Cutoff [Hz] for a motion and its forces, None for none; a refined motion is changed only by a
+    lower one.
+    """
+    cutoff = trial.options[Differentiation].cutoff
+    refined = trial.get(RefinedMotion)
+    if refined is not None and (cutoff is None or cutoff >= refined.cutoff):
+        return None
+    return automatic_cutoff(recorded) if cutoff is None else cutoff or None
+
+
+def filter_summary(trial: TrialInputs, recorded: Motion, dynamics: Torques | None = None) -> str:
+    """What the motion was filtered with where nobody said it, and what depends on that, as the end
+    of a line.
+    """
+    if trial.options[Differentiation].cutoff is not None:
+        return ""
+    cutoff = cutoff_of(trial, recorded)
+    if cutoff is None:
+        return "; smooth motion, not filtered"
+    effect = "automatic"
+    if dynamics is not None and trial.get(RecordedTorques) is None:
+        half, double = filter_effect(trial, recorded, dynamics)
+        effect += (
+            f"; largest joint torque {round(100 * half):+d} % at half of it,"
+            f" {round(100 * double):+d} % at double"
+        )
+    return f"; low-pass filter at {cutoff:.3g} Hz ({effect})"
+
+
+def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> tuple[float, float]:
+    """By what share half and double of an automatic cutoff change the largest torque of a joint; 0
+    without one.
+    """
+    cutoff = (
+        None if trial.options[Differentiation].cutoff is not None else cutoff_of(trial, recorded)
+    )
+    if cutoff is None or trial.get(RecordedTorques) is not None:
+        return 0.0, 0.0
+    root = floating_coordinates(trial.model)
+    turning = [c.motion == "rotational" and c.name not in root for c in trial.model.coordinates]
+    largest = float(np.nanmax(np.abs(dynamics.torques.values[:, turning]), initial=0.0))
+    half = solve_dynamics(
+        replace(trial, options=trial.options.having(Differentiation(0.5 * cutoff))), recorded
+    ).torques
+    double = solve_dynamics(
+        replace(trial, options=trial.options.having(Differentiation(2.0 * cutoff))), recorded
+    ).torques
+    changed = (
+        float(np.nanmax(np.abs(torques.values[:, turning]), initial=0.0))
+        for torques in (half, double)
+    )
+    low, high = (value / largest - 1.0 if largest > 0.0 else 0.0 for value in changed)
+    return low, high
+
+
+def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with velocities and accelerations, cut to the time that is used, with closed loops
+    closed; and notes. Where soft tissue is known, it is that of the body's mass; a refined motion
+    is that already. Derivatives are taken of all frames first, as OpenSim does, so the cut leaves
+    no edges.
+    """
+    motion = differentiate(recorded, cutoff_of(trial, recorded))
+    tissue = trial.get(SoftTissue)
+    if tissue is not None and trial.get(RefinedMotion) is None:
+        motion = tissue.of(motion)
+    return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
+
+
+def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
+    """Inverse dynamics, forces filtered as the motion, of one in `step` frames; or the torques that
+    a file gives.
+    """
+    recorded_torques = trial.get(RecordedTorques)
+    loads = trial.get(ExternalLoads)
+    if recorded_torques is not None:
+        motion, notes = with_derivatives(trial, recorded)
+        motion = motion.frames(slice(None, None, step))
+        notes = (
+            *notes,
+            "joint torques are those of the file that was given: no inverse dynamics was computed",
+        )
+        return Torques(
+            motion=motion,
+            torques=torques_at(recorded_torques.torques, motion),
+            wrenches=None,
+            notes=notes,
+        )
+    has_mass(trial.model, "inverse dynamics")
+    motion, notes = with_derivatives(trial, recorded)
+    motion = motion.frames(slice(None, None, step))
+    wrenches = None
+    if loads is not None:
+        wrenches = resample_wrenches(loads.of(recorded), motion.time, cutoff_of(trial, recorded))
+        notes = (*wrenches.notes, *notes)
+    return Torques(
+        motion=motion,
+        torques=inverse_dynamics(trial.model, motion, wrenches),
+        wrenches=wrenches,
+        notes=notes,
+    )
+
+
+def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
+    """Write a motion with its derivatives, generalized and external forces, and findings about
+    these, into a file.
+    """
+    if torques.wrenches is not None and torques.wrenches.findings:
+        put_findings(output.writer, FINDINGS, torques.wrenches.findings)
+    store.put_derivatives(output.writer, torques.motion, model)
+    store.put_torques(output.writer, torques.torques, torques.wrenches)
+
+
+def shown_torques(trial: TrialInputs, result: Torques) -> Series:
+    """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
+    torques = result.torques
+    options = trial.options[TorqueTable]
+    if options.net:
+        from myomorph.core.muscles.passive import passive_generalized_forces
+
+        passive = passive_generalized_forces(trial.model, result.motion).values
+        torques = replace(torques, values=torques.values - passive)
+    if options.independent_coordinates:
+        torques = loop_torques(trial.model, result.motion, torques).torques
+    return torques
+
+
+def torque_table(torques: Series, model: Model) -> Table:
+    """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`,
+    `pelvis_tx_force`.
+    """
+    endings = {"rotational": "moment", "translational": "force", "coupled": "force"}
+    names = tuple(f"{name}_{endings[model.coordinate(name).motion]}" for name in torques.names)
+    facts = FrozenMap({"name": "Inverse Dynamics Generalized Forces"})
+    return Table(torques.time, names, torques.values, facts=facts)
+
+
+def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
+    dynamics = solve_dynamics(trial, poses.recorded)
+    _, double = filter_effect(trial, poses.recorded, dynamics)
+    if abs(double) > MAX_EFFECT:
+        change = f"{100.0 * double:+.0f} %"
+        text = (
+            f"double the automatic cutoff changes the largest joint torque by {change}: see"
+            " --cutoff"
+        )
+        dynamics = replace(dynamics, notes=(*dynamics.notes, text))
+    write_sto(
+        torque_table(shown_torques(trial, dynamics), trial.model), output.folder / "torques.sto"
+    )
+    put_dynamics(output, dynamics, trial.model)
+    return dynamics
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """What is done with forces counts where it is not the default: results from before there were
+    checks still hold.
+    """
+    options = trial.options
+    forces = options[ForceOptions]
+    return (
+        options[Differentiation],
+        options[TorqueTable],
+        *(() if forces == ForceOptions() else (forces,)),
+    )
+
+
+def _read(stored: Stored, options: OptionSet) -> Torques | None:
+    motion = store.get_derivatives(stored)
+    torques = store.get_torques(stored)
+    if motion is None or torques is None:
+        return None
+    wrenches = store.get_wrenches(stored)
+    if wrenches is not None:
+        wrenches = replace(wrenches, findings=get_findings(stored, FINDINGS))
+    return Torques(motion, torques, wrenches)
+
+
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
+    report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
+    forces = store.get_torques(stored), store.get_wrenches(stored)
+    dynamics = Dynamics(*forces, stored.facts.get("root_note", ""), store.get_derivatives(stored))
+    return replace(report_input, dynamics=dynamics)
+
+
+def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
+    """Torques, named as OpenSim names them, and vertical forces on each body."""
+    torques = store.get_torques(stored)
+    signals = []
+    if torques is not None:
+        rotating = [model.coordinate(name).motion == "rotational" for name in torques.names]
+        endings = tuple("_moment" if turns else "_force" for turns in rotating)
+        units = tuple("N m" if turns else "N" for turns in rotating)
+        per = np.full(len(units), 1.0 / mass if mass > 0.0 else 1.0)
+        curve = f"joint torque [{'N·m/kg' if mass > 0.0 else 'N·m'}]"
+        drawn = tuple(np.flatnonzero(rotating).tolist())
+        signals.append(
+            Signals(
+                step="id",
+                series=torques,
+                endings=endings,
+                units=units,
+                statistics=EXTREMES,
+                curve=curve,
+                factor=per,
+                drawn=drawn,
+            )
+        )
+    return *signals, *_ground_forces(store.get_wrenches(stored), model)
+
+
+def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]:
+    if wrenches is None or not len(wrenches.names) or not model.weight > 0.0:
+        return ()
+    bodies = tuple(dict.fromkeys(wrenches.bodies))
+    upward = np.nan_to_num(wrenches.forces @ np.asarray(model.up))
+    sums = [upward[:, [body == other for other in wrenches.bodies]].sum(axis=1) for body in bodies]
+    series = Series(wrenches.time, bodies, np.column_stack(sums))
+    made = all_drawn(
+        "id", series, "_vertical_force", "N", ("maximum", "mean"), "vertical force [body weight]"
+    )
+    return (replace(made, factor=made.factor / model.weight),)
+
+
+def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
+    """Residuals at a free root."""
+    torques = store.get_torques(stored)
+    root = None if torques is None else residuals(model, torques)
+    for name, values, unit in zip(("force", "moment"), root or (), ("N", "N m"), strict=False):
+        yield Value(
+            step="id",
+            quantity=f"residual {name}, largest",
+            value=float(np.nanmax(values)),
+            unit=unit,
+        )
+        yield Value(
+            step="id",
+            quantity=f"residual {name}, RMS",
+            value=float(np.sqrt(np.nanmean(values**2))),
+            unit=unit,
+        )
+
+
+def _outcome(outcome: Outcome, torques: Torques) -> Outcome:
+    """What checks of external forces found."""
+    texts = () if torques.wrenches is None else tuple(map(str, torques.wrenches.findings))
+    return replace(outcome, findings=(*outcome.findings, *texts))
+
+
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """Frames, residuals of the root, and the filter."""
+    found = results[Torques]
+    count = 0 if found.wrenches is None else len(found.wrenches.names)
+    text = (
+        f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {count} external"
+        " forces"
+    )
+    residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
+    return (
+        text
+        + (f"; {residual}" if residual else "")
+        + filter_summary(trial, results[Poses].recorded, found)
+    )
+
+
+STEP = Step(
+    name="id",
+    title="inverse dynamics",
+    gives=Torques,
+    needs=(Poses,),
+    options=(Differentiation, ForceOptions, TorqueTable),
+    inputs=("loads", "laboratory", "soft tissue", "time"),
+    hashed=_hashed,
+    run=_run,
+    read=_read,
+    show=_show,
+    signals=_signals,
+    numbers=_numbers,
+    outcome=_outcome,
+    outcome_variables=(
+        *(
+            "time",
+            "coordinate",
+            "coordinate_filtered",
+            "generalized_force",
+            "axis",
+            "external_force",
+        ),
+        *(
+            "external_force_body",
+            "external_force_vector",
+            "external_force_point",
+            "external_free_torque",
+        ),
+    ),
+    command=StepCommand(_line, "torques.sto", draws=True),
+)

@@ -1,0 +1,197 @@
+"""Muscle lengths, velocities and moment arms of a motion, straight into files: memory does not grow
+with frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series, Table
+from myomorph.core.motion.sync import cut
+from myomorph.core.muscles.kinematics import ReportedPaths
+from myomorph.core.muscles.path import compile_paths
+from myomorph.core.rigid.loops import closed_motion
+from myomorph.lab.report.trial.report_input import MusclePaths, ReportInput
+from myomorph.lab.report.trial.summary_lines import muscles_line
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.progress import progress
+from myomorph.lab.store.results import ResultWriter, Stored, file_name
+from myomorph.lab.store.settings import Differentiation
+from myomorph.lab.study.inputs.input import ByType, OptionSet
+from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
+from myomorph.lab.study.trial.steps.id import Torques, filter_summary, with_derivatives
+from myomorph.lab.study.trial.steps.ik import Poses
+from myomorph.lab.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, all_drawn
+
+BLOCK = 512  # Frames that are in memory at a time.
+
+
+def write_muscles(
+    model: Model, motion: Motion, recorded: Motion, writer: ResultWriter, folder: Path, title: str
+) -> str:
+    """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto` of a motion with
+    velocities, and the same into a result; returns what was found, in one line.
+
+    Moment arms belong to the motion, as tensions do; lengths are those of the frames as recorded: a
+    filter cuts off turning points, and noise shows in velocities alone. Only pairs of a muscle and
+    a coordinate that can have a moment arm are computed and written; a coordinate that no muscle
+    crosses gets no file. Frames without coordinates (NaN) stay NaN.
+    """
+    paths = ReportedPaths(model)
+    stored = _variables(writer, model, motion, paths.pairs)
+    lengths, velocities = (np.empty((len(motion), len(model.muscles))) for _ in range(2))
+    with progress(title, len(motion)) as advance:
+        for start in range(0, len(motion), BLOCK):
+            part = slice(start, min(start + BLOCK, len(motion)))
+            _, velocities[part], stored[part] = paths.evaluate(motion, part, advance)
+            lengths[part] = paths.evaluate(recorded, part)[0]
+    by_muscle = ("time", "muscle")
+    writer.put("muscle_length", by_muscle, lengths, "m", "length of the muscle-tendon path")
+    writer.put(
+        "muscle_velocity",
+        by_muscle,
+        velocities,
+        "m/s",
+        "lengthening velocity of the muscle-tendon path",
+    )
+    _table(motion, model.muscle_names, lengths, "Lengths", folder / "lengths.sto")
+    _table(motion, model.muscle_names, velocities, "Velocities", folder / "velocities.sto")
+    _arm_tables(motion, paths.pairs, stored, folder)
+    return muscles_line(model, motion.time, lengths, velocities)
+
+
+def _variables(
+    writer: ResultWriter, model: Model, motion: Motion, crossing: Sequence[tuple[str, str]]
+) -> Any:
+    """The variable of moment arms, its columns the pairs of muscle and coordinate that can have
+    one.
+    """
+    writer.time(motion.time)
+    writer.names("muscle", model.muscle_names)
+    writer.sizes("crossing", len(crossing))
+    writer.texts("crossing_muscle", "crossing", [muscle for muscle, _ in crossing])
+    writer.texts("crossing_coordinate", "crossing", [coordinate for _, coordinate in crossing])
+    meaning = "moment arm -d(length)/d(coordinate) of crossing_muscle about crossing_coordinate"
+    return writer.create("moment_arm", ("time", "crossing"), "m", meaning)
+
+
+def _arm_tables(
+    motion: Motion, crossing: Sequence[tuple[str, str]], arms: Any, folder: Path
+) -> None:
+    """One table a coordinate, its columns the muscles that cross it; pairs are in order of
+    coordinates.
+    """
+    start = 0
+    for coordinate, pairs in groupby(crossing, key=itemgetter(1)):
+        names = tuple(muscle for muscle, _ in pairs)
+        columns = slice(start, start := start + len(names))
+        title = f"Moment arms about {coordinate}"
+        _table(
+            motion,
+            names,
+            arms[:, columns],
+            title,
+            folder / f"moment_arms_{file_name(coordinate)}.sto",
+        )
+
+
+def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:
+    write_sto(Table(motion.time, names, values, facts=FrozenMap({"name": title})), path)
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleLengths:
+    """Lengths and velocities (frames, muscles) [m], [m/s] of muscle-tendon paths, None where they
+    are in the file alone; moment arms stay there. `summary` is what a command prints, "" where the
+    result was read back.
+    """
+
+    lengths: Series | None = None
+    velocities: Series | None = None
+    notes: tuple[str, ...] = ()
+    summary: str = ""
+
+
+def _run(
+    trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None
+) -> MuscleLengths:
+    notes: tuple[str, ...] = ()
+    if torques is None:
+        motion, notes = with_derivatives(trial, poses.recorded)
+        store.put_derivatives(output.writer, motion, trial.model)
+    else:
+        motion = torques.motion
+    recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
+    exact = closed_motion(trial.model, Motion(recorded.time, recorded.names, recorded.values))[
+        0
+    ].values
+    recorded = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
+    title = f"{trial.name}: muscle paths"
+    kinematics = write_muscles(trial.model, motion, recorded, output.writer, output.folder, title)
+    return MuscleLengths(notes=notes, summary=kinematics)
+
+
+def _read(stored: Stored, options: OptionSet) -> MuscleLengths | None:
+    lengths = _by_muscle(stored, "muscle_length")
+    return (
+        None if lengths is None else MuscleLengths(lengths, _by_muscle(stored, "muscle_velocity"))
+    )
+
+
+def _by_muscle(stored: Stored, name: str) -> Series | None:
+    values = stored.values.get(name)
+    return None if values is None else Series(stored.time, stored.names["muscle"], values)
+
+
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
+    crossed = tuple(dict.fromkeys(stored.names.get("crossing_coordinate", ())))
+    if not crossed and report_input.model is not None and report_input.model.muscles:
+        # No step wrote moment arms: the paths tell which coordinates at least one muscle crosses.
+        used = sorted(set(compile_paths(report_input.model).arm_coordinate.tolist()))
+        crossed = tuple(report_input.model.coordinate_names[j] for j in used)
+    shown = MusclePaths(
+        _by_muscle(stored, "muscle_length"), _by_muscle(stored, "muscle_velocity"), crossed
+    )
+    return replace(report_input, muscles=shown)
+
+
+def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
+    lengths = _by_muscle(stored, "muscle_length")
+    if lengths is None:
+        return ()
+    return (all_drawn("muscles", lengths, "_length", "m", EXTREMES, "muscle length [mm]", 1000.0),)
+
+
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """The ranges of lengths, and the filter."""
+    return results[MuscleLengths].summary + filter_summary(trial, results[Poses].recorded)
+
+
+STEP = Step(
+    name="muscles",
+    title="muscle paths",
+    gives=MuscleLengths,
+    needs=(Poses,),
+    uses=(Torques,),
+    inputs=("time",),
+    options=(Differentiation,),
+    roles=("model", "markers", "tasks", "motion", "imu", "refined motion", "soft tissue"),
+    run=_run,
+    read=_read,
+    show=_show,
+    signals=_signals,
+    large=("moment_arm",),
+    tables="muscles",
+    command=StepCommand(_line),
+)

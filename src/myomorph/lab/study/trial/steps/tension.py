@@ -1,0 +1,505 @@
+"""Muscle tensions of a trial: alone, with unmeasured contacts, and with EMG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from myomorph.body.sensors.sensor_kinematics import SensorRecording
+from myomorph.body.tension.task import (
+    EmgRecording,
+    TensionTask,
+    added_reserves,
+    contact_warnings,
+    evenly_spaced,
+    tension_task,
+)
+from myomorph.core.contact.plan import ContactPlan
+from myomorph.core.contact.site_motion import root_places, walked
+from myomorph.core.io.contact_events import write_events
+from myomorph.core.io.loads import write_external_loads
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.contacts import Contacts
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series, Table, Wrenches
+from myomorph.core.motion.envelope import EnvelopeOptions
+from myomorph.core.tension.contact_setting import Measurements, during
+from myomorph.core.tension.dual import INFEASIBLE, STALLED
+from myomorph.core.tension.emg_targets import EmgOptions
+from myomorph.core.tension.joint_contact import JointPoints
+from myomorph.core.tension.recruitment import RecruitmentOptions
+from myomorph.core.tension.relaxation import relaxation_lines
+from myomorph.core.tension.solve import ContactSolution
+from myomorph.core.tension.tension import Tension, TensionOptions, contact_notes, missing_support
+from myomorph.core.tension.terms.contacts import ContactOptions
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.analysis.walking import walking_strides
+from myomorph.lab.report.trial.report_input import EstimatedContacts, ReportInput, Situation
+from myomorph.lab.report.trial.summary_lines import tension_line
+from myomorph.lab.store import contact_store
+from myomorph.lab.store import stored as store
+from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.progress import progress
+from myomorph.lab.store.results import Stored, get_findings, put_findings
+from myomorph.lab.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
+from myomorph.lab.store.stored import get_conflicts
+from myomorph.lab.study.inputs.actuators import Actuators
+from myomorph.lab.study.inputs.emg import RecordedEmg
+from myomorph.lab.study.inputs.input import ByType, OptionSet
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.inputs.torques import RecordedTorques
+from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
+from myomorph.lab.study.trial.emg_tables import EMG_TABLE, write_channels, write_conflicts
+from myomorph.lab.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
+from myomorph.lab.study.trial.joint_contact_step import (
+    joint_contact_numbers,
+    joint_contact_signals,
+    write_joint_contacts,
+)
+from myomorph.lab.study.trial.steps.id import (
+    Torques,
+    cutoff_of,
+    filter_summary,
+    put_dynamics,
+    solve_dynamics,
+    torque_table,
+)
+from myomorph.lab.study.trial.steps.ik import Poses
+from myomorph.lab.study.trial.trial_inputs import (
+    JoinedParts,
+    Signals,
+    TrialInputs,
+    Value,
+    all_drawn,
+    statistics_of,
+)
+from myomorph.lab.study.trial.unmeasured_limbs import without_unmeasured_limbs
+
+if TYPE_CHECKING:
+    from myomorph.lab.study.trial.trial_strides import TrialStrides
+
+CONTACT_FORCES = "contact_forces"
+CONTACTS = "contacts.csv"
+ALL_TORQUES = "torques_with_contacts.sto"
+CONTACT_GROUPS = "contact_groups.sto"
+FINDINGS = "tension_findings"
+
+
+@dataclass(frozen=True, eq=False)
+class Tensions:
+    """Muscle tensions of a motion; where contact forces were estimated, which site touches what.
+    `loads` are every external force, those of estimated contacts included, `carried` the
+    generalized forces under all of them; `findings`: where contacts cannot carry the body.
+    """
+
+    tension: Tension
+    contacts: Contacts | None = None
+    loads: Wrenches | None = None
+    carried: Series | None = None
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> Tensions:
+    """Solve for muscle tensions, and for contact forces where they are asked for; write what was
+    found.
+    """
+    notes: tuple[str, ...] = ()
+    if torques is None:
+        torques = solve_dynamics(trial, poses.recorded)
+        notes = torques.notes
+        put_dynamics(output, torques, trial.model)
+    task = task_of(trial, poses.recorded, torques)
+    with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
+        tension, solution = task.solved(advance)
+    if task.setting is None:
+        tension = without_unmeasured_limbs(tension, trial.model, torques.wrenches, _driven(task))
+    notes = (*task.notes(tension), *notes)
+    _write_tension(tension, task, output)
+    points = trial.get(JointPoints)
+    plan = trial.get(ContactPlan)
+    strides = (
+        strides_of_trial(trial, poses, torques) if tension.fibers is not None or points else None
+    )
+    notes += write_fibers(tension, trial.model, strides, output)
+    if task.emg is not None:
+        if task.emg.calibration is not None:
+            write_channels(
+                task.emg.calibration, trial.inputs[RecordedEmg].muscles, output.folder / EMG_TABLE
+            )
+        notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
+    frame = trial.options[TensionTables].reactions
+    if frame != "none":
+        write_sto(task.reactions(tension, frame), output.folder / "joint_reactions.sto")
+    if points is not None:
+        forces = task.joint_contacts(tension, points)
+        notes += write_joint_contacts(forces, points, strides, output)
+    if task.setting is None or plan is None:
+        return Tensions(tension, notes=notes)
+    loads, carried = _write_contacts(task, tension, plan.situation, output)
+    notes += task.setting.notes
+    if solution is not None:
+        notes += _write_warnings(trial, solution, output)
+        # Where the tensions have passive force too, their own notes say it.
+        notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
+    findings = missing_support(
+        tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity))
+    )
+    put_findings(output.writer, FINDINGS, findings)
+    return Tensions(
+        tension=tension,
+        contacts=task.setting.contacts,
+        loads=loads,
+        carried=carried,
+        notes=notes,
+        findings=findings,
+    )
+
+
+def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) -> Strides | None:
+    """Strides as the report and the tables of values have them: by plates, else events, else the
+    motion.
+    """
+    wrenches = None if torques is None else torques.wrenches
+    events = trial.recording.events
+    return walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=events)
+
+
+def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:
+    """The tension problem of a trial, of coordinates as recorded and the torques that belong to
+    them.
+    """
+    options = trial.options
+    tension = trial.options[TensionOptions]
+    actuators = trial.get(Actuators)
+    cutoff = None
+    standing = None
+    if trial.get(ContactPlan) is not None:
+        cutoff = cutoff_of(trial, recorded)
+        if (
+            trial.get(SensorRecording) is not None
+            and trial.recording.markers is None
+            and root_places(trial.model)
+        ):
+            # Errors of angles lift feet that accelerations do not hold down.
+            standing = walked(trial.model, torques.motion)
+    return tension_task(
+        trial.model,
+        torques.motion,
+        torques.torques,
+        tension,
+        # Those of a file take the place of reserves.
+        (
+            added_reserves(trial.model, tension, _objects(trial))
+            if actuators is None
+            else actuators.actuators
+        ),
+        Measurements(
+            recorded=recorded,
+            wrenches=_wrenches(trial, torques),
+            plates=trial.recording.plates,
+            plate_time=trial.recording.plate_time,
+            cutoff=cutoff,
+            standing=standing,
+        ),
+        trial.get(ContactPlan),
+        options[ContactOptions],
+        _emg_that_takes_part(trial),
+        recruitment_of(trial),
+    )
+
+
+def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
+    """External forces; where contacts share them, the foot that each was put on by its nearness
+    says nothing.
+    """
+    plan = trial.get(ContactPlan)
+    loads = trial.get(ExternalLoads)
+    wrenches = torques.wrenches
+    if (
+        wrenches is None
+        or plan is None
+        or loads is None
+        or plan.measured != "shared"
+        or not loads.nearest
+    ):
+        return wrenches
+    return replace(wrenches, bodies=("",) * len(wrenches.bodies))
+
+
+def recruitment_of(trial: TrialInputs) -> RecruitmentOptions:
+    """Costs beside the effort; loads of joints need the forces on the body."""
+    chosen = trial.options[RecruitmentOptions]
+    alone = trial.get(RecordedTorques) is not None
+    if chosen.joint_load and alone:
+        raise BadData(
+            "joint_load with joint torques of a file: loads of joints need external forces"
+            " (--loads)"
+        )
+    return chosen.settled(trial.model, trial.options[TensionOptions], not alone)
+
+
+def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
+    """EMG that was given to take part in the tensions, rather than to be shown."""
+    chosen = trial.options.get(EmgOptions)
+    recorded = trial.get(RecordedEmg)
+    if recorded is None or chosen is None or trial.options[EmgUse].emg_display_only:
+        return None
+    return EmgRecording(
+        emg=recorded.emg,
+        muscles=recorded.muscles,
+        maxima=recorded.maxima,
+        options=chosen,
+        calibration=recorded.gains,
+    )
+
+
+def _objects(trial: TrialInputs) -> set[str]:
+    """Bodies of the objects of a recording that joins several models."""
+    parts = trial.get(JoinedParts)
+    models = {} if parts is None else parts.models
+    return {f"{name}_{name}" for name, part in models.items() if isinstance(part, dict)}
+
+
+def _driven(task: TensionTask) -> dict[str, str]:
+    """Actuators to the coordinates that they drive, "" where they drive none."""
+    return {
+        actuator.name: actuator.coordinate for actuator in (*task.model.actuators, *task.actuators)
+    }
+
+
+def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
+    driven = _driven(task)
+    store.put_tension(
+        output.writer, tension, tuple(driven.get(name, "") for name in tension.reserve_names)
+    )
+    tables = (
+        ("activations", tension.muscles, tension.activations),
+        ("forces", tension.muscles, tension.forces),
+        ("reserves", tension.reserve_names, tension.reserves),
+    )
+    for name, columns, values in tables:
+        facts = FrozenMap({"name": f"Muscle tensions: {name}"})
+        write_sto(Table(tension.time, columns, values, facts=facts), output.folder / f"{name}.sto")
+
+
+def _write_contacts(
+    task: TensionTask, tension: Tension, situation: Situation, output: StepOutput
+) -> tuple[Wrenches, Series]:
+    """Contact forces as external loads, intervals as a table; returns all loads, and the torques
+    that they leave.
+    """
+    assert task.setting is not None
+    assert tension.contacts is not None
+    writer = output.writer
+    folder = output.folder
+    contacts = task.setting.contacts
+    start = float(task.motion.time[0])
+    stop = float(task.motion.time[-1])
+    loads, carried = task.loads(tension)
+    contact_store.put_contact_forces(writer, tension.contacts)
+    contact_store.put_contacts(writer, contacts, situation)
+    contact_store.put_forces_with_contacts(writer, carried)
+    write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
+    write_sto(task.contact_groups(tension), folder / CONTACT_GROUPS)
+    write_sto(torque_table(carried, task.model), folder / ALL_TORQUES)
+    write_events(during(contacts, start, stop), folder / CONTACTS)
+    return loads, carried
+
+
+def _write_warnings(
+    trial: TrialInputs, solution: ContactSolution, output: StepOutput
+) -> tuple[str, ...]:
+    """What is left open and what contacts cannot carry, as files; returns the latter, one line a
+    stretch of time.
+    """
+    frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.found))
+    with progress(f"{trial.name}: what is left open", len(frames)) as advance:
+        warnings = contact_warnings(solution, frames, advance)
+    contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
+    if warnings.intervals is not None:
+        write_sto(warnings.table(), output.folder / "contact_intervals.sto")
+    return relaxation_lines(warnings.infeasible)
+
+
+def _read(stored: Stored, options: OptionSet) -> Tensions | None:
+    tension = store.get_tension(stored, options[TensionOptions])
+    if tension is None:
+        return None
+    carried = contact_store.get_forces_with_contacts(stored)
+    return Tensions(tension, carried=carried, findings=get_findings(stored, FINDINGS))
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """Options of contacts and EMG count where a trial has them; those of EMG envelopes are among
+    the sources.
+    """
+    options = trial.options
+    chosen = (
+        options.get(TensionOptions),
+        options[RecruitmentOptions],
+        None if trial.get(ContactPlan) is None else options.get(ContactOptions),
+        None if trial.get(RecordedEmg) is None else options.get(EmgOptions),
+    )
+    return (
+        *(options_of_step for options_of_step in chosen if options_of_step is not None),
+        options[EmgUse],
+        options[TensionTables],
+    )
+
+
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
+    tension = store.get_tension(stored, TensionOptions())
+    forces = contact_store.get_contact_forces(stored)
+    carried = contact_store.get_forces_with_contacts(stored)
+    if carried is not None:
+        report_input = replace(
+            report_input, dynamics=replace(report_input.dynamics, torques=carried)
+        )
+    contacts = EstimatedContacts(
+        touches=contact_store.get_contacts(stored),
+        forces=forces,
+        intervals=contact_store.get_intervals(stored),
+        residuals=None if forces is None else _residuals(tension),
+        infeasible=contact_store.get_infeasible_contacts(stored),
+        situation=contact_store.get_situation(stored),
+    )
+    return replace(
+        report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
+        contacts=contacts,
+        tension=tension,
+        reserve_coordinates=stored.names.get("actuator_coordinate", ()),
+        joint_contacts=contact_store.get_joint_contacts(stored),
+        emg_conflicts=get_conflicts(stored),
+    )
+
+
+def _residuals(tension: Tension | None) -> Series | None:
+    """Forces and torques that hold a floating root, as far as they are not the contacts' (frames,
+    residuals).
+    """
+    if tension is None or not tension.residual_names:
+        return None
+    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
+    return Series(tension.time, tension.residual_names, tension.reserves[:, columns])
+
+
+def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
+    statistics = ("maximum", "mean")
+    loads = tuple(
+        all_drawn(
+            "tension",
+            Series(stored.time, stored.names["muscle"], stored.values[name]),
+            ending,
+            unit,
+            statistics,
+            curve,
+        )
+        for name, ending, unit, curve in (
+            ("activation", "_activation", "1", "muscle activation"),
+            ("muscle_force", "_force", "N", "muscle force [N]"),
+        )
+        if name in stored.values
+    )
+    return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored)
+
+
+def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
+    """Frames without an optimum, the largest reserve of each coordinate, and loads of contact
+    points.
+    """
+    if "tension_status" not in stored.values:
+        return
+    failed = np.isin(stored.values["tension_status"], (INFEASIBLE, STALLED))
+    yield Value(step="tension", quantity="frames not optimal", value=float(failed.sum()), unit="1")
+    yield from fiber_numbers(stored)
+    yield from joint_contact_numbers(stored, strides)
+    forces = stored.values.get("actuator_force")
+    if forces is None or not forces.size:
+        return
+    largest = statistics_of(np.abs(forces))["maximum"]
+    for index, name in enumerate(stored.names.get("actuator_coordinate", ())):
+        if name in model.coordinate_names:
+            unit = "N m" if model.coordinate(name).motion == "rotational" else "N"
+            yield Value(
+                step="tension",
+                quantity=f"{name}_reserve, largest",
+                value=float(largest[index]),
+                unit=unit,
+            )
+
+
+def _outcome(outcome: Outcome, tensions: Tensions) -> Outcome:
+    """Where contacts cannot carry the body."""
+    return replace(outcome, findings=(*outcome.findings, *map(str, tensions.findings)))
+
+
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """Frames that are optimal, reserves, and the filter."""
+    return tension_line(trial.model, results[Tensions].tension) + filter_summary(
+        trial, results[Poses].recorded
+    )
+
+
+STEP = Step(
+    name="tension",
+    title="muscle tensions",
+    gives=Tensions,
+    needs=(Poses,),
+    uses=(Torques,),
+    options=(
+        *(
+            Differentiation,
+            ForceOptions,
+            TensionOptions,
+            RecruitmentOptions,
+            ContactOptions,
+            EmgOptions,
+        ),
+        *(EnvelopeOptions, EmgUse, TensionTables),
+    ),
+    inputs=(
+        "loads",
+        "laboratory",
+        "torques",
+        "emg",
+        "contacts",
+        "contact points",
+        "actuators",
+        "soft tissue",
+        "time",
+    ),
+    hashed=_hashed,
+    run=_run,
+    read=_read,
+    show=_show,
+    signals=_signals,
+    numbers=_numbers,
+    numbers_last=True,
+    outcome=_outcome,
+    outcome_variables=(
+        *(
+            "time",
+            "muscle",
+            "activation",
+            "muscle_force",
+            "balanced_coordinate",
+            "balanced_torque",
+            "tension_status",
+        ),
+        *(
+            "equilibrium_residual",
+            "tension_iterations",
+            "activation_lower",
+            "activation_upper",
+            "muscle_overstretched",
+        ),
+    ),
+    command=StepCommand(_line, draws=True),
+)

@@ -1,0 +1,523 @@
+"""How sure the results of a trial are: the same chain on many inputs that are drawn with their
+errors.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import sha256
+from itertools import islice
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.io.sto import write_sto
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.rigid.frames import thread_count
+from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.report.trial.report_input import ReportInput
+from myomorph.lab.store.progress import progress
+from myomorph.lab.store.results import Stored
+from myomorph.lab.store.uncertainty_store import (
+    ERRORS,
+    get_uncertainty,
+    put_uncertainty,
+    put_value_errors,
+)
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.step.step import Step, StepOutput
+from myomorph.lab.study.trial.steps.drawn_quantities import (
+    DrawnGait,
+    DrawnValues,
+    Quantity,
+    drawn_values,
+    widened_gait,
+)
+from myomorph.lab.study.trial.steps.drawn_trials import (
+    COARSE,
+    Chain,
+    ShareDraw,
+    alone,
+    chain_of,
+    without,
+)
+from myomorph.lab.study.trial.steps.id import Torques
+from myomorph.lab.study.trial.steps.ik import Poses
+from myomorph.lab.study.trial.steps.tension import Tensions, strides_of_trial
+from myomorph.lab.study.trial.trial_inputs import TrialInputs
+from myomorph.lab.study.trial.trial_strides import TrialStrides
+from myomorph.lab.study.workers.jobs import Job
+from myomorph.lab.study.workers.local_workers import LocalWorkers
+from myomorph.lab.uncertainty.bodies import Draw
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import NOTHING, ErrorSizes, Sources, SourceSize, source_sizes
+from myomorph.lab.uncertainty.spread import (
+    FACTORS,
+    Draws,
+    Shares,
+    Uncertainty,
+    ValueErrors,
+    widened,
+    widened_errors,
+)
+
+TABLE = "uncertainty.csv"
+SOURCE_TABLE = "uncertainty_sources.csv"
+MAX_UNSOLVED = 0.02  # Share of draws without a solution above which the result is questioned
+MAX_WEAK = 0.2  # Share of draws of bodies too weak for the motion above which it is
+
+Tables = Mapping[str, Array]
+WORTH = 8.0
+"""Processes are begun where what is left would take longer in this one [s]; to begin one takes two
+or three.
+"""
+# Results a process may be ahead of the one that is waited for, so that memory does not grow with
+# draws.
+AHEAD = 4
+PATIENCE = 1.0  # Between two looks at processes of which none has answered [s].
+
+
+@dataclass(frozen=True)
+class DrawOptions:
+    """How results are drawn.
+
+    Attributes
+    ----------
+    draws : inputs drawn with all their errors; the limits hold 90 % of what comes of them
+    contributions : further draws for each group of sources (at most as many as `draws`), once with
+        it alone and once with all but it, for the table of what each contributes; 0 for no such
+        table
+    all_frames : draw every frame; by default poses are drawn 50 times and tensions 25 times a
+        second, and what lies between is interpolated
+    draw_seed : other random numbers for another one
+    widened : widen limits by the factors that simulated recordings with other errors than assumed
+        ask for
+    """
+
+    draws: int = 200
+    contributions: int = 12
+    all_frames: bool = False
+    draw_seed: int = 0
+    widened: bool = True
+
+    def __post_init__(self) -> None:
+        if self.draws < 2:
+            raise BadData(f"{self.draws} draws: expected 2 or more")
+        if self.contributions < 0:
+            raise BadData(f"contributions from {self.contributions} draws: expected 0 or more")
+
+
+@dataclass(frozen=True)
+class DrawWorkers:
+    """Processes that share the draws; 0 for as many as there are threads to use, where that is
+    worth their start.
+    """
+
+    workers: int = 0
+
+    def __post_init__(self) -> None:
+        if self.workers < 0:
+            raise BadData(f"{self.workers} workers: expected 1 or more, or 0 to leave it open")
+
+
+@dataclass(frozen=True)
+class _FoundHash:
+    """What limits depend on beside options and sources: the hash of the sizes that steps on the
+    subject found.
+    """
+
+    error_sizes: str
+
+
+@dataclass(frozen=True)
+class Failures:
+    """Draws without results.
+
+    Attributes
+    ----------
+    unsolved : for which the chain has no solution
+    weak : whose body is too weak for the motion
+    """
+
+    unsolved: int
+    weak: int
+
+
+class DrawnErrors:
+    """Errors of a trial's numbers and gait curves, draw by draw; NaN where a draw has no results.
+
+    Attributes
+    ----------
+    numbers : (draws, numbers) drawn less nominal
+    gait : side -> (draws, samples, variables) drawn less nominal mean curve; {} for no walk
+    """
+
+    def __init__(
+        self, draws: int, nominal: Tables, values: DrawnValues, walk: DrawnGait | None
+    ) -> None:
+        self._values = values
+        self._walk = walk
+        self._nominal_numbers = values.of(nominal)
+        self._nominal_curves = {} if walk is None else walk.means(nominal)
+        self.numbers = np.full((draws, len(values.names)), np.nan)
+        self.gait = {
+            side: np.full((draws, *curves.shape), np.nan)
+            for side, curves in self._nominal_curves.items()
+        }
+
+    def put(self, number: int, tables: Tables) -> None:
+        """Keep the errors of one draw."""
+        self.numbers[number] = self._values.of(tables) - self._nominal_numbers
+        if self._walk is None:
+            return
+        for side, curves in self._walk.means(tables).items():
+            self.gait[side][number] = curves - self._nominal_curves[side]
+
+
+def _run(
+    trial: TrialInputs,
+    output: StepOutput,
+    poses: Poses,
+    torques: Torques | None,
+    tensions: Tensions | None,
+) -> Uncertainty:
+    """Run the chain on inputs that are drawn with their errors, and write intervals of its
+    results.
+    """
+    options = trial.options[DrawOptions]
+    sources = trial.options[Sources]
+    sizes = (trial.get(ErrorSizes) or NOTHING).beside(sources)
+    chain = chain_of(trial, poses, torques, tensions is not None, not options.all_frames)
+    # Each table with all frames, and with those that are drawn.
+    whole, drawn = zip(*chain.quantities(), strict=True)
+    nominal = {quantity.name: quantity.values for quantity in drawn}
+    shapes = {name: values.shape for name, values in nominal.items()}
+    strides = strides_of_trial(trial, poses, torques)
+    values = drawn_values(drawn, TrialStrides.whole(trial.name, strides))
+    walk = None if strides is None else _walk(trial, drawn, strides, torques)
+    errors = DrawnErrors(options.draws, nominal, values, walk)
+
+    normals = Normals(options.draws, options.draw_seed)
+    draws_of_all = [
+        Draw(number=number, sources=sources, normals=normals, found=sizes)
+        for number in range(options.draws)
+    ]
+    groups = _groups_with_errors(chain, sources) if options.contributions else ()
+    draws_of_groups = _draws_of_groups(groups, options, sources, normals, sizes)
+    jobs = [*draws_of_all, *draws_of_groups]
+    workers = trial.options[DrawWorkers].workers or None
+    title = f"{trial.name}: uncertainty"
+    with progress(title, len(jobs), "draws") as advance, Draws(options.draws, shapes) as draws:
+        results = attempts(chain, jobs, workers)
+        failures = _collected(islice(results, options.draws), draws, errors, advance)
+        if len(draws.done) < 2:
+            raise BadData(
+                f"{trial.name}: of {options.draws} draws {failures.unsolved} have no solution, "
+                f"and of {failures.weak} the body is too weak for the motion: state smaller errors"
+            )
+        spreads = {
+            of_all.name: draws.spread(of_all.name, of_drawn.time, of_all.names).over(
+                of_all.time, of_drawn.values, of_all.values
+            )
+            for of_all, of_drawn in zip(whole, drawn, strict=True)
+        }
+        shares = {}
+        if groups:
+            shares = _shares(drawn, draws, groups, draws_of_groups, results, advance)
+
+    factors = dict.fromkeys(shapes, 1.0)
+    if options.widened:
+        factors = {name: FACTORS.get(name, 1.0) for name in shapes}
+    uncertainty = Uncertainty(
+        spreads={name: widened(name, spread, factors[name]) for name, spread in spreads.items()},
+        shares=shares,
+        draws=options.draws,
+        failed=failures.unsolved + failures.weak,
+        notes=_notes(failures, options.draws),
+        factors=factors,
+        sizes=source_sizes(sources, sizes),
+        gait=widened_gait(errors.gait, factors),
+    )
+    factor_of_number = np.array([factors[name] for name in values.tables])
+    value_errors = ValueErrors(
+        names=values.names, errors=widened_errors(errors.numbers, factor_of_number)
+    )
+    _write_intervals(whole, uncertainty, output.folder)
+    _write_table(whole, uncertainty, output.folder / TABLE)
+    _write_sources(uncertainty.sizes, output.folder / SOURCE_TABLE)
+    put_uncertainty(
+        output.writer, uncertainty, {quantity.name: quantity.unit for quantity in drawn}
+    )
+    put_value_errors(output.writer, value_errors)
+    return uncertainty
+
+
+def _walk(
+    trial: TrialInputs, drawn: Sequence[Quantity], strides: Strides, torques: Torques | None
+) -> DrawnGait:
+    by_name = {quantity.name: quantity for quantity in drawn}
+    coordinates = by_name["coordinates"]
+    return DrawnGait(
+        model=trial.model,
+        time=coordinates.time,
+        names=coordinates.names,
+        torques=by_name.get("torques"),
+        strides=strides,
+        wrenches=None if torques is None else torques.wrenches,
+    )
+
+
+def _groups_with_errors(chain: Chain, sources: Sources) -> tuple[str, ...]:
+    return tuple(group for group in chain.groups if any(sources.of(group).values()))
+
+
+def _draws_of_groups(
+    groups: Sequence[str],
+    options: DrawOptions,
+    sources: Sources,
+    normals: Normals,
+    sizes: ErrorSizes,
+) -> list[Draw]:
+    """For each group and number, a draw with that group alone, then one with all but it."""
+    draws: list[Draw] = []
+    for group in groups:
+        for number in range(min(options.contributions, options.draws)):
+            draws.append(
+                ShareDraw(
+                    number=number, sources=alone(sources, group), normals=normals, found=sizes
+                )
+            )
+            draws.append(
+                ShareDraw(
+                    number=number, sources=without(sources, group), normals=normals, found=sizes
+                )
+            )
+    return draws
+
+
+def _collected(
+    results: Iterable[Tables | None],
+    draws: Draws,
+    errors: DrawnErrors,
+    advance: Callable[[int], None],
+) -> Failures:
+    """Keep the results of draws in order: None has no solution, an empty one a body too weak."""
+    unsolved = 0
+    weak = 0
+    for number, tables in enumerate(results):
+        if tables is None:
+            unsolved += 1
+        elif not tables:
+            weak += 1
+        else:
+            draws.put(number, tables)
+            errors.put(number, tables)
+        advance(1)
+    return Failures(unsolved=unsolved, weak=weak)
+
+
+def _write_intervals(
+    quantities: Sequence[Quantity], uncertainty: Uncertainty, folder: Path
+) -> None:
+    """Lower and upper bounds of each table, as tables of their own."""
+    for quantity in quantities:
+        suffix = ".mot" if quantity.name == "coordinates" else ".sto"
+        spread = uncertainty.spreads[quantity.name]
+        write_sto(quantity.table(spread.low), folder / f"{quantity.name}_low{suffix}")
+        write_sto(quantity.table(spread.high), folder / f"{quantity.name}_high{suffix}")
+
+
+def _shares(
+    quantities: tuple[Quantity, ...],
+    draws: Draws,
+    groups: tuple[str, ...],
+    jobs: Sequence[Draw],
+    results: Iterator[Tables | None],
+    advance: Callable[[int], None],
+) -> dict[str, Shares]:
+    """What groups of sources contribute to the variance: Jansen's estimator (Jansen 1999; Saltelli
+    et al. 2010), on numbers that all draws share. Jobs are, of each group and number, with the
+    group alone and, where errors do not just add up, with all but it.
+    """
+    done = set(draws.done)
+    numbers = sorted({job.number for job in jobs} & done)
+    each = len({job.number for job in jobs})
+    kinds = len(jobs) // (each * len(groups))
+    whole = {quantity.name: np.zeros(len(quantity.names)) for quantity in quantities}
+    for quantity in quantities:
+        for number in numbers:
+            whole[quantity.name] += _mean_square(
+                draws.at(quantity.name, number) - quantity.values
+            ) / len(numbers)
+    # By table: squares alone and in total of each group, and how many they are of.
+    squares = {
+        quantity.name: np.zeros((kinds, len(groups), len(quantity.names)))
+        for quantity in quantities
+    }
+    counts = np.zeros((kinds, len(groups), 1))
+    for index, (job, tables) in enumerate(zip(jobs, results, strict=True)):
+        group = index // (each * kinds)
+        kind = index % kinds
+        advance(1)
+        if not tables or job.number not in done:
+            continue
+        counts[kind, group] += 1
+        for quantity in quantities:
+            other = quantity.values if kind == 0 else draws.at(quantity.name, job.number)
+            table = tables[quantity.name]
+            # Tensions of some frames alone: a mean over time needs no more.
+            squares[quantity.name][kind, group] += _mean_square(
+                table - other[:: 1 if len(table) == len(other) else COARSE]
+            )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        parts = {
+            name: square / np.maximum(counts, 1) / whole[name] for name, square in squares.items()
+        }
+    return {name: Shares(groups, part[0], part[-1]) for name, part in parts.items()}
+
+
+def _mean_square(values: Array) -> Array:
+    """(columns,) over the frames that have a value."""
+    return np.asarray((np.nan_to_num(values) ** 2).mean(axis=0))
+
+
+def _notes(failures: Failures, draws: int) -> tuple[str, ...]:
+    notes = []
+    if failures.unsolved > MAX_UNSOLVED * draws:
+        notes.append(
+            f"uncertainty: {failures.unsolved} of {draws} draws have no solution and are left out: "
+            "limits are too narrow"
+        )
+    if failures.weak > MAX_WEAK * draws:
+        notes.append(
+            f"uncertainty: in {failures.weak} of {draws} draws the muscles are too weak for the "
+            "motion, and they are left out: the model itself is hardly strong enough"
+        )
+    return tuple(notes)
+
+
+def _write_table(quantities: tuple[Quantity, ...], uncertainty: Uncertainty, path: Path) -> None:
+    """One row a column: how wide its limits are, and what contributes to that."""
+    groups = next((share.groups for share in uncertainty.shares.values()), ())
+    shares_head = (f"{group}_{kind}" for kind in ("alone", "total") for group in groups)
+    head = ("table", "column", "unit", "sd", "width", "widened", *shares_head)
+    rows = []
+    for quantity in quantities:
+        spread = uncertainty.spreads[quantity.name]
+        shares = uncertainty.shares.get(quantity.name)
+        deviations = quantity.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
+        widths = quantity.factors * np.nanmean(spread.high - spread.low, axis=0)
+        for index, name in enumerate(quantity.names):
+            parts = () if shares is None else (*shares.alone[:, index], *shares.total[:, index])
+            numbers = (deviations[index], widths[index], uncertainty.factors[quantity.name], *parts)
+            rows.append((quantity.name, name, quantity.units[index], *numbers))
+    write_csv(path, head, rows, digits=4)
+
+
+def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
+    """One row a source of error: how large it was taken to be, and where that comes from."""
+    rows = (
+        (
+            size.group,
+            size.source,
+            size.size,
+            size.origin,
+            size.items or "",
+            size.least,
+            size.greatest,
+        )
+        for size in sizes
+    )
+    write_csv(path, ("group", "source", "sd", "from", "items", "least", "greatest"), rows, digits=4)
+
+
+def _hashed(trial: TrialInputs) -> Sequence[object]:
+    """Options, sizes, and what steps on the subject found, where they found anything."""
+    chosen = (trial.options[DrawOptions], trial.options[Sources])
+    sizes = trial.get(ErrorSizes) or NOTHING
+    rows = sorted(size for item in sizes.items.values() for size in item.values())
+    return (
+        chosen
+        if sizes == NOTHING
+        else (*chosen, _FoundHash(sha256(repr(rows).encode()).hexdigest()[:16]))
+    )
+
+
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
+    uncertainty = get_uncertainty(stored)
+    return report_input if uncertainty is None else replace(report_input, uncertainty=uncertainty)
+
+
+def attempts(
+    chain: Chain, draws: Sequence[Draw], workers: int | None = None
+) -> Iterator[Tables | None]:
+    """What draws come to, in order, None for no solution; by default on all threads where worth
+    their start.
+    """
+    count = thread_count() if workers is None else workers
+    if count <= 1 or len(draws) <= 2:
+        yield from (chain.attempt(draw) for draw in draws)
+        return
+    # The first draw may compile kernels; the second tells how long one takes.
+    yield chain.attempt(draws[0])
+    begun = time.monotonic()
+    yield chain.attempt(draws[1])
+    left = draws[2:]
+    if workers is None and len(left) * (time.monotonic() - begun) < WORTH:
+        yield from (chain.attempt(draw) for draw in left)
+        return
+    with closing(LocalWorkers(min(count, len(left)))) as hands:
+        yield from _shared(chain, left, hands)
+
+
+def _shared(chain: Chain, draws: Sequence[Draw], hands: LocalWorkers) -> Iterator[Tables | None]:
+    """The same by processes; what one of them loses, or cannot do, is done in this one."""
+    # What reads the recording's forces is a function of this process; the forces themselves are in
+    # the chain.
+    sent: Any = replace(
+        chain, trial=replace(chain.trial, inputs=chain.trial.inputs.without(ExternalLoads))
+    )
+    works = [cast(Any, partial(_attempt, draw)) for draw in draws]
+    jobs = [Job(("draw", str(number)), work) for number, work in enumerate(works)]
+    results: dict[int, Tables | None] = {}
+    begun = 0
+    running = 0
+    for number in range(len(draws)):
+        while number not in results:
+            while running < hands.count and begun < min(len(draws), number + AHEAD * hands.count):
+                hands.start(jobs[begun], sent)
+                begun = begun + 1
+                running = running + 1
+            for ended in hands.ended(PATIENCE):
+                running -= 1
+                place = int(ended.job.key[1])
+                outcome = cast(Any, ended.outcome)
+                results[place] = chain.attempt(draws[place]) if ended.lost else outcome[0]
+        yield results.pop(number)
+
+
+def _attempt(draw: Draw, chain: Any) -> tuple[Tables | None]:
+    """What a draw comes to, in a process that was sent the chain."""
+    return (chain.attempt(draw),)
+
+
+STEP = Step(
+    name="uncertainty",
+    title="uncertainty",
+    gives=Uncertainty,
+    needs=(Poses,),
+    uses=(Torques, Tensions),
+    options=(DrawOptions, Sources, DrawWorkers),
+    hashed=_hashed,
+    run=_run,
+    large=(ERRORS,),
+    read=lambda stored, options: get_uncertainty(stored),
+    show=_show,
+)

@@ -1,0 +1,326 @@
+"""Recordings of several subjects, and of objects between them, as one: for forces that they pass to
+each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from myomorph.core.model.errors import BadData, listing
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.inertia import free_object
+from myomorph.core.model.join import (
+    clock_difference,
+    join_models,
+    join_motions,
+    join_series,
+    join_wrenches,
+)
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Emg, Motion, Series, Trial, Wrenches
+from myomorph.core.motion.clocks import on_one_clock
+from myomorph.core.motion.sync import resample_wrenches
+from myomorph.core.tension.emg_targets import EmgOptions
+from myomorph.core.tension.terms.contacts import ContactOptions
+from myomorph.lab.store.results import file_source, value_source
+from myomorph.lab.store.settings import Measured
+from myomorph.lab.store.study_file import Strict, existing
+from myomorph.lab.study.inputs import reading
+from myomorph.lab.study.inputs.contact_file import contact_sources, read_contacts
+from myomorph.lab.study.inputs.contacts import ContactsFile
+from myomorph.lab.study.inputs.emg import RecordedEmg
+from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.keys import Notes, Place, WordOrFile
+from myomorph.lab.study.inputs.loads import ExternalLoads
+from myomorph.lab.study.inputs.markers import Recording
+from myomorph.lab.study.inputs.phases import Phases
+from myomorph.lab.study.inputs.torques import RecordedTorques
+from myomorph.lab.study.inputs.truth import KnownTruth
+from myomorph.lab.study.step.step import step_head
+from myomorph.lab.study.step.step_table import REPORT, STEPS
+from myomorph.lab.study.trial.steps.ik import Poses
+from myomorph.lab.study.trial.trial_inputs import (
+    JoinedParts,
+    Settings,
+    TrialFiles,
+    TrialInputs,
+    TrialNotes,
+    options_of,
+)
+
+
+class ObjectTable(Strict):
+    """An object of known inertia: a box of even density, or with an inertia of its own about its
+    mass center.
+    """
+
+    name: str
+    mass: float = Field(gt=0.0)
+    motion: str
+    size: tuple[float, float, float] | None = None
+    inertia: tuple[float, float, float] | None = None
+    mass_center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class TogetherTable(Strict):
+    """The table `[[together]]` of a study file: trials of several subjects that belong together."""
+
+    name: str
+    trials: dict[str, str] = Field(min_length=1)
+    contacts: str
+    measured: Measured | None = None
+    object: list[ObjectTable] = Field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Trials that are solved as one.
+
+    Attributes
+    ----------
+    name : of the trial
+    measured : what plates and sensors measured, None for nothing
+    trials : name of each part, which is its subject's, to the name of its trial
+    objects : tables of objects, each with the file of its motion: coordinates tx, ty, tz, rx, ry,
+        rz
+    contacts : file of sites and touches; names in it have their part's name before them
+        (`tori_hand_r`)
+    """
+
+    name: str
+    trials: Mapping[str, str]
+    contacts: str
+    measured: Measured | None = None
+    objects: tuple[tuple[ObjectTable, Path], ...] = ()
+
+
+def together_of(
+    table: TogetherTable, trials: Sequence[TrialFiles], folder: Path, notes: Notes
+) -> Together:
+    """A table of a study file, its trials looked up among the study's; what is wrong is added to
+    the notes.
+    """
+    where = f"together '{table.name}'"
+    problems = notes.problems
+    contacts = WordOrFile().located("contacts", table.contacts, Place(folder, where, notes))
+    if len(table.trials) + len(table.object) < 2:
+        problems.append(f"{where}: has one trial and no object: expected two parts or more")
+    for subject, trial in table.trials.items():
+        names_of_trials = [trial.name for trial in trials if trial.subject == subject]
+        if not names_of_trials:
+            subjects = tuple(dict.fromkeys(trial.subject for trial in trials))
+            problems.append(
+                f"{where}: no subject '{subject}': there are {listing(subject, subjects)}"
+            )
+        elif trial not in names_of_trials:
+            problems.append(
+                f"{where}: subject '{subject}' has no trial '{trial}': there are"
+                f" {listing(trial, names_of_trials)}"
+            )
+    if table.name in {trial.subject for trial in trials}:
+        problems.append(f"{where}: a subject has that name: give it another")
+    objects = []
+    names = list(table.trials)
+    for description in table.object:
+        if description.name in names:
+            problems.append(
+                f"{where}: two parts are named '{description.name}': give one of them another name"
+            )
+        names.append(description.name)
+        try:
+            object_model(description.model_dump())
+        except BadData as error:
+            problems.append(f"{where}: {error}")
+        path = existing(
+            folder, description.motion, f"{where}: motion of '{description.name}'", problems
+        )
+        objects.append((description, path or folder))
+    return Together(
+        name=table.name,
+        trials=FrozenMap(dict(table.trials)),
+        contacts=contacts,
+        measured=table.measured,
+        objects=tuple(objects),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One subject or object of what is solved together: its coordinates, the file of its model or
+    the table of an object, and the key of what the coordinates were derived from, "" for those of a
+    file, which is a source itself.
+    """
+
+    trial: TrialInputs
+    recorded: Motion
+    source: str | dict[str, object]
+    made: str = ""
+
+
+def object_model(description: dict[str, Any]) -> Model:
+    """The model of an object from its table as text."""
+    table = ObjectTable(**description)
+    return free_object(
+        table.name, table.mass, table.size, inertia=table.inertia, mass_center=table.mass_center
+    )
+
+
+def object_part(table: ObjectTable, path: Path) -> Part:
+    """An object of known inertia, moving as a file says."""
+    description = table.model_dump()
+    model = object_model(description)
+    sources = (
+        file_source("motion", path),
+        value_source("object", table.name, sorted(description.items())),
+    )
+    return Part(
+        TrialInputs(table.name, table.name, model, sources=sources),
+        reading.read_motion(path, model),
+        description,
+    )
+
+
+def join_trials(
+    together: Together, parts: Mapping[str, Part], settings: Settings
+) -> tuple[TrialInputs, Poses]:
+    """One recording made of those of its parts, with their coordinates at common times."""
+    for name, part in parts.items():
+        if part.trial.get(RecordedTorques) is not None:
+            raise BadData(
+                f"'{together.name}': trial of '{name}' has torques of its own: what is solved"
+                " together needs loads"
+            )
+    first = next(iter(parts.values())).trial
+    models = {name: part.trial.model for name, part in parts.items()}
+    motions, notes = on_one_clock({name: part.recorded for name, part in parts.items()})
+    recorded = join_motions(motions)
+    model = join_models(models, together.name)
+    contacts = ContactsFile(together.contacts, together.measured)
+    trials = [part.trial for part in parts.values()]
+    sources = tuple(
+        source for trial in trials for source in trial.sources if source.role != "contacts"
+    )
+    sources += tuple(
+        value_source("coordinates", name, part.made) for name, part in parts.items() if part.made
+    )
+    kinds = {kind for step in (*STEPS["pair"], REPORT) for kind in step_head(step).options}
+    emg_options = (
+        trial.options.get(EmgOptions) for trial in trials if trial.get(RecordedEmg) is not None
+    )
+    contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
+    options = first.options.only(*kinds).having(contact_options, next(emg_options, None))
+    plates = tuple(
+        {plate.name: plate for trial in trials for plate in trial.recording.plates}.values()
+    )
+    joined = TrialInputs(
+        name=together.name,
+        subject=" and ".join(parts),
+        model=model,
+        options=options,
+        inputs=ByType(
+            Recording(Trial(plates=plates)),
+            ExternalLoads(partial(_joined_loads, parts, motions)),
+            _emg(parts),
+            (
+                read_contacts(together.contacts, model, together.measured)
+                if together.contacts
+                else None
+            ),
+            first.get(Phases),
+            _truth(parts),
+            JoinedParts(FrozenMap({name: part.source for name, part in parts.items()})),
+        ),
+        notes=TrialNotes(
+            real=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.real)),
+            assumed=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.assumed)),
+            simulated=tuple(
+                dict.fromkeys(text for trial in trials for text in trial.notes.simulated)
+            ),
+        ),
+        sources=(*sources, *contact_sources(contacts)),
+        warnings=tuple(text for trial in trials for text in trial.warnings),
+    )
+    return joined, Poses(recorded, notes=notes)
+
+
+def _emg(parts: Mapping[str, Part]) -> RecordedEmg | None:
+    """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
+    recorded = {
+        name: emg
+        for name, part in parts.items()
+        if (emg := part.trial.get(RecordedEmg)) is not None
+    }
+    if not recorded:
+        return None
+    joined = _on_first_clock({name: whole.emg for name, whole in recorded.items()})
+    channels = {
+        f"{name}_{channel}": tuple(f"{name}_{muscle}" for muscle in muscles)
+        for name, whole in recorded.items()
+        for channel, muscles in whole.muscles.items()
+    }
+    return RecordedEmg(Emg(joined.time, joined.names, joined.values), FrozenMap(channels))
+
+
+def _truth(parts: Mapping[str, Part]) -> KnownTruth | None:
+    """What is known of all parts, where they were simulated."""
+    known = {
+        name: truth.series
+        for name, part in parts.items()
+        if (truth := part.trial.get(KnownTruth)) is not None
+    }
+    kinds = (
+        set.intersection(*(set(series) for series in known.values()))
+        if len(known) == len(parts)
+        else set()
+    )
+    joined = {
+        kind: _on_first_clock({name: series[kind] for name, series in known.items()})
+        for kind in sorted(kinds)
+    }
+    return KnownTruth(FrozenMap(joined)) if joined else None
+
+
+def _on_first_clock(series: Mapping[str, Series]) -> Series:
+    """All columns at the times of the first, named by their parts."""
+    time = next(iter(series.values())).time
+    return join_series(
+        {
+            name: Series(
+                time,
+                part.names,
+                np.array([np.interp(time, part.time, column) for column in part.values.T]).T,
+            )
+            for name, part in series.items()
+        }
+    )
+
+
+def _joined_loads(
+    parts: Mapping[str, Part], motions: Mapping[str, Motion], recorded: Motion
+) -> Wrenches:
+    """External forces of all parts, at the times of the first that has any."""
+    loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
+    wrenches = {name: load.of(motions[name]) for name, load in loads.items() if load is not None}
+    if not wrenches:
+        nothing = np.zeros((len(recorded), 0, 3))
+        return Wrenches(
+            time=recorded.time, names=(), bodies=(), forces=nothing, points=nothing, torques=nothing
+        )
+    if clock_difference(wrenches):
+        time = next(iter(wrenches.values())).time
+        start = max(wrench.time[0] for wrench in wrenches.values())
+        stop = min(wrench.time[-1] for wrench in wrenches.values())
+        if stop <= start:
+            raise BadData(
+                "external forces of " + " and ".join(wrenches) + " have no time in common"
+            )
+        common = time[(time >= start) & (time <= stop)]
+        wrenches = {name: resample_wrenches(wrench, common) for name, wrench in wrenches.items()}
+    return join_wrenches(wrenches)

@@ -1,0 +1,246 @@
+"""What draws come to: limits that hold 90 % of them, their standard deviation, and what share each
+source has in it.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import field, replace
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.uncertainty.sources import SourceSize
+
+LEVEL = 0.9
+TAILS = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
+# Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
+IN_MEMORY = 100e6
+AT_ONCE = 20e6  # Values that are sorted together [bytes]
+
+
+@read_only
+class Spread:
+    """The spread of a table over draws.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    names : columns
+    low, high : (frames, names) between which 90 % of the draws lie
+    deviation : (frames, names) standard deviation
+    """
+
+    time: Array
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    deviation: Array
+
+    def over(self, time: Array, drawn: Array, nominal: Array) -> Spread:
+        """The spread at other times, its limits as far from the values without errors as between
+        its own frames.
+
+        Parameters
+        ----------
+        time : (samples,) [s]
+        drawn, nominal : values without errors at the spread's times and at the others
+        """
+        if len(time) == len(self.time):
+            return self
+        low = np.column_stack(
+            [np.interp(time, self.time, column) for column in (self.low - drawn).T]
+        )
+        high = np.column_stack(
+            [np.interp(time, self.time, column) for column in (self.high - drawn).T]
+        )
+        deviation = np.column_stack(
+            [np.interp(time, self.time, column) for column in self.deviation.T]
+        )
+        return Spread(
+            time=time, names=self.names, low=nominal + low, high=nominal + high, deviation=deviation
+        )
+
+
+@read_only
+class Shares:
+    """What groups of sources contribute to the columns of one table, as shares of the variance
+    (groups, names).
+
+    Attributes
+    ----------
+    groups : names
+    alone : of each group, the others left out
+    total : what is missing where a group is left out, so that what it does together with others
+        counts too
+    """
+
+    groups: tuple[str, ...]
+    alone: Array
+    total: Array
+
+
+@read_only
+class Uncertainty:
+    """The spread of every table of a trial.
+
+    Attributes
+    ----------
+    notes : warnings, one line each
+    spreads : by the tables' names
+    shares : by the tables' names, what each group of sources contributes
+    draws, failed : how many inputs were drawn, and of how many there is no solution
+    factors : by which the limits of tables are wider than those that hold 90 % of the draws
+    sizes : of the sources of error, and where each comes from
+    gait : by side, (draws, samples, variables) errors of the mean curves of clinical gait analysis;
+        {} for no walk
+    """
+
+    spreads: Mapping[str, Spread] = field(default_factory=lambda: FrozenMap({}))
+    shares: Mapping[str, Shares] = field(default_factory=lambda: FrozenMap({}))
+    draws: int = 0
+    failed: int = 0
+    notes: tuple[str, ...] = ()
+    factors: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    sizes: tuple[SourceSize, ...] = ()
+    gait: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
+
+    @property
+    def summary(self) -> str:
+        """How limits were found, as the end of a line."""
+        wider = ", ".join(
+            f"{name.replace('_', ' ')} {factor:g}"
+            for name, factor in self.factors.items()
+            if factor != 1.0
+        )
+        text = f"limits of {100 * LEVEL:.0f} % from {self.draws - self.failed} draws"
+        return f"{text}, widened by factors ({wider})" if wider else text
+
+
+class Draws(ExitStack):
+    """Tables of many draws, of shapes by name; what lies on disk is gone after it."""
+
+    def __init__(self, count: int, shapes: Mapping[str, tuple[int, ...]]):
+        super().__init__()
+        self.count = count
+        self.done = list[int]()
+        self._values = dict[str, np.ndarray]()
+        folder = ""
+        if 4.0 * count * sum(float(np.prod(shape)) for shape in shapes.values()) > IN_MEMORY:
+            made = tempfile.TemporaryDirectory(prefix="myomorph-draws.", ignore_cleanup_errors=True)
+            folder = self.enter_context(made)
+        for name, shape in shapes.items():
+            path = Path(folder) / f"{len(shape) + 1}-{name}"
+            whole = (count, *shape)
+            values = (
+                np.memmap(path, np.float32, "w+", shape=whole)
+                if folder
+                else np.empty(whole, np.float32)
+            )
+            self._values[name] = values
+        self.callback(self._values.clear)
+
+    def put(self, draw: int, tables: Mapping[str, Array]) -> None:
+        """Keep what one draw came to."""
+        for name, values in self._values.items():
+            values[draw] = tables[name]
+        self.done.append(draw)
+
+    def at(self, name: str, draw: int) -> Array:
+        """One draw of a table, in single precision."""
+        return np.asarray(self._values[name][draw], np.float64)
+
+    def spread(self, name: str, time: Array, names: tuple[str, ...]) -> Spread:
+        """Limits and standard deviation of a table (frames, names)."""
+        values = self._values[name]
+        done = np.array(self.done)
+        frames = values.shape[1]
+        low, high, deviation = (np.empty(values.shape[1:]) for _ in range(3))
+        step = max(1, int(AT_ONCE / (4.0 * values.shape[0] * max(values.shape[2], 1))))
+        for start in range(0, frames, step):
+            part = slice(start, start + step)
+            taken = np.asarray(values[done, part], np.float64)
+            low[part], high[part] = np.quantile(taken, TAILS, axis=0)
+            deviation[part] = taken.std(axis=0, ddof=1)
+        return Spread(time=time, names=names, low=low, high=high, deviation=deviation)
+
+
+FACTORS: Mapping[str, float] = FrozenMap(
+    {
+        "coordinates": 1.17,
+        "torques": 1.11,
+        "activations": 1.03,
+        "forces": 1.03,
+        "joint_reactions": 1.05,
+        "joint_contact_forces": 1.05,
+    }
+)
+"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md
+says. Of a table that is not named nothing is known: its limits stay as drawn.
+"""
+NOT_NEGATIVE = ("activations", "forces")
+"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`, `..._force`) are
+not.
+"""
+
+
+def widened(name: str, spread: Spread, factor: float) -> Spread:
+    """Limits of a table further apart by a factor, about their middle; what cannot be negative
+    stays at 0 or above.
+    """
+    if factor == 1.0:
+        return spread
+    middle = 0.5 * (spread.low + spread.high)
+    half = 0.5 * factor * (spread.high - spread.low)
+    low = middle - half
+    high = middle + half
+    positive = [
+        name in NOT_NEGATIVE or column.endswith(("_f", "_force")) for column in spread.names
+    ]
+    low[:, positive] = np.maximum(low, np.minimum(spread.low, 0.0))[:, positive]
+    if name == "activations":
+        high = np.minimum(high, np.maximum(spread.high, 1.0))
+    return replace(spread, low=low, high=high)
+
+
+@read_only
+class ValueErrors:
+    """Errors (draws, names) of the numbers of a trial under draws, named by step and quantity, in
+    the units of the tables; NaN in a draw that has no solution.
+    """
+
+    names: tuple[tuple[str, str], ...]
+    errors: Array
+
+    def limits(self) -> tuple[Array, Array, Array]:
+        """How far the limits of 90 % lie from the value, and the standard deviation, (names,) each."""
+        known = self.errors[np.isfinite(self.errors).all(axis=1)]
+        if len(known) < 2:
+            none = np.full(len(self.names), np.nan)
+            return none, none, none
+        low, high = np.quantile(known, TAILS, axis=0)
+        return low, high, known.std(axis=0, ddof=1)
+
+
+def widened_errors(errors: Array, factors: Array) -> Array:
+    """Errors (draws, names) further from their middle by a factor of each, as limits are widened."""
+    known = np.isfinite(errors).all(axis=1)
+    if not known.any():
+        return errors
+    low, high = np.quantile(errors[known], TAILS, axis=0)
+    middle = 0.5 * (low + high)
+    return np.asarray(middle + factors * (errors - middle))
+
+
+def of_subject(errors: Array, subject: str) -> Array:
+    """Errors (draws, names) in an order of the subject's own. Draws go by the names of sources and
+    items: a marker is misplaced alike in all trials of a subject, which is true, and in those of
+    another, which is not. In another order for each, subjects err independently.
+    """
+    order = np.random.default_rng(crc32(subject.encode())).permutation(len(errors))
+    return np.asarray(errors[order])

@@ -1,0 +1,1 @@
+"""Simulated performers with known truth, and the demonstrations."""

@@ -1,0 +1,337 @@
+"""A simulated person who moves as planned: every contact force and activation is known, and none by
+Myomorph's kernels.
+
+The body is that of `simulate.fighter`, alone, with masses, muscles' points and strengths that the
+laboratory does not know. MuJoCo's inverse dynamics gives what the planned motion needs. Contacts
+share it by weights drawn at random and a push of the feet against each other; muscles by random
+weights, a random tone and cubes. Synthetic: nobody was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from myomorph.core.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion, Series
+from myomorph.core.motion.filters import natural_spline
+from myomorph.show.simulate import fighter
+from myomorph.show.simulate.bout import least, mass_matrix, moments, muscle_strength, pyramids
+from myomorph.show.simulate.plan import Aim, jacobian, posed, start_pose
+
+KNOT_RATE = 20.0  # Poses of a plan a second.
+STEP = 2.5e-4  # Of derivatives by differences [s].
+MASS = 72.0
+HEIGHT = 1.75  # Of the person [kg, m].
+FRICTION = 0.6
+ALONE = ("",)  # Of the soles; names of joints begin with nothing.
+# Share of a newton, or newton meter, that a wrench or torque may be missed by for a cost of 1e4.
+EXACT = 1e-4
+ACCURACY = 1e-7  # Of the choices of forces and activations.
+
+
+@read_only
+class Contact:
+    """Where the person touches. `on`: (frames,) how ready it is to carry, 0 to 1, from times."""
+
+    name: str
+    body: str
+    points: Array  # (points, 3) in the body's frame [m]
+    on: Callable[[Array], Array] = np.ones_like
+
+
+@read_only
+class Blow:
+    """A half-sine of force on a point, as a drum gives it: when it begins [s], impulse [N s] along
+    +y, length [s].
+    """
+
+    body: str
+    point: Array
+    time: float
+    impulse: float
+    length: float = 0.005
+
+
+@dataclass(frozen=True)
+class Part:
+    """What the person does. `aims`: of the pose at a time [s]; `squeeze`: of the feet, outwards,
+    over the weight.
+    """
+
+    aims: Callable[[float], Sequence[Aim]]
+    contacts: Sequence[Contact]
+    duration: float
+    rate: float = 100.0
+    blows: Sequence[Blow] = ()
+    squeeze: float = 0.05
+    seed: int = 0
+
+
+@read_only
+class Performance:
+    """What truly happened. `body`: the person as the laboratory's model has it, markers where they
+    are by it.
+    """
+
+    text: str
+    body: Model
+    motion: Motion
+    forces: Series  # (frames, contacts, 3) in ground [N]
+    # (frames, 6) of all contacts but blows: moment about the ground's origin, force [N m, N]
+    wrench: Array
+    torques: Series  # (frames, hinges) [N m]
+    activations: Series
+
+
+def performed(part: Part) -> Performance:
+    """The performance."""
+    random = np.random.default_rng(part.seed)
+    build = fighter.Build(MASS, HEIGHT)
+    # Fibers have their optimal length in the pose that all poses start from.
+    fitting = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", build))
+    build = fighter.with_fibers({"": build}, fitting, start_pose(fitting, ALONE))[""]
+    text = with_marker_tuple(fighter.fighter_text("tori", build))
+    believed = mujoco.MjModel.from_xml_string(text)
+    person = fighter.misjudged(build, 0.15, random)
+    true = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", person))
+    _disturb(true, random)
+    time = np.arange(round(part.duration * part.rate) + 1) / part.rate
+    states = _states(true, part, time)
+    forces, wrench, torques, activations = _dynamics(true, part, time, states, random)
+    model = model_from_mujoco(believed, marker_sites="marker_.*")
+    values = np.unwrap(coordinates_from_qpos(model, states[0]), axis=0)
+    hinges = tuple(true.joint(j).name for j in range(1, true.njnt))
+    muscles = tuple(true.actuator(i).name for i in range(true.nu))
+    return Performance(
+        text=text,
+        body=model,
+        motion=Motion(time, model.coordinate_names, values),
+        forces=Series(time, tuple(contact.name for contact in part.contacts), forces),
+        wrench=wrench,
+        torques=Series(time, hinges, torques),
+        activations=Series(time, muscles, activations),
+    )
+
+
+def with_marker_tuple(text: str) -> str:
+    """MJCF whose sites named `marker_...` are markers for Myomorph."""
+    names = [part.split('"')[0] for part in text.split('site name="')[1:]]
+    inside = "".join(
+        f'<element objtype="site" objname="{name}"/>'
+        for name in names
+        if name.startswith("marker_")
+    )
+    return text.replace(
+        "</mujoco>", f'<custom><tuple name="markers">{inside}</tuple></custom></mujoco>'
+    )
+
+
+def worn(model: Model, random: np.random.Generator, shift: float = 0.005) -> Model:
+    """The model with its markers where they truly are, some millimeters off along each axis."""
+    return model.with_markers(
+        tuple(
+            replace(one, location=one.location + shift * random.standard_normal(3))
+            for one in model.markers
+        )
+    )
+
+
+def sole(side: str, ends: str = "") -> Array:
+    """Corners of a sole, all or those of the "heel" or the "toe", (points, 3) in the foot's frame
+    [m].
+    """
+    return np.array([at for name, at in fighter.sole_points(side).items() if name.startswith(ends)])
+
+
+def _disturb(compiled: Any, random: np.random.Generator) -> None:
+    """Masses 5 % off, the whole as weighed; mass centers 5 mm and muscles' points 2 mm off
+    (standard deviations).
+    """
+    bodies = slice(1, None)
+    factors = np.exp(0.05 * random.standard_normal(compiled.nbody - 1))
+    factors *= compiled.body_mass[bodies].sum() / (factors * compiled.body_mass[bodies]).sum()
+    compiled.body_mass[bodies] *= factors
+    compiled.body_inertia[bodies] *= factors[:, None]
+    compiled.body_ipos[bodies] += 0.005 * random.standard_normal((len(factors), 3))
+    for site in range(compiled.nsite):
+        if "-" in compiled.site(site).name:
+            compiled.site_pos[site] += 0.002 * random.standard_normal(3)
+    compiled.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    mujoco.mj_setConst(compiled, mujoco.MjData(compiled))
+
+
+def _states(compiled: Any, part: Part, time: Array) -> tuple[Array, Array, Array]:
+    """Qpos (frames, nq), rates and accelerations (frames, nv) of the plan and of what blows do to
+    it.
+    """
+    knots = np.arange(round(part.duration * KNOT_RATE) + 3) / KNOT_RATE - 1.0 / KNOT_RATE
+    first = posed(compiled, start_pose(compiled, ALONE), part.aims(0.0), 0.02)
+    ways = np.zeros((len(knots), compiled.nv))
+    for way, knot in zip(ways, knots, strict=True):
+        mujoco.mj_differentiatePos(
+            compiled, way, 1.0, first, posed(compiled, first, part.aims(float(knot)), 0.02)
+        )
+    spline = natural_spline(knots, ways)
+    kicks: list[tuple[Blow, Array]] = []
+
+    def at(times: Array) -> Array:
+        values = spline(times)
+        for blow, change in kicks:
+            values = values + np.outer(_kick(times - blow.time, blow.length), change)
+        poses = np.tile(first, (len(times), 1))
+        for pose, value in zip(poses, values, strict=True):
+            mujoco.mj_integratePos(compiled, pose, value, 1.0)
+        return poses
+
+    kicks += [
+        (blow, _change(compiled, part, blow, at(np.array([blow.time]))[0])) for blow in part.blows
+    ]
+    before = at(time - STEP)
+    now = at(time)
+    after = at(time + STEP)
+    rates, accelerations = np.empty((2, len(time), compiled.nv))
+    one, other = np.empty((2, compiled.nv))
+    for frame in range(len(time)):
+        mujoco.mj_differentiatePos(compiled, one, STEP, before[frame], now[frame])
+        mujoco.mj_differentiatePos(compiled, other, STEP, now[frame], after[frame])
+        rates[frame] = 0.5 * (one + other)
+        accelerations[frame] = (other - one) / STEP
+    return now, rates, accelerations
+
+
+def _change(compiled: Any, part: Part, blow: Blow, pose: Array) -> Array:
+    """Change of rates (nv,) by a blow while the feet stand still and joints are loose."""
+    data = mujoco.MjData(compiled)
+    data.qpos[:] = pose
+    mujoco.mj_fwdPosition(compiled, data)
+    push = jacobian(compiled, data, compiled.body(blow.body).id, blow.point)[0][1] * blow.impulse
+    still = np.vstack([_attitude(compiled, data, contact) for contact in part.contacts])
+    rows = np.zeros((len(still), len(still)))
+    system = np.block(
+        [[mass_matrix(compiled, data), still.T], [still, rows - 1e-9 * np.eye(len(still))]]
+    )
+    return np.linalg.solve(system, np.append(push, np.zeros(len(still))))[: compiled.nv]
+
+
+def _attitude(compiled: Any, data: Any, contact: Contact) -> Array:
+    """Rates of place and attitude of a contact's body (6, nv)."""
+    J, turning = np.zeros((2, 3, compiled.nv))
+    mujoco.mj_jacBody(compiled, data, J, turning, compiled.body(contact.body).id)
+    return np.vstack([J, turning])
+
+
+def _kick(since: Array, length: float, recovery: float = 0.3) -> Array:
+    """Course (times,) of what a change of rates of 1 leaves: the blow's ramp, then back to the
+    plan, smooth.
+    """
+    x = np.clip(since / length, 0.0, 1.0)
+    during = 0.5 * length * (x - np.sin(np.pi * x) / np.pi)
+    y = np.clip((since - length) / recovery, 0.0, 1.0)
+    speed = recovery * (y - 6.0 * y**3 + 8.0 * y**4 - 3.0 * y**5)
+    place = 0.5 * length * (1.0 - 10.0 * y**3 + 15.0 * y**4 - 6.0 * y**5)
+    return np.where(since < length, during, speed + place)
+
+
+def force_of(blow: Blow, time: Array) -> Array:
+    """(frames,) [N] of a blow."""
+    x = (time - blow.time) / blow.length
+    return np.where(
+        (x > 0.0) & (x < 1.0), 0.5 * np.pi * blow.impulse / blow.length * np.sin(np.pi * x), 0.0
+    )
+
+
+def _dynamics(
+    compiled: Any,
+    part: Part,
+    time: Array,
+    states: tuple[Array, Array, Array],
+    random: np.random.Generator,
+) -> tuple[Array, Array, Array, Array]:
+    """Forces of contacts, their wrench, torques of hinges and activations."""
+    data = mujoco.MjData(compiled)
+    ready = np.stack([contact.on(time) for contact in part.contacts], axis=1)
+    corners = [
+        (k, compiled.body(c.body).id, point)
+        for k, c in enumerate(part.contacts)
+        for point in c.points
+    ]
+    weight = np.exp(0.5 * random.standard_normal(len(corners)))
+    effort = np.exp(0.5 * random.standard_normal(compiled.nu))
+    tone = random.uniform(0.01, 0.05, compiled.nu)
+    forces = np.zeros((len(time), len(part.contacts), 3))
+    wrench = np.zeros((len(time), 6))
+    torques = np.zeros((len(time), compiled.nv - 6))
+    before = tone
+    activations = np.zeros((len(time), compiled.nu))
+    for frame in range(len(time)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = (values[frame] for values in states)
+        mujoco.mj_inverse(compiled, data)
+        needed = np.array(data.qfrc_inverse)
+        for blow in part.blows:
+            push = float(force_of(blow, time[frame : frame + 1])[0])
+            if push:
+                needed -= (
+                    push * jacobian(compiled, data, compiled.body(blow.body).id, blow.point)[0][1]
+                )
+        origin = np.array(data.qpos[:3])
+        turn = data.xmat[1].reshape(3, 3)
+        wrench[frame] = np.append(turn @ needed[3:6] + np.cross(origin, needed[:3]), needed[:3])
+        places = [jacobian(compiled, data, body, point) for _, body, point in corners]
+        pushed = _shared(
+            wrench[frame], [at for _, at in places], corners, ready[frame], weight, part
+        )
+        for (contact, _, _), (J, _), force in zip(corners, places, pushed, strict=True):
+            forces[frame, contact] += force
+            needed -= J.T @ force
+        torques[frame] = needed[6:]
+        mujoco.mj_fwdPosition(compiled, data)
+        mujoco.mj_fwdVelocity(compiled, data)
+        arms = -moments(compiled, data)[:, 6:]
+        active, passive, _ = muscle_strength(compiled, data)
+        pull = (arms.T * active) / EXACT / 100.0
+        miss = (torques[frame] - arms.T @ passive) / EXACT / 100.0
+        cost = effort * (0.05 + np.abs(before - tone))
+        H = pull.T @ pull + np.diag(cost)
+        c = -pull.T @ miss - cost * tone
+        before = np.clip(least(H, c, np.zeros(len(c)), np.ones(len(c)), None, ACCURACY), 0.0, 1.0)
+        activations[frame] = before
+    return forces, wrench, torques, activations
+
+
+def _shared(
+    wrench: Array,
+    places: Sequence[Array],
+    corners: Sequence[tuple[int, int, Array]],
+    ready: Array,
+    weight: Array,
+    part: Part,
+) -> Array:
+    """(corners, 3) forces of the wrench, inside friction pyramids about y, by the person's own
+    weights.
+    """
+    count = len(places)
+    moment = np.zeros((6, 3 * count))
+    for k, (x, y, z) in enumerate(places):
+        moment[:3, 3 * k : 3 * k + 3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+        moment[3:, 3 * k : 3 * k + 3] = np.eye(3)
+    on = np.array([ready[contact] for contact, _, _ in corners])
+    cost = np.repeat(weight / np.maximum(on, 1e-3) ** 2, 3)
+    middle = np.mean([z for (_, _, z), share in zip(places, on, strict=True) if share > 0.5])
+    wanted = np.zeros((count, 3))
+    wanted[:, 2] = (
+        part.squeeze * MASS * 9.80665 * np.sign([z - middle for _, _, z in places]) * on / on.sum()
+    )
+    wanted[:, 1] = on * MASS * 9.80665 / on.sum()
+    H = np.diag(cost) * 1e-3 + moment.T @ moment / EXACT
+    c = -1e-3 * cost * wanted.ravel() - moment.T @ wrench / EXACT
+    low = np.full(3 * count, -np.inf)
+    high = np.full(3 * count, np.inf)
+    low[1::3] = 0.0
+    return least(H, c, low, high, pyramids(count, FRICTION), ACCURACY).reshape(count, 3)

@@ -1,0 +1,178 @@
+"""`viscosity`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from myomorph.core.model.errors import BadData
+from myomorph.lab.cli.options import (
+    documented,
+    inputs_class,
+    inputs_of_flags,
+    options_class,
+    settings_dict,
+)
+from myomorph.lab.cli.output import said, warn
+from myomorph.lab.cli.running import AS_USUAL, RunOptions, print_outcome, status_of
+from myomorph.swings.viscosity.identification.identify import ViscosityOptions
+from myomorph.swings.viscosity.study.results import NOTES
+from myomorph.swings.viscosity.tracking.tracked import TrackingOptions
+from myomorph.swings.viscosity.trust.cutoff import FilterOptions
+
+if TYPE_CHECKING:
+    from myomorph.lab.store.outcome import Outcome
+
+# Notes of a specimen that are printed; findings come first, clocks that were set right stay out.
+MAX_NOTES = 4
+
+ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
+
+
+SwingInputs = inputs_class("time")
+
+
+@documented
+def viscosity_command(
+    study: Path | None = None,
+    /,
+    *,
+    out: Path | None = None,
+    template: Path | None = None,
+    into: Path | None = None,
+    results: Path | None = None,
+    model: Path | None = None,
+    intact: tuple[Path, ...] = (),
+    removed: tuple[Path, ...] = (),
+    intact_loads: tuple[Path, ...] = (),
+    removed_loads: tuple[Path, ...] = (),
+    base: str | None = None,
+    first: Annotated[str | None, Parameter(name="--first-body")] = None,
+    muscle_mass: float | None = None,
+    inputs: SwingInputs | None = None,  # type: ignore[valid-type]
+    options: ViscositySettings | None = None,  # type: ignore[valid-type]
+    running: RunOptions = AS_USUAL,
+) -> int:
+    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and
+    without muscles, or of a relaxed living limb that is dropped.
+
+    Parameters
+    ----------
+    study : study file (.toml) of one or more specimens, or of relaxed limbs
+    out : folder to write; it is made where it does not exist. With --into, the model
+    template : write a study file with every key into this folder, and end
+    into : model (.osim or .xml) to write as --out with the viscosities of the specimen in --results
+    results : folder of a specimen in results, for --into
+    model : model of one specimen (.osim or .xml), in place of a study
+    intact : recordings with muscles intact: markers, or C3D with plates
+    removed : recordings with muscles removed
+    intact_loads : forces on the base with muscles intact, in the same order; by default those
+        beside each recording
+    removed_loads : the same with muscles removed
+    base : body that is fixed to the plate; the scapula by default
+    first : first body of the limb; the humerus by default
+    muscle_mass : of the removed muscles, as weighed [kg]
+    """
+    from myomorph.lab.study.inputs.time_span import TimeSpan
+    from myomorph.swings.viscosity.study.into_model import write_identified
+    from myomorph.swings.viscosity.study.plan import fixed_plan, read_viscosity_plan
+    from myomorph.swings.viscosity.study.run import graph_of, run_viscosity
+    from myomorph.swings.viscosity.study.specimen_step import read_specimen
+    from myomorph.swings.viscosity.study.template import write_template
+
+    if template is not None:
+        said(f"template: {write_template(template)}")
+        return 0
+    if out is None:
+        raise BadData("give --out, the folder to write, or --template for a study file to fill in")
+    if into is not None:
+        if results is None:
+            raise BadData(
+                "--into needs --results, the folder of a specimen in the results of swings"
+            )
+        for line in (
+            *write_identified(into, read_specimen(results), out, base, first),
+            f"wrote {out}",
+        ):
+            said(line)
+        return 0
+    running.begin()
+    study = None if study is None else running.place(study)
+    out = running.place(out)
+    time = inputs_of_flags(inputs).or_default(TimeSpan).time
+    if study is not None:
+        plan = read_viscosity_plan(study)
+        if model is not None or intact or removed:
+            raise BadData("give a study file, or --model with --intact and --removed, but not both")
+        given: Any = options
+        for option in () if given is None else fields(given):
+            if getattr(given, option.name) != option.default:
+                name = option.name.replace("_", "-")
+                raise BadData(
+                    f"--{name} is for --model: write it into the table [options] of the study file"
+                )
+    else:
+        files = {"without": (removed, removed_loads), "with": (intact, intact_loads)}
+        plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
+    for remark in plan.remarks:
+        said(remark)
+    jobs = len(plan.specimens) + len(plan.limbs)
+    if running.dry_run:
+        return running.print_dry_run(partial(graph_of, plan), out, jobs)
+    # What is wrong with options is reported before workers begin.
+    graph_of(plan, out)
+    hands = running.hands(jobs, out)
+    return ended(run_viscosity(plan, out, print_specimen, fresh=running.fresh, workers=hands), out)
+
+
+def ended(outcomes: Sequence[Outcome], out: Path) -> int:
+    """Say how many specimens were done and where the report is; the exit status."""
+    from myomorph.swings.viscosity.study.results import REPORT
+
+    specimens = [outcome for outcome in outcomes if outcome.subject]
+    words = (
+        "specimens and limbs"
+        if any("relaxed" in outcome.done for outcome in specimens)
+        else "specimens"
+    )
+    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} {words} done")
+    said(f"report: {(out / REPORT).resolve()}")
+    return status_of(outcomes)
+
+
+def print_specimen(outcome: Outcome) -> None:
+    """Print what became of a specimen and its row, or why there is none."""
+    if outcome.error:
+        print_outcome(outcome)
+        return
+    from myomorph.swings.viscosity.relaxed.identify import UNITS
+    from myomorph.swings.viscosity.study.limb_step import LIMB, read_limb
+    from myomorph.swings.viscosity.study.specimen_step import read_specimen
+
+    print_outcome(replace(outcome, findings=()))
+    relaxed = (outcome.folder / LIMB).is_file()
+    report = read_limb(outcome.folder) if relaxed else read_specimen(outcome.folder)
+    limb = [(name, name.replace("_", " "), unit) for name, unit in UNITS.items()]
+    parts = []
+    for key, label, unit in (
+        limb
+        if relaxed
+        else (
+            ("joint_viscosity", "joint", "Nms/rad"),
+            ("total_viscosity", "total", "Nms/rad"),
+            ("muscle_viscosity", "muscles", "Ns/m"),
+        )
+    ):
+        if key in report.row:
+            value = report.row[key]
+            parts.append(f"{label} {value.value:.3g} ({value.low:.3g} to {value.high:.3g}) {unit}")
+    said(f"  {'; '.join(parts)}")
+    notes = [note for note in report.notes if not note.endswith(": corrected")]
+    warn(notes[:MAX_NOTES])
+    if len(notes) > MAX_NOTES:
+        warn([f"and {len(notes) - MAX_NOTES} notes more, in the report and in {NOTES}"])

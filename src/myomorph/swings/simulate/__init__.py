@@ -1,0 +1,1 @@
+"""Swinging limbs and their laboratory, simulated with known truth."""

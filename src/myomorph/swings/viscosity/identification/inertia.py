@@ -1,0 +1,207 @@
+"""Step 1: the inertial parameters of the limb from its swings and the wrench on the base ([S]
+section II A).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from myomorph.body.identify.pseudo_inertia import (
+    PseudoInertiaOptions,
+    solve_pseudo_inertia,
+    solve_ridge,
+)
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.inertia import inertia_matrices, parameters_of
+from myomorph.swings.viscosity.swings.recording import PARAMETERS
+from myomorph.swings.viscosity.swings.sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
+
+Tare = Literal["known", "loaded", "unknown"]
+"""What the plate's zero leaves in the wrench beside the limb: nothing; a constant load of the base,
+the same in all trials of a condition; a constant wrench of each trial, which hides the mass.
+"""
+
+# Radius of the prior's cylinder as a share of its mass center's distance from the joint.
+SLENDER = 0.1
+# Share of the squared misfit by which a possible body may fit worse and still be what was measured.
+IMPOSSIBLE = 1e-3
+
+
+@dataclass(frozen=True)
+class InertiaOptions:
+    """How the limb's inertia is identified, see `ViscosityOptions`. A hinge is taken as "known"
+    where it is "loaded": it needs the constant moment for the mass center along its axis.
+    """
+
+    tare: Tare = "loaded"
+    prior_sd: float = 1.0
+    instruments: bool = True
+
+    def __post_init__(self) -> None:
+        if self.tare not in get_args(Tare):
+            raise BadData(
+                f"unknown tare '{self.tare}': there are {', '.join(map(repr, get_args(Tare)))}"
+            )
+        if not self.prior_sd > 0.0:
+            raise BadData(f"prior_sd of the limb's inertia is {self.prior_sd:g}: expected above 0")
+
+
+@read_only
+class LimbInertia:
+    """The limb as one rigid link: `parameters` (10,) about the joint's center ([D] order), `noise`
+    (6,) the root mean square of measured less predicted wrench, by which its rows are weighted [N
+    m], [N]. Mass is what the constant force shows, a load of the base included. `hidden`: it hides
+    behind an unknown zero of the plate, parameters[0] is a guess; `possible`: a body can have the
+    parameters that the wrench shows, up to its noise.
+    """
+
+    parameters: Array
+    noise: Array
+    hidden: bool
+    possible: bool
+
+    @property
+    def mass(self) -> float:
+        """[kg]; NaN where it hides."""
+        return float("nan") if self.hidden else float(self.parameters[0])
+
+    @property
+    def com(self) -> float:
+        """Distance of the mass center from the joint's center [m]; NaN where the mass hides."""
+        return float("nan") if self.hidden else self.first_moment / float(self.parameters[0])
+
+    @property
+    def first_moment(self) -> float:
+        """Mass times distance of the mass center, which needs no zero of the plate [kg m]."""
+        return float(np.linalg.norm(self.parameters[1:4]))
+
+    @property
+    def least_mass(self) -> float:
+        """The least that a body of this first moment and inertia weighs, [kg]."""
+        return least_mass(self.parameters)
+
+
+def least_mass(parameters: Array) -> float:
+    """|h|^2 / I [kg], below which no body has first moment h and largest inertia I about the joint;
+    0 without one.
+    """
+    inertia = float(np.linalg.eigvalsh(inertia_matrices(parameters))[-1])
+    return float(parameters[1:4] @ parameters[1:4]) / inertia if inertia > 0.0 else 0.0
+
+
+def limb_inertia(
+    sums: SwingSums,
+    counts: Array | None = None,
+    options: InertiaOptions | None = None,
+    noise: Array | None = None,
+) -> LimbInertia:
+    """Parameters phi that minimise sum |(wrench - wrench_rows phi - offset) / noise|^2, of a
+    possible body. Each row of the wrench is weighted by its own residual, found by repetition
+    unless `noise` (6,) [N m], [N] is known. Parameters that the swings do not show (the axial
+    inertia, all but seven or fewer of a hinge) come from the prior of `InertiaOptions`; what they
+    do show outweighs it by the number of frames. `counts` (blocks,): how often each counts.
+    """
+    options = options or InertiaOptions()
+    counts = np.ones(len(sums)) if counts is None else counts
+    hidden = options.tare == "unknown"
+    free = hidden or (options.tare == "loaded" and len(sums.axes) > 1)
+    products = sums.wrench_total(counts)
+    whole = products.sum(axis=0)
+    if free:
+        products = eliminated(products if hidden else whole[None], [ONE])
+    products = products.sum(axis=0)[:, :ONE, :ONE]
+    if free:
+        for column in (0, PREDICTED):
+            products[:, column] = products[:, :, column] = 0.0
+    if not options.instruments:
+        products[:, PREDICTED:] = 0.0
+        products[:, PREDICTED:, : WRENCH + 1] = products[:, :PARAMETERS, : WRENCH + 1]
+        products[:, PREDICTED:, PREDICTED:] = products[:, :PARAMETERS, :PARAMETERS]
+    if noise is None:
+        noise = _noise(products, float(counts @ sums.frames))
+    A, b = _equations(np.tensordot(noise**-2.0, products, axes=1))
+    if free and not hidden:
+        # The constant force along gravity, which limb and base share, is put down to the limb.
+        forces = whole[3:, 0].sum(axis=0) / (np.sqrt(whole[3:, 0, 0].sum()) * noise[3:].mean())
+        A = np.vstack([A, forces[:PARAMETERS]])
+        b = np.append(b, forces[WRENCH])
+    reference = _cylinder(_least_norm(A, b), hidden)
+    prior = PseudoInertiaOptions(mass_sd=options.prior_sd)
+    fit = solve_pseudo_inertia(A, b, reference[None], options=prior)
+    possible = fit.status == "closed form"
+    if not possible:
+        unbound = solve_ridge(A, b, reference[None], options=prior)
+        possible = fit.misfit - unbound.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
+    return LimbInertia(parameters=fit.parameters[0], noise=noise, hidden=hidden, possible=possible)
+
+
+def _noise(products: Array, frames: float) -> Array:
+    """(6,) residual of each row, the rows weighted by it."""
+    size = np.sqrt(products[:, WRENCH, WRENCH] / frames)
+    least = 1e-9 * np.repeat([size[:3].max(), size[3:].max()], 3)
+    noise = np.maximum(size, least)
+    for _ in range(4):
+        parameters = _least_norm(*_equations(np.tensordot(noise**-2.0, products, axes=1)))
+        taken = np.append(parameters, -1.0)
+        left = np.einsum("rij,i,j->r", products[:, : WRENCH + 1, : WRENCH + 1], taken, taken)
+        noise = np.maximum(np.sqrt(np.maximum(left, 0.0) / frames), least)
+    return noise
+
+
+def _equations(products: Array) -> tuple[Array, Array]:
+    """A (10, 10), b (10,) of the wrench as the predicted rows see it: with Z those rows, A = (Z^T
+    Z)^-1/2 Z^T Y.
+    """
+    Z = slice(PREDICTED, PREDICTED + PARAMETERS)
+    scale = np.sqrt(np.diagonal(products)[Z])
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(products[Z, Z] / scale[:, None] / scale)
+    seen = values > 1e-13 * values[-1]
+    root = np.divide(
+        1.0,
+        np.sqrt(values, where=seen, out=np.ones(PARAMETERS)),
+        where=seen,
+        out=np.zeros(PARAMETERS),
+    )
+    turn = root[:, None] * vectors.T / scale
+    return turn @ products[Z, :PARAMETERS], turn @ products[Z, WRENCH]
+
+
+def _least_norm(A: Array, b: Array) -> Array:
+    """(10,) least squares; what is not seen is zero."""
+    scale = np.linalg.norm(A, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    return np.linalg.lstsq(A / scale, b, rcond=1e-6)[0] / scale
+
+
+def _cylinder(estimate: Array, hidden: bool) -> Array:
+    """(10,) uniform cylinder from the joint through the estimated mass center; the prior."""
+    moment = estimate[1:4]
+    size = float(np.linalg.norm(moment))
+    if not size > 0.0:
+        raise BadData(
+            "the wrench on the base shows no moment of the limb's weight about the joint: does the"
+            " plate carry it?"
+        )
+    inertia = float(np.linalg.eigvalsh(inertia_matrices(estimate))[-1])
+    mass = 4.0 / 3.0 * size**2 / inertia if hidden and inertia > 0.0 else float(estimate[0])
+    if not mass > 0.0:
+        asked = (
+            "is the sign that of the force on the base, and was the plate's zero set without the"
+            " limb"
+        )
+        raise BadData(f"the limb's mass is {mass:.3g} kg: {asked} (else set tare to 'unknown')?")
+    c = moment / mass
+    distance = size / mass
+    along = np.outer(c, c) / distance**2
+    pseudo = np.zeros((4, 4))
+    pseudo[:3, :3] = mass * (
+        4.0 / 3.0 * np.outer(c, c) + 0.25 * (SLENDER * distance) ** 2 * (np.eye(3) - along)
+    )
+    pseudo[:3, 3] = pseudo[3, :3] = moment
+    pseudo[3, 3] = mass
+    return parameters_of(pseudo)

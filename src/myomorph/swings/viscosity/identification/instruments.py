@@ -1,0 +1,259 @@
+"""Errors of instruments and of the joint's center, estimated from the swings themselves where these
+tell them.
+
+Two laws hold whatever the limb weighs and however its soft tissue moves: a joint passes on no
+moment but a passive one about its free axes, and force is mass times acceleration. A plate that
+lies elsewhere, turned axes, wrong gains and a late clock break them, each in its own way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.swings.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
+from myomorph.swings.viscosity.swings.recording import SwingRecording
+from myomorph.swings.viscosity.swings.sums import effective_samples, free_directions, predicted_rows
+
+ROUNDS = 3  # How often the errors are found again from recordings that are rid of the last ones.
+SHOWN_IN = {
+    "plate_position": (1e3, "mm"),
+    "plate_rotation": (1e3, "mrad"),
+    "force_gain": (1e2, "%"),
+    "moment_gain": (1e2, "%"),
+    "plate_clock": (1e3, "ms"),
+    "joint_center": (1e3, "mm"),
+    "soft_tissue": (1e6, "ms^2"),
+}
+"""Of each source, in tables."""
+# Not estimated: it changes the force by as little as filters and rounding do.
+UNTOLD = "soft_tissue"
+MASS_AND_MOMENT = 4  # Columns of the force's rows: mass and first moment.
+
+
+@read_only
+class Instruments:
+    """Errors of the sources (name and axis) of `ErrorOptions` from priors and swings, and their
+    covariance.
+    """
+
+    sources: tuple[tuple[str, int], ...]
+    prior: Array
+    errors: Array
+    covariance: Array
+
+    @staticmethod
+    def assumed(options: ErrorOptions) -> Instruments:
+        """What is known before any swing."""
+        prior = np.array([float(getattr(options, name)) for name, _ in options.sources])
+        return Instruments(
+            sources=options.sources,
+            prior=prior,
+            errors=np.zeros(len(prior)),
+            covariance=np.diag(prior**2),
+        )
+
+    def corrected(self, recording: SwingRecording) -> SwingRecording:
+        """The recording as it would be without these errors."""
+        for (source, axis), size in zip(self.sources, self.errors, strict=True):
+            recording = disturbed(recording, source, axis, -float(size))
+        return recording
+
+    @property
+    def rows(self) -> tuple[tuple[str, str, float, float, float], ...]:
+        """Source, axis in words, standard deviation assumed, error estimated and standard deviation
+        left, of each.
+        """
+        left = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        named = ((source, _axis(source, axis)) for source, axis in self.sources)
+        columns = (column.tolist() for column in (self.prior, self.errors, left))
+        return tuple(
+            (*name, *row) for name, row in zip(named, zip(*columns, strict=True), strict=True)
+        )
+
+    def known(self, source: str) -> Array:
+        """(sources, sources) covariance of what is left where all axes of a source are known."""
+        is_source = np.array([name == source for name, _ in self.sources])
+        inner = np.linalg.pinv(self.covariance[np.ix_(is_source, is_source)], hermitian=True)
+        across = self.covariance[:, is_source]
+        return self.covariance - across @ inner @ across.T
+
+
+def _axis(source: str, axis: int) -> str:
+    if source == UNTOLD:
+        return ("muscles removed", "muscles intact")[axis]
+    return "" if AXES.get(source) == 1 else "xyz"[axis]
+
+
+def estimate_instruments(
+    conditions: Mapping[str, Sequence[SwingRecording]],
+    options: ErrorOptions,
+    free_zero: Sequence[str] = (),
+) -> Instruments:
+    """Errors theta that all swings share, by least squares with priors, from recordings of one
+    specimen by condition.
+
+    With B_k what a unit of error k changes of the measured wrench, in every condition
+
+        moment about the free axes = -d rates - k angles + s - d_M J_M^T J_M rates + B theta
+        force                      = force rows (m, m c) + B theta
+
+    d and s of each axis, k, d_M, m and c are free in each condition, theta is the same in all, with
+    the standard deviations of its prior. Each equation is weighted by what it leaves and by how
+    many independent samples that has. In conditions of `free_zero`, whose plate was not set to
+    zero, a constant wrench of each trial is free.
+    """
+    known = Instruments.assumed(options)
+    thin = {
+        name: [thinned(recording) for recording in condition]
+        for name, condition in conditions.items()
+        if condition
+    }
+    if not known.sources or not thin:
+        return known
+    result = known
+    for _ in range(ROUNDS):
+        now = {
+            name: [result.corrected(recording) for recording in recordings]
+            for name, recordings in thin.items()
+        }
+        parts = [
+            _condition(recordings, result, name in free_zero) for name, recordings in now.items()
+        ]
+        result = _solved(parts, known, result)
+    return result
+
+
+_Equations = list[tuple[Array, Array, Array]]
+"""Of each trial y (frames, rows) = own (frames, rows, unknowns) x + errors (frames, rows, sources)
+theta.
+"""
+
+
+def _condition(
+    recordings: Sequence[SwingRecording], instruments: Instruments, free_zero: bool
+) -> list[_Equations]:
+    """The equations of moment and of force of one condition."""
+    used = [np.flatnonzero(recording.used) for recording in recordings]
+    along = free_directions(recordings)
+    predicted = predicted_rows(recordings, used)
+    moment: _Equations = []
+    force: _Equations = []
+    for number, (recording, rows, use) in enumerate(zip(recordings, predicted, used, strict=True)):
+        turn = along @ recording.rotations[use].transpose(0, 2, 1)
+        constant = np.zeros((len(use), 3, 3 * len(recordings)))
+        if free_zero:
+            constant[:, np.arange(3), 3 * number + np.arange(3)] = 1.0
+        torque = np.einsum("fai,fi->fa", turn, recording.wrench[use, :3])
+        moment.append(
+            (torque, np.concatenate([_passive(recording, use), turn @ constant], axis=2), turn)
+        )
+        inertial = np.concatenate([rows.instruments[use, 3:, :MASS_AND_MOMENT], constant], axis=2)
+        force.append((recording.wrench[use, 3:], inertial, turn))
+    lacking = [_left(part) for part in (moment, force)]
+    for number, (recording, use) in enumerate(zip(recordings, used, strict=True)):
+        # Errors of the wrench that the laws expect: those of the measured one would be regressed on
+        # their own noise, and gains found that make everything small.
+        expected = recording.wrench.copy()
+        turn = moment[number][2]
+        expected[use, :3] -= np.einsum("fai,fa->fi", turn, lacking[0][number])
+        expected[use, 3:] -= lacking[1][number]
+        smooth = replace(recording, wrench=expected)
+        changes = np.stack(
+            [
+                (
+                    disturbed(smooth, *source, 0.0 if source[0] == UNTOLD else size).wrench
+                    - expected
+                )[use]
+                / size
+                for source, size in zip(instruments.sources, instruments.prior, strict=True)
+            ],
+            axis=2,
+        )
+        moment[number] = (*moment[number][:2], turn @ changes[:, :3])
+        force[number] = (*force[number][:2], changes[:, 3:])
+    return [moment, force]
+
+
+def _left(parts: _Equations) -> list[Array]:
+    """What least squares leave of the first (frames, rows) by the second (frames, rows, unknowns),
+    trial by trial.
+    """
+    A = np.concatenate([inertial.reshape(-1, inertial.shape[2]) for _, inertial, _ in parts])
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    x = (
+        np.linalg.lstsq(A / size, np.concatenate([y.ravel() for y, _, _ in parts]), rcond=1e-9)[0]
+        / size
+    )
+    return [y - inertial @ x for y, inertial, _ in parts]
+
+
+def _passive(swing_recording: SwingRecording, use: np.ndarray) -> Array:
+    """(frames, axes, 2 axes + 2) what the coefficients of a passive law add to the moment about the
+    free axes.
+    """
+    rates = swing_recording.rates[use]
+    J = swing_recording.lengthening[use]
+    axes = rates.shape[1]
+    columns = np.zeros((len(use), axes, 2 * axes + 2))
+    each = np.arange(axes)
+    columns[:, each, each] = -rates
+    columns[:, each, axes + each] = 1.0
+    columns[:, :, 2 * axes] = -swing_recording.angles[use]
+    columns[:, :, 2 * axes + 1] = -np.einsum("fma,fm->fa", J, np.einsum("fma,fa->fm", J, rates))
+    return columns
+
+
+def _solved(
+    parts: Sequence[Sequence[_Equations]], known: Instruments, last: Instruments
+) -> Instruments:
+    """The errors by weighted least squares with their prior; equations hold what is left of them
+    beyond `last`.
+    """
+    scale = known.prior
+    flat = [equations for part in parts for equations in part]
+    theta: Array = np.zeros(len(scale))
+    precision = np.eye(len(scale))
+    for _ in range(2):
+        A = np.eye(len(scale))
+        b = -last.errors / scale
+        for block in flat:
+            N, g, weight = _reduced(block, theta, scale)
+            A = A + weight * N
+            b = b + weight * g
+        theta = np.asarray(np.linalg.solve(A, b), float)
+        precision = A
+    covariance = np.linalg.inv(precision) * np.outer(scale, scale)
+    return Instruments(
+        sources=known.sources,
+        prior=known.prior,
+        errors=last.errors + theta * scale,
+        covariance=covariance,
+    )
+
+
+def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
+    """Normal equations of the errors, the equations' own unknowns taken off, weighted by the last
+    errors `theta`.
+    """
+    inertial = np.concatenate([own.reshape(-1, own.shape[2]) for _, own, _ in equations])
+    errors = np.concatenate([part.reshape(-1, part.shape[2]) for _, _, part in equations]) * scale
+    y = np.concatenate([part.ravel() for part, _, _ in equations])
+    size = np.linalg.norm(inertial, axis=0)
+    inertial = inertial[:, size > 0.0] / size[size > 0.0]
+    left, values, _ = np.linalg.svd(inertial, full_matrices=False)
+    left = left[:, values > 1e-9 * values[0]]
+    errors = errors - left @ (left.T @ errors)
+    y = y - left @ (left.T @ y)
+    misfit = y - errors @ theta
+    ends = np.cumsum([part.size for part, _, _ in equations])[:-1]
+    runs = [
+        left.reshape(part.shape)
+        for left, (part, _, _) in zip(np.split(misfit, ends), equations, strict=True)
+    ]
+    variance = max(float(np.mean(misfit**2)), 1e-18)
+    weight = min(effective_samples(runs) / misfit.size, 1.0) / variance
+    return errors.T @ errors, errors.T @ y, weight

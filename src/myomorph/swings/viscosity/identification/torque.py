@@ -1,0 +1,238 @@
+"""Steps 2 and 3: viscosity of joint and muscles from the torque of free swings ([S] eq. 1 to 3),
+beside a spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
+from myomorph.swings.viscosity.swings.sums import (
+    ANGLE,
+    CONSTANT,
+    MUSCLES,
+    PLATE,
+    RATE,
+    RESISTED,
+    SwingSums,
+    eliminated,
+)
+
+TORQUE, SPEED, JOINT, FIRST = range(4)
+"""Columns of a torque problem: the torque by inverse dynamics, the rate, what the joint resists,
+then one a muscle.
+"""
+
+
+# Of the largest singular value: a combination of muscles that turns the limb less is not shown.
+RANK_TOLERANCE = 1e-6
+# A rest farther than this from the mean pose is not believed: there is hardly a spring [rad].
+MAX_SHIFT = 1.5
+
+
+@read_only
+class JointViscosity:
+    """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper
+    prints it, and each for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one
+    rate (axes,) [N m]; `law`: of torque = -law resisted, the one value where the joint resists its
+    rates.
+    """
+
+    one: float
+    law: float
+    axes: Array
+    residual: Array
+
+    def taken_off(self, subtract: Literal["one", "axes"]) -> Array:
+        """(axes,) what step 3 takes off: `law` about every axis, or each axis' own."""
+        return np.full(len(self.axes), self.law) if subtract == "one" else self.axes
+
+
+def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
+    """(axes, 3 + muscles, 3 + muscles) products of [torque, rate, resisted, u] of each axis, torque
+    = torque_rows phi, from `SwingSums.torque_total`; without `parameters` the torque that the plate
+    measures. `stiffness`: take off what a spring and a constant torque of each axis explain, so
+    that neither biases what resists motion.
+    """
+    if stiffness:
+        products = eliminated(products, [CONSTANT, ANGLE])
+    muscles = products.shape[-1] - MUSCLES
+    chosen = np.zeros((products.shape[-1], FIRST + muscles))
+    if parameters is None:
+        chosen[PLATE, TORQUE] = 1.0
+    else:
+        chosen[:PARAMETERS, TORQUE] = parameters
+    chosen[RATE, SPEED] = chosen[RESISTED, JOINT] = 1.0
+    chosen[MUSCLES:, FIRST:] = np.eye(muscles)
+    return chosen.T @ products @ chosen
+
+
+def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
+    """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over
+    each.
+    """
+    power = -problem[:, TORQUE, SPEED]
+    square = problem[:, SPEED, SPEED]
+    axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
+    sizes = ((column, problem[:, column, column].sum()) for column in (SPEED, JOINT))
+    slopes = (
+        problem[:, TORQUE, column].sum() / size if size > 0.0 else 0.0 for column, size in sizes
+    )
+    common, law = (max(-float(slope), 0.0) for slope in slopes)
+    left = problem[:, TORQUE, TORQUE] - 2.0 * common * power + common**2 * square
+    return JointViscosity(
+        one=common, law=law, axes=axes, residual=np.sqrt(np.maximum(left, 0.0) / frames)
+    )
+
+
+@read_only
+class MuscleProblem:
+    """Normal equations H d = g of the muscles' viscosities."""
+
+    H: Array
+    g: Array
+
+    @property
+    def singular_values(self) -> Array:
+        """(muscles,) of the rows behind H, relative to the largest, descending."""
+        values = np.linalg.eigvalsh(self.H)[::-1]
+        return (
+            np.sqrt(np.maximum(values, 0.0) / values[0])
+            if values[0] > 0.0
+            else np.zeros(len(values))
+        )
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations of muscles that the swings show."""
+        return int((self.singular_values > RANK_TOLERANCE).sum())
+
+    def resolved(self, variance: float, common: float) -> int:
+        """Number of combinations whose size, were all muscles `common`, is above its standard
+        error.
+        """
+        values = np.maximum(np.linalg.eigvalsh(self.H), 0.0)
+        return int((values * common**2 > variance).sum())
+
+    def solved(self, pcsa: Array, strength: float) -> Array:
+        """(2 + muscles,) d_M of [S] eq. 3, torque + d_J rate = -J_M^T d_M J_M rate [N s/m]: one
+        value of all muscles; the factor of shares of the cross-section, `pcsa` (muscles,) of mean
+        1; each muscle, drawn towards the one.
+        """
+        common = self.along(np.ones(len(self.g)))
+        single = (
+            self.towards(common, strength)
+            if np.isfinite(strength)
+            else np.full(len(self.g), common)
+        )
+        return np.array([common, self.along(pcsa), *single])
+
+    def along(self, shares: Array) -> float:
+        """The factor, at least 0, of given shares (muscles,) that fits best."""
+        square = float(shares @ self.H @ shares)
+        return max(float(shares @ self.g) / square, 0.0) if square > 0.0 else 0.0
+
+    def towards(self, common: float, strength: float) -> Array:
+        """(muscles,) values, at least 0, that minimise d H d / 2 - g d + strength |d - common|^2 /
+        2.
+        """
+        L = cholesky(self.H + strength * np.eye(len(self.g)), lower=True)
+        return nnls(L.T, solve_triangular(L, self.g + strength * common, lower=True))[0]
+
+
+def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
+    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J resisted taken
+    off; d_J (axes,).
+    """
+    H = problem[:, FIRST:, FIRST:].sum(axis=0)
+    g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, JOINT, FIRST:]).sum(axis=0)
+    return MuscleProblem(H, g)
+
+
+def noise_variance(blocks: Array, joint: Array) -> float:
+    """Variance that noise, independent between frames, would need for scores that scatter over the
+    blocks as they do. The scores are those of the muscles' values that fit best without any
+    restraint, so that muscles which differ do not count as noise; frames that depend on each other
+    count as what they are.
+    """
+    each = [muscle_problem(block, joint) for block in blocks]
+    H = np.sum([block.H for block in each], axis=0)
+    g = np.sum([block.g for block in each], axis=0)
+    best = np.linalg.pinv(H, rcond=RANK_TOLERANCE**2, hermitian=True) @ g
+    scores = np.array([block.g - block.H @ best for block in each])
+    free = max(len(each) - MuscleProblem(H, g).rank, 1) / len(each)
+    trace = float(np.trace(H))
+    return float(np.square(scores).sum()) / (free * trace) if trace > 0.0 else 0.0
+
+
+def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
+    """Variance / (spread common)^2: the prior of a muscle is normal about the common value with
+    that relative SD.
+    """
+    if not common > 0.0:
+        return float("inf")
+    least = 1e-12 * float(np.trace(problem.H)) / len(problem.g)
+    return max(variance / (spread * common) ** 2, least)
+
+
+def neutral_position(sums: SwingSums, parameters: Array) -> Array:
+    """(axes,) rotation c from the slack spring to where the angles are zero; zero where there is no
+    spring.
+
+    Only angles that are counted from the neutral position make a ball's spring linear in them: with
+    R_rest moved by a small c, log(exp(c) exp(theta)) = theta + c + c x theta / 2 + ... The last
+    part is neither spring nor constant, does work like a damper in a conical swing, and 0.02 rad of
+    it change the viscosity by 1 % (`docs/viscosity.md`). Least squares of torque = -d rate - u d_M
+    - k (angle + c): d, d_M and c of each axis, k of all.
+    """
+    left = _without_dampers(sums, parameters)
+    varying = eliminated(left, [2])
+    square = varying[:, 1, 1].sum()
+    stiffness = -varying[:, 0, 1].sum() / square if square > 0.0 else 0.0
+    if not stiffness > 0.0:
+        return np.zeros(len(sums.axes))
+    shift: Array = -(left[:, 0, 2] / stiffness + left[:, 1, 2]) / left[:, 2, 2]
+    return shift if np.linalg.norm(shift) < MAX_SHIFT else np.zeros(len(shift))
+
+
+def spring_misfit(sums: SwingSums, parameters: Array) -> float:
+    """Sum of squares that the same least squares leave of the torque, with k of all axes and c of
+    each [N^2 m^2].
+    """
+    varying = eliminated(_without_dampers(sums, parameters), [2])
+    square = float(varying[:, 1, 1].sum())
+    explained = float(varying[:, 0, 1].sum()) ** 2 / square if square > 0.0 else 0.0
+    return float(varying[:, 0, 0].sum()) - explained
+
+
+def _without_dampers(sums: SwingSums, parameters: Array) -> Array:
+    """(axes, 3, 3) products of torque, angle and one, with rates and muscles taken off."""
+    muscles = len(sums.muscles)
+    chosen = np.zeros((sums.torque.shape[-1], 4 + muscles))
+    chosen[:PARAMETERS, 0] = parameters
+    chosen[[ANGLE, CONSTANT, RATE], [1, 2, 3]] = 1.0
+    chosen[MUSCLES:, 4:] = np.eye(muscles)
+    return eliminated(
+        chosen.T @ sums.torque_total(np.ones(len(sums))) @ chosen, range(3, 4 + muscles)
+    )
+
+
+def counted_from(recordings: Sequence[SwingRecording], shift: Array) -> list[SwingRecording]:
+    """The recordings with their angles counted from a rest that lies `shift` (3,) before theirs."""
+    result = []
+    turn = Rotation.from_rotvec(shift)
+    for recording in recordings:
+        angles = np.array(recording.angles)
+        angles[recording.used] = (
+            turn * Rotation.from_rotvec(recording.angles[recording.used])
+        ).as_rotvec()
+        result.append(replace(recording, angles=angles))
+    return result

@@ -1,0 +1,293 @@
+"""What the report on a cohort of swinging limbs is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.provenance import Estimate
+from myomorph.lab.report.page.parts import Figure, Note, SourceFile, Step
+from myomorph.swings.viscosity.cohort import Row, specimen_row
+from myomorph.swings.viscosity.identification.budget import ErrorShare
+from myomorph.swings.viscosity.identification.identify import (
+    Condition,
+    MuscleViscosity,
+    SpecimenViscosity,
+)
+from myomorph.swings.viscosity.identification.instruments import Instruments
+from myomorph.swings.viscosity.swings.recording import SwingRecording
+
+MAX_FRAMES = 1200  # Frames of a trial that charts are drawn from.
+
+
+@read_only
+class SwingCurves:
+    """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames
+    are not used. `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics
+    [N m]; `wrench` (frames, 6) on the base, measured, and `predicted` by the inertial parameters,
+    NaN in frames that are not used.
+    """
+
+    trial: str
+    axes: tuple[str, ...]
+    time: Array
+    swing: np.ndarray
+    angles: Array
+    rates: Array
+    torque: Array
+    wrench: Array
+    predicted: Array
+
+
+@read_only
+class ShownCondition:
+    """A specimen with its muscles, or without them: viscosities over all axes and of each [N m
+    s/rad], and which axes swings moved enough; `residual` (6,), root mean square of measured less
+    predicted wrench. `curves` are of the trial with the most swings; `plate_viscosity` is from the
+    moment that the plate measures, a check; `by_trial` names intervals that are by trial, because
+    trials differ more than their swings explain.
+    """
+
+    axes: tuple[str, ...]
+    viscosity: Estimate
+    axis_viscosity: tuple[Estimate, ...]
+    excited: tuple[bool, ...]
+    residual: Array
+    trials: int
+    swings: int
+    seconds: float
+    curves: SwingCurves
+    plate_viscosity: Estimate | None = None
+    by_trial: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PassiveModel:
+    """One model of the passive torque, fitted to the swings "without" or "with" muscles: `terms`,
+    as "viscosity + stiffness", and their values, printed with units.
+
+    `viscosity` [N m s/rad]; criteria above those of the best model, smaller is better; root mean
+    square errors of held-out swings [rad], [N m], NaN where not known; `chosen`: the simplest of
+    those that the data cannot tell from the best.
+    """
+
+    condition: str
+    terms: str
+    values: str
+    viscosity: float
+    aic: float
+    bic: float
+    angle_error: float = float("nan")
+    wrench_error: float = float("nan")
+    chosen: bool = False
+
+
+@read_only
+class HeldOutSwing:
+    """A swing that the models did not see: angles (frames, axes) [rad], measured and integrated
+    forward by each.
+    """
+
+    condition: str
+    time: Array
+    axes: tuple[str, ...]
+    measured: Array
+    predicted: Mapping[str, Array]
+
+
+@read_only
+class CutoffScan:
+    """What the choice of the filter changes: `values` (choices,) of each of `cohort.QUANTITIES`;
+    cutoffs [Hz].
+    """
+
+    cutoffs: Array
+    chosen: float
+    values: Mapping[str, Array]
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class ArmError:
+    """One kind of error of the moment arms: relative SD and bias of d_M, and 2.5, 50 and 97.5 % of
+    draws [N s/m].
+    """
+
+    kind: str
+    size: str
+    sd: float
+    bias: float
+    low: float
+    median: float
+    high: float
+
+
+@read_only
+class ArmSpread:
+    """2.5, 50 and 97.5 % of draws of d_M [N s/m] at relative errors of the arms (levels,), and
+    other kinds.
+    """
+
+    errors: Array
+    low: Array
+    median: Array
+    high: Array
+    draws: int
+    kinds: tuple[ArmError, ...] = ()
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How well a calibration fits: a line of the table, e.g. "plate position", "0.4", "mm"."""
+
+    what: str
+    value: float
+    unit: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenReport:
+    """All that is shown of one specimen; what was not made is None or empty.
+
+    `row` are its values in the tables; `truth` those of a virtual specimen and `paper` the printed
+    ones, by quantity; `scans` residual maps of scanned bones; `failure` why it could not be done,
+    else ""; `errors` what swings, instruments and model add to each result; `instruments` their
+    errors, assumed and as the swings show them; `shoulder`: the joint is the glenohumeral one, of
+    which literature and paper have values.
+    """
+
+    name: str
+    row: Row = field(default_factory=lambda: FrozenMap({}))
+    without: ShownCondition | None = None
+    intact: ShownCondition | None = None
+    muscles: MuscleViscosity | None = None
+    models: tuple[PassiveModel, ...] = ()
+    held_out: tuple[HeldOutSwing, ...] = ()
+    cutoff: CutoffScan | None = None
+    arms: ArmSpread | None = None
+    calibration: tuple[Residual, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    paper: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    scans: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+    errors: tuple[ErrorShare, ...] = ()
+    instruments: Instruments | None = None
+    shoulder: bool = True
+
+    @property
+    def conditions(self) -> dict[str, ShownCondition]:
+        """What there is of "without" and "with" muscles."""
+        pairs = (("without", self.without), ("with", self.intact))
+        return {name: condition for name, condition in pairs if condition is not None}
+
+
+@read_only
+class DropCurves:
+    """One drop (frames,): angle measured and as the fitted law swings, NaN where it is not used
+    [rad]; `turns` (half swings + 1,) times of the release and of every turn [s].
+    """
+
+    name: str
+    time: Array
+    measured: Array
+    fitted: Array
+    turns: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LimbReport:
+    """All that is shown of a limb; `failure` why it could not be done, else "".
+
+    `row`: estimates by the names of `UNITS`; `errors`: standard deviation of each, by source;
+    `laws`: held-out error by law [rad]; `chosen`: among them; `drops`: curves; `notes`: the first
+    on the silence of muscles.
+    """
+
+    name: str
+    coordinate: str = ""
+    row: Mapping[str, Estimate] = field(default_factory=lambda: FrozenMap({}))
+    errors: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: FrozenMap({}))
+    laws: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    chosen: str = ""
+    drops: tuple[DropCurves, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ViscosityInput:
+    """Everything the report on a cohort shows; `notes`, on what is real, simulated and assumed,
+    come first.
+    """
+
+    title: str
+    specimens: tuple[SpecimenReport, ...]
+    notes: tuple[Note, ...] = ()
+    sources: tuple[SourceFile, ...] = ()
+    steps: tuple[Step, ...] = ()
+    date: str = ""
+    version: str = ""
+    limbs: tuple[LimbReport, ...] = ()
+
+    @property
+    def done(self) -> tuple[SpecimenReport, ...]:
+        """The specimens of which something is known."""
+        return tuple(specimen for specimen in self.specimens if specimen.row)
+
+
+def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
+    """What is shown of an identified specimen, without what trust in it adds."""
+    shown = {
+        name: shown_condition(condition)
+        for name, condition in specimen_viscosity.conditions.items()
+    }
+    return SpecimenReport(
+        name=specimen_viscosity.name,
+        row=specimen_row(specimen_viscosity),
+        without=shown.get("without"),
+        intact=shown.get("with"),
+        muscles=specimen_viscosity.muscles,
+        notes=specimen_viscosity.notes,
+    )
+
+
+def shown_condition(condition: Condition) -> ShownCondition:
+    """A condition with the curves of its longest trial."""
+    swings = [len(np.unique(recording.swing[recording.used])) for recording in condition.recordings]
+    seconds = [
+        float(recording.used.sum()) * float(np.median(np.diff(recording.time)))
+        for recording in condition.recordings
+    ]
+    longest = condition.recordings[int(np.argmax(swings))]
+    names = ("viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
+    return ShownCondition(
+        axes=longest.axes,
+        trials=len(condition.recordings),
+        swings=sum(swings),
+        seconds=sum(seconds),
+        curves=swing_curves(longest, condition.parameters),
+        **{name: getattr(condition, name) for name in names},
+    )
+
+
+def swing_curves(recording: SwingRecording, parameters: Array) -> SwingCurves:
+    """A trial's curves, at most `MAX_FRAMES`."""
+    keep = slice(None, None, -(-len(recording) // MAX_FRAMES))
+    unused = ~recording.used[keep][:, None]
+    predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
+    measured = np.where(unused, np.nan, recording.wrench[keep])
+    motion = (
+        recording.time[keep],
+        recording.swing[keep],
+        recording.angles[keep],
+        recording.rates[keep],
+    )
+    torque = recording.torque_rows[keep] @ parameters
+    return SwingCurves(recording.name, recording.axes, *motion, torque, measured, predicted)

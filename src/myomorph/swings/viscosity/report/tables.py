@@ -1,0 +1,220 @@
+"""Tables I and II of the swing experiment as [S] prints them, and the cohort beside the paper and
+the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from myomorph.core.model.provenance import Estimate
+from myomorph.lab.report.charts.axis import number
+from myomorph.lab.report.page.parts import Grid, Section
+from myomorph.swings.viscosity.cohort import (
+    MEAN,
+    QUANTITIES,
+    SD,
+    SPECIMENS,
+    STROEVE_TOTAL_VISCOSITY,
+    CohortLine,
+    Quantity,
+)
+from myomorph.swings.viscosity.report.specimen_report import SpecimenReport
+
+TITLES = {
+    1: "Table I: joint parameters of specimens without muscles",
+    2: "Table II: joint parameters of specimens with muscles",
+}
+COLUMNS = {
+    1: ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
+    2: (
+        "mass_intact",
+        "estimated_muscle_mass",
+        "measured_muscle_mass",
+        "com_intact",
+        "total_viscosity",
+        "muscle_viscosity",
+    ),
+}
+"""In the order of [S]."""
+
+BY_NAME = {one.name: one for one in QUANTITIES}
+LACKING = "–"
+
+
+def scientific(value: float) -> str:
+    """A value with three digits and its power of ten, as [S] prints them: 5.33E-02."""
+    return f"{value:.2E}" if np.isfinite(value) else LACKING
+
+
+def with_interval(estimate: Estimate | None) -> str:
+    """A value and its interval, to the digits that the interval's width leaves."""
+    if estimate is None:
+        return LACKING
+    if not estimate.high > estimate.low:
+        return number(estimate.value)
+    return (
+        f"{_to(estimate.value, estimate.high - estimate.low)} ({span(estimate.low, estimate.high)})"
+    )
+
+
+def span(low: float, high: float) -> str:
+    """An interval, to two digits of its width."""
+    return f"{_to(low, high - low)} to {_to(high, high - low)}"
+
+
+def _to(value: float, width: float) -> str:
+    """A value to the second digit of a width."""
+    if not (np.isfinite(value) and width > 0.0):
+        return number(value)
+    return number(value, 10.0 ** (np.floor(np.log10(width)) - 1))
+
+
+def table_section(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine]) -> Section:
+    """Tables I and II, and their means beside those of the paper, the literature and the truth."""
+    grids = [_table(specimens, lines, table, _printed) for table in (1, 2)]
+    grids.append(_means(specimens, lines))
+    grids += [_table(specimens, lines, table, with_interval) for table in (1, 2)]
+    grids += [grid for grid in (truth_grid(specimens),) if grid is not None]
+    lead = (
+        "COM is the distance of the mass center from the glenohumeral center. The joint viscosity"
+        " is that without muscles, the total viscosity that with them, each one value over all"
+        " axes; the muscle viscosity is one value for all muscles. The estimated muscles are the"
+        " mass with less the mass without. The SD is that of the population, divided by the number"
+        " of specimens, as the paper's is."
+    )
+    return Section(
+        key="tables", title="Tables I and II", lead=lead, legend=(), figures=(), grids=tuple(grids)
+    )
+
+
+def _printed(estimate: Estimate | None) -> str:
+    return LACKING if estimate is None else scientific(estimate.value)
+
+
+def _table(
+    specimens: Sequence[SpecimenReport],
+    lines: Mapping[str, CohortLine],
+    table: int,
+    words: Callable[[Estimate | None], str],
+) -> Grid:
+    columns = [BY_NAME[name] for name in COLUMNS[table]]
+    rows = [
+        (specimen.name, *(words(specimen.row.get(column.name)) for column in columns))
+        for specimen in specimens
+    ]
+    plain = words is _printed
+    if plain:
+        known = [lines.get(column.name) for column in columns]
+        rows.append(
+            ("mean", *(LACKING if line is None else scientific(line.mean) for line in known))
+        )
+        rows.append(("± SD", *(LACKING if line is None else scientific(line.sd) for line in known)))
+        shoulders = any(specimen.shoulder for specimen in specimens)
+        for name, printed in (("paper: mean", MEAN), ("paper: ± SD", SD)) if shoulders else ():
+            rows.append(
+                (name, *(scientific(float(getattr(printed, column.name))) for column in columns))
+            )
+        if table == 2 and shoulders:
+            stroeve = {"total_viscosity": scientific(STROEVE_TOTAL_VISCOSITY)}
+            rows.append(
+                ("literature: Stroeve 1999", *(stroeve.get(column.name, "") for column in columns))
+            )
+    head = ("specimen #", *(f"{column.label} [{column.unit}]" for column in columns))
+    title = TITLES[table] + ("" if plain else ", with 95 % intervals")
+    return Grid(head, tuple(rows), title, folded=not plain)
+
+
+def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine]) -> Grid:
+    """Mean and SD of every quantity: truth where it is known, the paper, the estimate."""
+    known = any(specimen.truth for specimen in specimens)
+    shoulders = any(specimen.shoulder for specimen in specimens)
+    rows = []
+    for quantity in QUANTITIES:
+        line = lines.get(quantity.name)
+        truths = [
+            specimen.truth[quantity.name]
+            for specimen in specimens
+            if quantity.name in specimen.truth
+        ]
+        held = ""
+        if line is not None and len(truths) == line.count and line.high > line.low:
+            truth = float(np.mean(truths))
+            held = (
+                f"{'yes' if line.low <= truth <= line.high else 'no'}, off by"
+                f" {_off(line.mean, truth)}"
+            )
+        unknown = line is None or not np.isfinite(line.low) or line.high == line.low
+        row = {
+            "Quantity": f"{where(quantity)} [{quantity.unit}]",
+            "Truth": _spread(truths) if known else None,
+            "Paper's six": (
+                _spread([getattr(each, quantity.name) for each in SPECIMENS]) if shoulders else None
+            ),
+            "Estimate": LACKING if line is None else _plus_minus(line.mean, line.sd),
+            "95 % interval of the mean": (
+                LACKING if unknown or line is None else span(line.low, line.high)
+            ),
+            "Truth in the interval": held if known else None,
+            "Specimens": LACKING if line is None else str(line.count),
+        }
+        rows.append({head: cell for head, cell in row.items() if cell is not None})
+    paper = ": truth, paper and estimate" if known else " beside the paper's"
+    title = "Means ± population SD" + (
+        paper if shoulders else ": truth and estimate" if known else ""
+    )
+    return Grid(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
+
+
+def _spread(values: Sequence[float]) -> str:
+    return _plus_minus(float(np.mean(values)), float(np.std(values))) if len(values) else LACKING
+
+
+def _plus_minus(mean: float, sd: float) -> str:
+    """To three digits of the SD, as the paper prints it."""
+    return f"{_to(mean, 0.1 * sd)} ± {_to(sd, 0.1 * sd)}" if sd > 0.0 else f"{number(mean)} ± 0"
+
+
+def _off(value: float, truth: float) -> str:
+    share = 100.0 * (value / truth - 1.0) if truth else float("nan")
+    return f"{share:+.1f} %".replace("-", "−")
+
+
+def where(quantity: Quantity) -> str:
+    """A quantity's label that tells the two masses apart."""
+    words = quantity.label
+    if quantity.name.startswith(("mass_", "com_", "first_moment_")):
+        words += ", without muscles" if quantity.table == 1 else ", with muscles"
+    return words[:1].upper() + words[1:] if not words.startswith("COM") else words
+
+
+def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
+    """Truth, paper and estimate of every specimen; None where no truth is known."""
+    rows = []
+    for specimen in specimens:
+        for quantity in QUANTITIES:
+            if quantity.name not in specimen.truth and quantity.name not in specimen.paper:
+                continue
+            truth = specimen.truth.get(quantity.name)
+            paper = specimen.paper.get(quantity.name)
+            estimate = specimen.row.get(quantity.name)
+            off = _off(estimate.value, truth) if estimate is not None and truth else ""
+            words = (LACKING if value is None else number(value) for value in (truth, paper))
+            held = ""
+            if estimate is not None and truth is not None and estimate.high > estimate.low:
+                held = "yes" if estimate.holds(truth) else "no"
+            label = f"{where(quantity)} [{quantity.unit}]"
+            rows.append((specimen.name, label, *words, with_interval(estimate), off, held))
+    if not rows:
+        return None
+    head = (
+        "Specimen",
+        "Quantity",
+        "Truth",
+        "Paper",
+        "Estimate (95 % interval)",
+        "Error",
+        "Truth in it",
+    )
+    return Grid(head, tuple(rows), "Truth, paper and estimate, one by one", folded=True)

@@ -1,0 +1,196 @@
+"""The muscles of a specimen: those of [S] figure 1 by name, and paths on the bones that are left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from myomorph.core.model.errors import BadModel, UnknownName
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.functions import constant
+from myomorph.core.model.model import Model
+from myomorph.core.model.paths import (
+    MovingPathPoint,
+    Muscle,
+    Path,
+    PathPoint,
+    PathWrap,
+    TendonWrap,
+    WrapObject,
+)
+from myomorph.swings.viscosity.specimen.bodies import Anatomy
+
+FIGURE_1 = {
+    "Biceps Brachii Caput Longum": ("BIC_long", "BIClong"),
+    "Biceps Brachii Caput Breve": ("BIC_brevis", "BICshort"),
+    "Coracobrachialis": ("Coracobrachialis", "CORB"),
+    "Deltoideus Pars Acromialis": ("DeltoideusScapula_M", "DELT2"),
+    "Deltoideus Pars Spinalis": ("DeltoideusScapula_P", "DELT3"),
+    "Infraspinatus": ("Infraspinatus_I Infraspinatus_S", "INFSP"),
+    "Subscapularis": ("Subscapularis_S Subscapularis_M Subscapularis_I", "SUBSC"),
+    "Supraspinatus": ("Supraspinatus_P Supraspinatus_A", "SUPSP"),
+    "Teres Major": ("TeresMajor", "TMAJ"),
+    "Teres Minor": ("TeresMinor", "TMIN"),
+    "Triceps Brachii Caput Longum": ("TRIlong", "TRIlong"),
+}
+"""The 11 muscles of [S] figure 1, as the paper writes them: their strands in the thoracoscapular
+model (Seth et al. 2019), and in the arm of Saul et al. (2015) and MyoSuite.
+"""
+
+
+def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
+    """The 11 muscles of [S] figure 1: the paper's name to strands of the model, of two families of
+    names.
+    """
+    known = set(model.muscle_names)
+    lacking = []
+    for family in zip(*FIGURE_1.values(), strict=True):
+        strands = {
+            muscle: tuple(words.split()) for muscle, words in zip(FIGURE_1, family, strict=True)
+        }
+        lacking.append([name for names in strands.values() for name in names if name not in known])
+        if not lacking[-1]:
+            return FrozenMap(strands)
+    fewest = min(lacking, key=len)
+    named = (
+        "does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's"
+        " arm do"
+    )
+    advice = f"it has no '{fewest[0]}'; give the strands of each muscle by name"
+    raise BadModel(f"model '{model.name}' {named}: {advice}")
+
+
+def kept_muscles(
+    source: Anatomy, names: Mapping[str, tuple[str, ...]], coordinates: frozenset[str]
+) -> tuple[dict[str, tuple[str, ...]], tuple[Muscle, ...], tuple[WrapObject, ...], list[str]]:
+    """Muscles, all between base and limb or those named, whose paths run on bones alone, with their
+    strands and the surfaces they wrap around; last what is otherwise than in the source.
+    """
+    model = source.model
+    base = source.bones[0]
+    wanted = names or {
+        muscle.name: (muscle.name,) for muscle in model.muscles if _crosses(source, muscle, base)
+    }
+    notes: list[str] = []
+    muscles: list[Muscle] = []
+    kept: dict[str, tuple[str, ...]] = {}
+    for name, strands in wanted.items():
+        for strand in strands:
+            muscle = model.muscle(strand)
+            outside = sorted(
+                {point.body for point in muscle.path.points if point.body not in source.homes}
+            )
+            if outside and names:
+                beyond = f"'{outside[0]}', which is no part of the specimen"
+                raise BadModel(
+                    f"muscle '{strand}' runs over {beyond}: leave it out, or name another strand"
+                )
+            if not outside:
+                muscles.append(_moved(source, muscle, coordinates, notes))
+                kept[name] = (*kept.get(name, ()), strand)
+            else:
+                notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
+    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
+    homes = [
+        (surface, *source.homes[surface.body])
+        for surface in model.wrap_objects
+        if surface.name in used
+    ]
+    surfaces = tuple(
+        replace(surface, body=home, pose=pose @ surface.pose) for surface, home, pose in homes
+    )
+    return kept, tuple(muscles), surfaces, notes
+
+
+def _crosses(source: Anatomy, muscle: Muscle, base: str) -> bool:
+    """Whether a muscle touches both base and limb."""
+    homes = {
+        source.homes[point.body][0] for point in muscle.path.points if point.body in source.homes
+    }
+    return base in homes and len(homes) > 1
+
+
+def _moved(
+    source: Anatomy, muscle: Muscle, coordinates: frozenset[str], notes: list[str]
+) -> Muscle:
+    points = tuple(
+        _point(source, muscle.name, point, coordinates, notes) for point in muscle.path.points
+    )
+    bodies = {item.name: item.body for item in source.model.wrap_objects}
+    wraps = []
+    for wrap in muscle.path.wraps:
+        body = bodies.get(wrap.wrap_object)
+        if body is None:
+            raise UnknownName("wrap object", wrap.wrap_object, tuple(bodies))
+        if body in source.homes:
+            wraps.append(_wrap(source, wrap))
+        else:
+            notes.append(
+                f"muscle '{muscle.name}' no longer wraps around '{wrap.wrap_object}', which is on"
+                f" '{body}'"
+            )
+    return replace(muscle, path=Path(points, tuple(wraps), muscle.path.divisors), groups=())
+
+
+def _wrap(source: Anatomy, wrap: PathWrap | TendonWrap) -> PathWrap | TendonWrap:
+    if not isinstance(wrap, TendonWrap) or wrap.side is None:
+        return wrap
+    home, pose = source.homes[wrap.side_body]
+    return replace(wrap, side_body=home, side=pose.apply(wrap.side))
+
+
+def _point(
+    source: Anatomy,
+    muscle: str,
+    point: PathPoint | MovingPathPoint,
+    coordinates: frozenset[str],
+    notes: list[str],
+) -> PathPoint | MovingPathPoint:
+    if isinstance(point, MovingPathPoint):
+        return _moving_point(source, muscle, point, coordinates, notes)
+    home, pose = source.homes[point.body]
+    if point.coordinate and point.coordinate not in coordinates:
+        default = source.model.coordinate(point.coordinate).default
+        if not point.range[0] <= default <= point.range[1]:
+            where = (
+                f"'{point.name}' only for some '{point.coordinate}', which the specimen does not"
+                " have"
+            )
+            raise BadModel(f"muscle '{muscle}' goes through {where}: leave the muscle out")
+        notes.append(
+            f"muscle '{muscle}' always goes through '{point.name}': '{point.coordinate}' is gone"
+        )
+        point = PathPoint(point.name, point.body, point.location)
+    return replace(point, body=home, location=pose.apply(point.location))
+
+
+def _moving_point(
+    source: Anatomy,
+    muscle: str,
+    point: MovingPathPoint,
+    coordinates: frozenset[str],
+    notes: list[str],
+) -> PathPoint | MovingPathPoint:
+    """The point with what no longer moves it at the default; at rest in its bone where its own body
+    is gone.
+    """
+    home, pose = source.homes[point.body]
+    gone = [name for name in point.coordinates if name and name not in coordinates]
+    if not gone and home == point.body:
+        return point
+    values = [source.model.coordinate(name).default if name else 0.0 for name in point.coordinates]
+    place = [
+        float(function(value)) for function, value in zip(point.functions, values, strict=True)
+    ]
+    notes.append(
+        f"muscle '{muscle}': its point '{point.name}' no longer moves with"
+        f" '{(gone or [point.body])[0]}'"
+    )
+    if home != point.body:
+        return PathPoint(point.name, home, pose.apply(place))
+    x, y, z = (
+        constant(value) if name in gone else function
+        for value, name, function in zip(place, point.coordinates, point.functions, strict=True)
+    )
+    a, b, c = ("" if name in gone else name for name in point.coordinates)
+    return replace(point, functions=(x, y, z), coordinates=(a, b, c))

@@ -1,0 +1,356 @@
+"""The conditions of one specimen from tracked trials to values: cut-off, equations, law, three
+steps, shared errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+import numpy as np
+
+from myomorph.core.model.errors import BadData, MyomorphError
+from myomorph.core.model.findings import Finding
+from myomorph.core.model.provenance import Estimate
+from myomorph.swings.viscosity.identification import identify
+from myomorph.swings.viscosity.identification.base_load import UNKNOWN, BaseLoad, with_base_load
+from myomorph.swings.viscosity.identification.budget import ErrorOptions, ErrorShare
+from myomorph.swings.viscosity.identification.instruments import Instruments, estimate_instruments
+from myomorph.swings.viscosity.identification.shared_errors import wider, with_shared_errors
+from myomorph.swings.viscosity.specimen.model import Specimen
+from myomorph.swings.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
+from myomorph.swings.viscosity.swings.recording import SwingRecording
+from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
+from myomorph.swings.viscosity.trust.checks import (
+    TARED,
+    base_findings,
+    recording_findings,
+    tracking_findings,
+)
+from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
+from myomorph.swings.viscosity.trust.freed import DRY, ActingLaw
+from myomorph.swings.viscosity.trust.models import (
+    PassiveComparison,
+    PassiveOptions,
+    compare_passive_laws,
+)
+from myomorph.swings.viscosity.trust.moment_arms import with_attachments
+
+SWAY_SHARE = 0.3
+"""Relative standard deviation of a viscosity, over the angle by which its base turns to and fro;
+chosen on virtual limbs whose base's motion was taken off [1/rad].
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One condition on its way: its trials tracked, as equations at one cut-off, and what is wrong
+    with them.
+    """
+
+    tracked: TrackedSpecimen
+    notes: tuple[str, ...]
+    recordings: tuple[SwingRecording, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def hides_mass(self) -> bool:
+        """Whether the plate was set to zero with the limb on it."""
+        return any(finding.kind == TARED for finding in self.findings)
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What the conditions of one specimen come to: `found` with intervals that hold errors which
+    all swings share, and those of attachments; `by_swings` of swings alone, by which a swing is
+    judged too small.
+
+    `conditions` are rid of the shared errors that the swings show (`instruments`); `options` have
+    the law of the passive torque decided; `reason` is why the cut-off is what it is; `lost` and
+    `conflicts` name conditions that could not be used, and criteria of a law that disagree; `law`:
+    what acts in the joint beside one viscosity, by name.
+    """
+
+    found: identify.SpecimenViscosity
+    by_swings: identify.SpecimenViscosity
+    shares: tuple[ErrorShare, ...]
+    instruments: Instruments
+    conditions: Mapping[str, Prepared]
+    options: StudyOptions
+    compared: Mapping[str, PassiveComparison]
+    cutoff: float
+    reason: str
+    lost: tuple[str, ...]
+    conflicts: tuple[str, ...]
+    law: Mapping[str, Estimate]
+
+
+def identify_conditions(
+    specimen: Specimen, files: SpecimenFiles, tracked: Mapping[str, Prepared], options: StudyOptions
+) -> Identified:
+    """Identify a specimen from the tracked trials of one condition or both."""
+    lost: list[str] = []
+    cutoff, reason = _cutoff(options, tracked)
+    conditions = _equations(tracked, cutoff, options.identification.tare != "unknown", lost)
+    if not conditions:
+        raise BadData("; ".join(lost))
+    conditions, instruments = _corrected(
+        conditions, options.errors, options.identification.tare != "known"
+    )
+    conditions = _with_base(conditions, instruments, files.base_load)
+    compared, conflicts = _compared(conditions, options.laws)
+    options = _with_law(options, compared)
+    slips = [
+        slip
+        for condition in conditions.values()
+        for slip in condition.tracked.slips
+        if slip.what == "base"
+    ]
+    turns = (
+        slip.amount for slip in slips if slip.unit == "rad" and not (slip.lasting or slip.before)
+    )
+    sway = max(turns, default=0.0)  # How far the base turns to and fro at most [rad].
+    # A base that gives way resists by itself, which looks like friction.
+    acting = compared["without"].acting if "without" in compared and not sway else None
+    if acting is not None and options.identification.subtract == "one":
+        for name, condition in conditions.items():
+            resisted = tuple(
+                replace(each, resisting=acting.resisting(each)) for each in condition.recordings
+            )
+            conditions[name] = replace(condition, recordings=resisted)
+    by_swings = _identified(specimen, files, conditions, options.identification)
+    shared, shares = with_shared_errors(
+        by_swings, options.identification, options.errors, instruments
+    )
+    shared, shares = with_attachments(
+        shared, shares, options.moment_arms, options.identification.level
+    )
+    shared = with_base_load(shared, files.base_load)
+    joint: dict[str, Estimate] = {}
+    if sway:
+        shared = _with_sway(shared, sway, options.identification.level)
+    if acting is not None and shared.without is not None:
+        shared, joint = _with_acting(shared, acting, shares, options.identification.level)
+    law = (conditions, options, compared, cutoff, reason)
+    return Identified(
+        shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts), joint
+    )
+
+
+def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
+    """The cut-off of all conditions [Hz], and why it was chosen."""
+    if options.filter.cutoff is not None:
+        return options.filter.cutoff, f"The cut-off of {options.filter.cutoff:g} Hz was given."
+    chosen = choose_cutoff([condition.tracked for condition in conditions.values()])
+    return chosen.cutoff, f"{chosen.reason[:1].upper()}{chosen.reason[1:]}."
+
+
+def _equations(
+    conditions: Mapping[str, Prepared], cutoff: float, tared: bool, lost: list[str]
+) -> dict[str, Prepared]:
+    """The conditions with their equations and faults; those that have none are added to what is
+    lost.
+    """
+    result = {}
+    for name, condition in conditions.items():
+        try:
+            recordings = swing_recordings(condition.tracked, cutoff, muscles=name == "with")
+            findings = (*tracking_findings(condition.tracked), *recording_findings(recordings))
+        except MyomorphError as error:
+            lost.append(f"{identify.STATES[name]}: {error}")
+            continue
+        if not tared:
+            hidden = Finding(
+                TARED, "plate", "the plate's zero is taken as unknown, so the mass hides"
+            )
+            findings = (hidden, *(each for each in findings if each.kind not in (TARED, "zero")))
+        result[name] = replace(condition, recordings=recordings, findings=findings)
+    return result
+
+
+def _corrected(
+    conditions: Mapping[str, Prepared], options: ErrorOptions, loaded: bool
+) -> tuple[dict[str, Prepared], Instruments]:
+    """The conditions without the errors of instruments that their swings tell, and what is known of
+    these.
+    """
+    if not options.estimate:
+        return dict(conditions), Instruments.assumed(options)
+    free = [name for name, condition in conditions.items() if loaded or condition.hides_mass]
+    recordings = {name: condition.recordings for name, condition in conditions.items()}
+    instruments = estimate_instruments(recordings, options, free)
+    corrected = {
+        name: map(instruments.corrected, condition.recordings)
+        for name, condition in conditions.items()
+    }
+    return {
+        name: replace(conditions[name], recordings=tuple(made)) for name, made in corrected.items()
+    }, instruments
+
+
+def _with_base(
+    conditions: Mapping[str, Prepared], instruments: Instruments, load: BaseLoad
+) -> dict[str, Prepared]:
+    """The conditions with a finding where the base carries a load that was not stated, and no other
+    of its moment.
+    """
+    result = dict(conditions)
+    for name, condition in conditions.items():
+        findings = condition.findings
+        if 0.0 < (load.removed if name == "without" else load.intact)[1] < UNKNOWN[1]:
+            findings = tuple(finding for finding in findings if finding.kind != "zero")
+        elif not any(finding.kind in (TARED, "zero") for finding in findings):
+            findings += base_findings(condition.recordings, instruments)
+        result[name] = replace(condition, findings=findings)
+    return result
+
+
+def _compared(
+    conditions: Mapping[str, Prepared], options: PassiveOptions
+) -> tuple[dict[str, PassiveComparison], list[str]]:
+    """Laws of the passive torque of every condition that can be compared, and where their criteria
+    disagree.
+    """
+    comparisons = {}
+    notes = []
+    for name, condition in conditions.items():
+        condition_options = replace(options, tare="unknown") if condition.hides_mass else options
+        try:
+            comparisons[name] = compare_passive_laws(condition.recordings, condition_options)
+        except MyomorphError:
+            continue  # `with_laws` tries again and names it.
+        if comparisons[name].conflict:
+            notes.append(f"{identify.STATES[name]}: {comparisons[name].conflict}")
+    return comparisons, notes
+
+
+def _with_acting(
+    specimen_viscosity: identify.SpecimenViscosity,
+    law: ActingLaw,
+    shares: Sequence[ErrorShare],
+    level: float,
+) -> tuple[identify.SpecimenViscosity, dict[str, Estimate]]:
+    """The specimen with what acts in the joint beside one viscosity, as its swings without muscles
+    show it, and the coefficients of that law; instruments widen them as they widen the one
+    viscosity.
+    """
+    condition = specimen_viscosity.without
+    assert condition is not None
+    plain = condition.viscosity
+    swings = next(
+        (each for each in shares if each.quantity == "joint_viscosity" and each.source == "swings"),
+        None,
+    )
+    others = (
+        0.0
+        if swings is None or not swings.share > 0.0
+        else swings.sd * np.sqrt(1.0 / swings.share - 1.0)
+    )
+    half = NormalDist().inv_cdf(0.5 + 0.5 * level) * others / plain.value
+    known = {name: wider(each, half * each.value, True) for name, each in law.coefficients.items()}
+    values = ", ".join(
+        f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})"
+        for name, each in known.items()
+        if name not in (DRY, "viscosity")
+    )
+    notes = []
+    if law.form != "viscosity":
+        forms = {
+            "hinges": (
+                "three angles one after another, as hinges or a diagonal matrix in joint angles,"
+            )
+        }
+        notes.append(
+            f"{forms.get(law.form, 'axes')} resist with {values} N m s/rad: the one value"
+            " simplifies"
+        )
+    if law.form == "viscosity by axis":
+        axes = tuple(known[f"viscosity {axis}"] for axis in condition.recordings[0].axes)
+        condition = replace(condition, axis_viscosity=axes)
+    if law.friction:
+        beside = known["viscosity"]
+        dry = known[DRY]
+        condition = replace(condition, viscosity=beside)
+        friction = (
+            f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction}"
+            " of the joint"
+        )
+        used = f"{beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
+        notes.append(f"{friction}: the viscosity beside it, {used}")
+    notes = [f"{identify.STATES['without']}: {note}" for note in notes]
+    return specimen_viscosity.changed({"without": condition}, notes), known
+
+
+def _with_sway(
+    specimen_viscosity: identify.SpecimenViscosity, sway: float, level: float
+) -> identify.SpecimenViscosity:
+    """The specimen with viscosities as well as they are known on a base that goes to and fro."""
+    share = NormalDist().inv_cdf(0.5 + 0.5 * level) * SWAY_SHARE * sway
+
+    def swayed(estimate: Estimate) -> Estimate:
+        return wider(estimate, share * estimate.value, True)
+
+    conditions = specimen_viscosity.conditions.items()
+    changed = {
+        name: replace(condition, viscosity=swayed(condition.viscosity))
+        for name, condition in conditions
+    }
+    muscles = specimen_viscosity.muscles
+    muscles = muscles and replace(muscles, common=swayed(muscles.common))
+    return specimen_viscosity.changed(changed, muscles=muscles)
+
+
+def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
+    """The options with a spring where it was asked for, or a condition's swings are predicted
+    better with it.
+    """
+    if options.identification.stiffness is not None:
+        return options
+    sprung = any(
+        "stiffness" in term for comparison in compared.values() for term in comparison.chosen.terms
+    )
+    parts = {
+        name: replace(getattr(options, name), stiffness=sprung)
+        for name in ("identification", "moment_arms")
+    }
+    return replace(options, **parts)
+
+
+def _identified(
+    specimen: Specimen,
+    files: SpecimenFiles,
+    conditions: Mapping[str, Prepared],
+    options: identify.ViscosityOptions,
+) -> identify.SpecimenViscosity:
+    """The three steps; where one plate hides the mass, that of the other condition comes from it
+    alone.
+    """
+    forces = specimen.isometric_forces
+    shares = (
+        dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
+    )
+    pcsa = files.pcsa or shares
+    recordings = {
+        name: conditions[name].recordings if name in conditions else () for name in CONDITIONS
+    }
+
+    def solved(
+        which: tuple[str, ...], chosen: identify.ViscosityOptions
+    ) -> identify.SpecimenViscosity:
+        bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
+        return identify.identify_specimen(
+            files.name, bare, full, pcsa, files.measured_muscle_mass, chosen
+        )
+
+    hidden = [name for name, condition in conditions.items() if condition.hides_mass]
+    if not hidden:
+        return solved(CONDITIONS, options)
+    solution = solved(CONDITIONS, replace(options, tare="unknown"))
+    for name in set(conditions) - set(hidden):
+        known, alone = (
+            which.conditions.get(name) for which in (solution, solved((name,), options))
+        )
+        if known is not None and alone is not None:
+            solution = solution.changed({name: replace(known, mass=alone.mass, com=alone.com)})
+    return replace(solution, muscle_mass=None)

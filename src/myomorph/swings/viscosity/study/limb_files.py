@@ -1,0 +1,238 @@
+"""Relaxed limbs of a study file, and their recordings as drops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from myomorph.core.model.errors import BadFile, listing
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.model import Model
+from myomorph.core.model.series import Motion
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.ik import inverse_kinematics
+from myomorph.core.motion.sync import cut
+from myomorph.core.rigid.kinematics import forward_kinematics
+from myomorph.core.rigid.tree import compile_tree
+from myomorph.lab.store import study_file
+from myomorph.lab.study.inputs.beside import plain_stem
+from myomorph.lab.study.inputs.emg import emg_by_name
+from myomorph.lab.study.inputs.emg_files import channels_of
+from myomorph.lab.study.inputs.reading import (
+    TABLE_FILES,
+    about,
+    fitted_to,
+    read_motion,
+    read_recording,
+    whole_motion,
+)
+from myomorph.swings.viscosity.relaxed.drops import (
+    FORCE_AFTER,
+    MIN_HALVES,
+    Drop,
+    activities,
+    at_rest,
+    find_drops,
+)
+from myomorph.swings.viscosity.relaxed.identify import UNITS, LimbBody
+from myomorph.swings.viscosity.relaxed.swing_equation import SwingEquation, swing_equation
+
+MOVED = 0.02
+TURNED = np.deg2rad(5.0)  # How far the bone above the joint may move and turn unnamed [m], [rad].
+
+
+class DropTable(study_file.Strict):
+    """A recording given by a table, where its EMG does not follow the rule of names."""
+
+    recording: str
+    emg: str | None = None
+    name: str = ""
+    time: tuple[float, float] | None = None
+
+
+class LimbTable(study_file.Strict):
+    """A relaxed limb in a study file."""
+
+    name: str
+    model: str
+    coordinate: str
+    drops: list[str | DropTable] = Field(min_length=1)
+    muscles: list[str] = Field(default_factory=list)
+    time: tuple[float, float] | None = None
+    truth: dict[str, float] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DropFiles:
+    """A recording of drops: markers or coordinates, and raw EMG beside them, None where there is
+    none.
+    """
+
+    name: str
+    recording: Path
+    emg: Path | None = None
+    time: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class LimbFiles:
+    """What is known of a limb before anything is read: the coordinate that swings, channels of EMG
+    that must be silent, () for all, and true values of `relaxed.identify.UNITS`.
+    """
+
+    name: str
+    model: Path
+    coordinate: str
+    drops: tuple[DropFiles, ...]
+    muscles: tuple[str, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+
+
+def limb_files(
+    table: LimbTable, folder: Path, problems: list[str], remarks: list[str]
+) -> LimbFiles:
+    """A limb whose files exist; what is wrong is added to the problems."""
+    where = f"limb '{table.name}'"
+    model = study_file.existing(folder, table.model, f"{where}: model", problems)
+    problems += [
+        f"{where}: unknown quantity '{name}' in 'truth': there are {listing(name, UNITS)}"
+        for name in table.truth
+        if name not in UNITS
+    ]
+    drops = tuple(_drops(table, folder, where, problems, remarks))
+    names = [drop.name for drop in drops]
+    problems += [
+        f"{where}: two recordings are named '{name}': give one a 'name'"
+        for name in dict.fromkeys(names)
+        if names.count(name) > 1
+    ]
+    muscles = tuple(table.muscles)
+    truth = FrozenMap(table.truth)
+    return LimbFiles(
+        name=table.name,
+        model=model or folder,
+        coordinate=table.coordinate,
+        drops=drops,
+        muscles=muscles,
+        truth=truth,
+    )
+
+
+def _drops(
+    table: LimbTable, folder: Path, where: str, problems: list[str], remarks: list[str]
+) -> Iterator[DropFiles]:
+    for entry in table.drops:
+        drop = DropTable(recording=entry) if isinstance(entry, str) else entry
+        time = drop.time or table.time
+        study_file.check_time(time, f"{where}: time", problems)
+        for path in study_file.matching(folder, drop.recording, f"{where}: drops", problems):
+            emg = study_file.existing(folder, drop.emg, f"{where}: emg", problems)
+            if drop.emg is None:
+                in_it = path if table.muscles and path.suffix.lower() == ".c3d" else None
+                emg = emg_by_name(path) or in_it
+                remarks += [f"{path.name}: EMG from {emg.name}"] if emg not in (None, in_it) else []
+            yield DropFiles(name=drop.name or plain_stem(path), recording=path, emg=emg, time=time)
+
+
+def limb_body(model: Model, coordinate: str, equation: SwingEquation) -> LimbBody:
+    """All that a coordinate moves, as the equation of its swing has it."""
+    joint = next(joint for joint in model.joints if coordinate in joint.coordinates)
+    tree = compile_tree(model)
+    moves = tree.hanging(joint.child)
+    mass = sum(body.mass for body in model.bodies if moves[tree.body_index[body.name]])
+    return LimbBody.of(equation, mass, float(np.linalg.norm(model.gravity)))
+
+
+def open_drops(
+    files: DropFiles, model: Model, limb: LimbFiles, cutoff: float
+) -> tuple[list[Drop], list[str]]:
+    """The drops of a recording, half swings in which a muscle was active left out, and notes."""
+    motion, notes = _motion(files, model)
+    column = motion.names.index(limb.coordinate)
+    measured = motion.values[:, column]
+    with about(files.recording.name):
+        known = np.asarray(np.isfinite(motion.values).all(axis=1))
+        if not known.all():
+            filled = [
+                np.interp(motion.time, motion.time[known], values[known])
+                for values in motion.values.T
+            ]
+            notes.append(
+                f"{files.name}: {(~known).sum()} of {len(known)} frames are unknown and not"
+                " compared"
+            )
+            motion = replace(motion, values=np.array(filled).T)
+        smooth = differentiate(motion, cutoff)
+        assert smooth.velocities is not None
+        equation = swing_equation(model, limb.coordinate, smooth)
+        angles = smooth.values[:, column]
+        rates = smooth.velocities[:, column]
+        drops = list(find_drops(files.name, equation, measured, angles, rates))
+    notes += _moved_base(smooth, model, limb.coordinate, drops)
+    if files.emg is None:
+        return drops, notes
+    with about(files.emg.name):
+        emg = channels_of(files.emg)
+        names = limb.muscles or emg.names
+        active = activities(emg, names, at_rest(drops))
+    for i, drop in enumerate(drops):
+        used = np.array(drop.used)
+        for half in range(len(used)):
+            begin, end = drop.time(half)
+            used[half] &= not any(
+                each.start < end and each.stop + FORCE_AFTER > begin for each in active
+            )
+        begin = drop.time(0)[0]
+        end = drop.time(len(used) - 1)[1]
+        notes += [
+            f"{drop.name}: '{each.muscle}' is active from {each.start:.2f} to {each.stop:.2f} s,"
+            f" {each.ratio:.1f} times its level at rest: the half swings it touches are left out"
+            for each in active
+            if each.start < end and each.stop + FORCE_AFTER > begin
+        ]
+        drops[i] = replace(drop, used=used)
+    return [drop for drop in drops if drop.used.sum() >= MIN_HALVES - 1], notes
+
+
+def _motion(files: DropFiles, model: Model) -> tuple[Motion, list[str]]:
+    path = files.recording
+    if path.suffix.lower() in TABLE_FILES:
+        motion, lacking = whole_motion(read_motion(path, model), model)
+        notes = (
+            [f"{files.name}: lacks {', '.join(lacking)}: they rest at their defaults"]
+            if lacking
+            else []
+        )
+    else:
+        trial = fitted_to(model, read_recording(path))
+        if trial.markers is None:
+            raise BadFile(
+                path, "holds no markers", "give markers (.trc, .c3d) or coordinates (.mot, .sto)"
+            )
+        motion = inverse_kinematics(model, trial.markers).motion
+        notes = [f"{files.name}: {text}" for text in trial.warnings if "plate" not in text]
+    return (motion if files.time is None else cut(motion, *files.time)), notes
+
+
+def _moved_base(motion: Motion, model: Model, coordinate: str, drops: list[Drop]) -> Iterator[str]:
+    """A line of each drop in which the bone above the joint moves far."""
+    tree = compile_tree(model)
+    joint = next(joint for joint in model.joints if coordinate in joint.coordinates)
+    base = tree.body_index[joint.parent]
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    ends = poses.origins[:, base] + poses.rotations[:, base] @ joint.parent_frame.translation
+    for drop in drops:
+        part = slice(int(drop.turns[0]), int(drop.turns[-1]))
+        turned = np.einsum("fij,ij->f", poses.rotations[part, base], poses.rotations[part, base][0])
+        angle = float(np.arccos(np.clip(0.5 * (turned.min() - 1.0), -1.0, 1.0)))
+        moved = float(np.linalg.norm(ends[part] - ends[part][0], axis=1).max())
+        if angle > TURNED or moved > MOVED:
+            yield (
+                f"{drop.name}: '{joint.parent}' turns by up to {np.rad2deg(angle):.0f} degrees and"
+                f" its end moves by {100.0 * moved:.0f} cm; its measured motion is taken into"
+                " account"
+            )

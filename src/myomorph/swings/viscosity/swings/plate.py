@@ -1,0 +1,243 @@
+"""The plate under a swinging limb: its wrench about the joint's center and its clock, found
+although hands hold it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Wrenches
+from myomorph.core.motion.clocks import SIGNIFICANT, Clock, ClockOptions, fit_clock
+from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.swings.viscosity.swings.recording import REACH, force_mismatch, touched_frames
+
+ANTI_ALIAS = 0.4
+"""Cutoff of the low-pass before samples are thinned out, as part of the new rate: at a quarter of
+it, where limbs swing and filters cut, it takes less than 1 in 10^3.
+"""
+
+
+CUTOFF = 6.0  # Low-pass of what looks for clocks and for hands [Hz]: limbs swing at about 1 Hz.
+# Share of the wrench that the motion explains, from which two clocks are taken as brought together.
+AGREES = 0.98
+# How far off a clock is first looked for [s]: a swing further away looks much the same, only
+# smaller.
+AROUND = 0.3
+SEARCH = 2.0
+LAG = 0.05  # Offsets that are tried where no clock so near agrees, and their distance [s].
+AS_GOOD = 1.1  # Of lags that leave up to this much more than the best, the smallest is taken.
+MAX_LAG_FRAMES = 500  # Frames on which every lag is judged.
+# Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 1000.
+CHANCE = 13.8
+MIN_CLOCK_ERROR = 5e-4  # Largest lag of a recording that is left as it is [s].
+
+
+def wrench_about(wrenches: Wrenches, center: Array) -> Array:
+    """(samples, 6) moment about a point (3,) in ground and force of all wrenches together; NaN
+    where one lacks. A point of application that is unknown counts only where there is a force.
+    """
+    still = (wrenches.forces == 0.0).all(axis=2)[..., None]
+    arms = np.where(still & ~np.isfinite(wrenches.points), 0.0, wrenches.points - center)
+    moments = np.where(still & ~np.isfinite(wrenches.torques), 0.0, wrenches.torques) + np.cross(
+        arms, wrenches.forces
+    )
+    return np.concatenate([moments.sum(axis=1), wrenches.forces.sum(axis=1)], axis=1)
+
+
+def on_clock(time: Array, values: Array, frames: Array) -> Array:
+    """(frames, columns) values (samples, columns) at other times; NaN outside the samples and at
+    their gaps. Samples that come faster than the frames pass a zero-lag low-pass at `ANTI_ALIAS` of
+    the frames' rate first.
+    """
+    known = np.isfinite(values).all(axis=1)
+    if known.sum() < 4:
+        raise BadData(
+            f"the wrench on the base has {int(known.sum())} finite samples of {len(values)}: 4 are"
+            " needed"
+        )
+    filled = np.array(values)
+    for column in filled.T:
+        column[~known] = np.interp(time[~known], time[known], column[known])
+    rate = (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
+    wanted = (len(frames) - 1) / float(frames[-1] - frames[0]) if len(frames) > 1 else np.inf
+    reach = 0.5 / wanted
+    if rate > 1.5 * wanted:
+        filled = lowpass(filled, rate, ANTI_ALIAS * wanted)
+        reach = 1.0 / (ANTI_ALIAS * wanted)
+    inside = (frames >= time[0] - 1e-9) & (frames <= time[-1] + 1e-9)
+    result = np.full((len(frames), values.shape[1]), np.nan)
+    result[inside] = natural_spline(time, filled, degree=3)(
+        np.clip(frames[inside], time[0], time[-1])
+    )
+    if not known.all():
+        near = binary_dilation(~known, iterations=max(1, round(reach * rate)))
+        nearest = np.clip(np.searchsorted(time, frames), 0, len(time) - 1)
+        result[near[nearest]] = np.nan
+    return result
+
+
+def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
+    """Every gap-free run of rows filtered by itself; runs shorter than six are lost, as those of
+    the motion.
+    """
+    if cutoff is None:
+        return values
+    result = np.full(values.shape, np.nan)
+    for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))):
+        if stop - start > 5:
+            result[start:stop] = lowpass(values[start:stop], rate, cutoff)
+    return result
+
+
+def wrench_clock(
+    time: Array,
+    rows: Array,
+    wrench_time: Array,
+    wrench: Array,
+    options: ClockOptions | None = None,
+    used: np.ndarray | None = None,
+) -> Clock:
+    """The plate's clock: offset and drift that leave the least of wrench = rows phi + constant, phi
+    and constant unknown.
+
+    The wrench (samples, 6) knows the motion it comes from, whatever the masses are ([S] step 1), so
+    it is its own synchronisation signal. The constant takes what the plate was tared with. Rows
+    (frames, 6, parameters, as `SwingRecording.wrench_rows`) and wrench are low-pass filtered alike,
+    so neither needs to be filtered before (`ClockOptions.cutoff`); `used` is False in frames in
+    which the limb is touched.
+    """
+    if rows.ndim != 3 or rows.shape[1] != 6 or wrench.shape[1:] != (6,):
+        raise BadData(
+            f"expected rows (frames, 6, parameters) and a wrench (samples, 6), got {rows.shape},"
+            f" {wrench.shape}"
+        )
+    constant = np.broadcast_to(np.eye(6), (len(time), 6, 6))
+    return fit_clock(
+        time, np.concatenate((rows, constant), axis=2), wrench_time, wrench, options, used
+    )
+
+
+def plate_clock(
+    time: Array,
+    rows: Array,
+    slow: Array,
+    whole: np.ndarray,
+    wrench_time: Array,
+    wrench: Array,
+    share: float,
+) -> tuple[Clock, list[str]]:
+    """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and
+    warnings.
+
+    Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks
+    agree. So the clock as given is tried first; where the motion then does not explain the wrench,
+    the lag at which most frames agree (least median mismatch of the force) is the start. `slow` are
+    the rows filtered at `CUTOFF`, `whole` the frames out of the reach of the filter's ends, `share`
+    as `TrackingOptions.touch`.
+    """
+    known = np.asarray(np.isfinite(wrench).all(axis=1))
+    start, end = np.flatnonzero(known)[[0, -1]]
+    part = slice(start, end + 1)
+    plate_time = wrench_time[part]
+    values = wrench[part].copy()
+    for column in values.T:
+        column[~known[part]] = np.interp(
+            plate_time[~known[part]], plate_time[known[part]], column[known[part]]
+        )
+    best = _fitted(time, rows, slow, whole, plate_time, values, share, 0.0)
+    if best.explained < AGREES:
+        lag = _best_lag(time, slow, whole, plate_time, values)
+        other = _fitted(time, rows, slow, whole, plate_time, values, share, lag)
+        best = other if other.explained > best.explained else best
+    if best.explained < AGREES:
+        explained = f"{100 * best.explained:.0f} %"
+        return Clock(), [
+            f"the clocks cannot be compared: the motion explains only {explained} of the wrench"
+        ]
+    sizes = np.sqrt(np.diag(best.covariance)).clip(min=1e-12)
+    doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
+    if doubt < CHANCE or np.abs(best.times(time) - time).max() < MIN_CLOCK_ERROR:
+        return Clock(), []
+    drifts = (
+        f", and drifts {1e6 * best.drift:+.0f} ± {1e6 * best.drift_sd:.0f} ppm"
+        if best.drift
+        else ""
+    )
+    off = f"{1000 * best.offset:+.2f} ± {1000 * best.offset_sd:.2f} ms off the markers'{drifts}"
+    return best, [f"the plate's clock is {off}: corrected"]
+
+
+def _fitted(
+    time: Array,
+    rows: Array,
+    slow: Array,
+    whole: np.ndarray,
+    plate_time: Array,
+    wrench: Array,
+    share: float,
+    lag: float,
+) -> Clock:
+    """The clock from the frames that nobody touches if the plate lags by `lag` [s]."""
+    seen, force = _filtered(time, whole, plate_time + lag, wrench)
+    if seen.sum() < 6:
+        return Clock()
+    hand = touched_frames([slow], [force], [time], [seen], share, 0.5 * REACH / CUTOFF)[0]
+    options = ClockOptions(search=AROUND, cutoff=CUTOFF)
+    try:
+        clock = wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand)
+        # A drift that chance may have made would only spoil the ends of the recording.
+        if abs(clock.drift) < SIGNIFICANT * clock.drift_sd:
+            clock = wrench_clock(
+                time, rows, plate_time + lag, wrench, replace(options, drift=False), seen & ~hand
+            )
+    except BadData:
+        return Clock(explained=0.0)
+    return replace(clock, offset=clock.offset + lag, epoch=clock.epoch - lag)
+
+
+def _filtered(
+    time: Array, whole: np.ndarray, plate_time: Array, wrench: Array
+) -> tuple[np.ndarray, Array]:
+    """Frames on which motion and wrench are known, and the wrench there, through the filter of the
+    motion.
+    """
+    force = on_clock(plate_time, wrench, time)
+    known = np.asarray(np.isfinite(force).all(axis=1))
+    if known.sum() >= 6:
+        span = slice(int(np.flatnonzero(known)[0]), int(np.flatnonzero(known)[-1]) + 1)
+        force[span] = lowpass(force[span], 1.0 / float(np.median(np.diff(time))), CUTOFF)
+    return np.asarray(whole & known), np.where(known[:, None], force, 0.0)
+
+
+def _best_lag(
+    time: Array, slow: Array, whole: np.ndarray, plate_time: Array, wrench: Array
+) -> float:
+    """The lag at which the median frame's force is explained best, relative to how the force varies
+    [s].
+    """
+    lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
+    thin = whole & (np.arange(len(time)) % max(1, len(time) // MAX_LAG_FRAMES) == 0)
+    step = float(np.median(np.diff(time)))
+    even = np.arange(plate_time[0], plate_time[-1], step)
+    force = lowpass(on_clock(plate_time, wrench[:, 3:], even), 1.0 / step, CUTOFF)
+    left = []
+    for lag in lags:
+        there = time - lag
+        seen = thin & (there >= even[0]) & (there <= even[-1])
+        if 2 * seen.sum() < thin.sum():
+            left.append(np.inf)
+            continue
+        moved = np.stack([np.interp(there, even, column) for column in force.T], axis=1)
+        mismatch, _ = force_mismatch([slow[:, 3:, :4]], [moved], [seen])
+        left.append(
+            float(
+                np.median(np.linalg.norm(mismatch[0][seen], axis=1)) / max(moved[seen].std(), 1e-9)
+            )
+        )
+    good = lags[np.array(left) <= AS_GOOD * min(left)]
+    return float(good[np.argmin(np.abs(good))])

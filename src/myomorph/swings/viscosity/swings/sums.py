@@ -1,0 +1,374 @@
+"""Swings condensed to sums of products, block by block, from which every step and every resampling
+is solved.
+
+A block is a few successive swings of one trial. Whatever is fitted by least squares to a choice of
+blocks needs only the sums over those blocks, so a draw of the bootstrap costs no pass over the
+frames. Blocks fade into each other over half their length: cut off sharply, each would hold the
+noise of the limb's energy at its two ends, which cancels in the whole because the next block holds
+it too, but would count as scatter between blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
+
+SPEED_THRESHOLD = 0.1
+EXPLAINED = 0.8
+"""A direction is still whose rate is below this share of the fastest's and whose acceleration the
+state explains less than this. Only noise is measured there; it would say that the inertia is small,
+and a possible body's other inertias with it. White noise below a cutoff explains 0.56 of its own
+second derivative.
+"""
+
+
+WRENCH = PARAMETERS
+PREDICTED = PARAMETERS + 1
+ONE = 2 * PARAMETERS + 1
+"""Columns of the products of a row of the wrench: parameters, the wrench itself, predicted rows, a
+one.
+"""
+
+RATE, ANGLE, CONSTANT, PLATE, RESISTED, MUSCLES = range(PARAMETERS, PARAMETERS + 6)
+"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque,
+what the joint resists, then muscles.
+"""
+
+
+def free_directions(recordings: Sequence[SwingRecording]) -> Array:
+    """(axes, 3) the free axes in the limb's first body."""
+    left = np.zeros((3, 3))
+    right = np.zeros((3, len(recordings[0].axes)))
+    for recording in recordings:
+        moments = moment_rows(recording)[recording.used]
+        rows = recording.torque_rows[recording.used]
+        left += np.einsum("fip,fjp->ij", moments, moments, optimize=True)
+        right += np.einsum("fip,fap->ia", moments, rows, optimize=True)
+    return np.asarray(np.linalg.lstsq(left, right, rcond=1e-12)[0].T, np.float64)
+
+
+def moment_rows(swing_recording: SwingRecording) -> Array:
+    """(frames, 3, 10) moment about the joint's center that unit parameters need, along the limb's
+    axes.
+    """
+    return swing_recording.rotations.transpose(0, 2, 1) @ swing_recording.wrench_rows[:, :3]
+
+
+class PredictedRows(NamedTuple):
+    """The wrench rows of a recording without the acceleration of directions in which the limb is
+    still, and their instruments, the same with the acceleration that the state predicts; (frames,
+    6, 10) each.
+    """
+
+    rows: Array
+    instruments: Array
+
+
+def predicted_rows(
+    recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]
+) -> list[PredictedRows]:
+    """Rows of every recording with the measured acceleration, and with the one that the state
+    predicts, fitted in `frames`.
+
+    A rigid limb on a joint with linear spring and damper accelerates by I^-1 (m c x g - omega x I
+    omega - d omega - k theta): linear in the direction of gravity, the products of the rates, the
+    rates and the angles. The fit of the measured acceleration to these has hardly any of its noise,
+    and what it has is not that of the acceleration at the same instant. Rows with it are the
+    instruments of step 1 (Janot, Vandanjon, Gautier 2014): least squares on the rows themselves
+    draws the parameters towards zero, because noise in a row counts as motion.
+    """
+    along = free_directions(recordings)
+    states = [_state(recording) for recording in recordings]
+    # The columns of I_xx, I_yy, I_zz hold the angular acceleration about x, y, z.
+    measured = [
+        moment_rows(recording)[:, [0, 1, 2], [4, 5, 6]] @ along.T for recording in recordings
+    ]
+    A = np.concatenate([state[use] for state, use in zip(states, frames, strict=True)])
+    b = np.concatenate([moment[use] for moment, use in zip(measured, frames, strict=True)])
+    size = np.sqrt(np.square(A).mean(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    law = np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size[:, None]
+    rates = np.concatenate(
+        [recording.rates[use] for recording, use in zip(recordings, frames, strict=True)]
+    )
+    still = _still(rates, b, A @ law)
+    turning = np.eye(len(still)) - still
+    result = []
+    for recording, state, seen in zip(recordings, states, measured, strict=True):
+        rows = recording.wrench_rows - _rows_of(recording.rotations, seen @ still @ along)
+        change = (state @ law - seen) @ turning
+        result.append(PredictedRows(rows, rows + _rows_of(recording.rotations, change @ along)))
+    return result
+
+
+def _still(rates: Array, measured: Array, predicted: Array) -> Array:
+    """(axes, axes) projection on the directions in which the limb is still."""
+    squares, directions = np.linalg.eigh(rates.T @ rates)
+    seen = np.square(measured @ directions).sum(axis=0)
+    left = np.square((measured - predicted) @ directions).sum(axis=0)
+    still = directions[
+        :, (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)
+    ]
+    return still @ still.T
+
+
+def _state(swing_recording: SwingRecording) -> Array:
+    """(frames, n) direction of gravity, rates, products of rates, angles and a one."""
+    down = np.einsum("fji,j->fi", swing_recording.rotations, swing_recording.gravity)
+    first, second = np.triu_indices(swing_recording.rates.shape[1])
+    products = swing_recording.rates[:, first] * swing_recording.rates[:, second]
+    constant = np.ones((len(swing_recording), 1))
+    return np.hstack([down, swing_recording.rates, products, swing_recording.angles, constant])
+
+
+def _rows_of(rotations: Array, accelerations: Array) -> Array:
+    """(frames, 6, 10) part of the rows that angular accelerations (frames, 3) in the limb make."""
+    x, y, z = accelerations.T
+    rows = np.zeros((len(rotations), 6, 10))
+    moment = rows[:, :3]
+    force = rows[:, 3:]
+    moment[:, 0, 4] = x
+    moment[:, 1, 5] = y
+    moment[:, 2, 6] = z
+    for axis, column, value in ((1, 7, z), (2, 7, y), (0, 8, z), (2, 8, x), (0, 9, y), (1, 9, x)):
+        moment[:, axis, column] = value
+    force[:, 0, 2] = -z
+    force[:, 0, 3] = y
+    force[:, 1, 1] = z
+    force[:, 1, 3] = -x
+    force[:, 2, 1] = -y
+    force[:, 2, 2] = x
+    return np.concatenate([rotations @ moment, rotations @ force], axis=1)
+
+
+@read_only
+class SwingSums:
+    """Sums of products over blocks of swings; `names` are those of the trials.
+
+    `trial`, `frames` (blocks,): its trial and how many frames it has, one in a fade shared by two;
+    `uses`: the frames of each block's own swings, without fades; `wrench` (blocks, 6, 22, 22): of
+    [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench; `torque` (blocks,
+    axes, 15 + muscles, same): of [torque_rows, rate, angle, 1, plate, resisted, u], `plate` the
+    moment that the plate measures about the axis, u_m = J_m J_m . rates the torque of muscle m of
+    unit viscosity, sign turned; `still`: frames left out because the limb hardly swung any more;
+    `parted`: sum of the squares of a frame's shares in its blocks, mean over the frames, 1 without
+    fades, by so much sums of independent noise scatter between blocks of what they do in the whole.
+    """
+
+    names: tuple[str, ...]
+    axes: tuple[str, ...]
+    muscles: tuple[str, ...]
+    trial: np.ndarray
+    frames: Array
+    uses: tuple[np.ndarray, ...]
+    wrench: Array
+    torque: Array
+    still: int
+    parted: float
+
+    def __len__(self) -> int:
+        return len(self.trial)
+
+    def wrench_total(self, counts: Array) -> Array:
+        """(trials, 6, 22, 22) sums of each trial with every block taken `counts` (blocks,) times."""
+        weight = (self.trial == np.arange(len(self.names))[:, None]) * counts
+        flat = weight @ self.wrench.reshape(len(self), -1)
+        return flat.reshape(len(self.names), *self.wrench.shape[1:])
+
+    def torque_total(self, counts: Array) -> Array:
+        """(axes, n, n) sums with every block taken `counts` (blocks,) times."""
+        return (counts @ self.torque.reshape(len(self), -1)).reshape(self.torque.shape[1:])
+
+
+def swing_sums(
+    recordings: Sequence[SwingRecording], swings: int = 1, least: float = 0.1
+) -> SwingSums:
+    """The recordings of one condition as sums over blocks of `swings` successive swings. Swings
+    whose root mean square rate is below `least` of the fastest swing's are left out: a limb at rest
+    tells nothing of what resists motion, but its noise biases all.
+    """
+    if not recordings:
+        raise BadData("no recording of swings is given")
+    for recording in recordings:
+        _check(recordings[0], recording)
+    parts = [
+        (number, use) for number, recording in enumerate(recordings) for use in _swings(recording)
+    ]
+    if not parts:
+        names = ", ".join(recording.name for recording in recordings)
+        advice = "release the limb without touching it, and check that its markers are seen"
+        raise BadData(f"none of the trials {names} holds a frame of free swing: {advice}")
+    speed = np.array(
+        [
+            np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean())
+            for number, use in parts
+        ]
+    )
+    live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
+    by_trial = [
+        [use for number, use in live if number == trial] for trial in range(len(recordings))
+    ]
+    blocks = [
+        block for trial, uses in enumerate(by_trial) for block in _blocks(uses, trial, swings)
+    ]
+    predicted = predicted_rows(
+        recordings, [np.concatenate([np.zeros(0, np.int64), *uses]) for uses in by_trial]
+    )
+    along = free_directions(recordings)
+    return SwingSums(
+        names=tuple(recording.name for recording in recordings),
+        axes=recordings[0].axes,
+        muscles=recordings[0].muscles,
+        trial=np.array([block.trial for block in blocks]),
+        frames=np.array([block.weight.sum() for block in blocks]),
+        uses=tuple(block.own for block in blocks),
+        wrench=np.stack(
+            [
+                _wrench_products(recordings[block.trial], predicted[block.trial], block)
+                for block in blocks
+            ]
+        ),
+        torque=np.stack(
+            [_torque_products(recordings[block.trial], along, block) for block in blocks]
+        ),
+        still=sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
+        parted=float(
+            np.concatenate([block.weight**2 for block in blocks]).sum()
+            / sum(len(use) for _, use in live)
+        ),
+    )
+
+
+def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
+    for name in ("axes", "muscles", "strands"):
+        if getattr(swing_recording, name) != getattr(first, name):
+            both = (
+                f"{getattr(first, name)} and {getattr(swing_recording, name)}; one condition is one"
+                " specimen"
+            )
+            raise BadData(
+                f"swings '{first.name}' and '{swing_recording.name}' have other {name}: {both}"
+            )
+    for name in ("wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening"):
+        if not np.isfinite(getattr(swing_recording, name)[swing_recording.used]).all():
+            whose = f"swing '{swing_recording.name}': {name}"
+            raise BadData(f"{whose} is not finite in a frame that is used; mark it with swing -1")
+
+
+def _swings(swing_recording: SwingRecording) -> list[np.ndarray]:
+    """Frames of each swing."""
+    swing = swing_recording.swing
+    return [np.flatnonzero(swing == number) for number in np.unique(swing[swing_recording.used])]
+
+
+@read_only
+class _Block:
+    """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
+
+    trial: int
+    own: np.ndarray
+    frames: np.ndarray
+    weight: Array
+
+
+def _blocks(trial_uses: list[np.ndarray], trial: int, swings: int) -> list[_Block]:
+    """Blocks of a trial, each fading into the next; a last block of less than half its swings joins
+    the one before.
+    """
+    cuts = [trial_uses[i : i + swings] for i in range(0, len(trial_uses), swings)]
+    if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
+        cuts[-2] += cuts.pop()
+    frames = [np.concatenate(cut) for cut in cuts]
+    weights = [np.ones(len(use)) for use in frames]
+    fades = []
+    for position in range(len(frames) - 1):
+        half = min(len(frames[position]), len(frames[position + 1])) // 2
+        if half and frames[position][-half] + 2 * half - 1 == frames[position + 1][half - 1]:
+            rise = 0.5 + 0.5 * np.sin(np.pi * (np.arange(2 * half) - half + 0.5) / (2.0 * half))
+            weights[position][-half:], weights[position + 1][:half] = 1.0 - rise[:half], rise[half:]
+            fades.append((position, half, rise))
+    whole = [[use] for use in frames]
+    shares = [[weight] for weight in weights]
+    for position, half, rise in fades:
+        whole[position].append(frames[position + 1][:half])
+        shares[position].append(1.0 - rise[half:])
+        whole[position + 1].append(frames[position][-half:])
+        shares[position + 1].append(rise[:half])
+    return [
+        _Block(trial, use[0], np.concatenate(use), np.concatenate(weight))
+        for use, weight in zip(whole, shares, strict=True)
+    ]
+
+
+def _wrench_products(
+    swing_recording: SwingRecording, predicted: PredictedRows, block: _Block
+) -> Array:
+    use = block.frames
+    rows = predicted.rows[use]
+    instruments = predicted.instruments[use]
+    columns = [rows, swing_recording.wrench[use, :, None], instruments, np.ones((len(use), 6, 1))]
+    return _products(np.concatenate(columns, axis=2), block.weight)
+
+
+def _torque_products(swing_recording: SwingRecording, along: Array, block: _Block) -> Array:
+    use = block.frames
+    rates = swing_recording.rates[use]
+    J = swing_recording.lengthening[use]
+    speeds = np.einsum("fma,fa->fm", J, rates)
+    sides = swing_recording.rotations[use], swing_recording.wrench[use, :3]
+    plate = np.einsum("ai,fji,fj->fa", along, *sides, optimize=True)
+    columns = [
+        swing_recording.torque_rows[use],
+        rates[:, :, None],
+        swing_recording.angles[use, :, None],
+        np.ones((*rates.shape, 1)),
+        plate[:, :, None],
+        swing_recording.resisted[use, :, None],
+        (J * speeds[:, :, None]).transpose(0, 2, 1) @ swing_recording.strands_of,
+    ]
+    return _products(np.concatenate(columns, axis=2), block.weight)
+
+
+def _products(columns: Array, weight: Array) -> Array:
+    """(rows, n, n) weighted sums over frames of the products of columns (frames, rows, n)."""
+    by_row = columns.transpose(1, 0, 2)
+    return by_row.transpose(0, 2, 1) @ (by_row * weight[:, None])
+
+
+def eliminated(products: Array, columns: Sequence[int]) -> Array:
+    """Products (..., n, n) with what the given columns explain taken off all others; theirs become
+    zero. The normal equations of the rest are then those of the fit with the given columns left
+    free (Frisch and Waugh 1933; the Schur complement).
+    """
+    result = np.array(products)
+    for column in columns:
+        pivot = result[..., column, column]
+        row = result[..., column, :]
+        scale = np.divide(1.0, pivot, out=np.zeros_like(pivot), where=pivot > 0.0)
+        # What an earlier column explains wholly leaves rounding only.
+        scale = np.where(pivot > 1e-12 * products[..., column, column], scale, 0.0)
+        result = result - row[..., :, None] * row[..., None, :] * scale[..., None, None]
+        result[..., column, :] = result[..., :, column] = 0.0
+    return result
+
+
+def effective_samples(runs: Sequence[Array]) -> float:
+    """Independent samples that tell the variance of series (frames, n): N / sum_k rho_k^2 (Bartlett
+    1946). The lags k are of either sign, to half the longest run. White noise through an ideal
+    low-pass has two samples a period of its cutoff.
+    """
+    length = max(len(run) for run in runs)
+    size = next_fast_len(2 * length)
+    covariance = sum(
+        irfft(np.abs(rfft(run, size, axis=0)) ** 2, size, axis=0).sum(axis=1) for run in runs
+    )
+    rho = np.asarray(covariance)[: max(length // 2, 1)]
+    rho = rho / rho[0] if rho[0] > 0.0 else np.eye(1, len(rho))[0]
+    return float(sum(run.size for run in runs) / (2.0 * np.square(rho).sum() - 1.0))

@@ -1,0 +1,182 @@
+"""Clusters that slip on their bones: the bone's joints then stand apart, which a loose wire or base
+never does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.model import Joint
+from myomorph.core.model.series import Markers
+from myomorph.swings.viscosity.specimen.model import Specimen
+from myomorph.swings.viscosity.tracking.held import Slip, bone_poses, mean_rotation
+
+SHORTEST = 0.5  # Time on either side of a slip that tells where the cluster was [s].
+
+Poses = tuple[Array, Array]
+"""Rotations (frames, 3, 3) and origins (frames, 3) of a bone in ground, all trials of a condition
+in a row.
+"""
+
+
+def without_slips(
+    specimen: Specimen, markers: Sequence[Markers], names: Sequence[str], threshold: float
+) -> tuple[list[Markers], list[list[Slip]]]:
+    """The markers of all trials with clusters that slipped put back to where they were before, and
+    the slips of each trial.
+
+    A cluster that moves by more than `threshold` [m] on its bone moves all joints of the bone away
+    from those of the bones beside it, at one time, and they stay there. A wire that slips turns
+    about its joint, and a base that moves takes its joint along: both leave joints together. Trials
+    follow each other in time.
+    """
+    markers, slips = list(markers), [list[Slip]() for _ in markers]
+    for _ in specimen.model.body_names:
+        poses = {
+            bone: bone_poses(specimen.model, bone, markers) for bone in specimen.model.body_names
+        }
+        starts = np.cumsum([0, *(len(trial) for trial in markers)])
+        least = max(1, round(SHORTEST * markers[0].rate)) if len(markers[0]) > 1 else 1
+        placed = {bone for bone, pose in poses.items() if np.isfinite(pose[1]).any()}
+        joints = [joint for joint in specimen.model.joints if {joint.parent, joint.child} <= placed]
+        steps = {joint.child: _step(_gap(joint, poses), least) for joint in joints}
+        bone = _slipped(specimen, steps, poses, threshold)
+        if bone is None:
+            break
+        beside = [joint for joint in specimen.model.joints if bone in (joint.parent, joint.child)]
+        at, amount = max(
+            (steps[joint.child] for joint in beside if joint.child in steps),
+            key=lambda step: step[1],
+        )
+        trial = int(np.searchsorted(starts, at, side="right")) - 1
+        time = float(markers[trial].time[at - starts[trial]])
+        slips[trial].append(
+            Slip(
+                trial=names[trial],
+                what=bone,
+                time=time,
+                amount=amount,
+                lasting=True,
+                unit="m",
+                cluster=True,
+            )
+        )
+        reference = _reference(specimen, bone, steps)
+        if reference is None:
+            break
+        still = poses[reference] if reference else None
+        markers = _put_back(specimen, bone, poses[bone], still, at, markers, starts)
+    return markers, slips
+
+
+def _gap(joint: Joint, poses: dict[str, Poses]) -> Array:
+    """(frames, 3) from where the parent has a joint to where the child has it, along the parent's
+    axes [m].
+    """
+    above, origin = poses[joint.parent]
+    below, place = poses[joint.child]
+    apart = np.einsum("fij,j->fi", below, joint.child_frame.translation) + place - origin
+    return np.einsum("fji,fj->fi", above, apart) - joint.parent_frame.translation
+
+
+def _step(values: Array, least: int) -> tuple[int, float]:
+    """The frame at which the mean of values (frames, 3) changes most surely, and by how much [m]."""
+    seen = np.asarray(np.isfinite(values).all(axis=1))
+    filled = np.where(seen[:, None], values, 0.0)
+    before = np.cumsum(filled, axis=0)[:-1]
+    count = np.cumsum(seen)[:-1].astype(np.float64)
+    after = filled.sum(axis=0) - before
+    rest = seen.sum() - count
+    use = (count >= least) & (rest >= least)
+    if not use.any():
+        return 0, 0.0
+    change = np.linalg.norm(
+        after / np.maximum(rest, 1.0)[:, None] - before / np.maximum(count, 1.0)[:, None], axis=1
+    )
+    at = int(np.argmax(np.where(use, change * np.sqrt(count * rest), 0.0)))
+    return at + 1, float(change[at])
+
+
+def _slipped(
+    specimen: Specimen,
+    steps: dict[str, tuple[int, float]],
+    poses: dict[str, Poses],
+    threshold: float,
+) -> str | None:
+    """The bone all of whose joints come apart, of several the one with most joints."""
+    known: dict[str, list[float]] = {bone: [] for bone in specimen.model.body_names}
+    for joint in specimen.model.joints:
+        if joint.child in steps:
+            for bone in {joint.parent, joint.child} & known.keys():
+                known[bone].append(steps[joint.child][1])
+    apart = [bone for bone, amounts in known.items() if amounts and min(amounts) > threshold]
+    if not apart:
+        return None
+    most = max(len(known[bone]) for bone in apart)
+    likely = [bone for bone in apart if len(known[bone]) == most]
+    if specimen.base in likely and len(likely) > 1:
+        # Base and limb share the one joint that is known: a cluster of the base that slipped does
+        # not stand still.
+        moved = _step(poses[specimen.base][1], 1)[1] > threshold
+        likely = [bone for bone in likely if (bone == specimen.base) == moved]
+    return max(likely, key=lambda bone: min(known[bone]))
+
+
+def _reference(specimen: Specimen, bone: str, steps: dict[str, tuple[int, float]]) -> str | None:
+    """The bone that shows where another was: one that wires hold on it, "" for the ground that
+    holds the base.
+    """
+    if bone == specimen.base:
+        return ""
+    for joint in specimen.model.joints:
+        if (
+            joint.child in steps
+            and joint.parent != specimen.base
+            and bone in (joint.parent, joint.child)
+        ):
+            return joint.parent if joint.child == bone else joint.child
+    return None
+
+
+def _put_back(
+    specimen: Specimen,
+    bone: str,
+    pose: Poses,
+    still: Poses | None,
+    at: int,
+    markers: list[Markers],
+    starts: np.ndarray,
+) -> list[Markers]:
+    """The markers with those of a bone, from the frame `at` on, where they would be had its cluster
+    stayed as it was before in a frame that is `still`, ground where None.
+    """
+    rotations, origins = pose
+    if still is not None:
+        turn = still[0].transpose(0, 2, 1)
+        rotations = turn @ rotations
+        origins = np.einsum("fij,fj->fi", turn, origins - still[1])
+    seen = np.asarray(np.isfinite(origins).all(axis=1))
+    sides = [seen & (np.arange(len(seen)) < at), seen & (np.arange(len(seen)) >= at)]
+    (before, there), (after, here) = (
+        (mean_rotation(rotations[use]), origins[use].mean(axis=0)) for use in sides
+    )
+    # In the cluster's own frame: from where it is to where it was.
+    back = after.T @ before
+    shift = after.T @ (there - here)
+    columns = [marker.name for marker in specimen.model.markers if marker.body == bone]
+    result = []
+    for trial, start in zip(markers, starts, strict=False):
+        use = slice(max(0, at - int(start)), None)
+        turn, origin = (part[start : start + len(trial)][use] for part in pose)
+        values = np.array(trial.values)
+        carried = [trial.names.index(name) for name in columns if name in trial.names]
+        own = np.einsum("fji,fmj->fmi", turn, values[use, carried] - origin[:, None])
+        values[use, carried] = (
+            np.einsum("fij,fmj->fmi", turn, own @ back.T + shift) + origin[:, None]
+        )
+        result.append(replace(trial, values=values))
+    return result

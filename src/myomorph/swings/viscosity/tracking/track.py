@@ -1,0 +1,409 @@
+"""The motion of a specimen's bones from the clusters on them, and the wrench on its base beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.errors import BadData
+from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.spatial import Transform
+from myomorph.core.motion.clocks import Clock
+from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
+from myomorph.core.motion.sync import cut
+from myomorph.swings.viscosity.specimen.model import Specimen, SwingTrial
+from myomorph.swings.viscosity.swings.motion import differentiate_joint, on_one_branch
+from myomorph.swings.viscosity.swings.plate import (
+    CUTOFF,
+    lowpass_runs,
+    on_clock,
+    plate_clock,
+    wrench_about,
+)
+from myomorph.swings.viscosity.swings.recording import REACH, touched_frames, whole_frames
+from myomorph.swings.viscosity.tracking import held as holding
+from myomorph.swings.viscosity.tracking.cluster_slips import without_slips
+from myomorph.swings.viscosity.tracking.clusters import checked_clusters
+from myomorph.swings.viscosity.tracking.held import Slip, bone_poses
+from myomorph.swings.viscosity.tracking.limb_shape import shaped
+from myomorph.swings.viscosity.tracking.tracked import (
+    TrackedSpecimen,
+    TrackedTrial,
+    TrackingOptions,
+    swung_limb,
+)
+
+TURNED = 0.995
+"""Largest singular value of a mean rotation from which a limb has not turned about two axes enough,
+some 6 degrees root mean square, to show its center.
+"""
+
+QUICK = 25.0  # Low-pass of a motion before its rows are filtered themselves [Hz].
+MIN_FRAMES = 10  # Of base and limb together, from which a center is told.
+PARTIAL = 0.1  # Weight in means of a frame in which a cluster has lost a marker.
+
+Progress = Callable[[int], None]
+
+EXACT = InverseKinematicsOptions(tolerance=1e-9, posture_weight=1e-12)
+"""What is left of an iteration's last step, and of a pull to the default pose, would be
+differentiated twice.
+"""
+
+
+def track(
+    specimen: Specimen,
+    trials: Sequence[SwingTrial],
+    options: TrackingOptions | None = None,
+    progress: Progress | None = None,
+) -> TrackedSpecimen:
+    """Motion of the joint and wrench on the base in every trial of one condition, between which the
+    specimen stays on the plate and its wires in place; `progress` counts each frame twice.
+
+    Labels are checked by the distances within clusters. Inverse kinematics with everything free
+    then gives the one pose of the base and the one value of every held joint over all trials; with
+    those fixed, it is solved again for the joint alone. The wrench is moved to the joint's center
+    and to the markers' clock.
+    """
+    options = options or TrackingOptions()
+    if not trials:
+        raise BadData("no trial of the swinging limb is given")
+    shown = [
+        trial.markers if trial.time is None else cut(trial.markers, *trial.time) for trial in trials
+    ]
+    names = [trial.name for trial in trials]
+    checked = [
+        checked_clusters(specimen, *pair, options.cluster)
+        for pair in zip(shown, names, strict=True)
+    ]
+    markers = [trial_markers for trial_markers, _ in checked]
+    started, astray = _centered(_started(specimen, markers), markers, options)
+    markers, slid = without_slips(started, markers, names, options.shift)
+    if any(slid):
+        started, astray = _centered(_started(specimen, markers), markers, options)
+    fits = [inverse_kinematics(started.model, marker, EXACT, progress) for marker in markers]
+    motions = [on_one_branch(started, fit.motion) for fit in fits]
+    weights = [_sureness(started, fit) for fit in fits]
+    # Where markers lack, what is held may be anything: it is judged, and followed, by the frames
+    # that show each bone.
+    sure = [
+        replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
+        for motion, weight in zip(motions, weights, strict=True)
+    ]
+    base, held, slips = _held_still(started, markers, names, sure, weights, options)
+    if astray and options.center == "model":
+        for those in slips:
+            those[:] = [
+                replace(slip, center_off=not (slip.lasting or slip.before)) for slip in those
+            ]
+    posed = _posed(started.standing(base), held)
+    if options.center == "motion" and _turns_enough(posed, markers) and not any(slips):
+        posed, moved = shaped(posed, markers)
+        if moved > options.cluster:
+            text = (
+                f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the"
+                " model has them"
+            )
+            text += "; where the motion has them is used: check how clusters fit bones"
+            astray = (*astray, text)
+    slips = [[*first, *then] for first, then in zip(slid, slips, strict=True)]
+    tracked = []
+    for trial, seen, (_, notes), motion, certain in zip(
+        trials, markers, checked, sure, slips, strict=True
+    ):
+        away = np.zeros((len(motion), 3))
+        sway = np.zeros((0, 6))
+        shifts = [slip for slip in certain if slip.what == "base" and not slip.cluster]
+        if any(not (slip.lasting or slip.before) for slip in shifts):
+            sway = holding.base_sway(started, motion, posed.stand)
+            away = sway[:, :3]
+        elif shifts:
+            there = holding.center_course(
+                started, motion.time, *holding.base_poses(started, motion)
+            )
+            away = there - posed.center_in_ground
+        fit = _joint_alone(posed, seen, away, motion, certain, progress)
+        wrench, clock, warnings = _wrench(posed, trial, away, sway, fit.motion, options)
+        lines = (
+            *notes,
+            *(slip.line for slip in certain),
+            *(f"trial '{trial.name}': {warning}" for warning in warnings),
+        )
+        untouched = np.zeros(len(fit.motion), bool)
+        place = _plate_origin(posed, trial)
+        tracked.append(
+            TrackedTrial(
+                name=trial.name,
+                motion=fit.motion,
+                wrench=wrench,
+                touched=untouched,
+                rms=fit.rms,
+                clock=clock,
+                notes=lines,
+                origin=place,
+                sway=sway,
+            )
+        )
+    if options.find_contact:
+        tracked = _with_touches(posed, tracked, options.contact_threshold)
+    return TrackedSpecimen(
+        specimen=posed,
+        trials=tuple(tracked),
+        held=held,
+        slips=tuple(chain.from_iterable(slips)),
+        notes=astray,
+    )
+
+
+def _held_still(
+    specimen: Specimen,
+    markers: Sequence[Markers],
+    names: Sequence[str],
+    motions: Sequence[Motion],
+    weights: Sequence[Array],
+    options: TrackingOptions,
+) -> tuple[Transform, dict[str, float], list[list[Slip]]]:
+    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or
+    before it. A base that its own markers show at rest is only drawn along by a joint whose center,
+    or by markers whose places, do not fit the motion.
+    """
+    limits = options.slip, options.shift
+    slips = [
+        holding.slips_within(specimen, name, motion, *limits)
+        for name, motion in zip(names, motions, strict=True)
+    ]
+    for trial_slips, shown in zip(slips, markers, strict=True):
+        if any(slip.what == "base" for slip in trial_slips):
+            pose = bone_poses(specimen.model, specimen.base, [shown])
+            if np.isfinite(pose[1]).any() and not holding.base_slips(
+                specimen, "", shown.time, *pose, *limits
+            ):
+                trial_slips[:] = [slip for slip in trial_slips if slip.what != "base"]
+    moved = [[slip.what for slip in trial_slips] for trial_slips in slips]
+    base = holding.mean_base(specimen, motions, weights)
+    held = holding.mean_held(specimen, motions, weights, moved)
+    center = base.apply(specimen.center)
+    for name, motion, trial_slips, own_notes in zip(names, motions, slips, moved, strict=True):
+        before = holding.slips_before(specimen, name, motion, held, center, *limits)
+        trial_slips += [slip for slip in before if slip.what not in own_notes]
+    return base, held, slips
+
+
+def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
+    """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
+    rotations, origins = bone_poses(specimen.model, specimen.base, trials)
+    seen = np.isfinite(origins).all(axis=1)
+    if not seen.any():
+        raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
+    stand = Transform(holding.mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
+    standing = specimen.standing(stand)
+    limb, _ = bone_poses(specimen.model, specimen.first, trials)
+    shown = np.isfinite(limb).all(axis=(1, 2))
+    return (
+        standing.resting(stand.rotation.T @ holding.mean_rotation(limb[shown]))
+        if shown.any()
+        else standing
+    )
+
+
+def _centered(
+    specimen: Specimen, trials: Sequence[Markers], options: TrackingOptions
+) -> tuple[Specimen, tuple[str, ...]]:
+    """The specimen about the center that was asked for, and how far the limb's own center is from
+    the model's. A hinge, and a limb that hardly turns or of which fewer than three markers are
+    seen, tell no center.
+    """
+    if not _turns_enough(specimen, trials):
+        return specimen, ()
+    in_base, in_limb = holding.rotation_center(*_both_poses(specimen, trials))
+    distance = float(np.linalg.norm(in_base - specimen.center))
+    notes: tuple[str, ...] = ()
+    if distance > options.max_center_distance:
+        used = "that is used" if options.center == "motion" else "set center to 'motion' to use it"
+        text = (
+            f"the limb turns about a point {1000 * distance:.1f} mm from the joint's center of the"
+            f" model ({used})"
+        )
+        notes = (f"{text}: check how clusters fit bones",)
+    return (specimen.centered(in_base, in_limb) if options.center == "motion" else specimen), notes
+
+
+def _both_poses(
+    specimen: Specimen, trials: Sequence[Markers]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Rotations and origins of base and limb in the frames that show three markers of each."""
+    base = bone_poses(specimen.model, specimen.base, trials)
+    limb = bone_poses(specimen.model, specimen.first, trials)
+    seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
+    return (base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen])
+
+
+def _turns_enough(specimen: Specimen, trials: Sequence[Markers]) -> bool:
+    """Whether the limb turns about enough axes to show the point that stays still."""
+    if len(specimen.joint_coordinates) == 1:
+        return False
+    (base, _), (limb, _) = _both_poses(specimen, trials)
+    if len(base) < MIN_FRAMES:
+        return False
+    mean = np.einsum("fji,fjk->ik", base, limb) / len(base)
+    return bool(np.linalg.svd(mean, compute_uv=False)[0] <= TURNED)
+
+
+def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
+    """(frames,) weight in means: 1 where all markers are seen that the trial ever shows, `PARTIAL`
+    where two of each bone are, else 0; `PARTIAL` wherever any is seen if that is nowhere so.
+    """
+    seen = np.isfinite(fit.errors)
+    ever = seen.any(axis=0)
+    bodies = np.array([specimen.model.marker(name).body for name in fit.marker_names])
+    enough = np.ones(len(seen), bool)
+    for bone in set(bodies[ever]):
+        bone_seen = seen[:, ever & (bodies == bone)]
+        enough &= bone_seen.sum(axis=1) >= min(2, bone_seen.shape[1])
+    if not enough.any():
+        return np.asarray(PARTIAL * seen.any(axis=1))
+    return np.where(seen[:, ever].all(axis=1), 1.0, PARTIAL) * enough
+
+
+def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
+    """The specimen with base and held joints locked."""
+    still = dict.fromkeys(specimen.base_coordinates, 0.0) | dict(held)
+    coordinates = tuple(
+        (
+            replace(coordinate, default=still[coordinate.name], locked=True)
+            if coordinate.name in still
+            else coordinate
+        )
+        for coordinate in specimen.model.coordinates
+    )
+    return replace(specimen, model=replace(specimen.model, coordinates=coordinates))
+
+
+def _joint_alone(
+    specimen: Specimen,
+    markers: Markers,
+    away: Array,
+    motion: Motion,
+    slips: Sequence[Slip],
+    progress: Progress | None,
+) -> KinematicsFit:
+    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the
+    mean. A joint whose base moved is brought back by how far its center was `away` (frames, 3) [m].
+    """
+    markers = replace(markers, values=markers.values - away[:, None])
+    slipped = [slip.what for slip in slips if slip.what != "base" and not slip.cluster]
+    earlier = None
+    if slipped:
+        values = np.stack([holding.course(motion, name) for name in slipped], axis=1)
+        earlier = Motion(motion.time, tuple(slipped), values)
+    limb = {marker.name for marker in specimen.model.markers if marker.body != specimen.base} & set(
+        markers.names
+    )
+    options = replace(
+        EXACT,
+        marker_weights=dict.fromkeys(sorted(limb), 1.0),
+        only_weighted=True,
+        coordinates=earlier,
+    )
+    fit = inverse_kinematics(specimen.model, markers, options, progress)
+    columns = [fit.motion.names.index(name) for name in specimen.joint_coordinates]
+    values = fit.motion.values[:, columns].copy()
+    values[np.isfinite(fit.errors).sum(axis=1) < 2] = np.nan
+    return replace(
+        fit,
+        motion=on_one_branch(specimen, Motion(fit.motion.time, specimen.joint_coordinates, values)),
+    )
+
+
+def _plate_origin(specimen: Specimen, trial: SwingTrial) -> Array:
+    """(3,) mean point that the plate's wrench is about, from the joint's center [m]; zeros where it
+    has none.
+    """
+    points = trial.wrenches.points.reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    return points.mean(axis=0) - specimen.center_in_ground if len(points) else np.zeros(3)
+
+
+def _wrench(
+    specimen: Specimen,
+    trial: SwingTrial,
+    away: Array,
+    sway: Array,
+    motion: Motion,
+    options: TrackingOptions,
+) -> tuple[Array, Clock, list[str]]:
+    """The wrench about the center at the motion's times, the plate's clock, and warnings."""
+    center = specimen.center_in_ground
+    time = trial.wrenches.time
+    raw = wrench_about(trial.wrenches, center)
+    if trial.tare is not None:
+        raw = raw - np.nanmean(wrench_about(trial.tare, center), axis=0)
+    if away.any():
+        moved = np.stack([np.interp(time, motion.time, column) for column in away.T], axis=1)
+        raw[:, :3] -= np.cross(moved, raw[:, 3:])
+    clock = Clock()
+    warnings = list[str]()
+    if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
+        rows, slow, whole = _rows(specimen, motion, sway)
+        clock, warnings = plate_clock(
+            motion.time, rows, slow, whole, time, raw, options.contact_threshold
+        )
+    wrench = on_clock(clock.times(time), raw, motion.time)
+    if not np.isfinite(wrench).any():
+        spans = (f"{each[0]:g} to {each[-1]:g} s" for each in (motion.time, time))
+        raise BadData(
+            "trial '{}': markers ({}) and plate ({}) have no time in common".format(
+                trial.name, *spans
+            )
+        )
+    return wrench, clock, warnings
+
+
+def _rows(specimen: Specimen, motion: Motion, sway: Array) -> tuple[Array, Array, np.ndarray]:
+    """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of
+    reach of its ends. Rows are filtered as the wrench is, after the motion has passed a filter that
+    leaves fast twists as they are: what is then left of wrench - rows phi is no matter of filters.
+    """
+    quick = differentiate_joint(specimen, motion, QUICK)
+    rows = swung_limb(specimen, quick, sway, QUICK).wrench_rows
+    slow = lowpass_runs(rows.reshape(len(rows), -1), motion.rate, CUTOFF).reshape(rows.shape)
+    finite = np.asarray(np.isfinite(slow).all(axis=(1, 2)))
+    return rows, slow, whole_frames(motion.time, finite, CUTOFF)
+
+
+def _with_touches(
+    specimen: Specimen, trials: Sequence[TrackedTrial], share: float
+) -> list[TrackedTrial]:
+    """The trials with the frames in which somebody touches the limb, found over all of them
+    together.
+    """
+    _, rows, whole = zip(
+        *(_rows(specimen, trial.motion, trial.sway) for trial in trials), strict=True
+    )
+    wrenches = [lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF) for trial in trials]
+    frames = [
+        full & np.isfinite(wrench).all(axis=1) for full, wrench in zip(whole, wrenches, strict=True)
+    ]
+    times = [trial.motion.time for trial in trials]
+    touching = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
+    return [
+        replace(trial, touched=touched, notes=(*trial.notes, *_hands(trial.name, times, touched)))
+        for trial, touched, times in zip(trials, touching, times, strict=True)
+    ]
+
+
+def _hands(name: str, time: Array, touched: np.ndarray) -> tuple[str, ...]:
+    if not touched.any():
+        return ()
+    share = float(touched.mean())
+    seconds = share * float(time[-1] - time[0])
+    line = (
+        f"trial '{name}': something besides the joint carries the limb for {seconds:.1f} s:"
+        " left out"
+    )
+    if share > 0.5:
+        line += "; as that is most of the trial, check the plate's calibration and its clock"
+    return (line,)

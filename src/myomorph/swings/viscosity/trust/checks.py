@@ -1,0 +1,273 @@
+"""What can be wrong with a swing experiment, named in a line each: what was given, what it spoils,
+what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.findings import Finding
+from myomorph.swings.viscosity.identification.budget import disturbed, thinned
+from myomorph.swings.viscosity.identification.identify import (
+    MAX_RELATIVE_WIDTH,
+    Condition,
+    is_narrow,
+)
+from myomorph.swings.viscosity.identification.inertia import (
+    InertiaOptions,
+    least_mass,
+    limb_inertia,
+)
+from myomorph.swings.viscosity.identification.instruments import Instruments
+from myomorph.swings.viscosity.swings.recording import SwingRecording
+from myomorph.swings.viscosity.swings.sums import SwingSums, swing_sums
+from myomorph.swings.viscosity.tracking.tracked import TrackedSpecimen
+from myomorph.swings.viscosity.trust.forward import sense
+
+TARED = "tare"
+TOO_SMALL = "small swing"
+LOADED = "base load"
+"""Kinds of findings: the mass and its center cannot be known; the condition has no viscosity; what
+the base carries.
+"""
+MOVING_BASE = "moving base"
+LOOSE_WIRE = "loose wire"
+SLIPPED = "slipped cluster"
+"""Kinds of findings: what should stand still and moves."""
+
+SPARE = 0.9  # A mass below this share of the least that the motion allows cannot be the limb's.
+RESTS = (
+    "something rests on the base, or the plate's zero is off; weigh it and give base_mass, or a"
+    " tare recording with the base and without the limb"
+)
+UNLIKELY = 60.0
+"""Squared distance of two normal numbers from zero, over their standard deviations, that
+instruments half as good as assumed pass once in 1,000 times.
+"""
+# Share of the limb's own moment by which a constant moment is off for other reasons than
+# instruments.
+ROUNDED = 5e-4
+# A constant moment above this share of the limb's own, m g c, is not the noise of a plate.
+OFF = 0.05
+LEAN = 0.1
+"""An axis whose rates are below this share of the fastest axis' is not excited: what leaks over
+from an error of a tenth in the other axes' torque is then as large as its own.
+"""
+# How much larger than that of free parameters the residual of a possible limb's wrench may be.
+MISFIT = 1.5
+LOST = 0.5  # Share of a trial's frames without a pose from which the trial is questioned.
+# A drift that shifts force against motion by more over a trial would be seen in the viscosity [s].
+DRIFT = 5e-3
+
+
+@read_only
+class PlateZero:
+    """What the constant part of the wrench says against what the moving part says.
+
+    `mass`: what the constant force amounts to [kg]; `least_mass`: |h|^2 / I, below which no body
+    has first moment h and inertia I about the joint; `moment` (3,): constant one about the joint
+    that the limb does not explain [N m]; `own_moment`: |h| g, the limb's at a right angle to
+    gravity; `oscillation`: I / |h|, the distance from the joint beyond which no mass center lies
+    [m].
+    """
+
+    mass: float
+    least_mass: float
+    moment: Array
+    own_moment: float
+    oscillation: float
+
+
+def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = None) -> PlateZero:
+    """Identify first moment and inertia from what changes alone, then see what is left of the
+    wrench. On a fixed base the mass shows only as the constant force m g, which a zero set with the
+    limb on the plate takes away; the first moment h = m c and the inertia I show in what changes.
+    Since I >= m c^2 for every body, m >= |h|^2 / I, and c <= I / |h|, the distance of the center of
+    oscillation.
+    """
+    sums = swing_sums(recordings) if sums is None else sums
+    parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()
+    parameters[0] = 0.0
+    parts = [(recordings[i], use) for i, use in zip(sums.trial, sums.uses, strict=True)]
+    left = np.concatenate(
+        [each.wrench[use] - each.wrench_rows[use] @ parameters for each, use in parts]
+    ).mean(axis=0)
+    gravity = recordings[0].gravity
+    h = float(np.linalg.norm(parameters[1:4]))
+    g = float(np.linalg.norm(gravity))
+    mass = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2
+    least = least_mass(parameters)
+    return PlateZero(
+        mass=mass, least_mass=least, moment=left[:3], own_moment=h * g, oscillation=h / least
+    )
+
+
+def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, ...]:
+    """Faults that recordings of one condition show before anything is identified of them."""
+    sums = swing_sums(recordings)
+    findings = []
+    if len(sums) < 3:
+        text = (
+            f"only {len(sums)} of the three whole swings that intervals need: record more releases,"
+            " or longer ones"
+        )
+        findings.append(Finding("few swings", "swings", text))
+    zero = plate_zero(recordings, sums)
+    if zero.mass < SPARE * zero.least_mass:
+        text = (
+            f"the constant force says {zero.mass:.2f} kg, but the motion allows no limb below"
+            f" {zero.least_mass:.2f} kg (its mass center would lie beyond the center of oscillation"
+            f" at {zero.oscillation:.2f} m): the plate was set to zero with the limb on it, so the"
+            " mass hides; set zero with the fixture alone, or give that as tare"
+        )
+        findings.append(Finding(TARED, "plate", text))
+    elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
+        most = f"{zero.own_moment:.2f} N m at most"
+        text = (
+            f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's"
+            f" ({most}): {RESTS}"
+        )
+        findings.append(Finding("zero", "plate", text))
+    return tuple(findings)
+
+
+def base_findings(
+    recordings: Sequence[SwingRecording], instruments: Instruments
+) -> tuple[Finding, ...]:
+    """A load of the base whose constant level moment is larger than instruments' errors leave."""
+    thin = [thinned(recording) for recording in recordings]
+    zero = plate_zero(thin)
+    errors = zip(instruments.sources, instruments.prior, strict=True)
+    changes = [
+        (plate_zero([disturbed(r, *source, size) for r in thin]).moment - zero.moment) / size
+        for source, size in errors
+        if size > 0.0
+    ]
+    covariance = (ROUNDED * zero.own_moment) ** 2 * np.eye(3)
+    if changes:
+        covariance = covariance + np.array(changes).T @ instruments.covariance @ np.array(changes)
+    level = np.linalg.svd(recordings[0].gravity[None])[2][1:]
+    moment = level @ zero.moment
+    if moment @ np.linalg.solve(level @ covariance @ level.T, moment) < UNLIKELY:
+        return ()
+    more = "is not the limb's, and more than errors of the instruments explain"
+    text = f"a constant moment of {np.linalg.norm(moment):.2f} N m about the joint {more}: {RESTS}"
+    return (Finding(LOADED, "base", text),)
+
+
+def condition_findings(condition: Condition) -> tuple[Finding, ...]:
+    """Faults that show in what was identified: a swing too small, or not about an axis; a limb that
+    cannot be. An axis is excited where its rates are at least `LEAN` of the fastest axis' and its
+    viscosity has an interval narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
+    """
+    viscosity = condition.viscosity
+    rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
+    size = np.sqrt(np.square(rates).mean(axis=0))
+    wide = not is_narrow(viscosity)
+    if wide and "viscosity" in condition.by_trial:
+        ends = f"{viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad"
+        text = (
+            f"one viscosity does not describe the trials: {ends}; those of single axes and muscles"
+            " stand beside"
+        )
+        return (Finding("trials", "swings", text), *_misfit(condition))
+    if wide:
+        ends = (
+            f"{viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad at rates of"
+            f" {np.linalg.norm(size):.2f} rad/s"
+        )
+        text = (
+            f"the swings are too small to tell the viscosity: {ends}; release it from farther out,"
+            " or more often"
+        )
+        return (Finding(TOO_SMALL, "swings", text),)
+    findings = []
+    axes = condition.recordings[0].axes
+    for axis, rate, excited, each in zip(
+        axes, size, condition.excited, condition.axis_viscosity, strict=True
+    ):
+        if rate < LEAN * size.max():
+            why = f"below {100 * LEAN:.0f} % of the fastest axis'"
+        elif not excited:
+            limit = f"+-{100 * MAX_RELATIVE_WIDTH:.0f} % of the joint's"
+            why = f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than {limit}"
+        else:
+            continue
+        text = (
+            f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g}"
+            " rad/s (root mean "
+        )
+        text += (
+            f"square), {why}; spin the limb about that axis as it is released (turned and let go it"
+            " hardly rotates)"
+        )
+        findings.append(Finding("axis", axis, text))
+    return (*findings, *_misfit(condition))
+
+
+def _misfit(condition: Condition) -> tuple[Finding, ...]:
+    """Whether the limb that was identified explains the wrench nearly as well as any ten numbers
+    could.
+    """
+    rows = np.concatenate(
+        [recording.wrench_rows[recording.used] for recording in condition.recordings]
+    )
+    wrench = np.concatenate(
+        [recording.wrench[recording.used] for recording in condition.recordings]
+    )
+    rows = rows - rows.mean(axis=0)
+    wrench = wrench - wrench.mean(axis=0)
+    left = wrench - rows @ condition.parameters
+    scale = np.repeat(
+        [np.sqrt(np.square(left[:, part]).mean()) for part in (slice(3), slice(3, 6))], 3
+    )
+    A = (rows / scale[:, None]).reshape(-1, rows.shape[2])
+    b = (wrench / scale).ravel()
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    free = b - A @ (np.linalg.lstsq(A / size, b, rcond=1e-9)[0] / size)
+    ratio = float(
+        np.linalg.norm(left / scale) / max(np.linalg.norm(free), 1e-9 * np.linalg.norm(b))
+    )
+    if ratio < MISFIT:
+        return ()
+    text = (
+        f"the identified limb leaves {ratio:.1f} times as much of the wrench as free numbers would:"
+        " its inertia "
+    )
+    text += (
+        "cannot be trusted, nor the viscosity; swing it about every axis, and check the joint's"
+        " center"
+    )
+    return (Finding("misfit", "limb", text),)
+
+
+def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
+    """Faults that the markers, the plate's clock and the held joints show."""
+    findings = [
+        Finding(
+            SLIPPED if slip.cluster else MOVING_BASE if slip.what == "base" else LOOSE_WIRE,
+            slip.what,
+            slip.line,
+        )
+        for slip in tracked.slips
+    ]
+    for trial in tracked.trials:
+        lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
+        if lost > LOST:
+            text = f"{100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
+            findings.append(Finding("lost frames", trial.name, f"trial '{trial.name}': {text}"))
+        shift = abs(trial.clock.drift) * trial.clock.length
+        if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
+            drift = (
+                f"{1e6 * trial.clock.drift:.0f} parts per million, {1e3 * shift:.1f} ms over the"
+                " trial"
+            )
+            text = (
+                f"trial '{trial.name}': the plate's clock drifts by {drift}: corrected; a common"
+                " clock is better"
+            )
+            findings.append(Finding("clock", trial.name, text))
+    return tuple(findings)

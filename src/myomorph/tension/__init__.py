@@ -1,5 +1,0 @@
-"""Muscle tensions: terms, actuators and the one convex problem of a frame."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
