@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.swings.viscosity.identification.identify import (
     Condition,
@@ -19,9 +19,9 @@ MUSCLES = ("BicepsBrachiiLongum", "Supraspinatus", "TeresMajor")
 AXES = ("x", "y", "z")
 
 
-def published_row(specimen: PublishedSpecimen) -> dict[str, Estimate]:
+def published_row(specimen: PublishedSpecimen) -> dict[str, Interval]:
     """The quantities of a printed row; their intervals are unknown."""
-    return {name: Estimate(value, np.nan, np.nan) for name, value in specimen.values.items()}
+    return {name: Interval(value, np.nan, np.nan) for name, value in specimen.values.items()}
 
 
 def recording(name: str = "swing1", frames: int = 900, seed: int = 0) -> SwingRecording:
@@ -47,9 +47,9 @@ def recording(name: str = "swing1", frames: int = 900, seed: int = 0) -> SwingRe
     )
 
 
-def near(value: float, share: float = 0.05) -> Estimate:
+def near(value: float, share: float = 0.05) -> Interval:
     """A value with an interval of so much to both sides."""
-    return Estimate(value, value * (1.0 - share), value * (1.0 + share))
+    return Interval(value, value * (1.0 - share), value * (1.0 + share))
 
 
 def condition(mass: float, com: float, viscosity: float) -> Condition:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort, specimen_row
 from swing_cohort import published_row, specimens
 
@@ -41,7 +41,7 @@ def test_the_interval_of_the_mean_holds_it_as_often_as_it_says():
     for _ in range(2000):
         drawn = truth + spread * random.normal(size=3)
         rows = [
-            {"mass_intact": Estimate(v, v - 1.96 * s, v + 1.96 * s)}
+            {"mass_intact": Interval(v, v - 1.96 * s, v + 1.96 * s)}
             for v, s in zip(drawn, spread, strict=True)
         ]
         (line,) = cohort(rows)
@@ -53,7 +53,7 @@ def test_what_a_specimen_lacks_is_not_counted():
     lines = {
         one.quantity.name: one
         for one in cohort(
-            [{"mass_intact": Estimate(2.0, 2.0, 2.0)}, {"com_intact": Estimate(0.4, 0.4, 0.4)}, {}]
+            [{"mass_intact": Interval(2.0, 2.0, 2.0)}, {"com_intact": Interval(0.4, 0.4, 0.4)}, {}]
         )
     }
     assert {name: one.count for name, one in lines.items()} == {"mass_intact": 1, "com_intact": 1}

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.charts.points import Cloud, xy_plot
 from myomorph.lab.report.charts.rows import Beside, interval_bars, interval_rows
@@ -83,9 +83,9 @@ def test_truth_paper_and_estimate_stand_side_by_side(reports):
 
 
 def test_values_have_the_digits_that_their_interval_leaves():
-    assert with_interval(Estimate(0.076123, 0.0756, 0.0767)) == "0.0761 (0.0756 to 0.0767)"
-    assert with_interval(Estimate(241.3, 180.0, 400.0)) == "241 (180 to 400)"
-    assert with_interval(Estimate(0.765, 0.765, 0.765)) == "0.765"
+    assert with_interval(Interval(0.076123, 0.0756, 0.0767)) == "0.0761 (0.0756 to 0.0767)"
+    assert with_interval(Interval(241.3, 180.0, 400.0)) == "241 (180 to 400)"
+    assert with_interval(Interval(0.765, 0.765, 0.765)) == "0.765"
     assert with_interval(None) == "–"
 
 
@@ -202,7 +202,7 @@ def test_points_lie_where_their_values_are():
 
 
 def test_bars_reach_their_values_and_intervals_beyond_the_chart_are_cut():
-    values = [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.0, 50.0), None]
+    values = [Interval(1.0, 0.5, 1.5), Interval(2.0, 1.0, 50.0), None]
     drawn = interval_bars(
         "T",
         "N",
@@ -224,7 +224,7 @@ def test_rows_place_dots_in_proportion():
         "T",
         "N",
         ["a", "b"],
-        [Estimate(1.0, 0.5, 1.5), Estimate(2.0, 1.5, 2.5)],
+        [Interval(1.0, 0.5, 1.5), Interval(2.0, 1.5, 2.5)],
         levels=[Level(1.0, "<l>", "mean")],
     )
     dots = [float(one) for one in re.findall(r'cx="([\d.]+)"', drawn)]

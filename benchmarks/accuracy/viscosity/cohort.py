@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, cohort
 
 Row = dict[str, object]
@@ -22,7 +22,7 @@ def measure() -> Iterator[Row]:
     explains the rest.
     """
     known = [
-        {name: Estimate(one, np.nan, np.nan) for name, one in row.values.items()}
+        {name: Interval(one, np.nan, np.nan) for name, one in row.values.items()}
         for row in SPECIMENS
     ]
     lines = {one.quantity.name: one for one in cohort(known)}

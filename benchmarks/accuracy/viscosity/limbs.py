@@ -14,7 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, faulty_limb, random_faults
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.cohort import specimen_row
 from myomorph.swings.viscosity.identification.base_load import BaseLoad as BaseMass
 from myomorph.swings.viscosity.identification.identify import QUANTITIES_OF, is_narrow
@@ -54,7 +54,7 @@ class LimbRun(NamedTuple):
 
     seed: int
     truth: dict[str, float]
-    found: dict[str, Estimate]
+    found: dict[str, Interval]
     laws: tuple[str, ...]
     refused: tuple[str, ...]
     findings: tuple[tuple[str, str, str], ...]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 
 Row = dict[str, object]
 
@@ -48,7 +48,7 @@ class ScanRun(NamedTuple):
 
     name: str
     truth: dict[str, float]
-    found: dict[str, Estimate]
+    found: dict[str, Interval]
     fit: float
     arms: tuple[float, float]
 

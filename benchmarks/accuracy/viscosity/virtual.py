@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 
 Row = dict[str, object]
 
@@ -124,7 +124,7 @@ class SpecimenRun(NamedTuple):
     factor: float
     moment_arm: float
     truth: dict[str, float]
-    found: dict[str, Estimate]
+    found: dict[str, Interval]
     rank: int
     arms: dict[str, tuple[float, float]]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from myomorph.body.personalize.fit import HeldOut
-from myomorph.body.personalize.personalize import Estimate, Personalized
+from myomorph.body.personalize.personalize import MuscleEstimate, Personalized
 from myomorph.lab.report.trial.personalized import personal_lines
 from myomorph.lab.study.workers.ahead import two_links
 
@@ -31,7 +31,7 @@ def held(score, left):
 def found():
     model = two_links()
     estimates = (
-        Estimate(
+        MuscleEstimate(
             of="muscle_0",
             parameter="optimal_fiber_length",
             generic=0.3,
@@ -41,7 +41,7 @@ def found():
             variance_ratio=0.1,
             identifiable="yes",
         ),
-        Estimate(
+        MuscleEstimate(
             of="muscle_0",
             parameter="tendon_slack_length",
             generic=0.3,

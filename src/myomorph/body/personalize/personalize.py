@@ -66,7 +66,7 @@ class PersonalizeOptions(PriorOptions):
 
 
 @dataclass(frozen=True)
-class Estimate:
+class MuscleEstimate:
     """One parameter of a person.
 
     Attributes
@@ -121,7 +121,7 @@ class Personalized:
     """
 
     model: Model
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[MuscleEstimate, ...]
     recordings: tuple[str, ...]
     coordinates: tuple[str, ...]
     mapped: GenericMap | None
@@ -282,14 +282,14 @@ def _cannot_reach(
     return fixed, notes
 
 
-def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
+def _of_map(model: Model, mapped: GenericMap) -> tuple[MuscleEstimate, ...]:
     """Lengths before and after a map, which says nothing of how sure they are."""
     results = []
     for muscle, other in zip(model.muscles, mapped.model.muscles, strict=True):
         for name in (FIBER, SLACK):
             value = float(getattr(other, name))
             results.append(
-                Estimate(
+                MuscleEstimate(
                     of=muscle.name,
                     parameter=name,
                     generic=float(getattr(muscle, name)),
@@ -303,10 +303,12 @@ def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
     return tuple(results)
 
 
-def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
+def _estimates(
+    prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]
+) -> tuple[MuscleEstimate, ...]:
     """All parameters with their intervals."""
     sizes = prior.sizes(p)
-    result = list[Estimate]()
+    result = list[MuscleEstimate]()
     before = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
 
     def add(
@@ -341,7 +343,7 @@ def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> t
             float(high),
             1.0 if kept else ratio,
         )
-        result.append(Estimate(of, parameter, *numbers, "no" if kept else level, bound, kept))
+        result.append(MuscleEstimate(of, parameter, *numbers, "no" if kept else level, bound, kept))
 
     _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):
@@ -387,7 +389,7 @@ def _slack_interval(
     return max(float(low), 0.0), float(high)
 
 
-def known_by_prior(estimates: Sequence[Estimate]) -> str:
+def known_by_prior(estimates: Sequence[MuscleEstimate]) -> str:
     """One line: the share of lengths that only what was assumed before knows."""
     levels = {
         name: [estimate.identifiable for estimate in estimates if estimate.parameter == name]
@@ -406,7 +408,7 @@ def known_by_prior(estimates: Sequence[Estimate]) -> str:
 
 def _notes(
     fitted: Fitted,
-    estimates: Sequence[Estimate],
+    estimates: Sequence[MuscleEstimate],
     checked: HeldOut | None,
     options: PersonalizeOptions,
     seen: Sequence[Windows],

@@ -2,6 +2,7 @@
 from .contacts import Generators as Generators
 from .contacts import register_law as register_law
 from .findings import Finding as Finding
+from .interval import Interval as Interval
 from .model import Actuator as Actuator
 from .model import Axis as Axis
 from .model import Body as Body
@@ -22,7 +23,6 @@ from .paths import Path as Path
 from .paths import PathPoint as PathPoint
 from .paths import PathWrap as PathWrap
 from .paths import WrapObject as WrapObject
-from .provenance import Estimate as Estimate
 from .provenance import Provenance as Provenance
 from .provenance import Source as Source
 from .segments import Segment as Segment

@@ -7,9 +7,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
-import numpy as np
-
-from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import FrozenMap
 
 
@@ -83,30 +80,3 @@ class Provenance:
             )
         except (KeyError, TypeError) as error:
             raise ValueError(f"not a provenance: {error}") from None
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value and the interval that holds it.
-
-    Attributes
-    ----------
-    value : the estimate
-    low, high : its 95 % interval
-    """
-
-    value: float
-    low: float
-    high: float
-
-    @classmethod
-    def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Estimate:
-        """The percentile interval of bootstrap draws (draws,); NaN where no draw is finite."""
-        if not np.isfinite(draws).any():
-            return cls(float(value), float("nan"), float("nan"))
-        low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        return cls(float(value), float(low), float(high))
-
-    def holds(self, truth: float) -> bool:
-        """Whether the interval holds a value."""
-        return self.low <= truth <= self.high

@@ -2,7 +2,7 @@
 from ...body.personalize.fit import Fitted as Fitted
 from ...body.personalize.fit import HeldOut as HeldOut
 from ...body.personalize.generic_map import GenericMap as GenericMap
-from ...body.personalize.personalize import Estimate as Estimate
+from ...body.personalize.personalize import MuscleEstimate as MuscleEstimate
 from .tension import Certificate as Certificate
 from .tension import Fibers as Fibers
 from .terms.contacts import ContactOptions as ContactOptions

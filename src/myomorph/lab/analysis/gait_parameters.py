@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis.cycles import band
 from myomorph.lab.analysis.strides import Stride, Strides
@@ -27,12 +27,12 @@ UNITS: Mapping[str, str] = {
 LEVEL = 0.9
 
 
-def gait_parameters(strides: Strides) -> dict[str, dict[str, Estimate]]:
+def gait_parameters(strides: Strides) -> dict[str, dict[str, Interval]]:
     """By parameter of `UNITS` and side ("right", "left"): the mean, and its interval of 90 % by
     Student's t.
     """
     limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
-    table: dict[str, dict[str, Estimate]] = {name: {} for name in UNITS}
+    table: dict[str, dict[str, Interval]] = {name: {} for name in UNITS}
     for side, limb in limbs.items():
         other = next((name for name in strides.strikes if name != limb), "")
         rows = [_values(stride, strides, other) for stride in strides.of(limb)]
@@ -41,7 +41,7 @@ def gait_parameters(strides: Strides) -> dict[str, dict[str, Estimate]]:
             values = values[np.isfinite(values)]
             if len(values):
                 limits = band(values[:, None], LEVEL)
-                table[name][side] = Estimate(
+                table[name][side] = Interval(
                     float(values.mean()), float(limits.low[0]), float(limits.high[0])
                 )
     return table

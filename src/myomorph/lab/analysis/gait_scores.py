@@ -18,7 +18,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.analysis.cycles import band
 from myomorph.lab.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, GaitCurves, known_mean
 
@@ -29,7 +29,7 @@ is a scale.
 """
 LEVEL = 0.9
 PELVIS = 3  # Of the first variables, which both sides share
-NONE = Estimate(float("nan"), float("nan"), float("nan"))
+NONE = Interval(float("nan"), float("nan"), float("nan"))
 
 
 @read_only
@@ -58,9 +58,9 @@ class GaitNorm:
 class GaitScores:
     """Scores of a walk, each with its interval."""
 
-    profile: Mapping[tuple[str, str], Estimate]  # by side and variable [°]
-    score: Mapping[str, Estimate]  # gait profile score by side, and "both" [°]
-    scaled: Mapping[str, Estimate]  # GDI*, by side, and "both"; {} where the norm has no scale
+    profile: Mapping[tuple[str, str], Interval]  # by side and variable [°]
+    score: Mapping[str, Interval]  # gait profile score by side, and "both" [°]
+    scaled: Mapping[str, Interval]  # GDI*, by side, and "both"; {} where the norm has no scale
     variables: int  # of a side, that the score is of
     drawn: bool  # whether intervals hold draws of errors, rather than the mean over strides
 
@@ -180,21 +180,21 @@ def _drawn_profiles(strides: Array, errors: Array, norm: GaitNorm) -> Array:
     )
 
 
-def _estimate(strides: Array, drawn: Array | None) -> Estimate:
+def _estimate(strides: Array, drawn: Array | None) -> Interval:
     """Mean over the strides, with the interval of draws, else of the strides."""
     known = strides[np.isfinite(strides)]
     if not len(known):
         return NONE
     if drawn is not None:
-        return Estimate.of_draws(float(known.mean()), drawn, LEVEL)
+        return Interval.of_draws(float(known.mean()), drawn, LEVEL)
     limits = band(known[:, None], LEVEL)
     value = float(known.mean())
     # Of the logarithm, by its first derivative: no score is below 0.
     factor = np.exp((limits.high[0] - value) / value) if value > 0.0 else 1.0
-    return Estimate(value, float(value / factor), float(value * factor))
+    return Interval(value, float(value / factor), float(value * factor))
 
 
-def _scaled(score: Estimate, log_scores: tuple[float, float]) -> Estimate:
+def _scaled(score: Interval, log_scores: tuple[float, float]) -> Interval:
     """100 less ten standard deviations of the logarithm; a low score is a high index."""
     logs = (np.log((score.value, score.high, score.low)) - log_scores[0]) / log_scores[1]
-    return Estimate(*(100.0 - 10.0 * logs).tolist())
+    return Interval(*(100.0 - 10.0 * logs).tolist())

@@ -10,14 +10,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.identify import SpecimenViscosity
 
 # Of a shoulder with its muscles [N m s/rad]: Stroeve 1999, as [S] cites it.
 STROEVE_TOTAL_VISCOSITY = 0.2
 
 
-Row = Mapping[str, Estimate]
+Row = Mapping[str, Interval]
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
     """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
     known = specimen_viscosity.estimates
     if specimen_viscosity.measured_muscle_mass is not None:
-        known["measured_muscle_mass"] = Estimate(*[specimen_viscosity.measured_muscle_mass] * 3)
+        known["measured_muscle_mass"] = Interval(*[specimen_viscosity.measured_muscle_mass] * 3)
     return FrozenMap(known)
 
 

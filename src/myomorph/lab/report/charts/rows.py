@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.report.charts import marks as svg
 from myomorph.lab.report.charts.axis import number
 
@@ -147,7 +147,7 @@ def interval_rows(
     title: str,
     unit: str,
     names: Sequence[str],
-    values: Sequence[Estimate],
+    values: Sequence[Interval],
     beside: Sequence[Beside] = (),
     levels: Sequence[svg.Level] = (),
     solid: Sequence[bool] | None = None,
@@ -201,7 +201,7 @@ def interval_rows(
     return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
 
 
-def with_interval(estimate: Estimate) -> str:
+def with_interval(estimate: Interval) -> str:
     """A value for print, with its interval where that is known."""
     interval = (
         f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
@@ -221,7 +221,7 @@ def interval_bars(
     title: str,
     unit: str,
     names: Sequence[str],
-    values: Sequence[Estimate | None],
+    values: Sequence[Interval | None],
     beside: Sequence[Beside] = (),
     levels: Sequence[svg.Level] = (),
 ) -> str:
@@ -259,7 +259,7 @@ def interval_bars(
 
 
 def _top(
-    values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Sequence[svg.Level]
+    values: Sequence[Interval | None], beside: Sequence[Beside], levels: Sequence[svg.Level]
 ) -> float:
     """Highest value shown: all, except intervals that would press everything else to the floor."""
     known = [value.value for value in values if value is not None and np.isfinite(value.value)]
@@ -272,7 +272,7 @@ def _top(
     return 1.08 * max(peak, min(max([*highs, 0.0]), 2.0 * peak)) or 1.0
 
 
-def _bar(area: svg.Frame, estimate: Estimate, x: float, half: float) -> str:
+def _bar(area: svg.Frame, estimate: Interval, x: float, half: float) -> str:
     """An upright bar with its whisker; an arrow where the interval is cut."""
     if not np.isfinite(estimate.value):
         return ""

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis.conditions import Condition
 from myomorph.lab.analysis.groups import Comparison, CurveDifference
@@ -124,7 +124,7 @@ def effect_figure(comparison: Comparison) -> Figure:
         "Effect size",
         "Hedges’ g",
         [scalar.name for scalar in comparison.scalars],
-        [Estimate(scalar.g, scalar.g_low, scalar.g_high) for scalar in comparison.scalars],
+        [Interval(scalar.g, scalar.g_low, scalar.g_high) for scalar in comparison.scalars],
         solid=[scalar.holm < comparison.options.alpha for scalar in comparison.scalars],
         signed=True,
     )
@@ -182,9 +182,9 @@ def scalar_grid(comparison: Comparison) -> Grid:
     head = ("Parameter", first, second, "Difference", size, "p", "p, Holm", "q")
     rows = []
     for scalar in comparison.scalars:
-        effect = Estimate(scalar.g, scalar.g_low, scalar.g_high)
+        effect = Interval(scalar.g, scalar.g_low, scalar.g_high)
         intervals = map(
-            with_interval, (Estimate(scalar.difference, scalar.low, scalar.high), effect)
+            with_interval, (Interval(scalar.difference, scalar.low, scalar.high), effect)
         )
         means = map(mean_words, (scalar.first, scalar.second))
         chances = map(_probability, (scalar.p, scalar.holm, scalar.q))
@@ -262,7 +262,7 @@ def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: stat
         known = np.isfinite(curve.g)
         at = int(np.argmax(np.where(known, np.abs(curve.g), -1.0)))
         size = with_interval(
-            Estimate(*(float(values[at]) for values in (curve.g, curve.g_low, curve.g_high)))
+            Interval(*(float(values[at]) for values in (curve.g, curve.g_low, curve.g_high)))
         )
         largest = f"{size} at {100.0 * at / max(len(curve.g) - 1, 1):.0f} %" if known.any() else "–"
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in curve.regions) or "–"

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.analysis.cycles import band
 from myomorph.lab.analysis.gait_curves import (
     ANGLES,
@@ -168,7 +168,7 @@ def _scores(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
     return Grid((f"{what}, RMS [°]", "Right", "Left"), tuple(rows), "Movement analysis profile")
 
 
-def _words(estimate: Estimate | None) -> str:
+def _words(estimate: Interval | None) -> str:
     """A value with its interval: "5.1 (4.2–6.3)"."""
     if estimate is None or not np.isfinite(estimate.value):
         return "–"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from myomorph.body.personalize.personalize import Estimate, Personalized
+from myomorph.body.personalize.personalize import MuscleEstimate, Personalized
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.lab.report.charts.axis import number
@@ -76,7 +76,7 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     return drawing("ranges", "Normalized fiber length", size, *marks, unit="optimal fiber lengths")
 
 
-def _grids(estimates: Sequence[Estimate]) -> list[Grid]:
+def _grids(estimates: Sequence[MuscleEstimate]) -> list[Grid]:
     """A table of each kind of parameter."""
     head = ("of", "generic", "person", "90 % interval", "identifiable", "")
     grids = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.identify import STATES, Condition, SpecimenViscosity
 
 UNKNOWN = (0.0, float("inf"))  # A load of which nothing is known [kg].
@@ -57,11 +57,11 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
         mass = _less(condition.mass, (low, high), condition.least_mass.low)
         if high > low:
             h = condition.first_moment
-            com = Estimate(h.value / mass.value, h.low / mass.high, h.high / max(mass.low, 1e-9))
+            com = Interval(h.value / mass.value, h.low / mass.high, h.high / max(mass.low, 1e-9))
         else:
             factor = condition.mass.value / mass.value
             com = condition.com
-            com = Estimate(factor * com.value, factor * com.low, factor * com.high)
+            com = Interval(factor * com.value, factor * com.low, factor * com.high)
         changed[name] = replace(condition, mass=mass, com=com)
         if mass.high - mass.low > TOLD * mass.value and high > low:
             notes.append(
@@ -80,13 +80,13 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
     return specimen_viscosity.changed(changed, notes, muscle_mass=muscle_mass)
 
 
-def _less(shown: Estimate, load: Range, least: float) -> Estimate:
+def _less(shown: Interval, load: Range, least: float) -> Interval:
     """A mass out of that which the constant force shows, less a load, at least `least` where the
     load is a range.
     """
     low, high = load
     if high == low:
-        return Estimate(shown.value - low, shown.low - low, shown.high - low)
+        return Interval(shown.value - low, shown.low - low, shown.high - low)
     top = shown.high - low
     bottom = min(max(least, shown.low - high, 0.0), top)
-    return Estimate(0.5 * (bottom + top), bottom, top)
+    return Interval(0.5 * (bottom + top), bottom, top)

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, MyomorphError, check_name
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification import torque as torques
 from myomorph.swings.viscosity.identification.condition import (
     ESTIMATED,
@@ -63,7 +63,7 @@ NEUTRAL_ROUNDS = (
 )
 
 
-def is_narrow(estimate: Estimate) -> bool:
+def is_narrow(estimate: Interval) -> bool:
     """Whether an interval is narrower than plus or minus `MAX_RELATIVE_WIDTH` of its value."""
     return estimate.high - estimate.low <= 2.0 * MAX_RELATIVE_WIDTH * estimate.value
 
@@ -148,15 +148,15 @@ class Condition:
 
     recordings: tuple[SwingRecording, ...]
     parameters: Array
-    mass: Estimate
-    com: Estimate
-    first_moment: Estimate
-    least_mass: Estimate
-    viscosity: Estimate
-    axis_viscosity: tuple[Estimate, ...]
+    mass: Interval
+    com: Interval
+    first_moment: Interval
+    least_mass: Interval
+    viscosity: Interval
+    axis_viscosity: tuple[Interval, ...]
     excited: tuple[bool, ...]
     residual: Array
-    plate_viscosity: Estimate | None = None
+    plate_viscosity: Interval | None = None
     by_trial: tuple[str, ...] = ()
 
 
@@ -178,10 +178,10 @@ class MuscleViscosity:
     """
 
     muscles: tuple[str, ...]
-    common: Estimate
+    common: Interval
     pcsa: Array
-    by_pcsa: Estimate
-    by_muscle: tuple[Estimate, ...]
+    by_pcsa: Interval
+    by_muscle: tuple[Interval, ...]
     rank: int
     singular_values: Array
     resolved: int | None = None
@@ -206,10 +206,10 @@ class SpecimenViscosity:
     without: Condition | None
     intact: Condition | None
     muscles: MuscleViscosity | None
-    muscle_mass: Estimate | None
+    muscle_mass: Interval | None
     measured_muscle_mass: float | None
     notes: tuple[str, ...] = ()
-    least_muscle_mass: Estimate | None = None
+    least_muscle_mass: Interval | None = None
 
     @property
     def conditions(self) -> dict[str, Condition]:
@@ -230,9 +230,9 @@ class SpecimenViscosity:
         return replace(self, **named, **parts, notes=(*self.notes, *notes))
 
     @property
-    def estimates(self) -> dict[str, Estimate]:
+    def estimates(self) -> dict[str, Interval]:
         """What was estimated, by quantity as tables call it."""
-        known: dict[str, Estimate] = {}
+        known: dict[str, Interval] = {}
         for name, condition in self.conditions.items():
             values = condition.mass, condition.com, condition.first_moment, condition.viscosity
             known |= dict(zip(QUANTITIES_OF[name], values, strict=True))
@@ -367,7 +367,7 @@ def _sums_about_neutral(
 
 def _estimates(
     influences: Influences, options: ViscosityOptions, stream: int, lowest: Array
-) -> list[Estimate]:
+) -> list[Interval]:
     """Values with their intervals, from draws of the bootstrap.
 
     Parameters
@@ -378,7 +378,7 @@ def _estimates(
     generator = np.random.default_rng((options.seed, stream))
     drawn = np.maximum(influences.draws(options.draws, generator), lowest)
     return [
-        Estimate.of_draws(value, draws, options.level)
+        Interval.of_draws(value, draws, options.level)
         for value, draws in zip(influences.values, drawn.T, strict=True)
     ]
 
@@ -413,7 +413,7 @@ def _condition(
     )
 
 
-def _is_excited(axis: Estimate, viscosity: Estimate) -> bool:
+def _is_excited(axis: Interval, viscosity: Interval) -> bool:
     """Whether the swings moved an axis enough to determine its viscosity."""
     half_width = 0.5 * (axis.high - axis.low)
     return half_width <= MAX_RELATIVE_WIDTH * viscosity.value
@@ -441,7 +441,7 @@ def muscle_masses(bare: LimbInertia, full: LimbInertia) -> Array:
 
 def _muscle_mass(
     bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions
-) -> list[Estimate]:
+) -> list[Interval]:
     """Mass of the muscles and the least that it can be [kg]: intact less muscles removed."""
     without = bare.whole.inertia
     intact = full.whole.inertia

@@ -13,7 +13,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import MyomorphError
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification import identify
 from myomorph.swings.viscosity.identification.budget import (
     ErrorOptions,
@@ -76,7 +76,7 @@ def with_shared_errors(
         name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()
     }
 
-    def widened(name: str, estimate: Estimate) -> Estimate:
+    def widened(name: str, estimate: Interval) -> Interval:
         return wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
 
     parts: dict[str, Any] = {}
@@ -148,13 +148,13 @@ def _shares(
     return tuple(shares)
 
 
-def wider(estimate: Estimate, half: float, positive: bool) -> Estimate:
+def wider(estimate: Interval, half: float, positive: bool) -> Interval:
     """The estimate with an interval to which the half-width of another error is added in the mean
     of squares.
     """
     low = estimate.value - float(np.hypot(estimate.value - estimate.low, half))
     high = estimate.value + float(np.hypot(estimate.high - estimate.value, half))
-    return Estimate(estimate.value, max(low, 0.0) if positive else low, high)
+    return Interval(estimate.value, max(low, 0.0) if positive else low, high)
 
 
 def _values(

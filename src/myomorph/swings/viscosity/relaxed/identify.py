@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.uncertainty.sources import Sources
 from myomorph.swings.viscosity.relaxed.drops import Drop
 from myomorph.swings.viscosity.relaxed.swing_equation import SwingEquation
@@ -161,7 +161,7 @@ class LimbResult:
     do not explain.
     """
 
-    estimates: Mapping[str, Estimate]
+    estimates: Mapping[str, Interval]
     fit: SwingFit
     drops: tuple[Drop, ...]
     held_out: Mapping[tuple[str, ...], float]
@@ -204,7 +204,7 @@ def identify_limb(
     for name, value in values.items():
         half = 1.96 * float(np.sqrt(sum(of[name] for of in variances.values())))
         low = value - half if name in ("rest_angle", "zero_torque") else max(value - half, 0.0)
-        estimates[name] = Estimate(value, low, value + half)
+        estimates[name] = Interval(value, low, value + half)
     if "stiffness" in estimates and estimates["stiffness"].low <= 0.0:
         # A spring that may be none is slack nowhere.
         estimates.pop("rest_angle", None)

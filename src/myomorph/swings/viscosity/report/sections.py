@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.body.identify.validation import COMPONENTS
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import Line, time_plot
@@ -446,7 +446,7 @@ def _arm_grid(arms: specimen_report.ArmSpread | None) -> list[Grid]:
                 kind.kind,
                 kind.size,
                 *percent,
-                with_interval(Estimate(kind.median, kind.low, kind.high)),
+                with_interval(Interval(kind.median, kind.low, kind.high)),
             )
         )
     head = (

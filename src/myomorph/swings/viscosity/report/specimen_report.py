@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.report.page.parts import Figure, Note, SourceFile, Step
 from myomorph.swings.viscosity.cohort import Row, specimen_row
 from myomorph.swings.viscosity.identification.budget import ErrorShare
@@ -53,15 +53,15 @@ class ShownCondition:
     """
 
     axes: tuple[str, ...]
-    viscosity: Estimate
-    axis_viscosity: tuple[Estimate, ...]
+    viscosity: Interval
+    axis_viscosity: tuple[Interval, ...]
     excited: tuple[bool, ...]
     residual: Array
     trials: int
     swings: int
     seconds: float
     curves: SwingCurves
-    plate_viscosity: Estimate | None = None
+    plate_viscosity: Interval | None = None
     by_trial: tuple[str, ...] = ()
 
 
@@ -211,7 +211,7 @@ class LimbReport:
 
     name: str
     coordinate: str = ""
-    row: Mapping[str, Estimate] = field(default_factory=lambda: FrozenMap({}))
+    row: Mapping[str, Interval] = field(default_factory=lambda: FrozenMap({}))
     errors: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: FrozenMap({}))
     laws: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     chosen: str = ""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.parts import Grid, Section
 from myomorph.swings.viscosity.cohort import (
@@ -48,7 +48,7 @@ def scientific(value: float) -> str:
     return f"{value:.2E}" if np.isfinite(value) else LACKING
 
 
-def with_interval(estimate: Estimate | None) -> str:
+def with_interval(estimate: Interval | None) -> str:
     """A value and its interval, to the digits that the interval's width leaves."""
     if estimate is None:
         return LACKING
@@ -89,7 +89,7 @@ def table_section(specimens: Sequence[SpecimenReport], lines: Mapping[str, Cohor
     )
 
 
-def _printed(estimate: Estimate | None) -> str:
+def _printed(estimate: Interval | None) -> str:
     return LACKING if estimate is None else scientific(estimate.value)
 
 
@@ -97,7 +97,7 @@ def _table(
     specimens: Sequence[SpecimenReport],
     lines: Mapping[str, CohortLine],
     table: int,
-    words: Callable[[Estimate | None], str],
+    words: Callable[[Interval | None], str],
 ) -> Grid:
     columns = [BY_NAME[name] for name in COLUMNS[table]]
     rows = [

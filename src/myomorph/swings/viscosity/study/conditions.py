@@ -12,7 +12,7 @@ import numpy as np
 
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.findings import Finding
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification import identify
 from myomorph.swings.viscosity.identification.base_load import UNKNOWN, BaseLoad, with_base_load
 from myomorph.swings.viscosity.identification.budget import ErrorOptions, ErrorShare
@@ -83,7 +83,7 @@ class Identified:
     reason: str
     lost: tuple[str, ...]
     conflicts: tuple[str, ...]
-    law: Mapping[str, Estimate]
+    law: Mapping[str, Interval]
 
 
 def identify_conditions(
@@ -127,7 +127,7 @@ def identify_conditions(
         shared, shares, options.moment_arms, options.identification.level
     )
     shared = with_base_load(shared, files.base_load)
-    joint: dict[str, Estimate] = {}
+    joint: dict[str, Interval] = {}
     if sway:
         shared = _with_sway(shared, sway, options.identification.level)
     if acting is not None and shared.without is not None:
@@ -230,7 +230,7 @@ def _with_acting(
     law: ActingLaw,
     shares: Sequence[ErrorShare],
     level: float,
-) -> tuple[identify.SpecimenViscosity, dict[str, Estimate]]:
+) -> tuple[identify.SpecimenViscosity, dict[str, Interval]]:
     """The specimen with what acts in the joint beside one viscosity, as its swings without muscles
     show it, and the coefficients of that law; instruments widen them as they widen the one
     viscosity.
@@ -288,7 +288,7 @@ def _with_sway(
     """The specimen with viscosities as well as they are known on a base that goes to and fro."""
     share = NormalDist().inv_cdf(0.5 + 0.5 * level) * SWAY_SHARE * sway
 
-    def swayed(estimate: Estimate) -> Estimate:
+    def swayed(estimate: Interval) -> Interval:
         return wider(estimate, share * estimate.value, True)
 
     conditions = specimen_viscosity.conditions.items()

@@ -18,7 +18,7 @@ from myomorph.core.io.parsing.text import csv_text, write_csv, written
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.core.model.series import Table
 from myomorph.lab.store.results import file_name
 from myomorph.swings.viscosity.cohort import QUANTITIES, Row, cohort
@@ -59,6 +59,7 @@ NOUNS: dict[str, Any] = {
     if isinstance(variable, type) and is_dataclass(variable)
 }
 """What a report is made of, by the names that its store has."""
+NOUNS["Estimate"] = NOUNS["Interval"]  # Its name in stores of version 0.1.0
 
 
 def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
@@ -75,7 +76,7 @@ def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
     return csv_text(head, cells, digits=8)
 
 
-def _interval(estimate: Estimate | None) -> list[Any]:
+def _interval(estimate: Interval | None) -> list[Any]:
     return ["", "", ""] if estimate is None else [estimate.value, estimate.low, estimate.high]
 
 

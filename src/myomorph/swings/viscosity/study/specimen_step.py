@@ -11,7 +11,8 @@ from pathlib import Path
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.provenance import Estimate, Provenance
+from myomorph.core.model.interval import Interval
+from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.progress import progress
 from myomorph.lab.store.results import file_source, provenance_of
 from myomorph.lab.study.step.folder_steps import FolderOutput, ScopeInputs
@@ -69,7 +70,7 @@ def read_specimen(home: Path) -> SpecimenReport:
     return read_value(home / SPECIMEN, SpecimenReport)
 
 
-def read_estimates(folder: str | Path) -> Mapping[str, Estimate]:
+def read_estimates(folder: str | Path) -> Mapping[str, Interval]:
     """The numbers of a specimen with their intervals, by quantity, as in `specimens.csv`.
 
     Parameters

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only, runs
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.core.motion.filters import lowpass
 from myomorph.swings.viscosity.identification.condition import LACKING, Influences
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
@@ -47,7 +47,7 @@ class ActingLaw:
 
     form: str
     friction: str
-    coefficients: Mapping[str, Estimate]
+    coefficients: Mapping[str, Interval]
     values: Array
 
     def resisting(self, recording: SwingRecording) -> Array:
@@ -91,11 +91,11 @@ def acting_law(
         return None
     generator = np.random.default_rng(seed)
 
-    def estimates(terms: str) -> list[Estimate]:
+    def estimates(terms: str) -> list[Interval]:
         influences = freed.influences((terms, *spring), friction)
         drawn = np.maximum(influences.draws(draws, generator), 0.0)
         return [
-            Estimate.of_draws(value, column)
+            Interval.of_draws(value, column)
             for value, column in zip(influences.values, drawn.T, strict=True)
         ]
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.condition import Influences
 from myomorph.swings.viscosity.identification.inertia import InertiaOptions, Tare
 from myomorph.swings.viscosity.identification.torque import (
@@ -125,7 +125,7 @@ class PassiveFit:
     """
 
     terms: tuple[str, ...]
-    coefficients: Mapping[str, Estimate]
+    coefficients: Mapping[str, Interval]
     law: PassiveLaw
     free: int
     residual: float
@@ -333,14 +333,14 @@ def _shown(
 
 def _estimates(
     terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str], slack: Rotation
-) -> dict[str, Estimate]:
+) -> dict[str, Interval]:
     """Coefficients by name, with the intervals of draws (draws, 3 axes + 6); angles are counted
     from `slack`.
     """
     n = len(axes)
     places = {name: places[0] for term in terms for name, places in term_places(term, axes).items()}
     result = {
-        name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0))
+        name: Interval.of_draws(value[i], np.maximum(draws[:, i], 0.0))
         for name, i in places.items()
     }
     if any(term.startswith("stiffness") for term in terms):
@@ -348,7 +348,7 @@ def _estimates(
         rests = _rest_angles(draws[..., 2 * n : 3 * n], draws[..., n : 2 * n], slack)
         for axis, angle, several in zip(axes, rest, rests.T, strict=True):
             if np.isfinite(angle) and np.isfinite(several).any():
-                result[f"rest angle {axis}"] = Estimate.of_draws(float(angle), several)
+                result[f"rest angle {axis}"] = Interval.of_draws(float(angle), several)
     return result
 
 

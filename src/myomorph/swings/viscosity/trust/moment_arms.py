@@ -15,7 +15,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, MyomorphError
-from myomorph.core.model.provenance import Estimate
+from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.budget import ErrorShare
 from myomorph.swings.viscosity.identification.identify import MuscleViscosity, SpecimenViscosity
 from myomorph.swings.viscosity.identification.torque import (
@@ -182,14 +182,14 @@ def with_attachments(
 def _wider(muscles: MuscleViscosity, factor: float) -> MuscleViscosity:
     """The values of all muscles together, which may be so many times larger or smaller."""
 
-    def wider(estimate: Estimate) -> Estimate:
+    def wider(estimate: Interval) -> Interval:
         low = estimate.value - float(
             np.hypot(estimate.value - estimate.low, estimate.value * (1.0 - 1.0 / factor))
         )
         high = estimate.value + float(
             np.hypot(estimate.high - estimate.value, estimate.value * (factor - 1.0))
         )
-        return Estimate(estimate.value, max(low, 0.0), high)
+        return Interval(estimate.value, max(low, 0.0), high)
 
     return replace(muscles, common=wider(muscles.common), by_pcsa=wider(muscles.by_pcsa))
 

@@ -1,0 +1,36 @@
+"""A number and the interval that holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and the interval that holds it.
+
+    Attributes
+    ----------
+    value : the estimate
+    low, high : its 95 % interval
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of_draws(cls, value: float, draws: Array, level: float = 0.95) -> Interval:
+        """The percentile interval of bootstrap draws (draws,); NaN where no draw is finite."""
+        if not np.isfinite(draws).any():
+            return cls(float(value), float("nan"), float("nan"))
+        low, high = np.nanquantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        return cls(float(value), float(low), float(high))
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= truth <= self.high
