@@ -79,7 +79,7 @@ COMMANDS = {
         " --mass 72.6 --out subject.osim",
     ),
     "morph": Command(
-        "morph",
+        "myomorph.bones.command",
         "A model's muscles in other bones: those of a subject or of another species.",
         "myomorph morph --source generic.osim --bones scan --landmarks pairs.csv --out"
         " subject.osim",
@@ -113,7 +113,7 @@ COMMANDS = {
         " 200 --out walk1",
     ),
     "live": Command(
-        "live",
+        "myomorph.live.command",
         "Joint angles, torques and muscle activations while frames arrive, from streams or a"
         " recording.",
         "myomorph live --model subject.osim --markers walk1.trc --loads walk1_grf.xml --web 8080",
@@ -145,7 +145,7 @@ COMMANDS = {
         " --cutoff 6 --out personalized.osim",
     ),
     "viscosity": Command(
-        "viscosity",
+        "myomorph.swings.command",
         "Viscosity of a joint and of its muscles from a swinging limb, in vitro or relaxed.",
         "myomorph viscosity shoulder.toml --out shoulder",
     ),
@@ -186,8 +186,10 @@ def new_app(everything: bool = False) -> App:
     panels = {title: Group.create_ordered(title) for title in PANELS}
     groups = {name: panels[title] for title, names in PANELS.items() for name in names}
     for name, command in COMMANDS.items():
+        is_guest = "." in command.module
+        module = command.module if is_guest else f"myomorph.lab.cli.{command.module}"
         app.command(
-            f"myomorph.lab.cli.{command.module}:{name.replace('-', '_')}_command",
+            f"{module}:{name.replace('-', '_')}_command",
             name=name,
             group=groups.get(name),
             help=command.help,
