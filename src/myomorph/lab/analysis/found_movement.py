@@ -1,0 +1,204 @@
+"""The kind of movement that a recording shows, from the paths of its markers alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.known import Known
+from myomorph.core.model.movement import Movement
+from myomorph.lab.analysis.seen_body import ARM, GRAVITY, MIN_FRAMES, SIDES, SeenBody, extent
+
+# Lengths are shares of the leg's, times of a pendulum's as long, sqrt(leg / g), so that a mouse is
+# judged as a man is. docs/validation/raw-recordings.md names the recordings that set them.
+MAX_STILL = 0.06  # Feet and pelvis of somebody who stands leave their places by less.
+MIN_REACH = 0.2  # An arm moves that goes so far.
+MIN_STEP = 0.12  # A foot is ahead of the other that is by so much, ...
+MIN_STEPPED = 0.3  # ... and both go so far over the ground or beside the pelvis, ...
+MIN_SPREAD = 0.5  # ... as far apart, from one behind to one ahead, where they pass only once.
+MIN_DESCENT = 0.2  # A pelvis that goes down so far over feet that stay, squats or rises.
+MIN_CLIMB = 0.12  # The lower foot of somebody on stairs ends so much higher or lower.
+MAX_FLIGHT = 0.25  # Of the weight: force on the ground under somebody who flies.
+MIN_LIFT = 0.02  # Both feet leave the ground in a flight by so much at least.
+MAX_TOGETHER = 0.35  # Feet of a jump are less far apart along the way while they fly.
+SEAT_TIME = 1.3  # Who sits stays down for so long, times of the pendulum, ...
+SEAT_BAND = 0.12  # ... within this share of the way down.
+UPRIGHT = 0.5  # The thigh of somebody who stands rises by so much of its length.
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMotion:
+    """Motion of legs and pelvis, low-pass filtered, in shares of the leg's length.
+
+    Attributes
+    ----------
+    body : as markers show it, with a root and both feet
+    """
+
+    body: SeenBody
+
+    @cached_property
+    def root(self) -> Array:
+        """(frames, 3) place of the pelvis."""
+        assert self.body.root is not None
+        return self.body.smooth(self.body.root) / self.body.leg
+
+    @cached_property
+    def feet(self) -> Array:
+        """(frames, sides, 3) places of the feet."""
+        feet = [self.body.smooth(self.body.feet[side]) for side in SIDES]
+        return np.stack(feet, axis=1) / self.body.leg
+
+    @cached_property
+    def ahead(self) -> Array:
+        """(frames,) by how much the right foot is ahead of the left one."""
+        apart = self.feet[:, 0] - self.feet[:, 1]
+        along: Array = (apart * self.body.forward).sum(axis=1)
+        return along
+
+    @cached_property
+    def passes(self) -> int:
+        """How often one foot passes the other."""
+        far = self.ahead[np.abs(self.ahead) > MIN_STEP]
+        return int(np.count_nonzero(np.diff(np.sign(far))))
+
+    @cached_property
+    def strides(self) -> float:
+        """How far the foot goes that goes less far, over the ground or beside the pelvis."""
+        level = self.feet[..., [0, 2]]
+        beside = level - self.root[:, None, [0, 2]]
+        return min(
+            max(extent(level[:, side]), extent(beside[:, side])) for side in range(len(SIDES))
+        )
+
+    @cached_property
+    def flights(self) -> list[slice]:
+        """Stretches of frames in which both feet are off the ground and nothing carries the body.
+
+        Without contact the body falls freely: the force on the ground over the weight, 1 + a / g
+        with the pelvis' vertical acceleration a, is about 0.
+        """
+        time = self.body.time
+        height = self.root[:, 1] * self.body.leg
+        force = 1.0 + np.gradient(np.gradient(height, time), time) / GRAVITY
+        lowest = np.percentile(self.feet[..., 1], 5.0, axis=0)
+        lifted = (self.feet[..., 1] > lowest + MIN_LIFT).all(axis=1)
+        flying = (force < MAX_FLIGHT) & lifted
+        # The ends of a filtered recording are not to be believed.
+        flying[:2] = False
+        flying[-2:] = False
+        return [slice(start, stop) for start, stop in runs(flying)]
+
+    @property
+    def jumps(self) -> bool:
+        """Whether feet are side by side in the longest flight."""
+        longest = max(self.flights, key=lambda part: part.stop - part.start)
+        return bool(np.median(np.abs(self.ahead[longest])) < MAX_TOGETHER)
+
+    @cached_property
+    def climb(self) -> float:
+        """By how much the lower foot ends higher than it began."""
+        lower = self.feet[..., 1].min(axis=1)
+        share = max(1, len(lower) // 10)
+        return float(np.median(lower[-share:]) - np.median(lower[:share]))
+
+    @cached_property
+    def descent(self) -> float:
+        """How far the pelvis goes up and down."""
+        low, high = np.percentile(self.root[:, 1], (2.0, 98.0))
+        return float(high - low)
+
+    @cached_property
+    def seated(self) -> float:
+        """The longest stay of the pelvis at its lowest [s]."""
+        low = np.percentile(self.root[:, 1], 2.0)
+        stays = runs(self.root[:, 1] < low + SEAT_BAND * self.descent)
+        return max(((stop - start) / self.body.rate for start, stop in stays), default=0.0)
+
+    @property
+    def standing_share(self) -> float:
+        """Rise of the thighs over their length, nan where no knee is seen."""
+        knee = self.body.mean("thigh.lateral_epicondyle", "shank.knee", "shank.lateral_plateau")
+        hip = self.body.root
+        if knee is None or hip is None:
+            return float("nan")
+        thigh = hip - knee
+        return float(np.nanmedian(thigh[:, 1] / np.linalg.norm(thigh, axis=1)))
+
+
+def found_movement(body: SeenBody, arm_alone: bool = False) -> Known[Movement]:
+    """The movement of a body by its markers.
+
+    Parameters
+    ----------
+    body : as markers show it
+    arm_alone : its markers are those of an arm, whatever protocols know of them
+
+    Returns
+    -------
+    the movement and what shows it; not known where markers show no pelvis or not both feet
+    """
+    if arm_alone or (body.labels(*ARM) and not body.feet and body.root is not None):
+        return _by_markers("upper limb", "markers are on an arm, and none on a foot")
+    if body.root is None or len(body.feet) < len(SIDES) or not np.isfinite(body.leg):
+        return Known(sentence="markers do not show the pelvis, or a thigh, and both feet")
+    if not 0.0 < body.leg:
+        return Known(sentence="the pelvis is not above the feet")
+    if len(body.time) <= MIN_FRAMES:
+        return _of_a_pose(SeenMotion(body))
+    return _of_a_motion(SeenMotion(body))
+
+
+def _by_markers(movement: Movement, sentence: str) -> Known[Movement]:
+    return Known(value=movement, origin="markers", sentence=sentence)
+
+
+def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
+    """The movement where feet and pelvis are seen over time."""
+    steps = motion.passes >= 2 or (motion.passes == 1 and np.ptp(motion.ahead) > MIN_SPREAD)
+    steps = steps and motion.strides > MIN_STEPPED
+    flights = len(motion.flights)
+    if flights and (motion.jumps or not steps):
+        return _by_markers("jumping", f"both feet leave the ground side by side, {flights} flights")
+    if steps and abs(motion.climb) > MIN_CLIMB:
+        way = 100.0 * motion.climb * motion.body.leg
+        return _by_markers("stairs", f"feet pass each other and end {way:+.0f} cm higher")
+    if steps and flights:
+        return _by_markers("running", f"feet pass each other {_times(motion)}, {flights} flights")
+    if steps:
+        return _by_markers("walking", f"feet pass each other {_times(motion)}, without a flight")
+    return _in_place(motion)
+
+
+def _times(motion: SeenMotion) -> str:
+    return "once" if motion.passes == 1 else f"{motion.passes} times"
+
+
+def _in_place(motion: SeenMotion) -> Known[Movement]:
+    """The movement of somebody who takes no steps."""
+    body = motion.body
+    moved = max(extent(motion.feet[:, side]) for side in range(len(SIDES)))
+    if moved > MIN_STEP:
+        return _by_markers("other", "a foot moves, without steps")
+    if motion.descent > MIN_DESCENT:
+        way = f"the pelvis moves by {100.0 * motion.descent * body.leg:.0f} cm over feet that stay"
+        if motion.seated > SEAT_TIME * body.pendulum:
+            return _by_markers("rising", f"{way}, and rests low for {motion.seated:.1f} s")
+        return _by_markers("squatting", way)
+    if max(extent(motion.root), moved) > MAX_STILL:
+        return _by_markers("other", "the body moves over feet that stay")
+    return _of_a_pose(motion)
+
+
+def _of_a_pose(motion: SeenMotion) -> Known[Movement]:
+    """Standing, sitting, or arms that move, where feet and pelvis stay."""
+    body = motion.body
+    reach = max((extent(body.places[label]) for label in body.labels(*ARM)), default=0.0)
+    if reach > MIN_REACH * body.leg:
+        return _by_markers("upper limb", f"legs stay, and a hand goes {100.0 * reach:.0f} cm")
+    if motion.standing_share < UPRIGHT:
+        return _by_markers("other", "nobody moves, and the thighs are level: somebody sits")
+    return _by_markers("standing", "nobody moves, and the thighs are upright")

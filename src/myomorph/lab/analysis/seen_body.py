@@ -1,0 +1,162 @@
+"""A body as markers show it, the vertical up: feet, pelvis, legs and arms over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from myomorph.core.model.arrays import Array
+from myomorph.core.model.series import Markers
+from myomorph.core.motion.protocols import Site
+
+GRAVITY = 9.80665
+MIN_FRAMES = 12  # Frames that a filter and two derivatives need.
+CUTOFF = 2.5
+"""Of the low-pass filter of positions, in cycles per sqrt(leg length / g): 8 Hz for an adult."""
+SIDES = ("right", "left")
+ARM = ("upper_arm", "forearm", "hand")
+LEG = ("thigh", "shank", "foot")
+ANKLE = ("shank.lateral_malleolus", "shank.medial_malleolus", "foot.ankle", "foot.heel")
+KNEE = ("thigh.lateral_epicondyle", "thigh.medial_epicondyle", "shank.knee")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeenBody:
+    """A body as markers show it.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    places : position of each marker (frames, 3), y up [m], NaN where unseen
+    sites : what each of these markers lies on
+    """
+
+    time: Array
+    places: Mapping[str, Array]
+    sites: Mapping[str, Site]
+
+    @staticmethod
+    def of(markers: Markers, sites: Mapping[str, Site], rotation: Array) -> SeenBody:
+        """A body from markers.
+
+        Parameters
+        ----------
+        markers : (frames, markers, 3) in the laboratory [m]
+        sites : what labels lie on
+        rotation : (3, 3) from the laboratory to axes whose y is up
+        """
+        turned = np.asarray(rotation).T
+        seen = [label for label in sites if label in markers.names]
+        return SeenBody(
+            time=markers.time,
+            places={label: markers[label] @ turned for label in seen},
+            sites={label: sites[label] for label in seen},
+        )
+
+    def labels(self, *parts: str, side: str | None = None) -> list[str]:
+        """Markers on segments or landmarks, as `foot` or `foot.heel`, of a side (None for all)."""
+        return [
+            label
+            for label, site in self.sites.items()
+            if (site.segment in parts or site.key in parts) and side in (None, site.side)
+        ]
+
+    def mean(self, *parts: str, side: str | None = None) -> Array | None:
+        """(frames, 3) mean of markers, gaps of single markers filled; None where none is seen."""
+        chosen = [_filled(self.places[label]) for label in self.labels(*parts, side=side)]
+        chosen = [place for place in chosen if np.isfinite(place).any()]
+        if not chosen:
+            return None
+        mean: Array = np.mean(chosen, axis=0)
+        return mean
+
+    @cached_property
+    def feet(self) -> Mapping[str, Array]:
+        """(frames, 3) middle of each foot that is seen, or of its ankle, by side [m]."""
+        feet = {}
+        for side in SIDES:
+            foot = self.mean("foot", side=side)
+            foot = self.mean(*ANKLE, side=side) if foot is None else foot
+            foot = self.mean("shank", side=side) if foot is None else foot
+            if foot is not None:
+                feet[side] = foot
+        return feet
+
+    @cached_property
+    def root(self) -> Array | None:
+        """(frames, 3) middle of the pelvis, else of hips, else of the trunk [m]."""
+        for parts in (("pelvis",), ("thigh.hip",), ("trunk",), ("thigh",)):
+            place = self.mean(*parts)
+            if place is not None:
+                return place
+        return None
+
+    @cached_property
+    def leg(self) -> float:
+        """Height of the root over the feet while the body is most upright [m], nan if unknown."""
+        if self.root is None or not self.feet:
+            return float("nan")
+        low = np.mean([foot for foot in self.feet.values()], axis=0)
+        return float(np.nanpercentile(self.root[:, 1] - low[:, 1], 95.0))
+
+    @cached_property
+    def pendulum(self) -> float:
+        """Time scale of the legs, sqrt(leg length / g) [s]: 0.3 s of an adult."""
+        return float(np.sqrt(self.leg / GRAVITY))
+
+    @cached_property
+    def rate(self) -> float:
+        """Frames per second [Hz]."""
+        return float(1.0 / np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    def smooth(self, values: Array) -> Array:
+        """Values (frames, ...) after a low-pass filter both ways, as they are where they are few."""
+        cutoff = CUTOFF / self.pendulum
+        if len(values) <= MIN_FRAMES or not cutoff < 0.45 * self.rate:
+            return values
+        sections = scipy.signal.butter(2, cutoff, fs=self.rate, output="sos")
+        smoothed: Array = scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=MIN_FRAMES - 1)
+        return smoothed
+
+    @cached_property
+    def forward(self) -> Array:
+        """(frames, 3) level unit vector in which the body faces; along its way where it is unknown.
+
+        From the middle of the left side to that of the right one, turned by a quarter about the
+        vertical: forward = up x (right - left).
+        """
+        pairs = ("pelvis", "thigh", "trunk", "shank")
+        for part in pairs:
+            ends = [self.mean(part, side=side) for side in SIDES]
+            if ends[0] is not None and ends[1] is not None:
+                right, left = ends
+                across = self.smooth(right - left)
+                forward = np.stack(
+                    [across[:, 2], np.zeros(len(across)), -across[:, 0]], axis=1
+                )
+                return np.asarray(forward / np.linalg.norm(forward, axis=1, keepdims=True))
+        return np.tile([1.0, 0.0, 0.0], (len(self.time), 1))
+
+
+def extent(place: Array) -> float:
+    """Extent of a path (frames, 1 to 3) without its farthest tenth [m]."""
+    seen = place[np.isfinite(place).all(axis=1)]
+    if not len(seen):
+        return 0.0
+    low, high = np.percentile(seen, (5.0, 95.0), axis=0)
+    return float(np.linalg.norm(high - low))
+
+
+def _filled(place: Array) -> Array:
+    """A marker's path (frames, 3) with gaps closed by lines; its first and last place beyond."""
+    seen = np.isfinite(place).all(axis=1)
+    if seen.all() or not seen.any():
+        return place
+    frames = np.arange(len(place))
+    return np.stack(
+        [np.interp(frames, frames[seen], column[seen]) for column in place.T], axis=1
+    )
