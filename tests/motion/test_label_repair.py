@@ -11,7 +11,7 @@ from benchmarks.accuracy.faults import marker_faults as faults
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.label_repair import mended_labels
 from myomorph.lab.analyze.generic_model import generic_model
-from myomorph.lab.analyze.recordings import bare, look_at, sites_of
+from myomorph.lab.session.recordings import bare, look_at, sites_of
 
 RECORDINGS = (
     "c3d-vendor-samples/C3DSamples/others/FunctionalWalk.c3d",

@@ -10,7 +10,7 @@ import pytest
 
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.marker_sides import side_findings
-from myomorph.lab.analyze.recordings import bare, look_at
+from myomorph.lab.session.recordings import bare, look_at
 
 RIGHT = {
     "RASI": (0.01, 0.0, 0.12),

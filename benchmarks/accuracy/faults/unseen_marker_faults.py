@@ -35,7 +35,7 @@ from benchmarks.accuracy.faults.unseen_faults import Raw as RawForces
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.findings import Finding
 from myomorph.core.motion.marker_checks import checked_kinematics
-from myomorph.lab.analyze.recordings import Recording, bare, look_at
+from myomorph.lab.session.recordings import Recording, bare, look_at
 from myomorph.lab.store import results
 from myomorph.lab.store.results import get_findings
 from myomorph.lab.study.subject.calibrating import FINDINGS as BEFORE

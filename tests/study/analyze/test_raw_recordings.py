@@ -10,8 +10,8 @@ import pytest
 from made_standing import standing
 from myomorph.core.io.trc import write_trc
 from myomorph.core.model.errors import BadData, BadFile
-from myomorph.lab.analyze.plate_cover import uncovered_share
-from myomorph.lab.analyze.recordings import files_of, look_at, standing_height
+from myomorph.lab.session.plate_cover import uncovered_share
+from myomorph.lab.session.recordings import files_of, look_at, standing_height
 from myomorph.lab.study.inputs.laboratory import UPRIGHT, Laboratory
 
 
@@ -92,5 +92,5 @@ def test_plates_that_nobody_steps_on_cover_no_frame_though_feet_have_no_landmark
     )
     write_trc(bare, tmp_path / "x.trc")
     unloaded = (body.time, np.zeros(len(body)), np.zeros((len(body), 3)))
-    monkeypatch.setattr("myomorph.lab.analyze.plate_cover.total_force", lambda *_: unloaded)
+    monkeypatch.setattr("myomorph.lab.session.plate_cover.total_force", lambda *_: unloaded)
     assert uncovered_share(look_at(tmp_path / "x.trc"), 700.0) > 0.9

@@ -8,8 +8,8 @@ import pytest
 import myomorph as mm
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.lab.analyze.recordings import files_of, look_at
 from myomorph.lab.cli import main
+from myomorph.lab.session.recordings import files_of, look_at
 from sensor_files import write_orientations
 from truths.simulated_sensors import NO_ERRORS, simulated_sensors
 

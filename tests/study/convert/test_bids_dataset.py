@@ -27,8 +27,8 @@ from myomorph.exchange.bids.recording import (
 )
 from myomorph.exchange.bids.signals import Channel, read_signals, signals_of, write_signals
 from myomorph.exchange.bids.tables import plain_provenance
-from myomorph.lab.analyze.recordings import files_of
 from myomorph.lab.convert.convert import convert
+from myomorph.lab.session.recordings import files_of
 from myomorph.lab.store.results import read_result
 from myomorph.lab.study.inputs.emg_files import channels_of
 from myomorph.lab.study.inputs.reading import read_recording

@@ -90,7 +90,7 @@ def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Ma
         segments[body] = segment
     parents = {joint.child: joint.parent for joint in model.joints}
     for body in model.body_names:
-        named = segments.get(body) or _by_name(body)
+        named = segments.get(body) or named_segment(body)
         if named is None and parents[body] in segments:
             named = segments[parents[body]]
         if named is not None:
@@ -133,7 +133,8 @@ def feet_of(model: Model) -> tuple[str, ...]:
     )
 
 
-def _by_name(body: str) -> Segment | None:
+def named_segment(body: str) -> Segment | None:
+    """The segment and side that a name says, `femur_r` or `Left Shank`; None where it says none."""
     base, side = split_side(body.rsplit("__", 1)[-1])
     for segment, pattern in _PATTERNS:
         if re.search(pattern, base, re.IGNORECASE):

@@ -145,7 +145,7 @@ def found_movement(body: SeenBody, arm_alone: bool = False) -> Known[Movement]:
         return _by_markers("upper limb", "markers are on an arm, and none on a foot")
     if body.root is None or len(body.feet) < len(SIDES) or not np.isfinite(body.leg):
         return Known(sentence="markers do not show the pelvis, or a thigh, and both feet")
-    if not 0.0 < body.leg:
+    if not body.leg > 0.0:
         return Known(sentence="the pelvis is not above the feet")
     if len(body.time) <= MIN_FRAMES:
         return _of_a_pose(SeenMotion(body))

@@ -100,7 +100,7 @@ class SeenBody:
         """Height of the root over the feet while the body is most upright [m], nan if unknown."""
         if self.root is None or not self.feet:
             return float("nan")
-        low = np.mean([foot for foot in self.feet.values()], axis=0)
+        low = np.mean(list(self.feet.values()), axis=0)
         return float(np.nanpercentile(self.root[:, 1] - low[:, 1], 95.0))
 
     @cached_property
@@ -135,9 +135,7 @@ class SeenBody:
             if ends[0] is not None and ends[1] is not None:
                 right, left = ends
                 across = self.smooth(right - left)
-                forward = np.stack(
-                    [across[:, 2], np.zeros(len(across)), -across[:, 0]], axis=1
-                )
+                forward = np.stack([across[:, 2], np.zeros(len(across)), -across[:, 0]], axis=1)
                 return np.asarray(forward / np.linalg.norm(forward, axis=1, keepdims=True))
         return np.tile([1.0, 0.0, 0.0], (len(self.time), 1))
 
@@ -157,6 +155,4 @@ def _filled(place: Array) -> Array:
     if seen.all() or not seen.any():
         return place
     frames = np.arange(len(place))
-    return np.stack(
-        [np.interp(frames, frames[seen], column[seen]) for column in place.T], axis=1
-    )
+    return np.stack([np.interp(frames, frames[seen], column[seen]) for column in place.T], axis=1)

@@ -20,7 +20,6 @@ from myomorph.core.motion.sync import cut
 from myomorph.core.muscles.published_arms import arm_warnings
 from myomorph.lab.analyze.arms import have_arms
 from myomorph.lab.analyze.generic_model import generic_model
-from myomorph.lab.analyze.plate_cover import weighed
 from myomorph.lab.analyze.proposed_protocol import proposed_sites, proposed_table
 from myomorph.lab.analyze.recorded_trial import (
     AnalyzeRequest,
@@ -28,7 +27,17 @@ from myomorph.lab.analyze.recorded_trial import (
     protocol_sentences,
     recorded_trial,
 )
-from myomorph.lab.analyze.recordings import (
+from myomorph.lab.analyze.sensor_trials import (
+    MIN_FRAMES,
+    check_sensors,
+    unmarked_model,
+    unmarked_request,
+    with_pose,
+)
+from myomorph.lab.analyze.unfit_markers import unfit_markers
+from myomorph.lab.session.arm_labels import is_arm
+from myomorph.lab.session.plate_cover import weighed
+from myomorph.lab.session.recordings import (
     Recording,
     bare,
     by_what_shows,
@@ -39,14 +48,6 @@ from myomorph.lab.analyze.recordings import (
     stands_still,
     static_beside,
 )
-from myomorph.lab.analyze.sensor_trials import (
-    MIN_FRAMES,
-    check_sensors,
-    unmarked_model,
-    unmarked_request,
-    with_pose,
-)
-from myomorph.lab.analyze.unfit_markers import is_arm, unfit_markers
 from myomorph.lab.study.inputs.assumed import Assumed
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.keys import Notes, Place, flag_of

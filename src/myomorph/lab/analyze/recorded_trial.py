@@ -15,10 +15,10 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.motion.protocols import ProtocolTable, protocol_table, protocols
-from myomorph.lab.analyze.plate_cover import LASTS, SHARED, shared_time, uncovered_share
-from myomorph.lab.analyze.recordings import Recording, bare
-from myomorph.lab.analyze.sensor_recordings import placed_sensors
-from myomorph.lab.analyze.unfit_markers import is_arm
+from myomorph.lab.session.arm_labels import is_arm
+from myomorph.lab.session.plate_cover import LASTS, SHARED, shared_time, uncovered_share
+from myomorph.lab.session.recordings import Recording, bare
+from myomorph.lab.session.sensor_recordings import placed_sensors
 from myomorph.lab.store.settings import ForceOptions, with_settings
 from myomorph.lab.study.inputs.contacts import ContactsFile
 from myomorph.lab.study.inputs.emg import EmgFiles

@@ -15,8 +15,8 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.scale import scale
 from myomorph.lab.analyze.generic_model import generic_model
 from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
-from myomorph.lab.analyze.recordings import Recording, look_at
-from myomorph.lab.analyze.sensor_recordings import starts_still
+from myomorph.lab.session.recordings import Recording, look_at
+from myomorph.lab.session.sensor_recordings import starts_still
 from myomorph.lab.study.inputs.imu import ImuFiles
 from myomorph.lab.study.inputs.loads import LoadsFile
 from myomorph.lab.study.inputs.reading import open_model

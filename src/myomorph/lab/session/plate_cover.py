@@ -11,7 +11,7 @@ from myomorph.core.io.loads import read_load_entries
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.motion.sync import clock_shift
-from myomorph.lab.analyze.recordings import FOREFOOT, Recording, mean_place
+from myomorph.lab.session.recordings import FOREFOOT, Recording, mean_place
 from myomorph.lab.store.settings import ForceOptions
 from myomorph.lab.study.inputs.external_forces import force_table
 

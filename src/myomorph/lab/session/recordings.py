@@ -21,7 +21,7 @@ from myomorph.core.model.series import Trial
 from myomorph.core.motion.protocols import ProtocolTable, Recognized, Site, recognize
 from myomorph.core.motion.sync import cut
 from myomorph.exchange.bids.recording import FORCES
-from myomorph.lab.analyze.sensor_recordings import is_still
+from myomorph.lab.session.sensor_recordings import is_still
 from myomorph.lab.study.inputs.beside import plain_stem
 from myomorph.lab.study.inputs.laboratory import AS_RECORDED, Laboratory, Up
 from myomorph.lab.study.inputs.reading import read_recording

@@ -1,0 +1,1 @@
+"""Who was recorded, when, and in which movement: the session of a folder of recordings."""
