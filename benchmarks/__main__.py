@@ -98,9 +98,9 @@ COMPARISONS = {
         "benchmarks.speed.revision",
         "functions and commands beside those of --before REVISION, in turns",
     ),
-    "house": (
-        "benchmarks.house",
-        "lines by room, words of documentation, vague names; --before REVISION",
+    "page": (
+        "benchmarks.page",
+        "how hard the code is to read, by wing; --before REVISION",
     ),
     "trial_path": (
         "benchmarks.trial_path",
