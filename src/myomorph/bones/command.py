@@ -14,7 +14,7 @@ from myomorph.bones.study.morph_files import Unit
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.cli.options import Threads, documented, options_class, settings_dict, use_threads
-from myomorph.lab.cli.output import made
+from myomorph.lab.cli.output import made, said
 
 MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)
 
@@ -130,6 +130,17 @@ def morph_command(
     return made(
         out, tables, morphing.summary(morphed), tuple(notes), f"{tables / REPORT} lists them"
     )
+
+
+def run_demo(name: str, out: Path) -> int:
+    """Carry the muscles of the deformed leg, and say how far they miss; the exit status."""
+    from myomorph.bones.demo import run_morph_demo, summary
+
+    demo = run_morph_demo(out)
+    for line in summary(demo):
+        said(line)
+    said(f"report: {demo.report.resolve()}")
+    return 0
 
 
 def _links(words: list[str]) -> Mapping[str, tuple[str, ...]]:

@@ -145,6 +145,13 @@ def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     return status_of(outcomes)
 
 
+def run_demo(name: str, out: Path) -> int:
+    """Swing the virtual shoulders, identify them, and say where the report is; the exit status."""
+    from myomorph.swings.demo import run_shoulder_demo
+
+    return ended(run_shoulder_demo(out, print_specimen), out)
+
+
 def print_specimen(outcome: Outcome) -> None:
     """Print what became of a specimen and its row, or why there is none."""
     if outcome.error:

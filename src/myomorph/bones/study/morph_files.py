@@ -21,6 +21,7 @@ from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.clusters import bone_surface
 from myomorph.lab.store.results import file_sources
 from myomorph.lab.store.study_file import Strict, existing
+from myomorph.lab.study.step.own_table import TableOwner
 
 Unit: TypeAlias = Literal["m", "cm", "mm", "in"]
 METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -83,15 +84,11 @@ class BonesTable(Strict):
     links: dict[str, list[str]] = Field(default_factory=dict)
 
 
-def bones_of(
-    table: BonesTable,
-    model: Path,
-    mass: float | None,
-    folder: Path,
-    where: str,
-    problems: list[str],
-) -> MorphFiles:
-    """The files that a subject's table of bones names; what does not exist goes to `problems`."""
+def bones_of(table: BonesTable, subject: TableOwner) -> MorphFiles:
+    """The files that a subject's table of bones names; what does not exist is a problem of it."""
+    folder = subject.place.folder
+    where = subject.place.where
+    problems = subject.place.notes.problems
     for role, name in (("folder", table.folder), ("geometry", table.geometry)):
         if name is not None and not (folder / name).is_dir():
             problems.append(f"{where}: bones: {role} '{name}' is no folder")
@@ -100,8 +97,19 @@ def bones_of(
     geometry = None if table.geometry is None else folder / table.geometry
     home = folder / table.folder
     links = FrozenMap({name: tuple(around) for name, around in table.links.items()})
-    told = (table.unit, mass, table.together, table.mirror, table.across, links)
-    return MorphFiles(model, home, landmarks, geometry, skin, *told)
+    return MorphFiles(
+        source=subject.model,
+        bones=home,
+        landmarks=landmarks,
+        geometry=geometry,
+        skin=skin,
+        unit=table.unit,
+        mass=subject.mass,
+        together=table.together,
+        mirror=table.mirror,
+        across=table.across,
+        links=links,
+    )
 
 
 def bone_files(folder: Path) -> dict[str, Path]:

@@ -24,7 +24,15 @@ from myomorph.bones.morph.registration.neighbors import start_by_neighbors
 from myomorph.bones.morph.registration.smooth import MatchOptions
 from myomorph.bones.morph.transfer.model import morph_model
 from myomorph.bones.report.morph_summary import morph_lines
-from myomorph.bones.study.morph_files import MorphFiles, read_bones, resized, source_bones, spread
+from myomorph.bones.study.morph_files import (
+    BonesTable,
+    MorphFiles,
+    bones_of,
+    read_bones,
+    resized,
+    source_bones,
+    spread,
+)
 from myomorph.bones.study.morphed_errors import morphed_errors
 from myomorph.core.io.landmarks import read_landmark_pairs
 from myomorph.core.io.mesh import read_mesh, write_obj
@@ -41,6 +49,7 @@ from myomorph.lab.store.settings import SettingGroup
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.error_size_tables import write_error_sizes
 from myomorph.lab.study.step.folder_steps import FolderOutput
+from myomorph.lab.study.step.own_table import OwnTable
 from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.lab.study.subject.subjects import write_made_model
@@ -155,10 +164,9 @@ def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
 
 def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
     """The step `morph` of a study: a subject's bones into its model and tables."""
-    assert subject.files.bones is not None
-    morphed = morph_files(
-        subject.files.bones, MorphSettings.of(subject.settings.get("morph", {})), subject.model
-    )
+    files = subject.files.own[MorphFiles]
+    settings = MorphSettings.of(subject.settings.get("morph", {}))
+    morphed = morph_files(files, settings, subject.model)
     morphed = replace(morphed, provenance=output.made)
     write_morphed(morphed, output.path("model"), output.tables)
     return morphed
@@ -263,11 +271,11 @@ def bone_notes(morphed: Morphed) -> tuple[str, ...]:
 
 
 def _made_from(subject: SubjectInputs) -> Provenance:
-    bones = subject.files.bones
-    if bones is None:
+    files = subject.files.own.get(MorphFiles)
+    if files is None:
         return recordings_provenance("morph", subject)
     return provenance_of(
-        "morph", bones.sources(), bones.options() | dict(subject.settings.get("morph", {}))
+        "morph", files.sources(), files.options() | dict(subject.settings.get("morph", {}))
     )
 
 
@@ -280,4 +288,10 @@ STEP = Step(
     leaves=FrozenMap({"model": "morphed.osim", "meshes": "morphed.osim"}),
     run=morph_subject,
     made_from=_made_from,
+    own_table=OwnTable(
+        key="bones",
+        table=BonesTable,
+        read=bones_of,
+        content="the folder of the subject's bones",
+    ),
 )

@@ -4,35 +4,20 @@ registered.
 
 from __future__ import annotations
 
-import importlib
 import os
-from dataclasses import dataclass
+import re
 from pathlib import Path
-from typing import Any
 
 from myomorph.core.model.errors import BadFile
+from myomorph.core.model.extension import Format
 from myomorph.core.model.model import Model
+from myomorph.core.model.registry import extensions
 from myomorph.core.model.series import Trial
-
-
-@dataclass(frozen=True)
-class Format:
-    """A kind of file."""
-
-    name: str  # of the kind, in a few words
-    endings: tuple[str, ...]  # of the names of such files, in small letters
-    # "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
-    reader: str
-
-    def read(self, path: Path) -> Any:
-        """What a file of this kind holds; raises what its reader raises."""
-        module, function = self.reader.split(":")
-        return getattr(importlib.import_module(module), function)(path)
-
 
 MODELS: tuple[Format, ...] = (
     Format("OpenSim model", (".osim",), "myomorph.core.io.osim.read:read_osim"),
     Format("MuJoCo model", (".xml", ".mjcf"), "myomorph.core.io.mjcf.read:read_mjcf"),
+    *(kind for extension in extensions() for kind in extension.models),
 )
 """Each reader gives a `Model`."""
 
@@ -45,10 +30,15 @@ TRIALS: tuple[Format, ...] = (
     Format("TRC markers", (".trc",), "myomorph.core.io.trc:read_trc"),
     Format("C3D recording", (".c3d",), "myomorph.core.io.c3d.read:read_c3d"),
     Format("Qualisys recording", (".mat",), "myomorph.core.io.qualisys_mat:read_qualisys_mat"),
-    Format("BIDS motion", ("_motion.tsv",), "myomorph.exchange.bids.recording:read_motion_trial"),
     Format("keypoints", (".h5", ".hdf5"), "myomorph.core.io.keypoints:read_keypoints"),
+    *(kind for extension in extensions() for kind in extension.recordings),
 )
 """Each reader gives a `Trial` with markers in metres."""
+
+CHANNELS: tuple[Format, ...] = tuple(
+    kind for extension in extensions() for kind in extension.channels
+)
+"""Files of channels alone, as EMG, besides tables; each reader gives a `Series`."""
 
 
 def model_format(path: str | os.PathLike[str]) -> Format | None:
@@ -59,6 +49,16 @@ def model_format(path: str | os.PathLike[str]) -> Format | None:
 def trial_format(path: str | os.PathLike[str]) -> Format | None:
     """The kind of recording that a file's name tells, None for no recording."""
     return _format(path, TRIALS)
+
+
+def channel_format(path: str | os.PathLike[str]) -> Format | None:
+    """The kind of file of channels that a file's name tells, None for none of the `CHANNELS`."""
+    return _format(path, CHANNELS)
+
+
+def is_part(path: Path) -> bool:
+    """Whether a file is read with those of another recording, by the `part` of a format."""
+    return any(kind.part and re.search(kind.part, path.as_posix()) for kind in TRIALS)
 
 
 def is_composed(path: str | os.PathLike[str]) -> bool:

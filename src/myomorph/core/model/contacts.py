@@ -6,17 +6,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from importlib import import_module
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only, unit_vector
 from myomorph.core.model.errors import BadData, check_name
+from myomorph.core.model.extension import load
 from myomorph.core.model.model import GROUND, index_of
+from myomorph.core.model.registry import with_extensions
 from myomorph.core.model.series import Series, Wrenches
 
-CONTACT_LAWS: dict[str, str | type[Cone]] = {"pyramid": "myomorph.core.model.contacts:Cone"}
+CONTACT_LAWS: dict[str, str | type[Cone]] = with_extensions(
+    {"pyramid": "myomorph.core.model.contacts:Cone"},
+    "contact law",
+    lambda extension: extension.contact_laws,
+)
 """Contact laws by the name that contact files and results give them: a subclass of `Cone`, or its
 module and name.
 """
@@ -176,10 +181,7 @@ def contact_law(name: str) -> type[Cone]:
     """The class of a contact law by its name in files."""
     check_name("contact law", name, tuple(CONTACT_LAWS), "Myomorph")
     law = CONTACT_LAWS[name]
-    if isinstance(law, str):
-        module, _, kind = law.partition(":")
-        law = getattr(import_module(module), kind)
-    return law
+    return load(law) if isinstance(law, str) else law
 
 
 def _place(law: str | type[Cone]) -> str:

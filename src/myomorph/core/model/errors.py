@@ -79,6 +79,23 @@ class MissingPackage(MyomorphError):
         )
 
 
+class BadExtension(MyomorphError):
+    """A part of an installed package that extends Myomorph cannot be imported."""
+
+    def __init__(self, package: str, place: str, error: Exception):
+        self.package = package
+        self.place = place
+        self.error = error
+        super().__init__(package, place, error)
+
+    def __str__(self) -> str:
+        return one_line(
+            f"the extension '{self.package}' does not work: {self.place} cannot be imported"
+            f" ({type(self.error).__name__}: {self.error}): update the package that brings it, or"
+            " uninstall it"
+        )
+
+
 def check_name(kind: str, name: str, existing: Collection[str], where: str = "the model") -> None:
     """Raise `UnknownName` where a name is not among those that exist."""
     if name not in existing:

@@ -1,6 +1,6 @@
 """Hill-type muscles as flat arrays, which kernels read: with rigid tendons, and with elastic ones.
 
-A new class is one line of `MODELS`, and a module with the class. With a rigid tendon at its slack
+A new class is one line of `OWN_MODELS`, and a module with the class. With a rigid tendon at its slack
 length, length and velocity of the path give those of the fiber, and the force along the tendon is
 linear in the activation a (F0 maximum isometric force, l and v normalized fiber length and
 velocity, alpha pennation):
@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from importlib import import_module
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -25,14 +24,16 @@ from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, frozen_array
 from myomorph.core.model.errors import BadData, BadModel
+from myomorph.core.model.extension import load
 from myomorph.core.model.latest import Latest
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
+from myomorph.core.model.registry import with_extensions
 from myomorph.core.muscles.curves import Curve, CurveArrays, curve_value, pack_curves
 from myomorph.core.muscles.muscle_model import FiberSizes, MuscleModel, StaticOptimization
 from myomorph.core.rigid.kernels import inner, kernel
 
-MODELS: dict[str, str] = {
+OWN_MODELS = {
     "Thelen2003Muscle": "myomorph.core.muscles.models.thelen:Thelen2003",
     "Millard2012EquilibriumMuscle": "myomorph.core.muscles.models.millard:Millard2012",
     "Millard2012AccelerationMuscle": "myomorph.core.muscles.models.millard:Millard2012Acceleration",
@@ -42,6 +43,10 @@ MODELS: dict[str, str] = {
     "Schutte1993Muscle_Deprecated": "myomorph.core.muscles.models.thelen:Schutte1993",
     "mujoco": "myomorph.core.muscles.models.mujoco:MujocoMuscle",
 }
+MODELS: dict[str, str] = with_extensions(
+    OWN_MODELS, "muscle model", lambda extension: extension.muscle_models
+)
+"""Places of the classes of muscles, by their names in files."""
 
 
 def muscle_model(muscle: Muscle) -> MuscleModel:
@@ -56,8 +61,7 @@ def muscle_model(muscle: Muscle) -> MuscleModel:
 @lru_cache(maxsize=64)
 def loaded(place: str) -> MuscleModel:
     """The class at a place of `MODELS`."""
-    module, name = place.split(":")
-    return getattr(import_module(module), name)()
+    return load(place)()
 
 
 Convention = Literal["rigid-tendon", "opensim"]

@@ -1,19 +1,20 @@
-"""Commands on files and folders of results: `info`, `convert`, `export`, `report`, `run-tool` and
-`view`.
-"""
+"""Commands on files and folders of results: `info`, `convert`, `report` and `view`."""
 
 from __future__ import annotations
 
 import signal
 import threading
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Literal
 
-from myomorph.lab.cli.options import Threads, documented, inputs_class, inputs_of_flags, use_threads
+from myomorph.core.model.errors import check_name
+from myomorph.core.model.extension import Extension, FolderReader, load
+from myomorph.core.model.registry import extensions
+from myomorph.lab.cli.options import documented, inputs_class, inputs_of_flags
 from myomorph.lab.cli.output import said, warn
 
 if TYPE_CHECKING:
@@ -86,63 +87,6 @@ def convert_command(
 
 
 @documented
-def export_command(
-    source: Path,
-    /,
-    *,
-    mjcf: Path | None = None,
-    bids: Path | None = None,
-    geometry: Path | None = None,
-) -> int:
-    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much.
-    Or a study's recordings and results as a dataset of BIDS.
-
-    Parameters
-    ----------
-    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with
-        --bids the folder of results that run or another command wrote
-    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go
-        beside it
-    bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
-    geometry : folder of the model's meshes; those beside its file and in Geometry there by default
-    """
-    from myomorph.core.model.errors import BadData
-
-    if mjcf is not None and bids is None:
-        return _mjcf(source, mjcf, geometry)
-    if bids is None or mjcf is not None:
-        which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
-        raise BadData(
-            f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER"
-        )
-    from myomorph.exchange.bids.dataset import export_bids
-
-    warn(export_bids(source, bids), "recordings are looked for where results name them")
-    said(f"wrote {bids}")
-    return 0
-
-
-def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
-    from myomorph.core.io.formats import read_model
-    from myomorph.core.model.errors import BadFile
-    from myomorph.exchange.mujoco.export import write_mjcf, write_tables
-
-    if mjcf.suffix.lower() != ".xml":
-        raise BadFile(
-            mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml"
-        )
-    if geometry is not None and not geometry.is_dir():
-        raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
-    read = read_model(model)
-    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,))
-    for line in certificate.lines:
-        said(line)
-    tables = write_tables(read, certificate, mjcf)
-    said(f"wrote {mjcf}, {', '.join(path.name for path in tables)}")
-    return 0
-
-
-@documented
 def report_command(
     folder: Path, /, *, preset: str = "", times: tuple[float, ...] = (), norms: tuple[str, ...] = ()
 ) -> int:
@@ -157,37 +101,16 @@ def report_command(
     norms : what gait.html holds a walk against: folders of results of a control group, adults or
         none; by default adults, for a body of their size
     """
-    from myomorph.lab.study.trial.reporting import report_folder
-    from myomorph.swings.viscosity.study.results import STORE, remake_report
-
-    if (folder / STORE).is_file():
-        paths = [remake_report(folder)]
+    reader = _reader(folder, lambda extension: extension.reports)
+    if reader is not None:
+        paths = [reader.read(folder)]
     else:
+        from myomorph.lab.study.trial.reporting import report_folder
+
         paths = report_folder(
             folder, preset=preset, times=times, demo_model=_demo_model, norms=norms
         )
     for path in paths:
-        said(f"wrote {path}")
-    return 0
-
-
-@documented
-def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
-    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or
-    AnalyzeTool.
-
-    Parameters
-    ----------
-    setup : OpenSim setup file (.xml) of one of the four tools
-    """
-    from myomorph.exchange.opensim.run import run_tool
-
-    use_threads(threads)
-    result = run_tool(setup)
-    warn(result.warnings)
-    for line in result.lines:
-        said(f"{result.tool}: {line}")
-    for path in result.written:
         said(f"wrote {path}")
     return 0
 
@@ -211,7 +134,7 @@ def view_command(folders: list[Path], /, *, port: int | None = None, browser: bo
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     with _ended_by_ctrl_c() as ended:
-        replay = open_replay(folders, port, served, _demo_model, _swings)
+        replay = open_replay(folders, port, served, _demo_model, _other_recordings)
         try:
             while not ended.wait(0.5):
                 pass
@@ -220,18 +143,24 @@ def view_command(folders: list[Path], /, *, port: int | None = None, browser: bo
     return 0
 
 
-def _swings(folder: Path) -> Recordings:
-    if not [*folder.glob("swings.json"), *folder.glob("*/swings.json")]:
-        return {}
-    from myomorph.swings.viscosity.study.viewing import swings_of
+def _reader(
+    folder: Path, kinds: Callable[[Extension], Sequence[FolderReader]]
+) -> FolderReader | None:
+    """What shows a folder of results of an extension, None for those of a trial or a study."""
+    readers = (reader for extension in extensions() for reader in kinds(extension))
+    return next((reader for reader in readers if reader.knows(folder)), None)
 
-    return swings_of(folder)
+
+def _other_recordings(folder: Path) -> Recordings:
+    reader = _reader(folder, lambda extension: extension.replays)
+    return {} if reader is None else reader.read(folder)
 
 
 def _demo_model(name: str) -> Model:
-    from myomorph.show.demo.demos import demo_model
-
-    return demo_model(name)
+    """The model of a demo's results."""
+    demos = {name: demo for each in extensions() for name, demo in each.demos.items() if demo.model}
+    check_name("demo", name, demos, "the installation")
+    return load(demos[name].model)(name)
 
 
 @contextmanager

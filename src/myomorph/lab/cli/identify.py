@@ -7,15 +7,26 @@ from typing import Literal
 
 from myomorph.body.identify.recordings import RecordingOptions
 from myomorph.body.identify.subject import IdentificationOptions
+from myomorph.core.model.extension import load
+from myomorph.core.model.registry import with_extensions
 from myomorph.lab.cli import options as flags
 from myomorph.lab.cli.output import made
 from myomorph.lab.store.settings import ForceOptions, with_settings
 from myomorph.lab.study.subject.subject_files import BodyOptions
-from myomorph.live.identification import LiveOptions
+
+SOURCES = with_extensions(
+    {}, "way by which motions come", lambda extension: extension.motion_sources
+)
+"""Ways by which motions come besides files, by the switch that asks for each."""
 
 IdentifySettings = flags.options_class(
-    ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions
+    ForceOptions,
+    RecordingOptions,
+    IdentificationOptions,
+    BodyOptions,
+    *(load(source.options) for source in SOURCES.values()),
 )
+IdentifySwitches = flags.switches_class({name: source.help for name, source in SOURCES.items()})
 IdentifyInputs = flags.inputs_class("loads", "time", leave_out=("loads",))
 
 
@@ -36,7 +47,7 @@ def identify_command(
     check_motion: tuple[Path, ...] = (),
     check_loads: tuple[Path, ...] = (),
     inputs: IdentifyInputs | None = None,  # type: ignore[valid-type]
-    live: bool = False,
+    switches: IdentifySwitches | None = None,  # type: ignore[valid-type]
     options: IdentifySettings | None = None,  # type: ignore[valid-type]
     threads: flags.Threads = None,
 ) -> int:
@@ -56,7 +67,6 @@ def identify_command(
     age : in years
     check_motion : motions that are not identified from, to compare the models on
     check_loads : their external loads
-    live : show what is known so far while frames arrive, from the files or streams
     """
     from myomorph.lab.study.inputs.loads import LoadsFile
     from myomorph.lab.study.inputs.reading import open_model
@@ -64,7 +74,6 @@ def identify_command(
     from myomorph.lab.study.subject import identifying
     from myomorph.lab.study.subject.subject_files import BodyShape
     from myomorph.lab.study.subject.subjects import tables_folder
-    from myomorph.live.identification import live_motions
 
     flags.use_threads(threads)
     tables = tables_folder(out, identifying.STEP.tables, (model,))
@@ -75,8 +84,9 @@ def identify_command(
     named = shared.or_default(LoadsFile)
     time = shared.or_default(TimeSpan).time
     forces = with_settings(ForceOptions(), settings)
-    if live:
-        motions = live_motions(scaled, motion, loads, mass, time, settings)
+    chosen_source = next((SOURCES[name] for name in flags.switched_on(switches)), None)
+    if chosen_source is not None:
+        motions = load(chosen_source.open)(scaled, motion, loads, mass, time, settings)
     else:
         motions = identifying.open_motions(scaled, motion, loads, time, named=named, forces=forces)
     motions += identifying.open_motions(

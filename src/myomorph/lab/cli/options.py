@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
@@ -94,6 +94,25 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
         "Options", fields, frozen=True, namespace={"__module__": __name__}
     )
     return Annotated[made, Parameter(name="*")]
+
+
+def switches_class(helps: Mapping[str, str]) -> Any:
+    """A dataclass whose fields are switches that are off by default, each a command-line option.
+    `helps`: what each says in the help, by name.
+    """
+    fields = [
+        (name, Annotated[bool, Parameter(help=_sentence(text), negative=())], False)
+        for name, text in helps.items()
+    ]
+    made = dataclasses.make_dataclass(
+        "Switches", fields, frozen=True, namespace={"__module__": __name__}
+    )
+    return Annotated[made, Parameter(name="*")]
+
+
+def switched_on(switches: Any) -> tuple[str, ...]:
+    """Names of the switches that are on."""
+    return tuple(name for name, on in settings_dict(switches).items() if on)
 
 
 def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:

@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cyclopts.help import DefaultFormatter, HelpEntry, HelpPanel
+
+from myomorph.core.model.extension import CommandEntry
+from myomorph.core.model.frozen_map import FrozenMap
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
@@ -24,26 +28,17 @@ PANELS = {
         "files",
         "folder",
         "folders",
-        "setup",
         "model",
         "motion",
         "markers",
         "out",
-        "source",
-        "bones",
         "landmarks",
-        "geometry",
         "skin",
         "to",
         "static",
         "tasks",
         "labels",
         "protocol",
-        "template",
-        "intact",
-        "removed",
-        "intact-loads",
-        "removed-loads",
         "mass",
         "height",
         "chest",
@@ -62,32 +57,18 @@ PANELS = {
         "forward",
         "axes",
         "units",
-        "unit",
         "lsl-markers",
         "lsl-forces",
-        "lsl-out",
         "web",
         "speed",
         "marker-set",
-        "link",
-        "species",
-        "target",
-        "target-geometry",
-        "together",
-        "mirror",
-        "across",
-        "beside",
         "preset",
         "times",
         "port",
         "browser",
         "norms",
-        "muscle-mass",
-        "base",
-        "first-body",
         "generic",
         "keep-generic",
-        "mjcf",
     ),
     "Forces and filter": (
         "cutoff",
@@ -99,7 +80,6 @@ PANELS = {
         "net",
         "independent-coordinates",
         "filter-cutoff",
-        "tare",
         "clock",
     ),
     "Muscles": (
@@ -121,10 +101,6 @@ PANELS = {
         "co-contraction-coordinates",
         "window",
         "sweeps",
-        "fibers",
-        "force",
-        "pennation",
-        "architecture",
     ),
     "Contacts": (
         "contacts",
@@ -136,8 +112,6 @@ PANELS = {
         "smoothness",
         "reactions",
         "intervals",
-        "find-contact",
-        "contact-threshold",
     ),
     "EMG": ("emg",),
     "Inertial sensors": ("imu",),
@@ -148,8 +122,6 @@ PANELS = {
         "all-frames",
         "draw-seed",
         "widened",
-        "level",
-        "seed",
         "hold-out",
         "check",
     ),
@@ -163,158 +135,20 @@ PANELS = {
         "dry-run",
         "prepare",
         "live",
-        "max-age",
     ),
 }
 """Panels in their order and the options that stand in each; any other option is a setting of the
-command's method.
+command's method, unless the command says where it stands.
 """
 # Panels that have all options whose first word is this.
 FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}
 
-FIRST = {
-    "tension": (
-        "loads",
-        "emg",
-        "contacts",
-        "time",
-        "cutoff",
-        "recruitment",
-        "passive",
-        "tendons",
-        "reactions",
-        "draws",
-    ),
-    "id": ("loads", "bodies", "plates", "time", "cutoff", "force-checks", "net", "draws"),
-    "ik": (
-        "markers",
-        "imu",
-        "imu-pose",
-        "imu-bodies",
-        "imu-heading",
-        "imu-mounting",
-        "tasks",
-        "labels",
-        "time",
-        "draws",
-        "mend",
-        "root-bounds",
-    ),
-    "analyze": (
-        "mass",
-        "static",
-        "model",
-        "loads",
-        "protocol",
-        "time",
-        "emg-muscles",
-        "emg-side",
-        "draws",
-        "dry-run",
-    ),
-    "calibrate": (
-        "markers",
-        "static",
-        "marker-set",
-        "tasks",
-        "labels",
-        "mass",
-        "time",
-        "symmetric",
-        "frames",
-    ),
-    "identify": (
-        "loads",
-        "plates",
-        "skin",
-        "height",
-        "chest",
-        "sex",
-        "check-motion",
-        "check-loads",
-        "time",
-        "cutoff",
-    ),
-    "morph": (
-        "landmarks",
-        "mass",
-        "mirror",
-        "across",
-        "species",
-        "joints",
-        "map",
-        "clear",
-        "balance",
-        "fibers",
-    ),
-    "live": (
-        "loads",
-        "labels",
-        "lsl-markers",
-        "lsl-forces",
-        "web",
-        "lsl-out",
-        "out",
-        "cutoff",
-        "recruitment",
-        "draws",
-    ),
-    "refine": (
-        "loads",
-        "plates",
-        "mass",
-        "tasks",
-        "labels",
-        "time",
-        "cutoff",
-        "body",
-        "masses",
-        "check",
-    ),
-    "personalize": (
-        "loads",
-        "torques",
-        "emg",
-        "passive",
-        "time",
-        "cutoff",
-        "tendons",
-        "sides",
-        "hold-out",
-        "generic",
-    ),
-    "viscosity": (
-        "model",
-        "intact",
-        "removed",
-        "intact-loads",
-        "removed-loads",
-        "template",
-        "time",
-        "cutoff",
-        "muscle-mass",
-        "instruments",
-    ),
-    "uncertainty": (
-        "loads",
-        "plates",
-        "time",
-        "draws",
-        "contributions",
-        "marker-noise",
-        "placement",
-        "plate-position",
-        "body-mass",
-        "joint-center",
-    ),
-}
-"""The options that `--help` shows of the commands that have many, besides those that must be given.
-"""
 
-
-def option_panel(option: str) -> str:
-    """The panel of an option, by its name without hyphens in front. `option`: as `joint-load`."""
-    for title, options in PANELS.items():
+def option_panel(option: str, own: Mapping[str, Collection[str]] = FrozenMap({})) -> str:
+    """The panel of an option, by its name without hyphens in front. `option`: as `joint-load`;
+    `own`: options of the command itself, by panel.
+    """
+    for title, options in (*own.items(), *PANELS.items()):
         if option in options or option.split("-")[0] == FAMILIES.get(title):
             return title
     return METHOD
@@ -322,11 +156,13 @@ def option_panel(option: str) -> str:
 
 @dataclass(frozen=True)
 class PanelHelp:
-    """Cyclopts' formatter of one command's help. `command`: whose help it is; `everything`: all
-    options with their whole text, else those of `FIRST` with their first sentence.
+    """Cyclopts' formatter of one command's help. `command`: whose help it is; `entry`: what says
+    how it is shown; `everything`: all options with their whole text, else the first ones with their
+    first sentence.
     """
 
     command: str
+    entry: CommandEntry
     everything: bool = False
 
     def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
@@ -336,7 +172,8 @@ class PanelHelp:
             return
         entries = self.shown(panel.entries)
         for title in (*list(PANELS)[:1], METHOD, *list(PANELS)[1:]):
-            members = [entry for entry in entries if option_panel(_name(entry)) == title]
+            own = self.entry.option_panels
+            members = [each for each in entries if option_panel(_name(each), own) == title]
             if members:
                 DefaultFormatter()(console, options, panel.copy(title=title, entries=members))
         if hidden := len(panel.entries) - len(entries):
@@ -351,7 +188,7 @@ class PanelHelp:
         are shown.
         """
         whole = self.everything or len(entries) <= MAX_SHOWN
-        first = FIRST.get(self.command, ())
+        first = self.entry.first_options
         return [
             entry.copy(
                 default=None if entry.default in ('""', "()", "[]", "{}") else entry.default,

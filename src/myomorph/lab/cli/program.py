@@ -11,7 +11,9 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from myomorph.core.model.errors import MyomorphError, UnknownName, one_line
+from myomorph.core.model.errors import MyomorphError, UnknownName, check_name, one_line
+from myomorph.core.model.extension import is_own, load
+from myomorph.core.model.registry import new_remarks
 
 if TYPE_CHECKING:
     from cyclopts import App
@@ -67,12 +69,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(words: list[str]) -> int:
     from cyclopts.exceptions import CycloptsError
 
-    from myomorph.lab.cli.app import command_names, new_app
+    from myomorph.lab.cli.app import commands, new_app
     from myomorph.lab.cli.panels import ALL_FLAG
 
     command = words[0] if words and not words[0].startswith("-") else ""
-    if command and command not in command_names():
-        raise UnknownName("command", command, command_names(), "myomorph")
+    entries = commands()
+    _warn(new_remarks())
+    if command:
+        check_name("command", command, entries, "myomorph")
+        if not is_own(entries[command].function):
+            # Raises the one line on a package that is broken, before the command line tries.
+            load(entries[command].function)
     app = new_app(ALL_FLAG in words)
     words = ["--help" if word == ALL_FLAG else word for word in words]
     try:
@@ -82,7 +89,13 @@ def _run(words: list[str]) -> int:
             _check_options(app[command], command, words[1:])
         where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
         return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
+    _warn(new_remarks())
     return status if isinstance(status, int) else DONE
+
+
+def _warn(remarks: Sequence[str]) -> None:
+    for text in remarks:
+        _say(f"warning: {text}", DONE)
 
 
 def _check_options(app: App, command: str, words: Sequence[str]) -> None:

@@ -1,19 +1,16 @@
-"""`demo` and `run`."""
+"""`run`."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from myomorph.lab.cli.options import OutFolder, Threads, documented, use_threads
+from myomorph.lab.cli.options import OutFolder, documented
 from myomorph.lab.cli.output import said
 from myomorph.lab.cli.running import (
     AS_USUAL,
-    BAD_INPUT,
-    OUR_FAULT,
     Running,
     RunOptions,
     named,
@@ -26,75 +23,6 @@ if TYPE_CHECKING:
     from myomorph.lab.study.plan.plan import Plan
 
 MAX_REMARKS = 12
-
-
-@documented
-def demo_command(
-    *,
-    out: Path = Path("demo"),
-    study: Literal[
-        "simulated", "jump", "shoulder", "judo", "taichi", "tap", "drum", "morph"
-    ] = "simulated",
-    threads: Threads = None,
-) -> int:
-    """The main job on data that come with the installation, from markers to a report.
-
-    Parameters
-    ----------
-    out : folder to write
-    study : a simulated full-body squat with known truth, a recorded countermovement jump with
-        markers on one leg, six virtual shoulders that swing on a force plate, contacts simulated as
-        files with a study file (two fighters, Tai Chi on one plate, tap dance, a drum with
-        microphones), or a leg's muscles transferred to bones whose deformation is known
-    """
-    use_threads(threads)
-    if study == "shoulder":
-        from myomorph.swings.command import ended, print_specimen
-        from myomorph.swings.demo import run_shoulder_demo
-
-        return ended(run_shoulder_demo(out, print_specimen), out)
-    if study == "morph":
-        from myomorph.bones.demo import run_morph_demo, summary
-
-        demo = run_morph_demo(out)
-        for line in summary(demo):
-            said(line)
-        said(f"report: {demo.report.resolve()}")
-        return 0
-    if study in ("judo", "taichi", "tap", "drum"):
-        return _perform(study, out)
-    from myomorph.lab.study.trial.reporting import REPORT
-    from myomorph.show.demo.demos import run_demo
-
-    outcome = run_demo(study, out)
-    if outcome.error:
-        sys.stderr.write(f"error: {outcome.error}\n")
-        return OUR_FAULT if outcome.fault else BAD_INPUT
-    said(
-        f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square"
-        f" error {100 * outcome.rms:.2f} cm"
-    )
-    said(f"report: {(out / REPORT).resolve()}")
-    return 0
-
-
-def _perform(name: str, out: Path) -> int:
-    """Write the files of a simulated performance, run its study, and lay its contact forces beside
-    the truth.
-    """
-    from myomorph.lab.study.plan.plan import read_plan
-    from myomorph.lab.study.trial.reporting import REPORT
-    from myomorph.show.demo.performances import ERRORS, write_errors, write_performance
-
-    written = write_performance(name, out)
-    said(f"simulated; to run it again: myomorph run {written.study} --out {out / 'results'}")
-    results = out / "results"
-    status = run_plan(read_plan(written.study), results, AS_USUAL)
-    if status == 0:
-        write_errors(written, results, out / ERRORS)
-        said(f"errors of contact forces against the true ones: {out / ERRORS}")
-        said(f"report: {(results / written.results / REPORT).resolve()}")
-    return status
 
 
 @documented

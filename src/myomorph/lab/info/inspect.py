@@ -9,7 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.formats import is_composed, model_format, read_model, trial_format
+from myomorph.core.io.formats import (
+    channel_format,
+    is_composed,
+    model_format,
+    read_model,
+    trial_format,
+)
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.model import Model
@@ -39,11 +45,10 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
         return inspect_trial(read_recording(path), recording.name)
     if ending in TABLES:
         return inspect_table(read_sto(path))
-    if ending in (".bdf", ".edf"):
-        from myomorph.exchange.bids.recording import read_emg
-
-        emg = read_emg(path)
-        return inspect_table(Table(emg.time, emg.names, emg.values))
+    channels = channel_format(path)
+    if channels is not None:
+        series = channels.read(path)
+        return inspect_table(Table(series.time, series.names, series.values))
     if ending == ".xml":
         return _inspect_xml(path)
     if model_format(path) is not None:

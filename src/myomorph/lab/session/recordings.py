@@ -4,14 +4,13 @@ that belong to it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.io.formats import trial_format
+from myomorph.core.io.formats import is_part, trial_format
 from myomorph.core.io.inertial.read import read_inertial, sensor_files, sensors_of_trial
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError
@@ -20,7 +19,6 @@ from myomorph.core.model.inertial_sensors import InertialSensors
 from myomorph.core.model.series import Trial
 from myomorph.core.motion.protocols import ProtocolTable, Recognized, Site, recognize
 from myomorph.core.motion.sync import cut
-from myomorph.exchange.bids.recording import FORCES
 from myomorph.lab.session.sensor_recordings import is_still
 from myomorph.lab.study.inputs.beside import plain_stem
 from myomorph.lab.study.inputs.laboratory import AS_RECORDED, Laboratory, Up
@@ -358,9 +356,6 @@ def same_body(recording: Recording, other: Recording) -> bool:
     return True
 
 
-NO_RECORDING = re.compile(rf"tracksys-{FORCES}_[^/]*$|/derivatives/")
-
-
 def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     """The recordings that files and folders stand for, and what was passed over, one line each. A
     folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose
@@ -412,12 +407,8 @@ def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
     here = [path for path in sorted(folder.iterdir()) if path.is_file()]
     below = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     for files in (here, below):
-        # Of a dataset of BIDS the recordings count, whose forces are read with their markers.
-        trials = [
-            path
-            for path in files
-            if trial_format(path) and not NO_RECORDING.search(path.as_posix())
-        ]
+        # As forces in files of their own, which are read with the markers.
+        trials = [path for path in files if trial_format(path) and not is_part(path)]
         if trials:
             return _last_stage(trials, notes)
     return next(

@@ -9,10 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from myomorph.core.io.c3d.read import read_c3d
-from myomorph.core.io.formats import Format
 from myomorph.core.io.inertial.tables import sensors_of_channels
 from myomorph.core.model.errors import BadData, BadFile, MyomorphError
+from myomorph.core.model.extension import Format
 from myomorph.core.model.inertial_sensors import InertialSensors, beside
+from myomorph.core.model.registry import extensions
 from myomorph.core.model.series import Trial
 
 SENSORS: tuple[Format, ...] = (
@@ -22,6 +23,7 @@ SENSORS: tuple[Format, ...] = (
     Format("Movella DOT or Delsys", (".csv",), "myomorph.core.io.inertial.tables:read_sensor_csv"),
     Format("APDM", (".h5", ".hdf5"), "myomorph.core.io.inertial.apdm:read_apdm"),
     Format("C3D channels", (".c3d",), "myomorph.core.io.inertial.read:read_c3d_sensors"),
+    *(kind for extension in extensions() for kind in extension.sensors),
 )
 """Each reader gives `InertialSensors`."""
 SETS = (".txt", ".csv")

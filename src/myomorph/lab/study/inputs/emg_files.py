@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.formats import CHANNELS, channel_format
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadFile
@@ -30,6 +31,8 @@ from myomorph.lab.study.inputs.markers import Recording
 from myomorph.lab.study.inputs.motion import RecordedMotion
 from myomorph.lab.study.inputs.reading import TABLE_FILES, about, read_recording
 
+CHANNEL_FILES = (".sto", ".mot", ".csv", ".c3d")
+"""Endings of files with channels, besides those of the formats of channels alone."""
 OTHER_SENSORS = re.compile(
     r"force|moment|torque|plate|cop|sync|trigger|pulse|speed|treadmill|gonio|acc|gyro|mag|load.?cell|imu|spare|channel"
     r"|^(.*[._ ])?(fp|amti|pin|f|m)?[_.]?\d*[_.]?[fm]?[xyz]?[_.]?\d*([-+]\d*)*$",
@@ -205,14 +208,15 @@ def channels_of(path: str | Path) -> Series:
                 path, "has no analog channels", "EMG of another file can be given as .sto or .mot"
             )
         return analog
-    if ending in (".bdf", ".edf"):
-        from myomorph.exchange.bids.recording import read_emg
-
-        return read_emg(Path(path))
+    channels = channel_format(path)
+    if channels is not None:
+        recorded: Series = channels.read(Path(path))
+        return recorded
+    endings = [*CHANNEL_FILES, *(other for kind in CHANNELS for other in kind.endings)]
     raise BadFile(
         path,
         f"holds no EMG: its name ends in '{ending}'",
-        "expected .sto, .mot, .csv, .c3d, .bdf or .edf",
+        f"expected {', '.join(endings[:-1])} or {endings[-1]}",
     )
 
 

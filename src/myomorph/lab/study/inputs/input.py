@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
+from myomorph.core.model.extension import load
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
@@ -163,8 +163,7 @@ def later(place: str) -> Open:
     """The function at `module:name`, imported when it is called."""
 
     def opened(settings: Any, opening: Opening) -> Opened:
-        module, _, name = place.partition(":")
-        function: Open = getattr(import_module(module), name)
+        function: Open = load(place)
         return function(settings, opening)
 
     return opened

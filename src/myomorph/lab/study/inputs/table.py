@@ -1,17 +1,20 @@
-"""Which inputs a trial has: one line each. This table imports nothing, so that the command line
-starts fast.
+"""Which inputs a trial has: one line each, and those of extensions. This table imports none of them,
+so that the command line starts fast.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from importlib import import_module
+from dataclasses import dataclass
 from typing import Any
 
-from myomorph.lab.study.inputs.input import ByType, Input
+from myomorph.core.model.errors import BadExtension
+from myomorph.core.model.extension import load
+from myomorph.core.model.registry import remark, with_extensions
+from myomorph.lab.study.inputs.input import ByType, Input, Opened
 from myomorph.lab.study.inputs.keys import Key
 
-INPUTS: dict[str, str] = {
+OWN_INPUTS = {
     "markers": "myomorph.lab.study.inputs.markers",
     "motion": "myomorph.lab.study.inputs.motion",
     "imu": "myomorph.lab.study.inputs.imu",
@@ -37,17 +40,32 @@ INPUTS: dict[str, str] = {
 imported when needed.
 """
 
+INPUTS: dict[str, str] = with_extensions(OWN_INPUTS, "input", lambda extension: extension.inputs)
+"""The same with those of extensions, which are opened last."""
+
+
+@dataclass(frozen=True)
+class _Nothing:
+    """Settings of an input that cannot be opened."""
+
 
 def input_of(name: str) -> Input:
-    """An input of `INPUTS`."""
-    declared: Input = import_module(INPUTS[name]).INPUT
+    """An input of `INPUTS`. In the place of one of an installed package that cannot be imported
+    stands one without keys, so that trials without it go on.
+    """
+    try:
+        declared: Input = load(INPUTS[name], "INPUT")
+    except BadExtension as error:
+        remark(str(error))
+        return Input(name=name, settings=_Nothing, open=lambda settings, opening: Opened())
     return declared
 
 
 def inputs_of(settings: ByType) -> dict[str, Any]:
     """Settings by the names of their inputs, in the order of `INPUTS`; no other module is imported."""
     by_module = {type(value).__module__: value for value in settings}
-    return {name: by_module[module] for name, module in INPUTS.items() if module in by_module}
+    modules = {name: place.partition(":")[0] for name, place in INPUTS.items()}
+    return {name: by_module[module] for name, module in modules.items() if module in by_module}
 
 
 def all_keys() -> dict[str, tuple[Input, Key]]:

@@ -10,27 +10,33 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field, create_model
 
-from myomorph.bones.study.morph_files import BonesTable
 from myomorph.core.model.errors import MyomorphError
 from myomorph.lab.store.settings import Differentiation, Setting, with_settings
 from myomorph.lab.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
 from myomorph.lab.study.inputs.keys import Notes, Place
 from myomorph.lab.study.inputs.table import INPUTS, all_keys
 from myomorph.lab.study.plan.groups import StridesTable
-from myomorph.lab.study.step.step import step_head, trial_steps
-from myomorph.lab.study.step.step_table import REPORT, STEPS, usual_steps
+from myomorph.lab.study.step.own_table import OwnTable
+from myomorph.lab.study.step.step import step_head, step_of, trial_steps
+from myomorph.lab.study.step.step_table import LAST_BEFORE_IK, REPORT, STEPS, usual_steps
 from myomorph.lab.study.trial.together import TogetherTable
 
-BEFORE_IK = ("morph", "calibrate", "transfer")
-"""Steps on subjects that make the model whose coordinates the others use."""
 Patterns = str | list[str]  # One pattern or several.
 PLACE = "{subject}"  # What stands for the subject's name in the texts of its table.
 
 
 def study_steps() -> tuple[str, ...]:
     """Names of all steps in the order in which they run."""
-    after = (step for step in STEPS["subject"] if step not in BEFORE_IK)
-    return (*BEFORE_IK, "ik", *after, *(step for step in STEPS["trial"] if step != "ik"), REPORT)
+    on_subject = tuple(STEPS["subject"])
+    count = on_subject.index(LAST_BEFORE_IK) + 1
+    later = (step for step in STEPS["trial"] if step != "ik")
+    return (*on_subject[:count], "ik", *on_subject[count:], *later, REPORT)
+
+
+def own_tables() -> dict[str, OwnTable]:
+    """Tables of a subject that steps bring, by step."""
+    steps = (step_of(name, "subject") for name in STEPS["subject"])
+    return {step.name: step.own_table for step in steps if step.own_table is not None}
 
 
 def filtered_steps() -> tuple[str, ...]:
@@ -112,8 +118,8 @@ class TrialTable(Strict):
 
 
 class SubjectTable(Strict):
-    """A subject, or all whose folders a pattern matches, or that a list names; `input_tables` adds
-    keys of inputs.
+    """A subject, or all whose folders a pattern matches, or that a list names; `study_tables` adds
+    keys of inputs and the tables that steps bring.
     """
 
     name: str | None = None
@@ -136,7 +142,6 @@ class SubjectTable(Strict):
     generic: str | None = None
     detailed: str | None = None
     static_turn: float | None = None
-    bones: BonesTable | None = None
 
 
 class ExcludeTable(Strict):
@@ -184,6 +189,7 @@ def _tables(
         options=own,
         trials=(list[str | trial], ...),  # type: ignore[valid-type]
         **input_keys("subject", SubjectTable),
+        **{own.key: (own.table | None, None) for own in own_tables().values()},
     )
     file = create_model(
         "StudyFile",

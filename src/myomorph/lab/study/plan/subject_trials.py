@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from myomorph.bones.study.morph_files import bones_of
 from myomorph.core.model.errors import listing
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.store.study_file import existing, matching
 from myomorph.lab.study.inputs.beside import plain_stem
+from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.keys import Notes, Place
 from myomorph.lab.study.inputs.laboratory import Laboratory
 from myomorph.lab.study.inputs.table import INPUTS, all_keys, input_of, settings_of_keys
@@ -21,9 +21,12 @@ from myomorph.lab.study.plan.subject_tables import (
     Named,
     SubjectTable,
     given_options,
+    own_tables,
     study_steps,
     trial_table,
 )
+from myomorph.lab.study.step.own_table import TableOwner
+from myomorph.lab.study.step.step import step_head
 from myomorph.lab.study.step.step_table import STEPS
 from myomorph.lab.study.subject.subject_files import BodyShape, SubjectFiles
 from myomorph.lab.study.trial.trial_inputs import TrialFiles
@@ -115,22 +118,24 @@ def subject_files(
         problems.append(
             f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing"
         )
-    if "morph" in table.steps and table.bones is None:
-        problems.append(
-            f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's"
-            " bones"
-        )
+    for step, own_table in own_tables().items():
+        if step in table.steps and getattr(table, own_table.key) is None:
+            problems.append(
+                f"{where}: the step '{step}' needs a table '{own_table.key}' with"
+                f" {own_table.content}"
+            )
     if ("transfer" in table.steps) != (table.detailed is not None):
         problems.append(
             f"{where}: the step 'transfer' and 'detailed', the model with more joints, go together"
         )
     shared = located(table, "subject", named.place(notes))
     source = model or folder / (table.model or "")
-    bones = (
-        None
-        if table.bones is None
-        else bones_of(table.bones, source, table.mass, folder, where, problems)
-    )
+    owner = TableOwner(source, table.mass, named.place(notes))
+    own = [
+        declared.read(getattr(table, declared.key), owner)
+        for declared in own_tables().values()
+        if getattr(table, declared.key) is not None
+    ]
     shape = BodyShape(
         skin=files["skin"],
         landmarks=files["landmarks"],
@@ -146,7 +151,7 @@ def subject_files(
         static=files["static"],
         shape=shape,
         trials=trials,
-        bones=bones,
+        own=ByType(*own),
         model_of=table.model_of or "",
         labels=shared.get("labels", FrozenMap({})),
         static_laboratory=Laboratory(
@@ -165,6 +170,8 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
             problems.append(
                 f"{where}: unknown step '{step}': there are {listing(step, study_steps())}"
             )
+        elif step_head(step).refused:
+            problems.append(f"{where}: the step '{step}' cannot run: {step_head(step).refused}")
     for step in dict.fromkeys(table.steps):
         if table.steps.count(step) > 1:
             problems.append(f"{where}: steps: '{step}' is there twice")

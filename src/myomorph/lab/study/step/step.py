@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from myomorph.core.model.errors import BadExtension
+from myomorph.core.model.extension import load
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.registry import remark
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.results import ResultWriter, Stored
 from myomorph.lab.store.settings import ReportOptions, Setting, settings_of
 from myomorph.lab.study.inputs.input import OptionSet
+from myomorph.lab.study.step.own_table import OwnTable
 from myomorph.lab.study.step.step_table import REPORT, STEPS, Scope
 
 if TYPE_CHECKING:
@@ -31,13 +34,14 @@ Result = TypeVar("Result")
 @dataclass(frozen=True, kw_only=True)
 class StepHead:
     """A step or the report as files and commands name it: settings are the fields of its options
-    but `not_settings`.
+    but `not_settings`. `refused`: why it cannot run, "" where it can.
     """
 
     name: str
     title: str
     options: tuple[type, ...] = ()
     not_settings: tuple[str, ...] = ()
+    refused: str = ""
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -87,7 +91,8 @@ class Step(StepHead, Generic[Result]):
     `numbers_last` they come after the statistics of the signals of all steps; `large`: variables
     that are not read back, since nothing needs them; `outcome` adds what the result tells of a
     trial to its outcome, for which `outcome_variables` are read; `applies`: whether there is
-    anything to do, from the inputs of its scope.
+    anything to do, from the inputs of its scope; `own_table`: of a subject in study files that a
+    step of a subject brings.
     """
 
     run: Callable[..., Result]
@@ -113,6 +118,7 @@ class Step(StepHead, Generic[Result]):
     applies: Callable[[Any], bool] = lambda inputs: True
     made_from: Callable[[Any], Provenance] | None = None
     leaves: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    own_table: OwnTable | None = None
 
 
 # Scopes whose results lie in the folder of the study itself.
@@ -122,8 +128,31 @@ REPORT_STEP = StepHead(name=REPORT, title="report", options=(ReportOptions,))
 
 
 def step_of(name: str, scope: Scope = "trial") -> Step[Any]:
-    """A step of `STEPS`."""
-    return import_module(STEPS[scope][name]).STEP
+    """A step of `STEPS`. In the place of one of an installed package that cannot be imported
+    stands one that does nothing, so that others run; `refused` has the reason.
+    """
+    try:
+        step: Step[Any] = load(STEPS[scope][name], "STEP")
+    except BadExtension as error:
+        remark(str(error))
+        return _refused_step(name, scope, error)
+    return step
+
+
+def _refused_step(name: str, scope: Scope, error: BadExtension) -> Step[Any]:
+    def run(*inputs: object) -> None:
+        raise error
+
+    # Only steps that somebody names may fail.
+    named = scope in ("trial", "subject")
+    return Step(
+        name=name,
+        title=name,
+        scope=scope,
+        run=run,
+        refused=str(error),
+        applies=lambda inputs: named,
+    )
 
 
 def step_head(name: str) -> StepHead:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from myomorph.bones.study.morph_files import MorphFiles
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.store.results import file_name, file_sources, provenance_of, value_source
 from myomorph.lab.study.inputs.error_size_tables import TABLE as ERROR_SIZES
+from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.lab.study.inputs.motion import MotionFile
 from myomorph.lab.study.inputs.reading import open_model
@@ -75,7 +75,7 @@ class SubjectFiles:
     static : recording of standing still, for calibration
     shape : what is known of the body, for identification
     trials : the subject's recordings
-    bones : the subject's own, for a morph
+    own : values of the tables that steps bring, by their types
     model_of : subject whose own steps make the model that this one begins with, "" where a file is
     drawn : file beside which the meshes of that model lie, None where they lie beside it
     labels : what the model calls markers that the recordings call otherwise
@@ -92,7 +92,7 @@ class SubjectFiles:
     static: Path | None = None
     shape: BodyShape = field(default_factory=BodyShape)
     trials: tuple[TrialFiles, ...] = ()
-    bones: MorphFiles | None = None
+    own: ByType = field(default_factory=ByType)
     model_of: str = ""
     drawn: Path | None = None
     labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))

@@ -30,13 +30,13 @@ def open_replay(
     port: int | None = None,
     served: Callable[[int], None] | None = None,
     demo_model: ModelMaker | None = None,
-    swings: Callable[[Path], Recordings] = lambda folder: {},
+    others: Callable[[Path], Recordings] = lambda folder: {},
 ) -> Replay:
     """A page, on a free port by default, that shows the results (with a motion) of one folder or
     file, or of several in one scene; `served` is called with the port once the page can be opened,
-    before the results are read; `swings`: finds those of a swinging limb.
+    before the results are read; `others`: finds recordings of folders of another kind.
     """
-    choices = [swings(Path(folder)) or recordings(folder, demo_model) for folder in folders]
+    choices = [others(Path(folder)) or recordings(folder, demo_model) for folder in folders]
     from myomorph.lab.viewer.replay import Replay
 
     return Replay(choices, port, served)

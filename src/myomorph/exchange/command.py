@@ -1,0 +1,86 @@
+"""`export` and `run-tool`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from myomorph.lab.cli.options import Threads, documented, use_threads
+from myomorph.lab.cli.output import said, warn
+
+
+@documented
+def export_command(
+    source: Path,
+    /,
+    *,
+    mjcf: Path | None = None,
+    bids: Path | None = None,
+    geometry: Path | None = None,
+) -> int:
+    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much.
+    Or a study's recordings and results as a dataset of BIDS.
+
+    Parameters
+    ----------
+    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with
+        --bids the folder of results that run or another command wrote
+    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go
+        beside it
+    bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
+    geometry : folder of the model's meshes; those beside its file and in Geometry there by default
+    """
+    from myomorph.core.model.errors import BadData
+
+    if mjcf is not None and bids is None:
+        return _mjcf(source, mjcf, geometry)
+    if bids is None or mjcf is not None:
+        which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
+        raise BadData(
+            f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER"
+        )
+    from myomorph.exchange.bids.dataset import export_bids
+
+    warn(export_bids(source, bids), "recordings are looked for where results name them")
+    said(f"wrote {bids}")
+    return 0
+
+
+def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
+    from myomorph.core.io.formats import read_model
+    from myomorph.core.model.errors import BadFile
+    from myomorph.exchange.mujoco.export import write_mjcf, write_tables
+
+    if mjcf.suffix.lower() != ".xml":
+        raise BadFile(
+            mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml"
+        )
+    if geometry is not None and not geometry.is_dir():
+        raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
+    read = read_model(model)
+    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,))
+    for line in certificate.lines:
+        said(line)
+    tables = write_tables(read, certificate, mjcf)
+    said(f"wrote {mjcf}, {', '.join(path.name for path in tables)}")
+    return 0
+
+
+@documented
+def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
+    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or
+    AnalyzeTool.
+
+    Parameters
+    ----------
+    setup : OpenSim setup file (.xml) of one of the four tools
+    """
+    from myomorph.exchange.opensim.run import run_tool
+
+    use_threads(threads)
+    result = run_tool(setup)
+    warn(result.warnings)
+    for line in result.lines:
+        said(f"{result.tool}: {line}")
+    for path in result.written:
+        said(f"wrote {path}")
+    return 0

@@ -1,0 +1,82 @@
+"""`demo`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from myomorph.core.model.extension import DemoEntry, load
+from myomorph.core.model.registry import with_extensions
+from myomorph.lab.cli.options import Threads, documented, use_threads
+from myomorph.lab.cli.output import said
+from myomorph.lab.cli.running import AS_USUAL, BAD_INPUT, OUR_FAULT
+from myomorph.lab.cli.study import run_plan
+from myomorph.show.extension import EXTENSION
+
+USUAL = "simulated"
+
+
+def _help(demos: dict[str, DemoEntry]) -> str:
+    return "; ".join(f"{name}: {demo.help}" for name, demo in demos.items()) + "."
+
+
+DEMOS: dict[str, DemoEntry] = {
+    **EXTENSION.demos,
+    **with_extensions({}, "demo", lambda extension: extension.demos),
+}
+"""All demonstrations, those of this wing first."""
+StudyName: Any = Annotated[Literal[tuple(DEMOS)], Parameter(help=_help(DEMOS))]
+
+
+@documented
+def demo_command(
+    *, out: Path = Path("demo"), study: StudyName = USUAL, threads: Threads = None
+) -> int:
+    """The main job on data that come with the installation, from markers to a report.
+
+    Parameters
+    ----------
+    out : folder to write
+    """
+    use_threads(threads)
+    status: int = load(DEMOS[study].run)(study, out)
+    return status
+
+
+def run_recorded(name: str, out: Path) -> int:
+    """Run the steps of a trial on the recording of a demonstration; the exit status."""
+    from myomorph.lab.study.trial.reporting import REPORT
+    from myomorph.show.demo.demos import run_demo
+
+    outcome = run_demo(name, out)
+    if outcome.error:
+        sys.stderr.write(f"error: {outcome.error}\n")
+        return OUR_FAULT if outcome.fault else BAD_INPUT
+    said(
+        f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square"
+        f" error {100 * outcome.rms:.2f} cm"
+    )
+    said(f"report: {(out / REPORT).resolve()}")
+    return 0
+
+
+def run_performed(name: str, out: Path) -> int:
+    """Write the files of a simulated performance, run its study, and lay its contact forces beside
+    the truth; the exit status.
+    """
+    from myomorph.lab.study.plan.plan import read_plan
+    from myomorph.lab.study.trial.reporting import REPORT
+    from myomorph.show.demo.performances import ERRORS, write_errors, write_performance
+
+    written = write_performance(name, out)
+    said(f"simulated; to run it again: myomorph run {written.study} --out {out / 'results'}")
+    results = out / "results"
+    status = run_plan(read_plan(written.study), results, AS_USUAL)
+    if status == 0:
+        write_errors(written, results, out / ERRORS)
+        said(f"errors of contact forces against the true ones: {out / ERRORS}")
+        said(f"report: {(results / written.results / REPORT).resolve()}")
+    return status

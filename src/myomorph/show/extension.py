@@ -1,0 +1,34 @@
+"""What the wing of shows adds: the command `demo`, and demonstrations of the main job."""
+
+from myomorph.core.model.extension import CommandEntry, DemoEntry, Extension
+
+RECORDED = "myomorph.show.command:run_recorded"
+PERFORMED = "myomorph.show.command:run_performed"
+MODEL = "myomorph.show.demo.demos:demo_model"
+
+EXTENSION = Extension(
+    commands={
+        "demo": CommandEntry(
+            function="myomorph.show.command:demo_command",
+            help=(
+                "The main job on data that come with the installation, from markers to a report."
+            ),
+            example="myomorph demo --out demo",
+            panel="Main job",
+        )
+    },
+    demos={
+        "simulated": DemoEntry(
+            run=RECORDED, help="a full-body squat with known truth", model=MODEL
+        ),
+        "jump": DemoEntry(
+            run=RECORDED,
+            help="a recorded countermovement jump with markers on one leg",
+            model=MODEL,
+        ),
+        "judo": DemoEntry(run=PERFORMED, help="two simulated fighters, as files with a study file"),
+        "taichi": DemoEntry(run=PERFORMED, help="simulated Tai Chi on one plate, as such files"),
+        "tap": DemoEntry(run=PERFORMED, help="simulated tap dance, as such files"),
+        "drum": DemoEntry(run=PERFORMED, help="a simulated drum with microphones, as such files"),
+    },
+)
