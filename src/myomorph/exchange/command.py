@@ -17,8 +17,9 @@ def export_command(
     bids: Path | None = None,
     geometry: Path | None = None,
 ) -> int:
-    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much.
-    Or a study's recordings and results as a dataset of BIDS.
+    """Export a model for MuJoCo 3 and 4 with a certificate, or a study as a dataset of BIDS.
+
+    The certificate says which muscle differs, where and by how much.
 
     Parameters
     ----------
@@ -67,12 +68,12 @@ def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
 
 @documented
 def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
-    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or
-    AnalyzeTool.
+    """Run an OpenSim setup file.
 
     Parameters
     ----------
     setup : OpenSim setup file (.xml) of one of the four tools
+    threads : to use; all cores by default
     """
     from myomorph.exchange.opensim.run import run_tool
 

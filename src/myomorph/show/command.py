@@ -35,11 +35,13 @@ StudyName: Any = Annotated[Literal[tuple(DEMOS)], Parameter(help=_help(DEMOS))]
 def demo_command(
     *, out: Path = Path("demo"), study: StudyName = USUAL, threads: Threads = None
 ) -> int:
-    """The main job on data that come with the installation, from markers to a report.
+    """Run the main job on data that come with the installation, from markers to a report.
 
     Parameters
     ----------
     out : folder to write
+    study : the demonstration
+    threads : to use; all cores by default
     """
     use_threads(threads)
     status: int = load(DEMOS[study].run)(study, out)
@@ -47,7 +49,7 @@ def demo_command(
 
 
 def run_recorded(name: str, out: Path) -> int:
-    """Run the steps of a trial on the recording of a demonstration; the exit status."""
+    """Run the steps of a trial on a demonstration's recording; the exit status."""
     from myomorph.lab.study.trial.reporting import REPORT
     from myomorph.show.demo.demos import run_demo
 
@@ -64,8 +66,9 @@ def run_recorded(name: str, out: Path) -> int:
 
 
 def run_performed(name: str, out: Path) -> int:
-    """Write the files of a simulated performance, run its study, and lay its contact forces beside
-    the truth; the exit status.
+    """Simulate a performance as files and run its study; the exit status.
+
+    Errors of the contact forces against the true ones are written beside the results.
     """
     from myomorph.lab.study.plan.plan import read_plan
     from myomorph.lab.study.trial.reporting import REPORT

@@ -27,7 +27,7 @@ def is_own(place: str) -> bool:
 
 
 def load(place: str, attribute: str = "") -> Any:
-    """What is at a place.
+    """Import what is at a place.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Format:
     part: str = ""
 
     def read(self, path: Path) -> Any:
-        """What a file of this kind holds; raises what its reader raises."""
+        """Read a file of this kind; raises what its reader raises."""
         return load(self.reader)(path)
 
 
@@ -149,7 +149,7 @@ class FolderReader:
         return any(any(folder.glob(pattern)) for pattern in self.files)
 
     def read(self, folder: Path) -> Any:
-        """What the function makes of the folder."""
+        """Call the function with the folder."""
         return load(self.function)(folder)
 
 

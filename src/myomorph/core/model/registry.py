@@ -45,21 +45,22 @@ def providers() -> tuple[Provider, ...]:
 
 
 def extensions() -> tuple[Extension, ...]:
-    """What they declare."""
+    """Return what they declare."""
     return tuple(provider.extension for provider in providers())
 
 
 def with_extensions(
     own: Mapping[str, Entry], kind: str, added: Callable[[Extension], Mapping[str, Entry]]
 ) -> dict[str, Entry]:
-    """A table with what extensions add; a name that is taken stays with who has it, which is
-    remarked.
+    """Return a table with what extensions add to it.
+
+    A name that is taken stays with its owner, and the other one is remarked.
 
     Parameters
     ----------
     own : entries of the table itself
     kind : what its names are, for the remark
-    added : what an extension has for it
+    added : from an extension to what it has for the table
     """
     table = dict(own)
     for provider in providers():
@@ -77,7 +78,7 @@ def remark(text: str) -> None:
 
 
 def new_remarks() -> tuple[str, ...]:
-    """What was noted since the last call."""
+    """Return what was noted since the last call."""
     new = tuple(text for text, printed in _remarks.items() if not printed)
     _remarks.update(dict.fromkeys(new, True))
     return new

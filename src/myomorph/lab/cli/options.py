@@ -135,7 +135,7 @@ def flag(key: Key) -> Any:
 
 def documented(owner: Documented) -> Documented:
     """A command, or a dataclass of its options, with the help of each parameter or attribute in its
-    docstring. What is off by default is only switched on.
+    docstring, unless its annotation has help. What is off by default is only switched on.
     """
     kinds = get_type_hints(owner, include_extras=True)
     defaults = {name: parameter.default for name, parameter in signature(owner).parameters.items()}
@@ -143,9 +143,15 @@ def documented(owner: Documented) -> Documented:
         owner, "Attributes" if isinstance(owner, type) else "Parameters"
     ).items():
         switch: dict[str, Any] = {"negative": ()} if defaults[name] is False else {}
-        kinds[name] = Annotated[kinds[name], Parameter(help=_sentence(text), **switch)]
+        if not _has_help(kinds[name]):
+            kinds[name] = Annotated[kinds[name], Parameter(help=_sentence(text), **switch)]
     owner.__annotations__ = kinds
     return owner
+
+
+def _has_help(kind: Any) -> bool:
+    parts = getattr(kind, "__metadata__", ())
+    return any(isinstance(part, Parameter) and part.help for part in parts)
 
 
 def _sentence(text: str) -> str:

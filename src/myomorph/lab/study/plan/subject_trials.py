@@ -151,7 +151,7 @@ def subject_files(
         static=files["static"],
         shape=shape,
         trials=trials,
-        own=ByType(*own),
+        own=ByType().having(*own),
         model_of=table.model_of or "",
         labels=shared.get("labels", FrozenMap({})),
         static_laboratory=Laboratory(
