@@ -1,0 +1,118 @@
+"""Linear least squares whose unknowns stay in convex cones, as masses that a body can have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import clarabel
+import numpy as np
+import scipy
+
+from myomorph.core.fit.residuals import NormalEquations
+from myomorph.core.model.arrays import Array, read_only
+
+SOLVED = "Solved"
+
+
+@dataclass(frozen=True)
+class Cone:
+    """What a part of right - rows x has to be.
+
+    Attributes
+    ----------
+    kind : "zero" for equations, "nonnegative", or "semidefinite" for a symmetric matrix
+    size : number of rows, of a semidefinite matrix its order n: n (n + 1) / 2 rows, columns of the
+        upper triangle with entries off the diagonal times the root of 2
+    """
+
+    kind: Literal["zero", "nonnegative", "semidefinite"]
+    size: int
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that it takes."""
+        return self.size * (self.size + 1) // 2 if self.kind == "semidefinite" else self.size
+
+
+@read_only
+class Cones:
+    """right - rows x lies in the cones, one after the other.
+
+    Attributes
+    ----------
+    rows : (rows, unknowns), dense or sparse
+    right : (rows,)
+    cones : which together take all rows
+    """
+
+    rows: Array | scipy.sparse.sparray
+    right: Array
+    cones: tuple[Cone, ...]
+
+
+@read_only
+class ConicSolution:
+    """The minimum within cones.
+
+    Attributes
+    ----------
+    x : (unknowns,)
+    status : the solver's word
+    residual : greatest of the primal and dual residuals
+    iterations : of the solver
+    """
+
+    x: Array
+    status: str
+    residual: float
+    iterations: int
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver proved the optimum."""
+        return self.status == SOLVED
+
+
+def minimize_in_cones(
+    equations: NormalEquations, cones: Cones, tolerance: float = 1e-8
+) -> ConicSolution:
+    """Minimum of x . H x + 2 g . x with right - rows x in cones, by an interior-point method.
+
+    Source: Goulart and Chen 2024, Clarabel: an interior-point solver for conic programs with
+    quadratic objectives, arXiv 2405.12762.
+
+    Parameters
+    ----------
+    equations : of the linear residuals about x = 0
+    cones : what x has to meet
+    tolerance : of the solver's residuals and gap
+    """
+    # Brought to a size of 1, so that the tolerance means the same for every problem.
+    scale = 1.0 / max(float(np.diagonal(equations.H).mean()), 1e-300)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = tolerance
+    found = clarabel.DefaultSolver(
+        scipy.sparse.csc_matrix(scipy.sparse.triu(scale * equations.H)),
+        scale * equations.g,
+        scipy.sparse.csc_matrix(cones.rows),
+        np.asarray(cones.right, np.float64),
+        [_clarabel_cone(cone) for cone in cones.cones],
+        settings,
+    ).solve()
+    return ConicSolution(
+        x=np.array(found.x),
+        status=str(found.status),
+        residual=float(max(found.r_prim, found.r_dual)),
+        iterations=int(found.iterations),
+    )
+
+
+def _clarabel_cone(cone: Cone) -> object:
+    kinds = {
+        "zero": clarabel.ZeroConeT,
+        "nonnegative": clarabel.NonnegativeConeT,
+        "semidefinite": clarabel.PSDTriangleConeT,
+    }
+    return kinds[cone.kind](cone.size)

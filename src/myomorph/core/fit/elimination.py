@@ -1,0 +1,60 @@
+"""Unknowns of single frames, eliminated: what is left is an equation of the shared unknowns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.core.fit.residuals import NormalEquations
+from myomorph.core.model.arrays import Array
+
+SMALLEST = 1e-6  # Singular values of a frame below this share of its largest show nothing
+
+
+class Eliminated(NamedTuple):
+    """A frame whose own unknowns follow the shared ones.
+
+    Attributes
+    ----------
+    equations : of the shared unknowns
+    moved : (own,) how far the frame's own unknowns lie from their best values
+    follows : (own, shared) how these follow the shared unknowns
+    cost : sum of squares that is left at these best values
+    """
+
+    equations: NormalEquations
+    moved: Array
+    follows: Array
+    cost: float
+
+
+def eliminated(own: Array, shared: Array, residuals: Array) -> Eliminated:
+    """Take the unknowns of a frame out of its equations (Schur complement).
+
+    Residuals r + J q + X d of the frame's own unknowns q and the shared ones d are least at
+
+        q = -J^+ (r + X d),   with P = I - J J^+:   H = X^T P X,   g = X^T P r
+
+    Parameters
+    ----------
+    own : (rows, own) J, in units of the residuals' noise
+    shared : (rows, shared) X
+    residuals : (rows,) r
+
+    Returns
+    -------
+    the equations of the shared unknowns, and how the frame's own follow them
+    """
+    basis, sizes, directions = np.linalg.svd(own, full_matrices=False)
+    shown = sizes > SMALLEST * sizes.max(initial=0.0)
+    basis = basis[:, shown]
+    rest = shared - basis @ (basis.T @ shared)
+    left = residuals - basis @ (basis.T @ residuals)
+    inverse = -(directions[shown].T / sizes[shown]) @ basis.T
+    return Eliminated(
+        equations=NormalEquations(H=shared.T @ rest, g=rest.T @ residuals),
+        moved=inverse @ residuals,
+        follows=inverse @ shared,
+        cost=float(left @ left),
+    )

@@ -1,0 +1,96 @@
+"""Unknowns and what is known of them: parts that add up to one problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.fit.residuals import (
+    Evaluation,
+    NormalEquations,
+    Residuals,
+    own_prior,
+    scattered,
+)
+from myomorph.core.fit.unknowns import Unknowns, Values
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import check_name
+
+
+@read_only
+class Evaluated:
+    """All residuals of a problem at one point.
+
+    Attributes
+    ----------
+    x : (unknowns,)
+    parts : of each residual of the problem, in order; its own priors last
+    """
+
+    x: Array
+    parts: tuple[Evaluation, ...]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares, each in units of its noise."""
+        return float(sum(part.cost for part in self.parts))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be estimated, and from what.
+
+    Attributes
+    ----------
+    unknowns : in blocks, some of which may be held; priors of their own count as known
+    residuals : measurements, and priors that tie unknowns to each other
+    """
+
+    unknowns: Unknowns
+    residuals: tuple[Residuals, ...]
+
+    def __post_init__(self) -> None:
+        for one in self.residuals:
+            for block in one.blocks:
+                check_name("unknowns", block, self.unknowns.slices, f"the problem of '{one.name}'")
+
+    def __add__(self, other: Problem) -> Problem:
+        """One problem of both: what both do not know is there once."""
+        return Problem(self.unknowns + other.unknowns, self.residuals + other.residuals)
+
+    @cached_property
+    def known(self) -> tuple[Residuals, ...]:
+        """The residuals, and the priors of the unknowns themselves."""
+        own = own_prior(self.unknowns)
+        return (*self.residuals, own) if len(own.right) else self.residuals
+
+    @cached_property
+    def columns(self) -> tuple[NDArray[np.intp], ...]:
+        """Of each of `known`, which unknowns its equations are of."""
+        return tuple(self.unknowns.index(one.blocks) for one in self.known)
+
+    def at(self, x: Array | None = None, before: Evaluated | None = None) -> Evaluated:
+        """All residuals at a point, by default the start; see `Residuals.at`."""
+        x = np.array(self.unknowns.start if x is None else x)
+        values = Values(self.unknowns, x)
+        begin: Sequence[Evaluation | None] = (
+            [None] * len(self.known) if before is None else before.parts
+        )
+        parts = [one.at(values, last) for one, last in zip(self.known, begin, strict=True)]
+        return Evaluated(x=x, parts=tuple(parts))
+
+    def normal(self, at: Evaluated) -> tuple[NormalEquations, NormalEquations]:
+        """Normal equations of all unknowns: of what was measured, and of what was known before."""
+        count = len(self.unknowns)
+        sums = {prior: (np.zeros((count, count)), np.zeros(count)) for prior in (False, True)}
+        for one, part, index in zip(self.known, at.parts, self.columns, strict=True):
+            equations = scattered(part.normal(), index, count)
+            H, g = sums[one.prior]
+            H += equations.H
+            g += equations.g
+        data, prior = (NormalEquations(H=H, g=g) for H, g in sums.values())
+        return data, prior

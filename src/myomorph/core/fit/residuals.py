@@ -1,0 +1,228 @@
+"""What measurements and priors say of unknowns: residuals in units of their noise, and slopes.
+
+Whatever computes residuals is asked for two things: their sum of squares at some values, and the
+normal equations there. Rows and slopes give both (`Rows`); a kernel that eliminates the poses of
+its frames hands over the equations as they come out of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from myomorph.core.fit.unknowns import Unknowns, Values
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+
+STEP = 1e-6  # Of finite differences, in units of the value or of 1
+
+
+@read_only
+class NormalEquations:
+    """The quadratic model of a sum of squares about a point: cost + 2 g . d + d . H d.
+
+    Attributes
+    ----------
+    H : (unknowns, unknowns) J^T J of whitened residuals r with slopes J; eliminated frames taken
+        off
+    g : (unknowns,) J^T r
+    """
+
+    H: Array
+    g: Array
+
+
+class Evaluation(Protocol):
+    """Residuals at some values of the unknowns."""
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares, each in units of its noise."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """How many numbers were compared."""
+        ...
+
+    def normal(self) -> NormalEquations:
+        """Of the unknowns of the residuals' blocks, in their order."""
+        ...
+
+
+class Residuals(Protocol):
+    """One source of what is known."""
+
+    @property
+    def name(self) -> str:
+        """For certificates, as "markers of walk1.trc"."""
+        ...
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """The blocks of unknowns that it depends on, in the order of its equations."""
+        ...
+
+    @property
+    def prior(self) -> bool:
+        """Whether it was known before anything was measured."""
+        ...
+
+    def at(self, values: Values, before: Evaluation | None) -> Evaluation:
+        """The residuals at these values. `before` is the evaluation that the search came from: what
+        is eliminated frame by frame begins there.
+        """
+        ...
+
+
+@read_only
+class Rows:
+    """Residuals (rows,) in units of their noise, and their slopes (rows, unknowns)."""
+
+    residuals: Array
+    slopes: Array
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def count(self) -> int:
+        """Of rows."""
+        return len(self.residuals)
+
+    def normal(self) -> NormalEquations:
+        """By the products of the slopes."""
+        return NormalEquations(H=self.slopes.T @ self.slopes, g=self.slopes.T @ self.residuals)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Residuals by a function of the unknowns.
+
+    Attributes
+    ----------
+    name, blocks : see `Residuals`
+    function : from values by block to predicted less measured, (rows,) in their unit
+    slopes : from values by block to (rows, unknowns of the block) by block; by default central
+        differences
+    sd : standard deviation of the noise, of each row or of all, in the rows' unit
+    correlation_time : rows in sequence that say as much as one independent one, 1 or more (see
+        `correlation_times`); so much less all rows count
+    prior : whether it was known before anything was measured
+    """
+
+    name: str
+    blocks: tuple[str, ...]
+    function: Callable[[Values], Array]
+    slopes: Callable[[Values], Mapping[str, Array]] | None = None
+    sd: ArrayLike = 1.0
+    correlation_time: float = 1.0
+    prior: bool = False
+
+    def __post_init__(self) -> None:
+        if not (np.asarray(self.sd) > 0.0).all():
+            raise BadData(f"noise of residuals '{self.name}': expected standard deviations above 0")
+        if not self.correlation_time >= 1.0:
+            raise BadData(
+                f"correlation time of residuals '{self.name}' is {self.correlation_time:g} rows:"
+                " expected 1 or more"
+            )
+
+    def at(self, values: Values, before: Evaluation | None = None) -> Evaluation:
+        """Residuals at these values; slopes when they are asked for."""
+        return _MeasuredAt(measured=self, values=values)
+
+    @property
+    def weight(self) -> Array:
+        """Of a row, or of each: 1 / (sd sqrt(correlation time))."""
+        return 1.0 / (np.asarray(self.sd, np.float64) * np.sqrt(self.correlation_time))
+
+    def differences(self, values: Values) -> Array:
+        """(rows, unknowns) slopes of the function by central differences."""
+        columns = []
+        for index in values.unknowns.index(self.blocks):
+            size = STEP * max(1.0, abs(float(values.x[index])))
+            after = np.asarray(self.function(values.nudged(index, size)))
+            before = np.asarray(self.function(values.nudged(index, -size)))
+            columns.append((after - before) / (2.0 * size))
+        return np.column_stack(columns)
+
+
+@dataclass(frozen=True, eq=False)
+class _MeasuredAt:
+    measured: Measured
+    values: Values
+
+    @cached_property
+    def residuals(self) -> Array:
+        return np.asarray(self.measured.function(self.values)) * self.measured.weight
+
+    @property
+    def cost(self) -> float:
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def count(self) -> int:
+        return len(self.residuals)
+
+    def normal(self) -> NormalEquations:
+        measured = self.measured
+        if measured.slopes is None:
+            slopes = measured.differences(self.values)
+        else:
+            by_block = measured.slopes(self.values)
+            slopes = np.hstack([by_block[name] for name in measured.blocks])
+        weighted = slopes * np.broadcast_to(measured.weight, self.residuals.shape)[:, None]
+        return Rows(residuals=self.residuals, slopes=weighted).normal()
+
+
+@read_only
+class LinearPrior:
+    """What is held likely beforehand of sums and differences of unknowns.
+
+    Attributes
+    ----------
+    name, blocks : see `Residuals`
+    rows, right : rows (rows, unknowns) x - right (rows,) has standard deviation 1
+    """
+
+    name: str
+    blocks: tuple[str, ...]
+    rows: Array
+    right: Array
+    prior: bool = field(default=True, init=False)
+
+    def at(self, values: Values, before: Evaluation | None = None) -> Rows:
+        """Misfits in standard deviations."""
+        x = np.concatenate([values[name] for name in self.blocks])
+        return Rows(residuals=self.rows @ x - self.right, slopes=self.rows)
+
+
+def own_prior(unknowns: Unknowns) -> LinearPrior:
+    """The means and standard deviations that unknowns have themselves. Of those with a chart, as
+    rotations, slopes are 1: exact at the minimum, for a rotation vector is an axis of its own turn.
+    """
+    known = np.flatnonzero(np.isfinite(unknowns.sd))
+    rows = np.eye(len(unknowns))[known] / unknowns.sd[known, None]
+    return LinearPrior(
+        name="prior",
+        blocks=tuple(unknowns.slices),
+        rows=rows,
+        right=(unknowns.mean / unknowns.sd)[known],
+    )
+
+
+def scattered(equations: NormalEquations, index: NDArray[np.intp], count: int) -> NormalEquations:
+    """Equations of some unknowns (at `index`) among those of all."""
+    H = np.zeros((count, count))
+    H[np.ix_(index, index)] = equations.H
+    g = np.zeros(count)
+    g[index] = equations.g
+    return NormalEquations(H=H, g=g)

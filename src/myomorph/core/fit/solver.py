@@ -1,0 +1,310 @@
+"""Damped Gauss-Newton with bounds (Levenberg-Marquardt): the one search of all estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.core.fit.bounds import bounded_step
+from myomorph.core.fit.problem import Evaluated, Problem
+from myomorph.core.fit.residuals import NormalEquations
+from myomorph.core.fit.unknowns import Bools
+from myomorph.core.model.arrays import Array, read_only
+
+Status = Literal["converged", "no step lowers the cost", "iteration limit"]
+CONVERGED: Status = "converged"
+NO_LOWER: Status = "no step lowers the cost"
+LIMIT: Status = "iteration limit"
+
+DAMPING = 1e-6  # Relative to the diagonal, at first
+MIN_DAMPING = 1e-9
+MAX_DAMPING = 1e6
+ROUNDING = 1e-12  # Share by which a cost may rise and count as equal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """When the search ends, and how far it trusts its quadratic model.
+
+    Attributes
+    ----------
+    iterations : linearizations at most
+    tolerance : the search ends where no unknown moves further, in its `scale`
+    min_gain : it ends too where a step lowers the cost by a smaller share
+    kink : where no step lowers the cost although one promised at most this share, the search has
+        converged: what is eliminated frame by frame, or a bound there, bends the cost
+    max_step : a step that moves an unknown further, in its `scale`, is not tried
+    reweighted : weights are made anew at each linearization, so that costs cannot be compared:
+        every Gauss-Newton step is taken, undamped
+    """
+
+    iterations: int = 50
+    tolerance: float = 1e-6
+    min_gain: float = 1e-12
+    kink: float = 1e-4
+    max_step: float = np.inf
+    reweighted: bool = False
+
+
+@read_only
+class Solution:
+    """Where the search ended, and how sure it is that this is the minimum.
+
+    Attributes
+    ----------
+    x : (unknowns,)
+    free : (unknowns,) which were searched for
+    at : the residuals there, after reweighted steps one step before; None in an `Estimate`, which
+        says itself how they are explained
+    data, prior : normal equations there, of what was measured and of what was known before
+    status : how the search ended
+    costs : at the start and after each step
+    change : largest of the last step, in the unknowns' scales
+    gradient : largest slope of the cost that bounds leave, in units of an unknown's scale, relative
+        to the cost; 0 at a minimum
+    """
+
+    x: Array
+    free: Bools
+    at: Evaluated | None
+    data: NormalEquations
+    prior: NormalEquations
+    status: Status
+    costs: tuple[float, ...]
+    change: float
+    gradient: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search ended at a minimum."""
+        return self.status == CONVERGED
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares that is left."""
+        return self.costs[-1]
+
+    @property
+    def steps(self) -> int:
+        """Done."""
+        return len(self.costs) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """The quadratic model of the cost at a point, over the free unknowns."""
+
+    problem: Problem
+    at: Evaluated
+    free: Bools
+    data: NormalEquations
+    prior: NormalEquations
+
+    @classmethod
+    def of(cls, problem: Problem, at: Evaluated, free: Bools) -> _Model:
+        data, prior = problem.normal(at)
+        # What nothing shows stays where it is.
+        shown = np.diag(data.H) + np.diag(prior.H) > 0.0
+        return cls(problem=problem, at=at, free=free & shown, data=data, prior=prior)
+
+    @property
+    def g(self) -> Array:
+        """Slope of half the cost (free,)."""
+        return (self.data.g + self.prior.g)[self.free]
+
+    def damped(self, damping: float) -> Array:
+        """Curvature of half the cost (free, free), its diagonal raised."""
+        H = (self.data.H + self.prior.H)[np.ix_(self.free, self.free)]
+        return H + damping * np.diag(np.diag(H))
+
+    def step(self, damping: float) -> Array:
+        """(unknowns,) to the least of the damped model within bounds."""
+        unknowns = self.problem.unknowns
+        x = self.at.x
+        low = (unknowns.low - x)[self.free]
+        high = (unknowns.high - x)[self.free]
+        step = np.zeros(len(x))
+        step[self.free] = bounded_step(self.damped(damping), self.g, low, high)
+        return step
+
+    def promised(self, step: Array) -> float:
+        """Share of the cost that a step takes off, by the quadratic model."""
+        part = step[self.free]
+        gain = -float(2.0 * self.g @ part + part @ self.damped(0.0) @ part)
+        return gain / max(self.at.cost, 1e-300)
+
+    @property
+    def gradient(self) -> float:
+        """See `Solution`."""
+        unknowns = self.problem.unknowns
+        slope = (self.data.g + self.prior.g) * self.free
+        held = ((self.at.x <= unknowns.low) & (slope > 0.0)) | (
+            (self.at.x >= unknowns.high) & (slope < 0.0)
+        )
+        scale = np.where(np.isfinite(unknowns.scale), unknowns.scale, 0.0)
+        sizes = np.abs(np.where(held, 0.0, slope)) * scale
+        return float(sizes.max(initial=0.0)) / max(self.at.cost, 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """What a search for a lower cost from one point came to.
+
+    Attributes
+    ----------
+    at : the lower point; None where no step was accepted
+    change : of the last step tried, in the unknowns' scales
+    damping : to go on with
+    small : whether the step became smaller than the tolerance
+    promised : share of the cost that it should have taken off
+    """
+
+    at: Evaluated | None
+    change: float
+    damping: float
+    small: bool
+    promised: float
+
+
+def minimize(
+    problem: Problem,
+    start: Evaluated | None = None,
+    fit: Sequence[str] | None = None,
+    method: Method | None = None,
+    progress: Callable[[], None] = lambda: None,
+    free: Bools | None = None,
+) -> Solution:
+    """Values of the unknowns that explain measurements and priors best.
+
+        minimize  sum_k |r_k(x)|^2,    low <= x <= high
+
+    over all residuals r_k in units of their noise. A step d of the damped normal equations
+
+        (H + damping diag H) d = -g,    H = sum J_k^T J_k,   g = sum J_k^T r_k
+
+    within bounds is taken where it lowers the sum; else the damping grows tenfold.
+
+    Source: Marquardt 1963, An algorithm for least-squares estimation of nonlinear parameters,
+    Journal of the Society for Industrial and Applied Mathematics 11(2):431.
+
+    Parameters
+    ----------
+    problem : unknowns and residuals
+    start : the point to begin at, by default `problem.at()`
+    fit : names of the blocks that are searched for, by default all; others stay at the start
+    method : when the search ends; see `Method`
+    progress : called after each linearization
+    free : (unknowns,) which unknowns of these blocks may move; by default all
+
+    Returns
+    -------
+    the point, its equations, how the search ended
+
+    Raises
+    ------
+    UnknownName : `fit` names a block that the problem does not have
+    """
+    method = method or Method()
+    chosen = problem.unknowns.free(fit)
+    chosen = chosen if free is None else chosen & free
+    at = problem.at() if start is None else start
+    if method.reweighted:
+        return _reweighted(problem, at, chosen, method, progress)
+    costs = [at.cost]
+    damping = DAMPING
+    change = np.inf
+    status: Status = LIMIT
+    model = None
+    for _ in range(method.iterations):
+        model = _Model.of(problem, at, chosen)
+        tried = _lower(model, damping, method)
+        damping = tried.damping
+        change = tried.change
+        progress()
+        if tried.at is None:
+            # The equations are those of this point already.
+            status = CONVERGED if tried.small or tried.promised <= method.kink else NO_LOWER
+            break
+        gained = 1.0 - tried.at.cost / max(at.cost, 1e-300)
+        at = tried.at
+        costs.append(at.cost)
+        model = None
+        if change <= method.tolerance or gained < method.min_gain:
+            status = CONVERGED
+            break
+    return _solution(model or _Model.of(problem, at, chosen), chosen, status, costs, change)
+
+
+def _solution(
+    model: _Model, free: Bools, status: Status, costs: Sequence[float], change: float
+) -> Solution:
+    return Solution(
+        x=model.at.x,
+        free=free,
+        at=model.at,
+        data=model.data,
+        prior=model.prior,
+        status=status,
+        costs=tuple(costs),
+        change=change,
+        gradient=model.gradient,
+    )
+
+
+def _lower(model: _Model, damping: float, method: Method) -> _Tried:
+    """Damp until a step lowers the cost, or until one is not worth it."""
+    unknowns = model.problem.unknowns
+    at = model.at
+    change = 0.0
+    promised = 1.0
+    while damping < MAX_DAMPING and promised > method.min_gain:
+        try:
+            step = model.step(damping)
+        except np.linalg.LinAlgError:
+            # What the rows tie together but for rounding is told apart by damping alone.
+            damping = damping * 10.0
+            continue
+        change = float(np.abs(step / unknowns.scale).max(initial=0.0))
+        small = damping <= DAMPING and change <= method.tolerance
+        promised = model.promised(step)
+        accepted = False
+        if change <= method.max_step:
+            x = np.clip(unknowns.moved(at.x, step), unknowns.low, unknowns.high)
+            trial = model.problem.at(x, at)
+            accepted = trial.cost <= at.cost * (1.0 + ROUNDING)
+        damping = max(damping * 0.1, MIN_DAMPING) if accepted else damping * 10.0
+        if accepted or small:
+            return _Tried(
+                at=trial if accepted else None,
+                change=change,
+                damping=damping,
+                small=small,
+                promised=promised,
+            )
+    return _Tried(at=None, change=change, damping=damping, small=False, promised=promised)
+
+
+def _reweighted(
+    problem: Problem, at: Evaluated, free: Bools, method: Method, progress: Callable[[], None]
+) -> Solution:
+    """Gauss-Newton steps, each taken, with weights that follow the residuals."""
+    unknowns = problem.unknowns
+    costs = [at.cost]
+    status: Status = LIMIT
+    for number in range(method.iterations):
+        model = _Model.of(problem, at, free)
+        step = model.step(0.0)
+        change = float(np.abs(step / unknowns.scale).max(initial=0.0))
+        x = np.clip(unknowns.moved(at.x, step), unknowns.low, unknowns.high)
+        progress()
+        if change < method.tolerance:
+            status = CONVERGED
+        if status == CONVERGED or number + 1 == method.iterations:
+            break
+        at = problem.at(x, at)
+        costs.append(at.cost)
+    solution = _solution(model, free, status, costs, change)
+    return replace(solution, x=x)

@@ -1,0 +1,248 @@
+"""What is to be estimated: numbers with a name, a unit, a prior, bounds, and where they live."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from myomorph.core.model.arrays import Array, frozen_array
+from myomorph.core.model.errors import BadData, check_name
+from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.spatial import rotation_from_vector, vector_from_rotation
+
+Bools = NDArray[np.bool_]
+Made = TypeVar("Made")
+Chart = Callable[[Array, Array], Array]
+"""Values of a block after a step: `chart(values, step)`, both (unknowns,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """One number that is not known.
+
+    Attributes
+    ----------
+    name : unique among all that are estimated together, as "femur_r length"
+    unit : of its value, "1" without one
+    where : what of the model or the recording it is, as "body femur_r: length"
+    start : where the search begins; the generic value
+    mean, sd : before anything is measured; the mean is `start` by default, an sd of None is no
+        prior
+    low, high : bounds
+    scale : a change of this size matters; steps and what nothing shows are measured in it. An
+        infinite one is not waited for
+    """
+
+    name: str
+    unit: str = "1"
+    where: str = ""
+    start: float = 0.0
+    mean: float | None = None
+    sd: float | None = None
+    low: float = -np.inf
+    high: float = np.inf
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.start <= self.high:
+            raise BadData(
+                f"unknown '{self.name}' starts at {self.start:g}: expected {self.low:g} to"
+                f" {self.high:g} {self.unit}"
+            )
+        if self.sd is not None and not self.sd > 0.0:
+            raise BadData(
+                f"unknown '{self.name}' has a prior of {self.sd:g} {self.unit}: expected a standard"
+                " deviation above 0, or None for no prior"
+            )
+        if not self.scale > 0.0:
+            raise BadData(f"unknown '{self.name}' has scale {self.scale:g}: expected above 0")
+
+
+def added(values: Array, step: Array) -> Array:
+    """The chart of numbers that steps are added to."""
+    return values + step
+
+
+def turned(values: Array, step: Array) -> Array:
+    """The chart of rotations: rotation vectors (3 n,) [rad] that steps turn further in ground.
+
+    exp(v') = exp(step) exp(v). Slopes are those of a small turn on the left.
+    """
+    rotations = rotation_from_vector(step.reshape(-1, 3)) @ rotation_from_vector(
+        values.reshape(-1, 3)
+    )
+    return vector_from_rotation(rotations).ravel()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """Unknowns that are estimated or held together, under one name.
+
+    Attributes
+    ----------
+    name : as residuals and `fit = [...]` call it: "lengths"
+    unknowns : in the order of their values
+    chart : how a step moves the values: `added`, or `turned` for rotation vectors
+    """
+
+    name: str
+    unknowns: tuple[Unknown, ...]
+    chart: Chart = added
+
+    def __len__(self) -> int:
+        return len(self.unknowns)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All unknowns of an estimate. Their order in vectors is that of the blocks, stated here once.
+
+    Examples
+    --------
+    >>> from myomorph.core.fit.unknowns import Block, Unknown, Unknowns
+    >>> clock = Block(name="clock", unknowns=(Unknown(name="delay", unit="s", sd=0.05),))
+    >>> Unknowns((clock,)).names
+    ('delay',)
+    """
+
+    blocks: tuple[Block, ...]
+
+    def __post_init__(self) -> None:
+        for kind, names in (
+            ("blocks of unknowns", [block.name for block in self.blocks]),
+            ("unknowns", self.names),
+        ):
+            twice = [name for name, count in Counter(names).items() if count > 1]
+            if twice:
+                raise BadData(f"several {kind} are called '{twice[0]}'")
+
+    def __len__(self) -> int:
+        return sum(map(len, self.blocks))
+
+    def __iter__(self) -> Iterator[Unknown]:
+        return (unknown for block in self.blocks for unknown in block.unknowns)
+
+    def __add__(self, other: Unknowns) -> Unknowns:
+        """Both lists; a block that both have must be the same, and is there once."""
+        mine = {block.name: block for block in self.blocks}
+        for block in other.blocks:
+            if mine.setdefault(block.name, block) != block:
+                raise BadData(f"unknowns '{block.name}' are declared in two ways")
+        return Unknowns(tuple(mine.values()))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of every unknown, in order."""
+        return tuple(unknown.name for unknown in self)
+
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """Where each block lies in a vector of all unknowns."""
+        ends = np.cumsum([0, *map(len, self.blocks)]).tolist()
+        pairs = zip(self.blocks, ends[:-1], ends[1:], strict=True)
+        return FrozenMap({block.name: slice(first, last) for block, first, last in pairs})
+
+    @cached_property
+    def start(self) -> Array:
+        """Starts (unknowns,)."""
+        return self._column(unknown.start for unknown in self)
+
+    @cached_property
+    def low(self) -> Array:
+        """Lower bounds (unknowns,)."""
+        return self._column(unknown.low for unknown in self)
+
+    @cached_property
+    def high(self) -> Array:
+        """Upper bounds (unknowns,)."""
+        return self._column(unknown.high for unknown in self)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Scales (unknowns,)."""
+        return self._column(unknown.scale for unknown in self)
+
+    @cached_property
+    def mean(self) -> Array:
+        """(unknowns,) of the prior; where there is none, the start."""
+        return self._column(
+            unknown.start if unknown.mean is None else unknown.mean for unknown in self
+        )
+
+    @cached_property
+    def sd(self) -> Array:
+        """(unknowns,) of the prior; infinite where there is none."""
+        return self._column(np.inf if unknown.sd is None else unknown.sd for unknown in self)
+
+    def vector(self, values: Mapping[str, Array]) -> Array:
+        """The vector of values by block; blocks that are not named stand at their start."""
+        x = np.array(self.start)
+        for name, part in values.items():
+            x[self.slices[name]] = part
+        return x
+
+    def index(self, blocks: Sequence[str]) -> NDArray[np.intp]:
+        """Columns of some blocks in a vector of all unknowns, block after block."""
+        every = np.arange(len(self))
+        chosen = [every[self.slices[name]] for name in blocks]
+        return np.concatenate([np.zeros(0, np.intp), *chosen])
+
+    def free(self, blocks: Sequence[str] | None = None) -> Bools:
+        """(unknowns,) which ones are searched for: those of some blocks, or all."""
+        known = tuple(self.slices)
+        chosen = known if blocks is None else tuple(blocks)
+        for name in chosen:
+            check_name("unknowns", name, known, "what can be estimated here")
+        free = np.zeros(len(self), np.bool_)
+        free[self.index(chosen)] = True
+        return free
+
+    def moved(self, x: Array, step: Array) -> Array:
+        """The unknowns (unknowns,) after a step (unknowns,), each block by its chart."""
+        parts = [
+            block.chart(x[self.slices[block.name]], step[self.slices[block.name]])
+            for block in self.blocks
+        ]
+        return np.concatenate([np.zeros(0), *parts])
+
+    def _column(self, values: Iterable[float]) -> Array:
+        return frozen_array([float(value) for value in values])
+
+
+class Values(Mapping[str, Array]):
+    """Values of all unknowns: by the name of a block (unknowns of the block,), together in `x`."""
+
+    __slots__ = ("_shared", "unknowns", "x")
+
+    def __init__(self, unknowns: Unknowns, x: Array):
+        self.unknowns = unknowns
+        self.x = x
+        self._shared: dict[str, Any] = {}
+
+    def __getitem__(self, block: str) -> Array:
+        return self.x[self.unknowns.slices[block]]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.unknowns.slices)
+
+    def __len__(self) -> int:
+        return len(self.unknowns.blocks)
+
+    def nudged(self, index: int, size: float) -> Values:
+        """The values with one unknown (its place in `x`) a step further, by its block's chart."""
+        step = np.zeros(len(self.x))
+        step[index] = size
+        return Values(self.unknowns, self.unknowns.moved(self.x, step))
+
+    def shared(self, name: str, make: Callable[[], Made]) -> Made:
+        """What several residuals need at these values, as the poses of all frames, made once."""
+        if name not in self._shared:
+            self._shared[name] = make()
+        made: Made = self._shared[name]
+        return made
