@@ -10,22 +10,30 @@ import numpy as np
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
-from myomorph.lab.analysis.seen_body import ARM, GRAVITY, MIN_FRAMES, SIDES, SeenBody, extent
+from myomorph.lab.analysis.seen_body import (
+    ARM,
+    GRAVITY,
+    KNEE,
+    MIN_FRAMES,
+    SIDES,
+    SeenBody,
+    extent,
+)
 
 # Lengths are shares of the leg's, times of a pendulum's as long, sqrt(leg / g), so that a mouse is
 # judged as a man is. docs/validation/raw-recordings.md names the recordings that set them.
 MAX_STILL = 0.06  # Feet and pelvis of somebody who stands leave their places by less.
 MIN_REACH = 0.2  # An arm moves that goes so far.
 MIN_STEP = 0.12  # A foot is ahead of the other that is by so much, ...
-MIN_STEPPED = 0.3  # ... and both go so far over the ground or beside the pelvis, ...
+MIN_STEPPED = 0.3  # ... and both go so far over the ground or a belt, ...
 MIN_SPREAD = 0.5  # ... as far apart, from one behind to one ahead, where they pass only once.
 MIN_DESCENT = 0.2  # A pelvis that goes down so far over feet that stay, squats or rises.
 MIN_CLIMB = 0.12  # The lower foot of somebody on stairs ends so much higher or lower.
 MAX_FLIGHT = 0.25  # Of the weight: force on the ground under somebody who flies.
 MIN_LIFT = 0.02  # Both feet leave the ground in a flight by so much at least.
 MAX_TOGETHER = 0.35  # Feet of a jump are less far apart along the way while they fly.
-SEAT_TIME = 1.3  # Who sits stays down for so long, times of the pendulum, ...
-SEAT_BAND = 0.12  # ... within this share of the way down.
+MAX_BALANCE = 0.12  # Center of mass behind the feet of somebody whom no seat carries.
+LOW = 15.0  # Percentile of the pelvis' height below which it counts as low.
 UPRIGHT = 0.5  # The thigh of somebody who stands rises by so much of its length.
 
 
@@ -67,12 +75,9 @@ class SeenMotion:
 
     @cached_property
     def strides(self) -> float:
-        """How far the foot goes that goes less far, over the ground or beside the pelvis."""
+        """How far the foot goes that goes less far over the ground or the belt."""
         level = self.feet[..., [0, 2]]
-        beside = level - self.root[:, None, [0, 2]]
-        return min(
-            max(extent(level[:, side]), extent(beside[:, side])) for side in range(len(SIDES))
-        )
+        return min(extent(level[:, side]) for side in range(len(SIDES)))
 
     @cached_property
     def flights(self) -> list[slice]:
@@ -112,16 +117,29 @@ class SeenMotion:
         return float(high - low)
 
     @cached_property
-    def seated(self) -> float:
-        """The longest stay of the pelvis at its lowest [s]."""
-        low = np.percentile(self.root[:, 1], 2.0)
-        stays = runs(self.root[:, 1] < low + SEAT_BAND * self.descent)
-        return max(((stop - start) / self.body.rate for start, stop in stays), default=0.0)
+    def behind(self) -> float:
+        """How far the center of mass is behind the feet while the pelvis is low; nan if unknown.
+
+        Head, arms and trunk weigh 0.65 of the body, thighs 0.2, shanks and feet 0.15, with their
+        centers about halfway between the landmarks at their ends.
+
+        Source: Winter 2009, table 4.1, rounded.
+        """
+        shoulders = self.body.mean("trunk.acromion", "trunk.c7", "trunk.jugular_notch")
+        knees = self.body.mean(*KNEE)
+        hips = self.body.root
+        if shoulders is None or knees is None or hips is None:
+            return float("nan")
+        feet = np.mean(list(self.body.feet.values()), axis=0)
+        center = 0.65 * (hips + shoulders) / 2.0 + 0.2 * (hips + knees) / 2.0 + 0.15 * feet
+        ahead = ((center - feet) * self.body.forward).sum(axis=1) / self.body.leg
+        low = self.root[:, 1] <= np.percentile(self.root[:, 1], LOW)
+        return -float(np.median(ahead[low]))
 
     @property
     def standing_share(self) -> float:
         """Rise of the thighs over their length, nan where no knee is seen."""
-        knee = self.body.mean("thigh.lateral_epicondyle", "shank.knee", "shank.lateral_plateau")
+        knee = self.body.mean(*KNEE)
         hip = self.body.root
         if knee is None or hip is None:
             return float("nan")
@@ -160,21 +178,39 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
     """The movement where feet and pelvis are seen over time."""
     steps = motion.passes >= 2 or (motion.passes == 1 and np.ptp(motion.ahead) > MIN_SPREAD)
     steps = steps and motion.strides > MIN_STEPPED
+    if motion.body.is_animal:
+        return _of_an_animal(motion, steps)
     flights = len(motion.flights)
     if flights and (motion.jumps or not steps):
-        return _by_markers("jumping", f"both feet leave the ground side by side, {flights} flights")
+        return _by_markers(
+            "jumping", f"both feet leave the ground side by side, {_counted(flights)}"
+        )
     if steps and abs(motion.climb) > MIN_CLIMB:
         way = 100.0 * motion.climb * motion.body.leg
-        return _by_markers("stairs", f"feet pass each other and end {way:+.0f} cm higher")
+        return _by_markers(
+            "stairs",
+            f"feet pass each other and end {abs(way):.0f} cm {'higher' if way > 0.0 else 'lower'}",
+        )
     if steps and flights:
-        return _by_markers("running", f"feet pass each other {_times(motion)}, {flights} flights")
+        return _by_markers("running", f"feet pass each other {_times(motion)}, {_counted(flights)}")
     if steps:
         return _by_markers("walking", f"feet pass each other {_times(motion)}, without a flight")
     return _in_place(motion)
 
 
+def _of_an_animal(motion: SeenMotion, steps: bool) -> Known[Movement]:
+    """Walking of an animal that steps: gaits of four legs are not told apart."""
+    if not steps:
+        return Known(sentence="an animal that takes no steps")
+    return _by_markers("walking", f"feet of an animal pass each other {_times(motion)}")
+
+
 def _times(motion: SeenMotion) -> str:
     return "once" if motion.passes == 1 else f"{motion.passes} times"
+
+
+def _counted(flights: int) -> str:
+    return f"{flights} flight{'s' if flights > 1 else ''}"
 
 
 def _in_place(motion: SeenMotion) -> Known[Movement]:
@@ -185,8 +221,9 @@ def _in_place(motion: SeenMotion) -> Known[Movement]:
         return _by_markers("other", "a foot moves, without steps")
     if motion.descent > MIN_DESCENT:
         way = f"the pelvis moves by {100.0 * motion.descent * body.leg:.0f} cm over feet that stay"
-        if motion.seated > SEAT_TIME * body.pendulum:
-            return _by_markers("rising", f"{way}, and rests low for {motion.seated:.1f} s")
+        if motion.behind > MAX_BALANCE:
+            apart = 100.0 * motion.behind * body.leg
+            return _by_markers("rising", f"{way}, and its weight is {apart:.0f} cm behind them")
         return _by_markers("squatting", way)
     if max(extent(motion.root), moved) > MAX_STILL:
         return _by_markers("other", "the body moves over feet that stay")

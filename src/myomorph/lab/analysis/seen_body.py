@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,17 +12,24 @@ import scipy
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Markers
+from myomorph.core.motion.crossings import crossings
 from myomorph.core.motion.protocols import Site
+from myomorph.core.motion.sync import cut
+from myomorph.lab.analysis.worded_sites import worded_sites
 
 GRAVITY = 9.80665
+MAX_ANIMAL = 0.15  # Legs of an animal are shorter; of a child of one year they are 0.3 m long.
 MIN_FRAMES = 12  # Frames that a filter and two derivatives need.
 CUTOFF = 2.5
 """Of the low-pass filter of positions, in cycles per sqrt(leg length / g): 8 Hz for an adult."""
 SIDES = ("right", "left")
+SELDOM = 0.4  # Share of hidden positions from which one passage through the volume is looked at.
+HIGH = ("pelvis", "trunk", "head", "thigh")
+LOW = ("shank", "foot")
 ARM = ("upper_arm", "forearm", "hand")
 LEG = ("thigh", "shank", "foot")
 ANKLE = ("shank.lateral_malleolus", "shank.medial_malleolus", "foot.ankle", "foot.heel")
-KNEE = ("thigh.lateral_epicondyle", "thigh.medial_epicondyle", "shank.knee")
+KNEE = ("thigh.lateral_epicondyle", "thigh.medial_epicondyle", "shank.knee", "shank.fibula_head")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +57,10 @@ class SeenBody:
         sites : what labels lie on
         rotation : (3, 3) from the laboratory to axes whose y is up
         """
+        markers = most_seen(markers)
+        if not shows_legs(sites):
+            sites = worded_sites(markers.names) | dict(sites)
+            rotation = _upright(markers, sites, rotation)
         turned = np.asarray(rotation).T
         seen = [label for label in sites if label in markers.names]
         return SeenBody(
@@ -103,6 +115,11 @@ class SeenBody:
         low = np.mean(list(self.feet.values()), axis=0)
         return float(np.nanpercentile(self.root[:, 1] - low[:, 1], 95.0))
 
+    @property
+    def is_animal(self) -> bool:
+        """Whether the legs are shorter than those of any child."""
+        return bool(0.0 < self.leg < MAX_ANIMAL)
+
     @cached_property
     def pendulum(self) -> float:
         """Time scale of the legs, sqrt(leg length / g) [s]: 0.3 s of an adult."""
@@ -114,7 +131,7 @@ class SeenBody:
         return float(1.0 / np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
 
     def smooth(self, values: Array) -> Array:
-        """Values (frames, ...) after a low-pass filter both ways, as they are where they are few."""
+        """Values (frames, ...) after a low-pass filter both ways; unchanged where they are few."""
         cutoff = CUTOFF / self.pendulum
         if len(values) <= MIN_FRAMES or not cutoff < 0.45 * self.rate:
             return values
@@ -138,6 +155,37 @@ class SeenBody:
                 forward = np.stack([across[:, 2], np.zeros(len(across)), -across[:, 0]], axis=1)
                 return np.asarray(forward / np.linalg.norm(forward, axis=1, keepdims=True))
         return np.tile([1.0, 0.0, 0.0], (len(self.time), 1))
+
+
+def most_seen(markers: Markers) -> Markers:
+    """The longest passage through the capture volume, where most positions are hidden."""
+    if np.isnan(markers.values).any(axis=2).mean() <= SELDOM:
+        return markers
+    spans = crossings(markers)
+    return cut(markers, *max(spans, key=lambda span: span[1] - span[0])) if spans else markers
+
+
+def _upright(markers: Markers, sites: Mapping[str, Site], rotation: Array) -> Array:
+    """(3, 3) rotation that puts the trunk above the feet; the given one where neither is known."""
+    high = [markers[label] for label, site in sites.items() if site.segment in HIGH]
+    low = [markers[label] for label, site in sites.items() if site.segment in LOW]
+    if not high or not low:
+        return rotation
+    with warnings.catch_warnings():
+        # Of frames in which nothing is seen.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        rise = np.nanmean(high, axis=(0, 1)) - np.nanmean(low, axis=(0, 1))
+    if not np.isfinite(rise).all():
+        return rotation
+    k = int(np.argmax(np.abs(rise)))
+    up = np.sign(rise[k]) * np.eye(3)[k]
+    forward = np.eye(3)[(k + 1) % 3]
+    return np.stack([forward, up, np.cross(forward, up)])
+
+
+def shows_legs(sites: Mapping[str, Site]) -> bool:
+    """Whether some markers are on both legs below the knee."""
+    return {site.side for site in sites.values() if site.segment in ("shank", "foot")} >= {*SIDES}
 
 
 def extent(place: Array) -> float:
