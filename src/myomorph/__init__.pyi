@@ -115,6 +115,10 @@ from .lab.analysis.strides import Strides as Strides
 from .lab.analysis.strides import find_strides as find_strides
 from .lab.analyze.analyze import PreparedStudy as PreparedStudy
 from .lab.analyze.analyze import prepare_study as prepare_study
+from .lab.session.read import read_session as read_session
+from .lab.session.session import Person as Person
+from .lab.session.session import Session as Session
+from .lab.session.session import SessionTrial as SessionTrial
 from .lab.store.outcome import Conditions as Conditions
 from .lab.store.outcome import Excluded as Excluded
 from .lab.store.outcome import Outcome as Outcome

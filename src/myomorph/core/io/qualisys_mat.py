@@ -72,6 +72,9 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
         "unit of length": "mm",
         "point rate": f"{rate:g} Hz",
     }
+    timestamp = _field(recording, "Timestamp")
+    if isinstance(timestamp, str) and timestamp.strip():
+        facts["date"] = timestamp.strip()
     if len(fragments):
         seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
         lasting = f"together {seen.sum():.1f} s, the longest {seen.max():.2f} s"

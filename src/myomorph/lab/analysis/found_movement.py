@@ -79,6 +79,13 @@ class SeenMotion:
         level = self.feet[..., [0, 2]]
         return min(extent(level[:, side]) for side in range(len(SIDES)))
 
+    @property
+    def steps(self) -> bool:
+        """Whether feet pass each other, both going over the ground or a belt."""
+        spread = float(np.ptp(self.ahead))
+        passed = self.passes >= 2 or (self.passes == 1 and spread > MIN_SPREAD)
+        return passed and self.strides > MIN_STEPPED
+
     @cached_property
     def flights(self) -> list[slice]:
         """Stretches of frames in which both feet are off the ground and nothing carries the body.
@@ -176,8 +183,7 @@ def _by_markers(movement: Movement, sentence: str) -> Known[Movement]:
 
 def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
     """The movement where feet and pelvis are seen over time."""
-    steps = motion.passes >= 2 or (motion.passes == 1 and np.ptp(motion.ahead) > MIN_SPREAD)
-    steps = steps and motion.strides > MIN_STEPPED
+    steps = motion.steps
     if motion.body.is_animal:
         return _of_an_animal(motion, steps)
     flights = len(motion.flights)

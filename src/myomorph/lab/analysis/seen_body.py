@@ -146,14 +146,15 @@ class SeenBody:
         From the middle of the left side to that of the right one, turned by a quarter about the
         vertical: forward = up x (right - left).
         """
-        pairs = ("pelvis", "thigh", "trunk", "shank")
-        for part in pairs:
-            ends = [self.mean(part, side=side) for side in SIDES]
-            if ends[0] is not None and ends[1] is not None:
-                right, left = ends
-                across = self.smooth(right - left)
-                forward = np.stack([across[:, 2], np.zeros(len(across)), -across[:, 0]], axis=1)
-                return np.asarray(forward / np.linalg.norm(forward, axis=1, keepdims=True))
+        for part in ("pelvis", "thigh", "trunk", "shank"):
+            right = self.mean(part, side="right")
+            left = self.mean(part, side="left")
+            if right is None or left is None:
+                continue
+            across = self.smooth(right - left)
+            level = np.zeros(len(across))
+            forward = np.stack([across[:, 2], level, -across[:, 0]], axis=1)
+            return np.asarray(forward / np.linalg.norm(forward, axis=1, keepdims=True))
         return np.tile([1.0, 0.0, 0.0], (len(self.time), 1))
 
 

@@ -26,16 +26,18 @@ ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
 
 @documented
-def info_command(file: Path, /) -> int:
-    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.
+def info_command(file: Path, /, *, reasons: bool = False) -> int:
+    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it; of a folder of
+    recordings who was recorded, when, and in which movements.
 
     Parameters
     ----------
-    file : model, recording or table
+    file : model, recording or table, or a folder of recordings
+    reasons : of a folder, print how each statement is known
     """
     from myomorph.lab.info.inspect import inspect
 
-    for line in inspect(file).lines():
+    for line in inspect(file, reasons).lines():
         said(line)
     return 0
 

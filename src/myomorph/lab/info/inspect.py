@@ -26,9 +26,11 @@ TABLES = (".mot", ".sto")
 EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
 
 
-def inspect(path: str | os.PathLike[str]) -> Inspection:
+def inspect(path: str | os.PathLike[str], reasons: bool = False) -> Inspection:
     """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong
-    with it.
+    with it; of a folder of recordings who was recorded, when and in which movements.
+
+    `reasons`: of a folder, how each statement is known.
     """
     path = Path(path)
     if is_composed(path):
@@ -36,7 +38,10 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     if not path.exists():
         raise BadFile(path, "does not exist")
     if path.is_dir():
-        raise BadFile(path, "is a folder", EXPECTED)
+        from myomorph.lab.info.inspect_session import inspect_session
+        from myomorph.lab.session.read import read_session
+
+        return inspect_session(read_session(path), reasons)
     ending = path.suffix.lower()
     recording = trial_format(path)
     if recording is not None:

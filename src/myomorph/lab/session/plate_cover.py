@@ -34,7 +34,7 @@ def weighed(
     """
     recordings = [*([static] if static is not None else []), *moving]
     for recording in sorted(recordings, key=lambda recording: not recording.still):
-        mass = _mass(recording, options)
+        mass = mass_on_plates(recording, options)
         if mass is not None:
             how = "standing still" if recording.still else "in the mean over the recording"
             return (
@@ -51,7 +51,7 @@ def weighed(
     )
 
 
-def _mass(recording: Recording, options: ForceOptions) -> float | None:
+def mass_on_plates(recording: Recording, options: ForceOptions) -> float | None:
     """Mass by a recording [kg], None where its plates do not carry all of the body, or not
     steadily.
     """

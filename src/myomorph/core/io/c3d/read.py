@@ -17,6 +17,10 @@ from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Analog, Event, Markers, PlateRecording, Series, Trial
 
+# Parameters of a recording's date, in the groups of several makers; C3D itself has none.
+DATE = re.compile(
+    r"(trial_|capture_|recording_|acquisition_|file_)?date(_time|_of_\w*record\w*)?", re.I
+)
 HINT = "try to open it in the program that wrote it and save it again as C3D"
 QUANTITIES = ("ANGLES", "MOMENTS", "POWERS", "FORCES", "SCALARS", "REACTIONS", "USERMOS")
 QUANTITY_NAME = re.compile(r"(angles?|moments?|powers?|forces?|grf)$", re.IGNORECASE)
@@ -229,11 +233,15 @@ def _facts(raw: RawC3d) -> dict[str, str]:
     if units and units[0]:
         facts["unit of length"] = units[0]
     names = [name for name in raw.texts("SUBJECTS", "NAMES") if name]
+    names = names or [name for name in raw.texts("SUBJECT", "NAME") if name]
     if names:
         facts["subjects"] = ", ".join(names)
     modelled = [name for name in raw.texts("POINT", "MODELED_MARKERS") if name]
     if modelled:
         facts["computed positions"] = ", ".join(modelled)
+    date = _date(raw)
+    if date:
+        facts["date"] = date
     mass = _measure(raw, ("BODYMASS", "MASS", "WEIGHT"))
     if mass:
         facts["body mass"] = f"{mass:.4g} kg"
@@ -241,6 +249,14 @@ def _facts(raw: RawC3d) -> dict[str, str]:
     if height:
         facts["height"] = f"{height / 1000.0 if height > 3.0 else height:.4g} m"
     return facts
+
+
+def _date(raw: RawC3d) -> str:
+    """The date of the recording as the file writes it, "" where it holds none; never of birth."""
+    places = ((group, name) for group, names in raw.groups.items() for name in names)
+    dated = [(group, name) for group, name in places if DATE.fullmatch(name)]
+    texts = (text for group, name in dated for text in raw.texts(group, name)[:1])
+    return next((text for text in texts if text), "")
 
 
 def _measure(raw: RawC3d, names: Sequence[str]) -> float:
