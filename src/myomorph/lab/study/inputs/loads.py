@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
+from weakref import WeakKeyDictionary
 
 from myomorph.core.io.force_table import holds_forces
 from myomorph.core.model.frozen_map import FrozenMap
@@ -55,12 +56,26 @@ class LoadsFile:
 class ExternalLoads:
     """External forces of a motion, which is needed to find the bodies they act on.
 
-    `nearest`: nobody named these, so each force is put on the foot nearest to its center of
-    pressure.
+    Attributes
+    ----------
+    find : reads the forces and holds them against the motion
+    nearest : nobody named the bodies, so each force is put on the foot nearest to its center of
+        pressure
     """
 
-    of: Callable[[Motion], Wrenches]
+    find: Callable[[Motion], Wrenches]
     nearest: bool = False
+    _known: WeakKeyDictionary[Motion, Wrenches] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
+
+    def of(self, motion: Motion) -> Wrenches:
+        """External forces of a motion, found once as long as the motion exists: reading and checks
+        take most of the time of inverse dynamics.
+        """
+        if motion not in self._known:
+            self._known[motion] = self.find(motion)
+        return self._known[motion]
 
 
 def loads_by_name(recording: Path) -> Path | None:

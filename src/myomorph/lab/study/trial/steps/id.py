@@ -48,16 +48,32 @@ may make it.
 """
 
 
+@dataclass(frozen=True, kw_only=True)
+class FilterEffect:
+    """Relative change of the largest joint torque when a motion is filtered at another cutoff.
+
+    Attributes
+    ----------
+    half : at half the automatic cutoff
+    double : at twice the automatic cutoff
+    """
+
+    half: float
+    double: float
+
+
 @dataclass(frozen=True, eq=False)
 class Torques:
     """Generalized forces (frames, coordinates) [N m or N] of a motion, filtered where asked for,
-    with derivatives; external forces at its times, as measured.
+    with derivatives; external forces at its times, as measured; what an automatic cutoff decides,
+    None where that was not examined.
     """
 
     motion: Motion
     torques: Series
     wrenches: Wrenches | None
     notes: tuple[str, ...] = ()
+    filter_effect: FilterEffect | None = None
 
 
 def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
@@ -81,39 +97,46 @@ def filter_summary(trial: TrialInputs, recorded: Motion, dynamics: Torques | Non
     if cutoff is None:
         return "; smooth motion, not filtered"
     effect = "automatic"
-    if dynamics is not None and trial.get(RecordedTorques) is None:
-        half, double = filter_effect(trial, recorded, dynamics)
+    if dynamics is not None and dynamics.filter_effect is not None:
+        changed = dynamics.filter_effect
         effect += (
-            f"; largest joint torque {round(100 * half):+d} % at half of it,"
-            f" {round(100 * double):+d} % at double"
+            f"; largest joint torque {round(100 * changed.half):+d} % at half of it,"
+            f" {round(100 * changed.double):+d} % at double"
         )
     return f"; low-pass filter at {cutoff:.3g} Hz ({effect})"
 
 
-def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> tuple[float, float]:
-    """By what share half and double of an automatic cutoff change the largest torque of a joint; 0
-    without one.
+def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> FilterEffect | None:
+    """Relative changes of the largest torque of a joint by half and double of an automatic cutoff.
+
+    Returns
+    -------
+    None where the cutoff was given, the motion is not filtered, or the torques were recorded
     """
-    cutoff = (
-        None if trial.options[Differentiation].cutoff is not None else cutoff_of(trial, recorded)
-    )
+    given = trial.options[Differentiation].cutoff is not None
+    cutoff = None if given else cutoff_of(trial, recorded)
     if cutoff is None or trial.get(RecordedTorques) is not None:
-        return 0.0, 0.0
-    root = floating_coordinates(trial.model)
-    turning = [c.motion == "rotational" and c.name not in root for c in trial.model.coordinates]
-    largest = float(np.nanmax(np.abs(dynamics.torques.values[:, turning]), initial=0.0))
-    half = solve_dynamics(
-        replace(trial, options=trial.options.having(Differentiation(0.5 * cutoff))), recorded
-    ).torques
-    double = solve_dynamics(
-        replace(trial, options=trial.options.having(Differentiation(2.0 * cutoff))), recorded
-    ).torques
-    changed = (
-        float(np.nanmax(np.abs(torques.values[:, turning]), initial=0.0))
-        for torques in (half, double)
-    )
-    low, high = (value / largest - 1.0 if largest > 0.0 else 0.0 for value in changed)
-    return low, high
+        return None
+    largest = _largest_joint_torque(trial.model, dynamics.torques)
+    changes = []
+    for factor in (0.5, 2.0):
+        filtered = Differentiation(factor * cutoff)
+        other = replace(trial, options=trial.options.having(filtered))
+        torques = solve_dynamics(other, recorded).torques
+        value = _largest_joint_torque(trial.model, torques)
+        changes.append(value / largest - 1.0 if largest > 0.0 else 0.0)
+    half, double = changes
+    return FilterEffect(half=half, double=double)
+
+
+def _largest_joint_torque(model: Model, torques: Series) -> float:
+    """Largest magnitude [N m] over all frames and rotations that are not of a free root."""
+    root = floating_coordinates(model)
+    turning = [
+        coordinate.motion == "rotational" and coordinate.name not in root
+        for coordinate in model.coordinates
+    ]
+    return float(np.nanmax(np.abs(torques.values[:, turning]), initial=0.0))
 
 
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
@@ -199,9 +222,10 @@ def torque_table(torques: Series, model: Model) -> Table:
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
     dynamics = solve_dynamics(trial, poses.recorded)
-    _, double = filter_effect(trial, poses.recorded, dynamics)
-    if abs(double) > MAX_EFFECT:
-        change = f"{100.0 * double:+.0f} %"
+    effect = filter_effect(trial, poses.recorded, dynamics)
+    dynamics = replace(dynamics, filter_effect=effect)
+    if effect is not None and abs(effect.double) > MAX_EFFECT:
+        change = f"{100.0 * effect.double:+.0f} %"
         text = (
             f"double the automatic cutoff changes the largest joint torque by {change}: see"
             " --cutoff"
