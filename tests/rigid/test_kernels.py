@@ -19,8 +19,9 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import NumbaError
 
 from myomorph import __version__
-from myomorph.core.rigid import kernels
-from myomorph.core.rigid.kernels import PACKAGE, KernelFile, kernel_folder, signatures_on_disk
+from myomorph.core.rigid import kernel_cache
+from myomorph.core.rigid.kernel_cache import PACKAGE, KernelFile, kernel_folder
+from myomorph.core.rigid.kernels import signatures_on_disk
 
 DOUBLE = (
     "from myomorph.core.rigid.kernels import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
@@ -32,7 +33,7 @@ from doubled import double
 sys.stdin.readline()
 assert double(2) == 4 and double(1.5) == 3.0
 assert signatures_on_disk(double)
-print(sum(double.stats.cache_hits.values()))
+print(sum(double.dispatcher.stats.cache_hits.values()))
 """
 IMPORT = """
 import os
@@ -134,9 +135,9 @@ def test_kernels_of_each_version_and_copy_have_a_folder_of_their_own(tmp_path, m
     here = kernel_folder()
     assert here.parent == tmp_path
     assert __version__ in here.name
-    monkeypatch.setattr(kernels, "PACKAGE", tmp_path / "elsewhere")
+    monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path / "elsewhere")
     elsewhere = kernel_folder()
-    monkeypatch.setattr(kernels, "__version__", "0.0.1")
+    monkeypatch.setattr(kernel_cache, "__version__", "0.0.1")
     assert len({here, elsewhere, kernel_folder()}) == 3
     monkeypatch.setattr(config, "CACHE_DIR", "")
     assert not kernel_folder().is_relative_to(PACKAGE)
@@ -153,15 +154,15 @@ def test_a_kernel_signatures_on_disk_anew_where_one_that_it_calls_has_changed(
         "2 * x", "2*double(x)"
     )
     (tmp_path / "doubled_outside.py").write_text(outer)
-    kernels._fingerprint.cache_clear()
+    kernel_cache._fingerprint.cache_clear()
     from doubled_outside import four
 
     assert not signatures_on_disk(four)
     assert four(1) == 4
     assert signatures_on_disk(four)
     (tmp_path / "doubled_inside.py").write_text(DOUBLE.replace("2 * x", "3 * x"))
-    kernels._fingerprint.cache_clear()
-    vars(four._cache).pop("_cache_file")
+    kernel_cache._fingerprint.cache_clear()
+    vars(four.dispatcher._cache).pop("_cache_file")
     assert not signatures_on_disk(four)
 
 
@@ -181,11 +182,11 @@ def test_arguments_are_ours_where_all_their_classes_are():
     class Ours(NamedTuple):
         a: int
 
-    Ours.__module__ = f"{kernels.OURS}made"
+    Ours.__module__ = f"{kernel_cache.OURS}made"
     integer = numba_types.int64
     ours = numba_types.NamedUniTuple(integer, 1, Ours)
     foreign = numba_types.NamedUniTuple(integer, 1, Foreign)
-    assert kernels._ours(integer)
-    assert kernels._ours(numba_types.Tuple((ours, integer)))
-    assert not kernels._ours(foreign)
-    assert not kernels._ours(numba_types.Tuple((ours, foreign)))
+    assert kernel_cache._ours(integer)
+    assert kernel_cache._ours(numba_types.Tuple((ours, integer)))
+    assert not kernel_cache._ours(foreign)
+    assert not kernel_cache._ours(numba_types.Tuple((ours, foreign)))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.series import Motion
-from myomorph.core.muscles.patella import extensors, tendon_arms
+from myomorph.core.muscles.patella import PATELLA, extensors, tendon_arms
 from myomorph.core.muscles.path import compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
@@ -44,6 +44,10 @@ class Band:
     low: tuple[float, ...]
     high: tuple[float, ...]
     source: str
+
+    def holds(self, muscle: str) -> bool:
+        """Whether a muscle of this name is one of the band's."""
+        return muscle.lower().replace("_", "").startswith(self.muscles)
 
     def ends(self, flexion: Array, size: float) -> tuple[Array, Array]:
         """Lower and upper end of the band (angles,) [m], interpolated in flexion.
@@ -153,7 +157,10 @@ def knee_arms(model: Model) -> tuple[KneeArms, ...]:
     arms over the flexion that the model allows; none for a model without muscles or knees, with
     closed loops, or not as large as a person
     """
-    if not model.muscles or model.loops:
+    if model.loops:
+        return ()
+    model = _with_compared_muscles(model)
+    if not model.muscles:
         return ()
     shortest, longest = HUMAN_THIGH_LENGTHS
     result: list[KneeArms] = []
@@ -163,6 +170,21 @@ def knee_arms(model: Model) -> tuple[KneeArms, ...]:
         if coordinate and length is not None and shortest < length < longest:
             result += _of_knee(model, knee, coordinate, length / THIGH_LENGTH)
     return tuple(result)
+
+
+def _with_compared_muscles(model: Model) -> Model:
+    """The model with those muscles alone that a band is about: by name, or as part of the patellar
+    tendon.
+    """
+    surfaces = {surface.name: surface.body for surface in model.wrap_objects}
+    muscles = []
+    for muscle in model.muscles:
+        bodies = {point.body for point in muscle.path.points}
+        bodies |= {surfaces.get(wrap.wrap_object, "") for wrap in muscle.path.wraps}
+        on_patella = any(PATELLA in body.lower() for body in bodies)
+        if on_patella or any(band.holds(muscle.name) for band in BANDS):
+            muscles.append(muscle)
+    return replace(model, muscles=tuple(muscles))
 
 
 def _thigh(model: Model, knee: Joint) -> float | None:
@@ -207,7 +229,7 @@ def _of_knee(model: Model, knee: Joint, coordinate: str, size: float) -> list[Kn
         low, high = band.ends(flexion, size)
         for column in np.flatnonzero(of_flexion):
             muscle = model.muscle_names[paths.arm_muscle[column]]
-            if not muscle.lower().replace("_", "").startswith(band.muscles):
+            if not band.holds(muscle):
                 continue
             result.append(
                 KneeArms(

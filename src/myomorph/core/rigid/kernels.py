@@ -1,45 +1,77 @@
-"""Compiled kernels: the decorator that makes them, and their own place on disk.
+"""Kernels: functions over frames that Numba compiles when they are first called.
 
-Numba would keep machine code beside the sources, where a newer version finds what an older one has
-left, and two processes that compile at once can give one file name to the code of two signatures:
-either is then called with the arguments of the other. These kernels lie in a folder of their own
-for each version and each copy of the package, under `NUMBA_CACHE_DIR` or the user's cache folder;
-they are saved by one process at a time; and they are compiled anew where their own source or that
-of a kernel they call has changed. Other packages' kernels are not touched, and nothing is read or
-written before the first kernel is called.
+Numba takes longer to import than a recording to read, so the decorators here import nothing: what
+only reads, checks or prints never meets Numba. Where machine code is kept is stated in
+`kernel_cache`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import inspect
-import os
-import sys
-from collections.abc import Callable
-from functools import cache, cached_property
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import update_wrapper
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
-from filelock import FileLock
-from numba import config, njit
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    _CacheLocator,
-)
-from numba.core.dispatcher import Dispatcher
-from numba.misc.appdirs import AppDirs
+_INTERPRETED = ContextVar("_INTERPRETED", default=False)
+_LOCK = RLock()
+_OVERLOADS: list[tuple[Callable[..., Any], Callable[..., Any]]] = []
+"""Functions that kernels call, with what makes their code, of which Numba does not know yet."""
+_ANNOUNCED: dict[Callable[[Path, bool], None], bool] = {}
+"""Listeners of `before_compiling`, and whether each was called."""
 
-from myomorph import __version__
 
-LOCK = "kernels.lock"
-# How long a process waits until others have saved a kernel [s]; after that it keeps its own to
-# itself
-PATIENCE = 60.0
-PACKAGE = Path(__file__).resolve().parents[2]
-OURS = "myomorph."
+class Kernel:
+    """A function that is compiled at its first call, with its code kept on disk.
+
+    Attributes
+    ----------
+    py_func : the function itself
+    options : of `numba.njit`
+    """
+
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]):
+        update_wrapper(self, function)
+        self.py_func = function
+        self.options = dict(options)
+        self._dispatcher: Any = None
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Call the compiled function, or within `interpreted` the function itself."""
+        if _INTERPRETED.get():
+            return self.py_func(*arguments, **named)
+        return self.dispatcher(*arguments, **named)
+
+    @property
+    def dispatcher(self) -> Any:
+        """Numba's dispatcher of the function."""
+        if self._dispatcher is None:
+            with _LOCK:
+                self._dispatcher = self._dispatcher or self._new_dispatcher()
+        return self._dispatcher
+
+    def _new_dispatcher(self) -> Any:
+        # What only reads never comes here, and so never imports Numba.
+        from myomorph.core.rigid.kernel_cache import dispatcher_of
+
+        _register_overloads()
+        return dispatcher_of(self.py_func, self.options, _announce)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """The type by which Numba knows a kernel that another one calls."""
+        return self.dispatcher._numba_type_
+
+    @property
+    def targetoptions(self) -> Any:
+        """Options that Numba reads where it compiles a kernel as a part of another one."""
+        return self.dispatcher.targetoptions
+
+    def __reduce__(self) -> str:
+        """A kernel is pickled by the name of its function."""
+        return self.py_func.__qualname__
 
 
 def kernel(
@@ -56,9 +88,7 @@ def kernel(
         return lambda function: kernel(function, counted, **options)
     if not counted:
         options["_nrt"] = False
-    dispatcher: Any = njit(nogil=True, **{"error_model": "numpy", **options})(function)
-    dispatcher._cache = KernelCache(function)
-    return dispatcher
+    return Kernel(function, options)
 
 
 def inner(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
@@ -78,153 +108,62 @@ def in_place(function: Callable[..., Any], /) -> Any:
     return kernel(function, inline="always")
 
 
+def overload(function: Callable[..., Any], /) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """`numba.extending.overload`, registered when Numba is first needed."""
+
+    def register(implementation: Callable[..., Any]) -> Callable[..., Any]:
+        _OVERLOADS.append((function, implementation))
+        return implementation
+
+    return register
+
+
+def _register_overloads() -> None:
+    """Let Numba know of the overloads that were declared since the last time."""
+    from numba.extending import overload as numba_overload
+
+    while _OVERLOADS:
+        function, implementation = _OVERLOADS.pop(0)
+        numba_overload(function)(implementation)
+
+
+@contextmanager
+def interpreted() -> Iterator[None]:
+    """Kernels run as Python in here, in this thread: slower by a hundred times, and at once.
+
+    Results are the same to the bit, but a division of Python's numbers by zero raises
+    `ZeroDivisionError` where compiled code gives an infinite value.
+    """
+    before = _INTERPRETED.set(True)
+    try:
+        yield
+    finally:
+        _INTERPRETED.reset(before)
+
+
+def signatures_on_disk(kernel: Kernel) -> list[tuple[Any, ...]]:
+    """The argument types for which code of a kernel lies on disk, made from the present sources."""
+    return [key[0] for key in kernel.dispatcher._cache._cache_file._load_index()]
+
+
 def kernel_folder() -> Path:
     """Where this version and copy of the package keeps its kernels; the folder need not exist."""
-    root = Path(config.CACHE_DIR or AppDirs("myomorph", appauthor=False).user_cache_dir)
-    copy = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:8]
-    return root / f"myomorph-{__version__}-{copy}"
+    from myomorph.core.rigid import kernel_cache
+
+    return kernel_cache.kernel_folder()
 
 
-def signatures_on_disk(dispatcher: Any) -> list[tuple[Any, ...]]:
-    """The argument types for which code of a kernel lies on disk, made from the present sources."""
-    return [key[0] for key in dispatcher._cache._cache_file._load_index()]
-
-
-@cache
-def _fingerprint(module: str) -> str:
-    """Of the sources of a module and of all modules whose kernels it calls.
-    Those of a class with `kernels`, in a module or a tuple of one, are found by type when a kernel
-    is compiled.
+def before_compiling(listener: Callable[[Path, bool], None]) -> None:
+    """Call `listener` once, before the first kernel of this process is compiled, with the folder of
+    kernels and whether their code can be kept there.
     """
-    sources: dict[str, bytes] = {}
-    left = [module]
-    while left:
-        name = left.pop()
-        if name not in sources:
-            sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
-            for value in vars(sys.modules[name]).values():
-                parts = value if isinstance(value, tuple) else (value,)
-                left += [part.py_func.__module__ for part in parts if isinstance(part, Dispatcher)]
-                left += [
-                    part.__name__
-                    for part in parts
-                    if inspect.ismodule(part) and part.__name__.startswith(OURS)
-                ]
-                left += [
-                    part.__module__
-                    for part in parts
-                    if isinstance(part, type) and hasattr(part, "kernels")
-                ]
-    return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
+    _ANNOUNCED.setdefault(listener, False)
 
 
-def _ours(kind: Any) -> bool:
-    """Whether all classes that an argument's type names come with the package: others may not be
-    there to be read.
-    """
-    named = getattr(kind, "instance_class", None)
-    parts = getattr(kind, "types", ())
-    return (named is None or named.__module__.startswith(OURS)) and all(
-        _ours(part) for part in parts
-    )
+def _announce() -> None:
+    """Call the listeners that were not called yet."""
+    for listener in [listener for listener, called in _ANNOUNCED.items() if not called]:
+        from myomorph.core.rigid.kernel_cache import can_keep_kernels
 
-
-class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
-    """The files of one kernel, one process at a time: code first, then the index that names it."""
-
-    def _load_index(self) -> dict[Any, str]:
-        """The files by signature; none where the index is of arguments whose classes are elsewhere
-        or gone since.
-        """
-        try:
-            files: dict[Any, str] = super()._load_index()
-        except (ImportError, AttributeError):
-            return {}
-        return files
-
-    def save(self, key: Any, data: Any) -> None:
-        """Save the code of one signature; where others do not let go, or nothing can be written, it
-        is not saved.
-        """
-        folder = Path(self._cache_path)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with FileLock(folder / LOCK, timeout=PATIENCE):
-                named = self._load_index()
-                free = (self._data_name(number) for number in range(1, len(named) + 2))
-                name = named.get(key) or next(
-                    unused for unused in free if unused not in named.values()
-                )
-                self._save_data(name, data)
-                self._save_index(named | {key: name})
-        except OSError:
-            return
-
-
-class _Locator(_CacheLocator):  # type: ignore[misc]
-    """Where the files of one kernel lie, and from which sources they were made."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._py_file = function.__code__.co_filename
-        self._module = function.__module__
-        self._line = function.__code__.co_firstlineno
-
-    def ensure_cache_path(self) -> None:
-        """Nothing: the folder is made where a kernel is saved."""
-
-    def get_cache_path(self) -> str:
-        return str(kernel_folder())
-
-    def get_source_stamp(self) -> str:
-        return _fingerprint(self._module)
-
-    def get_disambiguator(self) -> str:
-        return str(self._line)
-
-
-class _Code(CompileResultCacheImpl):  # type: ignore[misc]
-    """How code is packed; its file is named by room, module, function and line."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._locator = _Locator(function)
-        self._lineno = function.__code__.co_firstlineno
-        name = f"{function.__module__.removeprefix('myomorph.')}.{function.__qualname__}"
-        self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))
-
-
-class KernelCache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache of one function, in our folder, looked up at the first call."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._name = repr(function)
-        self._py_func = function
-        self.enable()
-
-    @cached_property
-    def _impl(self) -> _Code:
-        return _Code(self._py_func)
-
-    @cached_property
-    def _cache_path(self) -> str:
-        return str(self._impl.locator.get_cache_path())
-
-    @cached_property
-    def _cache_file(self) -> KernelFile:
-        stamp = self._impl.locator.get_source_stamp()
-        return KernelFile(self._cache_path, self._impl.filename_base, stamp)
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code of a signature, or None where it is not on disk or the file is damaged or out of
-        reach.
-        """
-        if all(_ours(kind) for kind in sig):
-            with contextlib.suppress(OSError, EOFError):
-                return super().load_overload(sig, target_context)
-        return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code of a signature on disk, unless a type from outside the package is part of
-        it.
-        """
-        if all(_ours(kind) for kind in sig):
-            super().save_overload(sig, data)
+        _ANNOUNCED[listener] = True
+        listener(kernel_folder(), can_keep_kernels())

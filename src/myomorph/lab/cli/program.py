@@ -9,11 +9,13 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from myomorph.core.model.errors import MyomorphError, UnknownName, check_name, one_line
 from myomorph.core.model.extension import is_own, load
 from myomorph.core.model.registry import new_remarks
+from myomorph.core.rigid.kernels import before_compiling
 
 if TYPE_CHECKING:
     from cyclopts import App
@@ -29,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     our fault; 130 interrupted with Ctrl-C. `arguments`: what follows the program's name; None takes
     them from the process.
     """
+    before_compiling(_say_that_kernels_compile)
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     # Let names of files be printed where the terminal, or the file that it is sent to, has no such
@@ -117,6 +120,16 @@ def _say(text: str, status: int, debug: bool = False) -> int:
     sys.stderr.write(one_line(" ".join(text.split())) + "\n")
     sys.stderr.flush()
     return status
+
+
+def _say_that_kernels_compile(folder: Path, can_keep: bool) -> None:
+    text = "compiling, once on this machine: up to half a minute"
+    if not can_keep:
+        text = (
+            f"compiling: up to half a minute, each time: {folder} cannot be written to; set"
+            " NUMBA_CACHE_DIR to a folder that can"
+        )
+    _say(text, DONE)
 
 
 def _about_file(error: OSError) -> str:

@@ -155,8 +155,14 @@ def _arm_warnings(model: Model) -> tuple[str, ...]:
     if not model.muscles:
         return ()
     from myomorph.core.muscles.published_arms import arm_warnings
+    from myomorph.core.rigid.kernels import interpreted
 
-    return arm_warnings(model)
+    # Compiling takes half a minute; a few poses of a few muscles take less than a second without.
+    with interpreted(), np.errstate(all="ignore"):
+        try:
+            return arm_warnings(model)
+        except ZeroDivisionError:
+            return ("moment arms at the knee were not compared: two points of a path coincide",)
 
 
 def _coordinates(model: Model) -> str:

@@ -17,11 +17,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from numba.extending import overload
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
-from myomorph.core.rigid.kernels import bare, inner
+from myomorph.core.rigid.kernels import bare, inner, overload
 from myomorph.core.rigid.tree import Tree
 from myomorph.core.rigid.vectors import cross, minus
 

@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
-from numba import types
 
 from myomorph.core.model.functions import linear
 from myomorph.core.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
@@ -85,6 +84,9 @@ def wraps_of(model: Model) -> frozenset[str]:
 
 def cached(wraps: frozenset[str] = frozenset()) -> bool:
     """Whether an earlier command has left the muscle kernels on disk."""
+    # Numba is imported by what computes alone.
+    from numba import types
+
     from myomorph.core.muscles.path_kernels import path_frames
 
     wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
