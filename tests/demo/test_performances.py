@@ -14,7 +14,7 @@ import pytest
 from myomorph.core.io.contact_events import read_events
 from myomorph.core.io.loads import read_external_loads
 from myomorph.lab.cli.program import main
-from myomorph.lab.store.study_file import read_toml
+from myomorph.lab.store.toml_file import read_toml
 from myomorph.lab.study.plan.plan import read_plan
 from myomorph.show.demo import performances
 from myomorph.show.demo.performances import ERRORS, PERFORMANCES, STROKES, write_performance

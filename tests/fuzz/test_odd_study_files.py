@@ -6,7 +6,7 @@ import pytest
 from fuzz_readers import SEEDS
 
 from myomorph.core.model.errors import BadFile
-from myomorph.lab.store.study_file import MAX_PROBLEMS
+from myomorph.lab.store.toml_file import MAX_PROBLEMS
 from myomorph.lab.study.plan.plan import read_plan
 
 STUDY = (SEEDS / "study.toml").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import sys
 
 from filelock import FileLock
 
-from myomorph.core.rigid.kernels import LOCK, kernel_folder
+from myomorph.core.rigid.kernel_cache import LOCK, kernel_folder
 from myomorph.lab.study.workers.ahead import TENDONS, compile_muscles
 
 USE = """

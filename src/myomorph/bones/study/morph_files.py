@@ -19,8 +19,9 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
 from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.clusters import bone_surface
+from myomorph.lab.store.named_files import existing
 from myomorph.lab.store.results import file_sources
-from myomorph.lab.store.study_file import Strict, existing
+from myomorph.lab.store.study_file import Strict
 from myomorph.lab.study.step.own_table import TableOwner
 
 Unit: TypeAlias = Literal["m", "cm", "mm", "in"]

@@ -18,9 +18,11 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numba.np.linalg
 from filelock import FileLock
 from numba import config, njit
 from numba.core.caching import (
@@ -39,6 +41,23 @@ LOCK = "kernels.lock"
 PATIENCE = 60.0
 PACKAGE = Path(__file__).resolve().parents[2]
 OURS = "myomorph."
+
+
+def _load_array_functions() -> None:
+    """Import what Numba knows of arrays without scipy's linear algebra.
+
+    Numba imports that only to learn whether it is there, which takes as long as reading a model;
+    what is compiled with it imports it still.
+    """
+    check = numba.np.linalg.ensure_blas
+    numba.np.linalg.ensure_blas = lambda: None
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        numba.np.linalg.ensure_blas = check
+
+
+_load_array_functions()
 
 
 def dispatcher_of(

@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +54,9 @@ _HASHES: dict[tuple[int, ...], str] = {}
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
     """A file as an input of a step, by the hash of its bytes; a model of `myo-sim` by its version."""
     if is_composed(path):
+        # It takes long to import, and few models are of `myo-sim`.
+        from importlib.metadata import version
+
         return value_source(role, str(path), str(path), version("myo-sim"))
     try:
         return Source(role, str(path), _hash_of(path))

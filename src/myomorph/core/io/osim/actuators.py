@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from lxml import etree
@@ -195,6 +194,9 @@ def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
 
 def write_controls(table: Table, path: str | os.PathLike[str], name: str = "Control Set") -> None:
     """Write the columns of a table as controls, whole or not at all."""
+    # It imports what opens web addresses, which reading a model does without.
+    from xml.sax.saxutils import quoteattr
+
     with written(path) as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8" ?>\n<OpenSimDocument Version="40600">\n')
         stream.write(f"\t<ControlSet name={quoteattr(name)}>\n\t\t<objects>\n")

@@ -6,24 +6,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from myomorph.body.calibrate.calibration import Calibration
-from myomorph.body.identify.subject import Identification
-from myomorph.body.identify.validation import CrossValidation
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces, Contacts
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.core.model.surface import Surface
-from myomorph.core.motion.ik import KinematicsFit
-from myomorph.core.tension.emg_conflicts import EmgConflict
-from myomorph.core.tension.joint_contact import JointContactForces
-from myomorph.core.tension.tension import Tension
-from myomorph.lab.analysis.phases import Phase
 from myomorph.lab.report.page.parts import PageHead, Section
 from myomorph.lab.uncertainty.spread import Uncertainty
+
+if TYPE_CHECKING:
+    from myomorph.body.calibrate.calibration import Calibration
+    from myomorph.body.identify.subject import Identification
+    from myomorph.body.identify.validation import CrossValidation
+    from myomorph.core.motion.ik import KinematicsFit
+    from myomorph.core.tension.emg_conflicts import EmgConflict
+    from myomorph.core.tension.joint_contact import JointContactForces
+    from myomorph.core.tension.tension import Tension
+    from myomorph.lab.analysis.phases import Phase
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
 

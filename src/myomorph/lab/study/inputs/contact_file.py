@@ -37,9 +37,11 @@ from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Z_UP_TO_Y_UP
 from myomorph.core.model.spatial import Transform
 from myomorph.core.tension.terms.contacts import ContactOptions
+from myomorph.lab.store.named_files import existing
 from myomorph.lab.store.results import file_source, value_source
 from myomorph.lab.store.settings import Measured
-from myomorph.lab.store.study_file import Strict, checked, existing, read_toml, refuse
+from myomorph.lab.store.study_file import Strict, checked
+from myomorph.lab.store.toml_file import read_toml, refuse
 from myomorph.lab.study.inputs.contacts import ContactsFile
 from myomorph.lab.study.inputs.input import Opened, Opening
 from myomorph.lab.study.inputs.loads import LoadsFile

@@ -6,19 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field
-
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.model import Model
 from myomorph.lab.store.results import value_source
-from myomorph.lab.store.study_file import Strict, checked, read_toml, refuse
+from myomorph.lab.store.toml_file import read_toml, refuse
 from myomorph.lab.study.inputs.input import Input, Opened, Opening
 from myomorph.lab.study.inputs.keys import WordOrFile
 
 if TYPE_CHECKING:
     from myomorph.core.tension.joint_contact import JointPoints
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -29,18 +25,6 @@ class ContactPointsFile:
     """
 
     contact_points: Annotated[str, WordOrFile(option_of="tension")] = ""
-
-
-class _Point(Strict):
-    joint: str = Field(min_length=1)
-    name: str = Field(min_length=1)
-    frame: str = ""
-    point: Vector
-    normal: Vector | None = None
-
-
-class _File(Strict):
-    point: list[_Point] = Field(min_length=1)
 
 
 def _open(settings: ContactPointsFile, opening: Opening) -> Opened:
@@ -78,7 +62,11 @@ def contact_points(source: str, model: Model) -> JointPoints | None:
             "gives no contact points",
             "expected 'auto', a folder of bone meshes, or a file .toml",
         )
-    table, problems = checked(_File, read_toml(path))
+    # What checks keys takes long to import, and few have such a file.
+    from myomorph.lab.store.study_file import checked
+    from myomorph.lab.study.inputs.contact_point_tables import ContactPointTables
+
+    table, problems = checked(ContactPointTables, read_toml(path))
     refuse(path, problems)
     points = (
         ContactPoint(

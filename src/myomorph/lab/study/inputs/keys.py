@@ -17,8 +17,8 @@ from typing import Any, ClassVar, Literal, get_args, get_type_hints
 from myomorph.core.io.labels import read_labels
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.store.named_files import check_time, existing, matching
 from myomorph.lab.store.settings import attribute_help
-from myomorph.lab.store.study_file import check_time, existing, matching
 
 
 @dataclass

@@ -12,7 +12,8 @@ from pydantic import Field, FiniteFloat
 
 from myomorph.core.model.errors import listing
 from myomorph.core.model.frozen_map import grouped
-from myomorph.lab.store.study_file import Strict, is_pattern
+from myomorph.lab.store.named_files import is_pattern
+from myomorph.lab.store.study_file import Strict
 from myomorph.lab.study.plan.measures import Measures
 from myomorph.lab.study.trial.trial_strides import StridePlan
 

@@ -10,9 +10,11 @@ from typing import Any
 
 from myomorph.core.model.errors import BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.lab.store.named_files import existing
 from myomorph.lab.store.outcome import Conditions, Excluded, Key
 from myomorph.lab.store.results import file_name
-from myomorph.lab.store.study_file import checked, existing, read_toml, refuse
+from myomorph.lab.store.study_file import checked
+from myomorph.lab.store.toml_file import read_toml, refuse
 from myomorph.lab.study.inputs.keys import Notes, Place
 from myomorph.lab.study.plan import plan_checks
 from myomorph.lab.study.plan.conditions import Exclusions, with_conditions

@@ -11,8 +11,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field, create_model
 
 from myomorph.core.model.errors import MyomorphError
+from myomorph.lab.store.named_files import globbed, is_pattern
 from myomorph.lab.store.settings import Differentiation, Setting, with_settings
-from myomorph.lab.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
+from myomorph.lab.store.study_file import Strict, StudyTable, options_table
 from myomorph.lab.study.inputs.keys import Notes, Place
 from myomorph.lab.study.inputs.table import INPUTS, all_keys
 from myomorph.lab.study.plan.groups import StridesTable

@@ -10,7 +10,7 @@ from typing import Any
 
 from myomorph.core.model.errors import listing
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.lab.store.study_file import existing, matching
+from myomorph.lab.store.named_files import existing, matching
 from myomorph.lab.study.inputs.beside import plain_stem
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.keys import Notes, Place

@@ -29,9 +29,10 @@ from myomorph.core.motion.clocks import on_one_clock
 from myomorph.core.motion.sync import resample_wrenches
 from myomorph.core.tension.emg_targets import EmgOptions
 from myomorph.core.tension.terms.contacts import ContactOptions
+from myomorph.lab.store.named_files import existing
 from myomorph.lab.store.results import file_source, value_source
 from myomorph.lab.store.settings import Measured
-from myomorph.lab.store.study_file import Strict, existing
+from myomorph.lab.store.study_file import Strict
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.contact_file import contact_sources, read_contacts
 from myomorph.lab.study.inputs.contacts import ContactsFile

@@ -10,7 +10,7 @@ from typing import Any
 
 from myomorph.core.model.errors import BadData, BadFile, unknown
 from myomorph.lab.store.settings import settings_of
-from myomorph.lab.store.study_file import read_toml
+from myomorph.lab.store.toml_file import read_toml
 from myomorph.lab.study.step.step import step_head
 
 STEP = "uncertainty"

@@ -18,7 +18,7 @@ from myomorph.core.motion.ik import inverse_kinematics
 from myomorph.core.motion.sync import cut
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.lab.store import study_file
+from myomorph.lab.store import named_files, study_file
 from myomorph.lab.study.inputs.beside import plain_stem
 from myomorph.lab.study.inputs.emg import emg_by_name
 from myomorph.lab.study.inputs.emg_files import channels_of
@@ -97,7 +97,7 @@ def limb_files(
 ) -> LimbFiles:
     """A limb whose files exist; what is wrong is added to the problems."""
     where = f"limb '{table.name}'"
-    model = study_file.existing(folder, table.model, f"{where}: model", problems)
+    model = named_files.existing(folder, table.model, f"{where}: model", problems)
     problems += [
         f"{where}: unknown quantity '{name}' in 'truth': there are {listing(name, UNITS)}"
         for name in table.truth
@@ -128,9 +128,9 @@ def _drops(
     for entry in table.drops:
         drop = DropTable(recording=entry) if isinstance(entry, str) else entry
         time = drop.time or table.time
-        study_file.check_time(time, f"{where}: time", problems)
-        for path in study_file.matching(folder, drop.recording, f"{where}: drops", problems):
-            emg = study_file.existing(folder, drop.emg, f"{where}: emg", problems)
+        named_files.check_time(time, f"{where}: time", problems)
+        for path in named_files.matching(folder, drop.recording, f"{where}: drops", problems):
+            emg = named_files.existing(folder, drop.emg, f"{where}: emg", problems)
             if drop.emg is None:
                 in_it = path if table.muscles and path.suffix.lower() == ".c3d" else None
                 emg = emg_by_name(path) or in_it

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, create_model
 from myomorph.core.contact.plate_placements import MarkedWeight
 from myomorph.core.model.errors import BadData, BadFile, listing
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.lab.store import study_file
+from myomorph.lab.store import named_files, study_file, toml_file
 from myomorph.lab.store.settings import plain_settings, settings_of, with_settings
 from myomorph.lab.study.inputs.beside import plain_stem
 from myomorph.lab.study.inputs.loads import loads_by_name
@@ -259,7 +259,7 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     ['03']
     """
     path = Path(path)
-    raw = study_file.read_toml(path)
+    raw = toml_file.read_toml(path)
     remarks = list[str]()
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
@@ -280,7 +280,7 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
                 "it has no [[specimen]] and no [[limb]]: give one, as 'myomorph viscosity"
                 " --template' shows"
             )
-    study_file.refuse(path, problems)
+    toml_file.refuse(path, problems)
     assert file is not None
     settings = {
         step: chosen
@@ -321,7 +321,7 @@ def _specimen(
         tuple(_recordings(entries, specimen.time, folder, f"{where}: {key}", problems, remarks))
         for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)
     )
-    model = study_file.existing(folder, specimen.model, f"{where}: model", problems)
+    model = named_files.existing(folder, specimen.model, f"{where}: model", problems)
     same = ("name", "measured_muscle_mass", "base", "joint", "up")
     maps: dict[str, Any] = {
         name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")
@@ -333,7 +333,7 @@ def _specimen(
         first=specimen.first_body,
         bones=tuple(specimen.bones),
         muscles=FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
-        tare=study_file.existing(folder, specimen.tare, f"{where}: tare", problems),
+        tare=named_files.existing(folder, specimen.tare, f"{where}: tare", problems),
         plate=(
             None
             if specimen.plate is None
@@ -364,7 +364,7 @@ def _plate(plate: _Plate, folder: Path, where: str, problems: list[str]) -> Plat
     placements = [
         path
         for name in plate.placements
-        for path in study_file.matching(folder, name, where, problems)
+        for path in named_files.matching(folder, name, where, problems)
     ]
     problems += [
         f"{where}: '{path.name}' is no C3D recording"
@@ -392,7 +392,7 @@ def _scans(
 ) -> Iterator[ScanFiles]:
     for table in scan_files:
         for path in (table.surface, table.cluster, table.picked, table.mesh):
-            study_file.existing(
+            named_files.existing(
                 folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems
             )
         try:
@@ -412,10 +412,10 @@ def _recordings(
     seen: set[str] = set()
     for entry in entries:
         recording = _Recording(markers=entry) if isinstance(entry, str) else entry
-        study_file.check_time(recording.time or time, f"{where}: time", problems)
-        for markers in study_file.matching(folder, recording.markers, where, problems):
+        named_files.check_time(recording.time or time, f"{where}: time", problems)
+        for markers in named_files.matching(folder, recording.markers, where, problems):
             if recording.loads is not None:
-                loads = study_file.existing(folder, recording.loads, f"{where}: loads", problems)
+                loads = named_files.existing(folder, recording.loads, f"{where}: loads", problems)
             elif (loads := swing_loads(markers)) is None:
                 problems.append(
                     f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D"
