@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,3 +60,19 @@ def test_commands_begin_without_what_few_of_them_need():
     loaded = set(done.stdout.split())
     assert "numpy" in loaded
     assert not loaded & {"scipy.signal", "scipy.stats", "pandas", "xarray", "matplotlib", "mujoco"}
+
+
+def test_core_body_and_laboratory_name_no_guest():
+    """Nor in a text that is imported later: what a wing adds is in its own `extension.py`."""
+    package = ROOT / "src" / "myomorph"
+    guests = sorted(path.parent.name for path in package.glob("*/extension.py"))
+    assert guests == ["bones", "exchange", "live", "show", "swings"]
+    named = re.compile(rf"\bmyomorph[./\\](?:{'|'.join(guests)})\b")
+    found = [
+        f"{path.relative_to(ROOT).as_posix()}: {match[0]}"
+        for wing in ("core", "body", "lab")
+        for path in sorted((package / wing).rglob("*.py*"))
+        if path.suffix in (".py", ".pyi")
+        for match in named.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert found == []

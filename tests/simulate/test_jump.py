@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import MissingPackage
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.sync import cut, resample_wrenches
@@ -147,5 +147,5 @@ def test_what_is_assumed_is_said(study):
 
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(BadData, match="biomdp"):
+    with pytest.raises(MissingPackage, match=r"biomdp.*myomorph\[demo\]"):
         jump_recording.recording_path()

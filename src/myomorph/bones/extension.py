@@ -55,6 +55,8 @@ EXTENSION = Extension(
         "morph": DemoEntry(
             run="myomorph.bones.command:run_demo",
             help="a leg's muscles transferred to bones whose deformation is known",
+            needs={"igl": "libigl"},
+            extra="morph",
         )
     },
 )

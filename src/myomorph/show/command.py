@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from myomorph.core.model.errors import check_extra
 from myomorph.core.model.extension import DemoEntry, load
 from myomorph.core.model.registry import with_extensions
 from myomorph.lab.cli.options import Threads, documented, use_threads
@@ -44,7 +45,10 @@ def demo_command(
     threads : to use; all cores by default
     """
     use_threads(threads)
-    status: int = load(DEMOS[study].run)(study, out)
+    demo = DEMOS[study]
+    for module, package in demo.needs.items():
+        check_extra(demo.extra, module, package)
+    status: int = load(demo.run)(study, out)
     return status
 
 

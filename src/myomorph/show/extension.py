@@ -4,6 +4,8 @@ from myomorph.core.model.extension import CommandEntry, DemoEntry, Extension
 
 RECORDED = "myomorph.show.command:run_recorded"
 PERFORMED = "myomorph.show.command:run_performed"
+DEMO = "demo"  # The extra.
+SOLVER = {"piqp": "piqp"}
 MODEL = "myomorph.show.demo.demos:demo_model"
 
 EXTENSION = Extension(
@@ -25,10 +27,29 @@ EXTENSION = Extension(
             run=RECORDED,
             help="a recorded countermovement jump with markers on one leg",
             model=MODEL,
+            needs={"biomdp": "biomdp"},
+            extra=DEMO,
         ),
-        "judo": DemoEntry(run=PERFORMED, help="two simulated fighters, as files with a study file"),
-        "taichi": DemoEntry(run=PERFORMED, help="simulated Tai Chi on one plate, as such files"),
-        "tap": DemoEntry(run=PERFORMED, help="simulated tap dance, as such files"),
-        "drum": DemoEntry(run=PERFORMED, help="a simulated drum with microphones, as such files"),
+        "judo": DemoEntry(
+            run=PERFORMED,
+            help="two simulated fighters, as files with a study file",
+            needs=SOLVER,
+            extra=DEMO,
+        ),
+        "taichi": DemoEntry(
+            run=PERFORMED,
+            help="simulated Tai Chi on one plate, as such files",
+            needs=SOLVER,
+            extra=DEMO,
+        ),
+        "tap": DemoEntry(
+            run=PERFORMED, help="simulated tap dance, as such files", needs=SOLVER, extra=DEMO
+        ),
+        "drum": DemoEntry(
+            run=PERFORMED,
+            help="a simulated drum with microphones, as such files",
+            needs=SOLVER,
+            extra=DEMO,
+        ),
     },
 )

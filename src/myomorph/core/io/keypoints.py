@@ -17,7 +17,7 @@ import numpy as np
 from myomorph.core.io.parsing.guard import run_guarded, seconds_for
 from myomorph.core.io.parsing.text import readable, unique_names, without_far_away
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.errors import BadFile, quoted
+from myomorph.core.model.errors import BadFile, from_extra, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Markers, Trial
 
@@ -294,9 +294,7 @@ def _parsed(text: str, path: Path) -> Any:
             return json.loads(text)
         except (ValueError, RecursionError) as error:
             raise BadFile(path, f"is not JSON ({error})") from None
-    # Brings PyYAML: loaded only where it is needed.
-    import yaml
-
+    yaml = from_extra("keypoints", "yaml", "pyyaml")
     try:
         return yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:

@@ -6,6 +6,7 @@ import difflib
 import importlib
 import re
 from collections.abc import Collection, Iterable
+from importlib.util import find_spec
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 LONGEST = 20_000
@@ -117,6 +118,12 @@ def from_extra(extra: str, module: str, package: str = "") -> Any:
         return importlib.import_module(module)
     except ImportError:
         raise MissingPackage(package or module, extra) from None
+
+
+def check_extra(extra: str, module: str, package: str = "") -> None:
+    """Raise `MissingPackage` where a module that an extra brings is not there; nothing is imported."""
+    if find_spec(module) is None:
+        raise MissingPackage(package or module, extra)
 
 
 def one_line(text: str) -> str:

@@ -124,11 +124,15 @@ class DemoEntry:
     help : what is shown
     model : place of the function from its name to the model of its results, "" where their model is
         a file
+    needs : packages that are not there with every installation, by the module that each brings
+    extra : of Myomorph that brings them
     """
 
     run: str
     help: str
     model: str = ""
+    needs: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    extra: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,7 +112,7 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
 
     Raises
     ------
-    BadData
+    BadData, MissingPackage
         where the packages that bring model or recording are not installed
     UnknownName
         where there is no such recording

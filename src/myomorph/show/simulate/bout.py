@@ -21,9 +21,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import piqp
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import from_extra
 from myomorph.show.simulate.fighter import (
     PARTS,
     SLEEVE_DAMPING,
@@ -229,7 +229,7 @@ def pyramids(corners: int, friction: float) -> Array:
 
 def least(H: Array, c: Array, low: Array, high: Array, G: Array | None, accuracy: float) -> Array:
     """Min x'Hx/2 + c'x with low <= x <= high and G x <= 0."""
-    solver = piqp.DenseSolver()
+    solver = from_extra("demo", "piqp").DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = accuracy
     solver.setup(H, c, None, None, G, None, None if G is None else np.zeros(len(G)), low, high)
     solver.solve()

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from myomorph.core.contact.plates import force_plates
 from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, MissingPackage
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Analog, Event, Markers, Motion, Trial, Wrenches
@@ -57,10 +57,7 @@ def recording_path() -> Path:
     spec = importlib.util.find_spec("biomdp")
     path = Path(spec.origin).parent / RECORDING if spec is not None and spec.origin else None
     if path is None or not path.exists():
-        raise BadData(
-            "the recording of the jump comes with the package 'biomdp': install it (pip install"
-            " biomdp)"
-        )
+        raise MissingPackage("biomdp", "demo")
     return path
 
 

@@ -8,8 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-import tomlkit
-
+from myomorph.core.io.parsing.toml import toml_text
 from myomorph.lab.study.inputs.keys import relative
 from myomorph.lab.study.inputs.laboratory import Laboratory
 from myomorph.lab.study.inputs.table import all_keys
@@ -29,18 +28,15 @@ def study_text(plan: Plan, folder: Path, head: Sequence[str] = ()) -> str:
     """
     (files,) = plan.subjects.values()
     shared = _shared(files, plan.trials)
-    document = tomlkit.document()
-    for line in head:
-        document.add(tomlkit.comment(line))
-    document["study"] = {"name": plan.name} | ({"flat": True} if plan.flat else {})
+    document: dict[str, Any] = {
+        "study": {"name": plan.name} | ({"flat": True} if plan.flat else {})
+    }
     settings = {step: dict(values) for step, values in plan.settings.items() if values}
     if UNCERTAINTY in settings:
         document[UNCERTAINTY] = settings.pop(UNCERTAINTY)
     _put_options(document, settings, shared, folder)
-    subjects = tomlkit.aot()
-    subjects.append(_subject(plan, files, shared, folder))
-    document["subject"] = subjects
-    text = tomlkit.dumps(document)
+    document["subject"] = [_subject(plan, files, shared, folder)]
+    text = toml_text(document, head)
     return f"{text}{MARK}{_digest(text)}\n"
 
 
@@ -54,11 +50,11 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _subject(plan: Plan, files: SubjectFiles, shared: Mapping[str, Any], folder: Path) -> Any:
+def _subject(
+    plan: Plan, files: SubjectFiles, shared: Mapping[str, Any], folder: Path
+) -> dict[str, Any]:
     """The table of the subject, those of its trials last."""
-    table = tomlkit.table()
-    table["name"] = files.name
-    table["model"] = relative(files.model, folder)
+    table: dict[str, Any] = {"name": files.name, "model": relative(files.model, folder)}
     if files.mass is not None:
         table["mass"] = files.mass
     table["steps"] = [step for step in plan.steps_of(files.name) if step != UNCERTAINTY]
@@ -67,14 +63,13 @@ def _subject(plan: Plan, files: SubjectFiles, shared: Mapping[str, Any], folder:
         if files.static_laboratory.turn != shared.get("turn", 0.0):
             table["static_turn"] = files.static_laboratory.turn
     _put_inputs(table, shared, folder)
-    trials = tomlkit.aot()
+    trials = []
     for trial in plan.trials:
         usual = {name: key.default for name, (_, key) in all_keys().items()} | dict(shared)
         own = {name: value for name, value in _values(trial).items() if value != usual[name]}
         for name in [name for name in own if all_keys()[name][1].kind.adds]:
             own[name] = own[name][len(shared.get(name, ())) :]
-        entry = tomlkit.table()
-        entry["name"] = trial.name
+        entry: dict[str, Any] = {"name": trial.name}
         _put_inputs(entry, own, folder)
         _put_options(entry, {}, own, folder)
         trials.append(entry)
@@ -111,7 +106,7 @@ def _values(trial: TrialFiles) -> dict[str, Any]:
 
 
 def _put_options(
-    table: Any, settings: Mapping[str, Any], values: Mapping[str, Any], folder: Path
+    table: dict[str, Any], settings: Mapping[str, Any], values: Mapping[str, Any], folder: Path
 ) -> None:
     """Put settings of steps, and keys of inputs that stand among them, into the options of a table."""
     by_step = {step: dict(said) for step, said in settings.items()}
@@ -120,22 +115,12 @@ def _put_options(
         if kind.option_of:
             by_step.setdefault(kind.option_of, {})[name] = kind.written(value, folder)
     if by_step:
-        table["options"] = tomlkit.table(is_super_table=True)
-        for step, said in by_step.items():
-            table["options"][step] = said
+        table["options"] = by_step
 
 
-def _put_inputs(table: Any, values: Mapping[str, Any], folder: Path) -> None:
-    """Put values of keys into a table: mappings, which become tables of their own, behind the
-    others.
-    """
-    kinds = {name: all_keys()[name][1].kind for name in values}
-    written = {
-        name: kinds[name].written(value, folder)
-        for name, value in values.items()
-        if not kinds[name].option_of
-    }
-    for name, value in sorted(written.items(), key=lambda item: isinstance(item[1], Mapping)):
-        table[name] = value
-        if kinds[name].adds:
-            table[name].multiline(True)
+def _put_inputs(table: dict[str, Any], values: Mapping[str, Any], folder: Path) -> None:
+    """Put values of keys into a table, but those that stand among the options of steps."""
+    for name, value in values.items():
+        kind = all_keys()[name][1].kind
+        if not kind.option_of:
+            table[name] = kind.written(value, folder)
