@@ -13,7 +13,7 @@ from myomorph.core.model.series import Motion, Series
 from myomorph.core.rigid.coordinates import couple_frames
 from myomorph.core.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.core.rigid.loops import (
-    OPEN,
+    MAX_OPENING,
     close_loops,
     closed_motion,
     closure,
@@ -144,5 +144,5 @@ def test_a_motion_that_is_open_is_refused():
     off = replace(good, values=good.values + np.array([0.0, 0.1, 0.0]))
     torques = Series(off.time, off.names, np.zeros_like(off.values))
     for ask in (lambda: closed_motion(model, off), lambda: loop_torques(model, off, torques)):
-        with pytest.raises(BadData, match=rf"'pin' open by up to .* at most {OPEN:g}"):
+        with pytest.raises(BadData, match=rf"'pin' open by up to .* at most {MAX_OPENING:g}"):
             ask()

@@ -11,7 +11,12 @@ from looped import looped_tree
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.series import Motion
-from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
+from myomorph.core.rigid.dynamics import (
+    MotionArrays,
+    inverse_dynamics,
+    joint_wrenches,
+    motion_arrays,
+)
 from myomorph.core.rigid.forward import (
     balancing_multipliers,
     forward_accelerations,
@@ -110,15 +115,21 @@ def test_joint_forces_agree_with_pinocchio(seed):
             np.testing.assert_allclose(found.moments[frame, b], carried.angular, atol=1e-9)
 
 
+def unknown(arrays):
+    """The motion without its accelerations."""
+    return arrays._replace(accelerations=np.zeros_like(arrays.accelerations))
+
+
 def test_forces_give_the_accelerations_back():
     """Inverse dynamics, then forward: couplers and curved joints included."""
     model = functional_tree(2)
     motion = swinging(model, 4, 0.01, seed=5)
     tree = compile_tree(model)
-    c, cdot, cddot = motion_arrays(tree, motion)
+    arrays = motion_arrays(tree, motion)
+    c, cdot, cddot = arrays
     applied = pushed(tree, 4, 1)
     tau = gathered(tree, c, joint_wrenches(tree, c, cdot, cddot, applied).torques)
-    found, multipliers = forward_accelerations(tree, c, cdot, np.zeros_like(cddot), applied, tau)
+    found, multipliers = forward_accelerations(tree, unknown(arrays), applied, tau)
     assert multipliers.shape == (4, 0)
     np.testing.assert_allclose(found, cddot, rtol=1e-7, atol=1e-7)
 
@@ -132,7 +143,8 @@ def test_loops_carry_what_they_were_given_to_carry():
         model, Motion(np.arange(3.0), model.coordinate_names, c, *rng.normal(size=(2, *c.shape)))
     )
     tree = compile_tree(model)
-    c, cdot, cddot = motion_arrays(tree, motion)
+    arrays = motion_arrays(tree, motion)
+    c, cdot, cddot = arrays
     applied = pushed(tree, 3, 3)
     forces = rng.normal(scale=4.0, size=(3, 6))
     G = closure_jacobian(tree, c)
@@ -147,13 +159,11 @@ def test_loops_carry_what_they_were_given_to_carry():
         alone[:, free], np.einsum("frj,fr->fj", G, forces)[:, free], atol=1e-8
     )
     tau = joint_wrenches(tree, c, cdot, cddot, held).torques
-    found, multipliers = forward_accelerations(tree, c, cdot, np.zeros_like(c), applied, tau)
+    found, multipliers = forward_accelerations(tree, unknown(arrays), applied, tau)
     np.testing.assert_allclose(found, cddot, atol=1e-6)
     np.testing.assert_allclose(multipliers, forces, atol=1e-6)
     assert np.abs(closure_rates(tree, c, cdot, found)[1]).max() < 1e-7
-    np.testing.assert_allclose(
-        balancing_multipliers(tree, c, cdot, cddot, applied, tau), forces, atol=1e-7
-    )
+    np.testing.assert_allclose(balancing_multipliers(tree, arrays, applied, tau), forces, atol=1e-7)
 
 
 def test_a_model_at_rest_weighs_on_its_root():
@@ -182,7 +192,8 @@ def test_a_loop_falls_and_carries_as_in_opensim(data):
     c = close_loops(tree, tree.coordinates_of(given)[[150, 300, 420]])
     still = np.zeros_like(c)
     nothing = np.zeros((3, len(tree.arrays.parent), 6))
-    accelerations, multipliers = forward_accelerations(tree, c, still, still, nothing, still)
+    at_rest = MotionArrays(values=c, velocities=still, accelerations=still)
+    accelerations, multipliers = forward_accelerations(tree, at_rest, nothing, still)
     found = joint_wrenches(tree, c, still, accelerations, loop_wrenches(tree, c, multipliers))
     opensim.Logger.setLevelString("Off")
     theirs = opensim.Model(str(path))

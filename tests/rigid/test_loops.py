@@ -243,10 +243,10 @@ def test_random_poses_tried_fill_what_a_hinge_may_take(monkeypatch):
     )
     tree = compile_tree(replace(model, coordinates=tuple(coordinates)))
     monkeypatch.setattr(
-        loops, "_shut", lambda tree, starts, free: tried.append(starts.copy()) or starts
+        loops, "_closed_from", lambda tree, starts, free: tried.append(starts.copy()) or starts
     )
     given = np.array([0.1, 0.2, 0.3])
-    loops._elsewhere(tree, given, np.arange(3))
+    loops._closed_from_elsewhere(tree, given, np.arange(3))
     np.testing.assert_array_equal(tried[0][0], defaults)
     lows = (-1.0, 0.5 - np.pi, 1.0)
     highs = (2.0, 0.5 + np.pi, 2.0 + np.pi)

@@ -22,6 +22,7 @@ from myomorph.core.model.errors import BadData, BadModel, check_name
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.filters import lowpass
+from myomorph.core.rigid.dynamics import MotionArrays
 from myomorph.core.rigid.forward import forward_accelerations, gathered
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
@@ -142,8 +143,9 @@ def effective_mass(
     nothing = np.zeros((len(rows), len(tree.arrays.parent), 6))
     push = gathered(tree, coordinates, rows)
     try:
-        pushed, _ = forward_accelerations(tree, coordinates, still, still, nothing, push)
-        alone, _ = forward_accelerations(tree, coordinates, still, still, nothing, still)
+        at_rest = MotionArrays(values=coordinates, velocities=still, accelerations=still)
+        pushed, _ = forward_accelerations(tree, at_rest, nothing, push)
+        alone, _ = forward_accelerations(tree, at_rest, nothing, still)
     except np.linalg.LinAlgError:
         raise BadModel(
             f"model '{model.name}' has coordinates that move no mass: an impact has no effective"

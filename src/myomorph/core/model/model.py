@@ -85,6 +85,11 @@ class Coordinate:
     prescribed: Function | None = None
     default_speed: float = 0.0
 
+    @property
+    def is_free(self) -> bool:
+        """Whether it is neither locked nor prescribed."""
+        return not self.locked and self.prescribed is None
+
 
 @read_only
 class Axis:

@@ -1,28 +1,77 @@
-"""Generalized forces of bushings: springs and dampers between two frames, in OpenSim's coordinates."""
+"""Generalized forces of bushings: springs and dampers between two frames, as in OpenSim."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.paths import Bushing
+from myomorph.core.model.shapes import (
+    Coordinates,
+    FrameMatrices,
+    FrameValues,
+    FrameVectors,
+    GeneralizedForces,
+)
+from myomorph.core.model.spatial import Transform
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.tree import Tree
 
 
+class FramePose(NamedTuple):
+    """Pose in ground of a frame that is fixed to a body.
+
+    Attributes
+    ----------
+    body : number of the body in the tree
+    rotation : (frames, 3, 3) from the frame's axes to ground
+    origin : (frames, 3) in ground [m]
+    """
+
+    body: int
+    rotation: FrameMatrices
+    origin: FrameVectors
+
+
+class Deflection(NamedTuple):
+    """Deflection of a bushing and how coordinates change it.
+
+    Attributes
+    ----------
+    values : (frames, 6) body-fixed x-y-z angles [rad], then translations [m], of the second frame
+        seen from the first
+    slopes : (frames, 6, coordinates) derivatives in the coordinates
+    """
+
+    values: Array
+    slopes: Array
+
+
 def bushing_forces(
-    tree: Tree, bushings: Sequence[Bushing], coordinates: Array, rates: Array
-) -> Array:
-    """What bushings do at every coordinate, (frames, coordinates) [N m or N].
+    tree: Tree, bushings: Sequence[Bushing], coordinates: Coordinates, rates: Coordinates
+) -> GeneralizedForces:
+    """Generalized forces of bushings at every coordinate.
 
         tau = -B^T (K q + D B cdot),   B = dq/dc
 
     with q (6,) the body-fixed x-y-z angles and the origin of the second frame seen from the first.
     Dependent coordinates keep their own share.
 
-    `coordinates`, `rates` (frames, coordinates) consistent.
+    Source: OpenSim's `BushingForce` (Seth et al. 2018).
+
+    Parameters
+    ----------
+    tree : the compiled model
+    bushings : of the model
+    coordinates : (frames, coordinates) in the model's order, dependent ones consistent [rad or m]
+    rates : (frames, coordinates) their velocities [per s]
+
+    Returns
+    -------
+    (frames, coordinates) [N m or N]
     """
     tau = np.zeros_like(coordinates)
     poses = forward_kinematics(tree, coordinates)
@@ -35,38 +84,78 @@ def bushing_forces(
     return tau
 
 
-def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> tuple[Array, Array]:
-    """A bushing's q (frames, 6) and dq/dc (frames, 6, coordinates); singular where the middle angle
-    is 90 degrees.
+def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> Deflection:
+    """Deflection of a bushing and its derivatives in the coordinates.
+
+    With E of `angular_velocities` and J_1, J_2 the Jacobians of both bodies at the second frame's
+    origin, in the axes of the first frame, rows angular before linear:
+
+        B = [E^-1 (J_2 - J_1)_angular; (J_2 - J_1)_linear]
+
+    Singular where the middle angle is 90 degrees.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    poses : of the tree
+    bushing : of the model
+
+    Returns
+    -------
+    angles [rad] and translations [m] with their derivatives
     """
-    ends = []
-    for body, pose in ((bushing.body_1, bushing.pose_1), (bushing.body_2, bushing.pose_2)):
-        b = tree.body_index[body]
-        R = poses.rotations[:, b]
-        ends.append((b, R @ pose.rotation, poses.origins[:, b] + R @ pose.translation))
-    (b1, R1, x1), (b2, R2, x2) = ends
-    towards = np.swapaxes(R1, 1, 2)
-    Q = towards @ R2
-    x = np.arctan2(-Q[:, 1, 2], Q[:, 2, 2])
-    y = np.arcsin(np.clip(Q[:, 0, 2], -1.0, 1.0))
-    z = np.arctan2(-Q[:, 0, 1], Q[:, 0, 0])
-    apart = np.einsum("fij,fj->fi", towards, x2 - x1)
-    # Both bodies' motion at the second frame's origin: what is left turns or moves one frame
-    # against the other.
-    moved = poses.jacobian(b2, x2) - poses.jacobian(b1, x2)
-    B = np.concatenate(
-        [np.linalg.solve(angular_velocities(x, y), towards @ moved[:, :3]), towards @ moved[:, 3:]],
-        axis=1,
+    first = _frame_in_ground(tree, poses, bushing.body_1, bushing.pose_1)
+    second = _frame_in_ground(tree, poses, bushing.body_2, bushing.pose_2)
+
+    to_first = np.swapaxes(first.rotation, 1, 2)
+    relative = to_first @ second.rotation
+    x = np.arctan2(-relative[:, 1, 2], relative[:, 2, 2])
+    y = np.arcsin(np.clip(relative[:, 0, 2], -1.0, 1.0))
+    z = np.arctan2(-relative[:, 0, 1], relative[:, 0, 0])
+    translation = np.einsum("fij,fj->fi", to_first, second.origin - first.origin)
+
+    # Motion that both bodies share at the second frame's origin deflects nothing.
+    relative_motion = poses.jacobian(second.body, second.origin) - poses.jacobian(
+        first.body, second.origin
     )
-    return np.column_stack([x, y, z, apart]), B
+    angular = to_first @ relative_motion[:, :3]
+    linear = to_first @ relative_motion[:, 3:]
+    of_angles = np.linalg.solve(angular_velocities(x, y), angular)
+    return Deflection(
+        values=np.column_stack([x, y, z, translation]),
+        slopes=np.concatenate([of_angles, linear], axis=1),
+    )
 
 
-def angular_velocities(x: Array, y: Array) -> Array:
-    """E (frames, 3, 3): angular velocity along the first frame = E (xdot, ydot, zdot) of body-fixed
-    angles x, y, z.
+def _frame_in_ground(tree: Tree, poses: Poses, body: str, pose: Transform) -> FramePose:
+    """Pose in ground of a frame with a constant pose in a body."""
+    number = tree.body_index[body]
+    rotation = poses.rotations[:, number]
+    return FramePose(
+        body=number,
+        rotation=rotation @ pose.rotation,
+        origin=poses.origins[:, number] + rotation @ pose.translation,
+    )
+
+
+def angular_velocities(x: FrameValues, y: FrameValues) -> FrameMatrices:
+    """Matrix E that gives the angular velocity of body-fixed angles x, y, z.
+
+        omega = E (xdot, ydot, zdot),   omega along the axes of the first frame
+
+    Parameters
+    ----------
+    x, y : (frames,) first and second angle [rad]
+
+    Returns
+    -------
+    (frames, 3, 3)
     """
     E = np.zeros((len(x), 3, 3))
     E[:, 0, 0] = 1.0
-    E[:, 1, 1], E[:, 2, 1] = np.cos(x), np.sin(x)
-    E[:, 0, 2], E[:, 1, 2], E[:, 2, 2] = np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)
+    E[:, 1, 1] = np.cos(x)
+    E[:, 2, 1] = np.sin(x)
+    E[:, 0, 2] = np.sin(y)
+    E[:, 1, 2] = -np.sin(x) * np.cos(y)
+    E[:, 2, 2] = np.cos(x) * np.cos(y)
     return E

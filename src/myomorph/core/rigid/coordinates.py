@@ -1,5 +1,7 @@
-"""Functions of coordinates in flat arrays: values, slopes and curvatures in one kernel; dependent
-coordinates.
+"""Functions of coordinates as flat arrays, and the coordinates that such functions couple.
+
+One kernel gives value, slopes and curvatures of any function of at most two coordinates. Couplers
+make dependent coordinates follow others by them, and carry derivatives over by the chain rule.
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ from myomorph.core.rigid.kernels import bare, in_place, kernel
 
 Ints = NDArray[np.int64]
 
+# Kinds of functions
 POLYNOMIAL = 0
 SINES = 1
+# Columns of `FunctionArrays.table`
 KIND = 0
 FIRST = 1
 PIECES = 2
@@ -26,75 +30,94 @@ START = 4
 
 
 class FunctionArrays(NamedTuple):
-    """Functions one after another, in as few arrays as possible: every array a kernel takes costs
-    time.
+    """Functions one after another, in few arrays: every array that a kernel takes costs time.
+
+    Attributes
+    ----------
+    table : (functions, 5) with the columns KIND, `POLYNOMIAL` or `SINES`; FIRST, the first break,
+        and PIECES, the number of pieces of a piecewise polynomial; WIDTH, its coefficients a piece,
+        or the coordinates of a product of sines; START of the coefficients
+    breaks : of all piecewise polynomials
+    coefficients : of all functions
     """
 
-    # (functions, 5) KIND (POLYNOMIAL or SINES), FIRST break and number of PIECES of a piecewise
-    # polynomial, WIDTH (its coefficients a piece, or the coordinates of a sine product), START of
-    # the coefficients
     table: Ints
-    # breaks, coefficients: of all functions
     breaks: Array
     coefficients: Array
 
 
 def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
-    """The functions as flat arrays, in the order given."""
+    """Pack functions into flat arrays, in their order.
+
+    Parameters
+    ----------
+    functions : of at most two coordinates each
+
+    Returns
+    -------
+    the arrays, whose rows of `table` have the order of `functions`
+    """
     table: list[tuple[int, ...]] = []
     breaks: list[float] = []
     coefficients: list[float] = []
     for function in functions:
-        at = len(breaks), len(coefficients)
+        start = len(coefficients)
         if isinstance(function, PiecewisePolynomial):
-            table.append(
-                (POLYNOMIAL, at[0], len(function.breaks), function.coefficients.shape[1], at[1])
-            )
+            pieces = len(function.breaks)
+            width = function.coefficients.shape[1]
+            table.append((POLYNOMIAL, len(breaks), pieces, width, start))
             breaks.extend(function.breaks)
             coefficients.extend(function.coefficients.ravel())
-        else:
-            table.append((SINES, at[0], 0, function.arity, at[1]))
-            coefficients.extend([function.factor, function.offset])
-            for frequency, phase in zip(function.frequencies, function.phases, strict=True):
-                coefficients.extend([frequency, phase])
+            continue
+        table.append((SINES, len(breaks), 0, function.arity, start))
+        coefficients.extend([function.factor, function.offset])
+        for frequency, phase in zip(function.frequencies, function.phases, strict=True):
+            coefficients.extend([frequency, phase])
     return FunctionArrays(
-        np.array(table, np.int64).reshape(-1, 5),
-        np.array(breaks, np.float64),
-        np.array(coefficients, np.float64),
+        table=np.array(table, np.int64).reshape(-1, 5),
+        breaks=np.array(breaks, np.float64),
+        coefficients=np.array(coefficients, np.float64),
     )
 
 
 @kernel
 def evaluate(F, i, x1, x2):
-    """Value and derivatives of function i at (x1, x2): f, f_1, f_2, f_11, f_12, f_22.
+    """Value and derivatives of function i of `FunctionArrays` F at (x1, x2).
+
     A function of one coordinate takes x1 and leaves the derivatives in x2 zero.
+
+    Returns
+    -------
+    f, f_1, f_2, f_11, f_12, f_22 : with indices for derivatives in x1 and x2
     """
     if F.table[i, PIECES] == 1 and F.table[i, WIDTH] == 2:
-        # Most axes move in proportion to a coordinate: short enough for the compiler to put in
-        # place.
+        # Most axes move in proportion to a coordinate: short enough for the compiler to inline.
         c = F.table[i, START]
         slope = F.coefficients[c + 1]
-        return (
-            F.coefficients[c] + slope * (x1 - F.breaks[F.table[i, FIRST]]),
-            slope,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        )
+        value = F.coefficients[c] + slope * (x1 - F.breaks[F.table[i, FIRST]])
+        return value, slope, 0.0, 0.0, 0.0, 0.0
     return evaluate_curved(F, i, x1, x2)
 
 
 @bare
 def evaluate_at(F, function, i, j, c):
-    """`evaluate` at the coordinates number i and j of c; -1 for none, which counts as 0."""
+    """Evaluate a function at coordinates number i and j of c (coordinates,).
+
+    A number of -1 stands for no coordinate, which counts as 0. Returns what `evaluate` does.
+    """
     return evaluate(F, function, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
 
 
 @bare
 def function_rates(F, function, i, j, c, cdot, cddot):
-    """Velocity and acceleration of a function of the coordinates i and j by the chain rule, as of
-    `evaluate_at`.
+    """Velocity and acceleration of a function of coordinates i and j, as of `evaluate_at`.
+
+    fdot  = f_1 v_1 + f_2 v_2
+    fddot = f_1 a_1 + f_2 a_2 + f_11 v_1^2 + 2 f_12 v_1 v_2 + f_22 v_2^2
+
+    Parameters
+    ----------
+    c, cdot, cddot : (coordinates,) values, velocities and accelerations
     """
     _, d1, d2, d11, d12, d22 = evaluate_at(F, function, i, j, c)
     v1 = cdot[i] if i >= 0 else 0.0
@@ -109,40 +132,57 @@ def function_rates(F, function, i, j, c, cdot, cddot):
 
 @bare
 def evaluate_curved(F, i, x1, x2):
-    """`evaluate` for any function."""
-    c = F.table[i, START]
+    """Evaluate any function, a straight line or not; returns what `evaluate` does."""
     if F.table[i, KIND] == POLYNOMIAL:
-        low = F.table[i, FIRST]
-        high = low + F.table[i, PIECES] - 1
-        while low < high:
-            middle = (low + high + 1) // 2
-            if x1 >= F.breaks[middle]:
-                low = middle
-            else:
-                high = middle - 1
-        h = x1 - F.breaks[low]
-        n = F.table[i, WIDTH]
-        c += (low - F.table[i, FIRST]) * n
-        f = 0.0
-        d = 0.0
-        dd = 0.0
-        for j in range(n - 1, -1, -1):
-            dd = dd * h + 2.0 * d
-            d = d * h + f
-            f = f * h + F.coefficients[c + j]
-        return f, d, 0.0, dd, 0.0, 0.0
-    a = F.coefficients[c]
-    offset = F.coefficients[c + 1]
-    k1 = F.coefficients[c + 2]
-    s1 = np.sin(k1 * x1 + F.coefficients[c + 3])
-    c1 = np.cos(k1 * x1 + F.coefficients[c + 3])
+        f, slope, curvature = _evaluate_polynomial(F, i, x1)
+        return f, slope, 0.0, curvature, 0.0, 0.0
+    return _evaluate_sines(F, i, x1, x2)
+
+
+@bare
+def _evaluate_polynomial(F, i, x):
+    """Value, slope and curvature of piecewise polynomial i at x, by Horner's scheme."""
+    first = F.table[i, FIRST]
+    low = first
+    high = low + F.table[i, PIECES] - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if x >= F.breaks[middle]:
+            low = middle
+        else:
+            high = middle - 1
+    h = x - F.breaks[low]
+    width = F.table[i, WIDTH]
+    start = F.table[i, START] + (low - first) * width
+    f = 0.0
+    slope = 0.0
+    curvature = 0.0
+    for power in range(width - 1, -1, -1):
+        curvature = curvature * h + 2.0 * slope
+        slope = slope * h + f
+        f = f * h + F.coefficients[start + power]
+    return f, slope, curvature
+
+
+@bare
+def _evaluate_sines(F, i, x1, x2):
+    """Product of sines a sin(k_1 x_1 + p_1) sin(k_2 x_2 + p_2) + offset; returns as `evaluate`.
+
+    A function of one coordinate has 1 in the place of the second sine.
+    """
+    start = F.table[i, START]
+    a = F.coefficients[start]
+    offset = F.coefficients[start + 1]
+    k1 = F.coefficients[start + 2]
+    s1 = np.sin(k1 * x1 + F.coefficients[start + 3])
+    c1 = np.cos(k1 * x1 + F.coefficients[start + 3])
     k2 = 0.0
     s2 = 1.0
     c2 = 0.0
     if F.table[i, WIDTH] == 2:
-        k2 = F.coefficients[c + 4]
-        s2 = np.sin(k2 * x2 + F.coefficients[c + 5])
-        c2 = np.cos(k2 * x2 + F.coefficients[c + 5])
+        k2 = F.coefficients[start + 4]
+        s2 = np.sin(k2 * x2 + F.coefficients[start + 5])
+        c2 = np.cos(k2 * x2 + F.coefficients[start + 5])
     return (
         a * s1 * s2 + offset,
         a * k1 * c1 * s2,
@@ -156,38 +196,52 @@ def evaluate_curved(F, i, x1, x2):
 @bare
 def couple(T, c):
     """Set the dependent coordinates in c (coordinates,) from those they follow."""
-    for index in range(T.coupler_coordinate.shape[0]):
-        i = T.coupler_source[index, 0]
-        j = T.coupler_source[index, 1]
-        c[T.coupler_coordinate[index]] = evaluate_at(
-            T.functions, T.coupler_function[index], i, j, c
+    for coupler in range(T.coupler_coordinate.shape[0]):
+        i = T.coupler_source[coupler, 0]
+        j = T.coupler_source[coupler, 1]
+        c[T.coupler_coordinate[coupler]] = evaluate_at(
+            T.functions, T.coupler_function[coupler], i, j, c
         )[0]
 
 
 @bare
 def couple_rates(T, c, cdot, cddot):
-    """Set the dependent velocities and accelerations by the chain rule; c is consistent already."""
-    for index in range(T.coupler_coordinate.shape[0]):
-        d = T.coupler_coordinate[index]
-        i = T.coupler_source[index, 0]
-        j = T.coupler_source[index, 1]
+    """Set the dependent velocities and accelerations by the chain rule; c is consistent already.
+
+    Parameters
+    ----------
+    c, cdot, cddot : (coordinates,); the last two are changed in place
+    """
+    for coupler in range(T.coupler_coordinate.shape[0]):
+        d = T.coupler_coordinate[coupler]
+        i = T.coupler_source[coupler, 0]
+        j = T.coupler_source[coupler, 1]
         cdot[d], cddot[d] = function_rates(
-            T.functions, T.coupler_function[index], i, j, c, cdot, cddot
+            T.functions, T.coupler_function[coupler], i, j, c, cdot, cddot
         )
 
 
 @kernel
 def gather_dependents(T, c, rows):
     """Turn derivatives in all coordinates into derivatives in the independent ones, in place.
-    Each row of `rows` (n, coordinates) holds df/dc; afterwards the entry of an independent
-    coordinate includes what reaches f through the coordinates that follow it, and the entries of
-    dependent coordinates are left as they were.
+
+    With a dependent coordinate c_d = f(c_i, c_j), last couplers first:
+
+        df/dc_i += df/dc_d f_1,   df/dc_j += df/dc_d f_2
+
+    Afterwards the entry of an independent coordinate includes what reaches f through the
+    coordinates that follow it. The entries of dependent coordinates are left as they were.
+
+    Parameters
+    ----------
+    c : (coordinates,) consistent values
+    rows : (n, coordinates) each a df/dc, changed in place
     """
-    for index in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
-        d = T.coupler_coordinate[index]
-        i = T.coupler_source[index, 0]
-        j = T.coupler_source[index, 1]
-        _, d1, d2, _, _, _ = evaluate_at(T.functions, T.coupler_function[index], i, j, c)
+    for coupler in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
+        d = T.coupler_coordinate[coupler]
+        i = T.coupler_source[coupler, 0]
+        j = T.coupler_source[coupler, 1]
+        _, d1, d2, _, _, _ = evaluate_at(T.functions, T.coupler_function[coupler], i, j, c)
         for row in range(rows.shape[0]):
             if i >= 0:
                 rows[row, i] += d1 * rows[row, d]
@@ -197,23 +251,36 @@ def gather_dependents(T, c, rows):
 
 @in_place
 def fold_dependents(T, c, H, g, D):
-    """Carry what dependent coordinates feel over to those they follow, by the chain rule, in place."""
-    for index in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
-        d = T.coupler_coordinate[index]
-        i = T.coupler_source[index, 0]
-        j = T.coupler_source[index, 1]
-        _, d1, d2, d11, d12, d22 = evaluate_at(T.functions, T.coupler_function[index], i, j, c)
+    """Carry a cost's derivatives from dependent coordinates to those they follow, in place.
+
+    With a dependent coordinate c_d = f(c_i, c_j), last couplers first, and the same for c_j:
+
+        g_i += f_1 g_d,   H += f_1 (row and column d) + g_d f_11,   D_i += f_1^2 D_d
+
+    Parameters
+    ----------
+    c : (coordinates,) consistent values
+    H : (coordinates, coordinates) Hessian
+    g : (coordinates,) gradient
+    D : (coordinates,) weights of single coordinates, whose squares add up
+    """
+    for coupler in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
+        d = T.coupler_coordinate[coupler]
+        i = T.coupler_source[coupler, 0]
+        j = T.coupler_source[coupler, 1]
+        _, d1, d2, d11, d12, d22 = evaluate_at(T.functions, T.coupler_function[coupler], i, j, c)
         for side in range(2):
-            s = i if side == 0 else j
+            source = i if side == 0 else j
             slope = d1 if side == 0 else d2
-            if s >= 0:
-                g[s] += slope * g[d]
-                D[s] += slope * slope * D[d]
-                H[s, s] += g[d] * (d11 if side == 0 else d22)
-                for t in range(c.shape[0]):
-                    H[s, t] += slope * H[d, t]
-                for t in range(c.shape[0]):
-                    H[t, s] += slope * H[t, d]
+            if source < 0:
+                continue
+            g[source] += slope * g[d]
+            D[source] += slope * slope * D[d]
+            H[source, source] += g[d] * (d11 if side == 0 else d22)
+            for other in range(c.shape[0]):
+                H[source, other] += slope * H[d, other]
+            for other in range(c.shape[0]):
+                H[other, source] += slope * H[other, d]
         if i >= 0 and j >= 0:
             H[i, j] += g[d] * d12
             H[j, i] += g[d] * d12
@@ -221,7 +288,7 @@ def fold_dependents(T, c, H, g, D):
 
 @kernel
 def couple_frames(T, values):
-    """`couple` for every row of values (frames, coordinates)."""
+    """`couple` for every row of values (frames, coordinates), in place."""
     if T.coupler_coordinate.shape[0] == 0:
         return
     for frame in range(values.shape[0]):
@@ -230,7 +297,7 @@ def couple_frames(T, values):
 
 @kernel
 def couple_rates_frames(T, values, velocities, accelerations):
-    """`couple_rates` for every row of three arrays (frames, coordinates)."""
+    """`couple_rates` for every row of three arrays (frames, coordinates), in place."""
     if T.coupler_coordinate.shape[0] == 0:
         return
     for frame in range(values.shape[0]):

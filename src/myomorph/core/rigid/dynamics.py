@@ -1,11 +1,13 @@
-"""Inverse dynamics over frames: generalized forces from motion and external wrenches, and what
-joints transmit.
+"""Inverse dynamics over frames: generalized forces from motion and external wrenches.
+
+Beside them, the forces and moments that joints transmit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +15,13 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Wrenches
+from myomorph.core.model.shapes import (
+    BodyRotations,
+    BodyVectors,
+    BodyWrenches,
+    Coordinates,
+    GeneralizedForces,
+)
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import bare, in_place, kernel
@@ -31,14 +40,49 @@ from myomorph.core.rigid.vectors import (
     vector,
 )
 
+MAX_CLOCK_DIFFERENCE = 1e-6  # Between times of a motion and of external forces [s]
+
+
+class MotionArrays(NamedTuple):
+    """A motion in the model's order, couplers kept.
+
+    Attributes
+    ----------
+    values : (frames, coordinates) [rad or m]
+    velocities : (frames, coordinates) [rad/s or m/s]
+    accelerations : (frames, coordinates) [rad/s^2 or m/s^2]
+    """
+
+    values: Coordinates
+    velocities: Coordinates
+    accelerations: Coordinates
+
+
+class ExternalForces(NamedTuple):
+    """External wrenches, in ground, as the kernels read them.
+
+    Attributes
+    ----------
+    bodies : (wrenches,) numbers of the bodies that they act on
+    forces : (frames, wrenches, 3) [N]
+    points : (frames, wrenches, 3) of application [m]
+    torques : (frames, wrenches, 3) free moments [N m]
+    """
+
+    bodies: Ints
+    forces: Array
+    points: Array
+    torques: Array
+
 
 def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = None) -> Series:
-    """Generalized force of every coordinate that makes the model move as given.
+    """Generalized forces that make the model move as it does.
 
-    tau = Phi^T (M a + h - gravity - external), by the recursive Newton-Euler algorithm
-    (Featherstone 2008, ch. 5) over elementary axes. As in OpenSim's tool, every coordinate has its
-    own column, and couplers and closed loops transmit no force; `closed_motion.loop_torques` folds
-    the dependent ones in.
+        tau = Phi^T (M a + h - gravity - external)
+
+    by the recursive Newton-Euler algorithm (Featherstone 2008, ch. 5) over elementary axes. As in
+    OpenSim's tool, every coordinate has its own column, and couplers and closed loops transmit no
+    force; `loops.loop_torques` folds the dependent ones in.
 
     Parameters
     ----------
@@ -68,14 +112,23 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     c, cdot, cddot = motion_arrays(tree, motion)
     bodies, forces, points, torques = external_arrays(tree, motion, wrenches)
     tau = np.empty_like(c)
-    run_frames(
-        inverse_dynamics_frames, (tree.arrays, bodies), c, cdot, cddot, forces, points, torques, tau
-    )
+    arrays = (c, cdot, cddot, forces, points, torques, tau)
+    run_frames(inverse_dynamics_frames, (tree.arrays, bodies), *arrays)
     return Series(motion.time, model.coordinate_names, tau, unit="N m or N")
 
 
-def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
-    """Values, velocities and accelerations (frames, coordinates) in the model's order."""
+def motion_arrays(tree: Tree, motion: Motion) -> MotionArrays:
+    """Values, velocities and accelerations of a motion in the model's order.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    motion : coordinates that it lacks rest at their default; dependent ones are set
+
+    Raises
+    ------
+    BadData : the motion has no velocities or no accelerations
+    """
     if motion.velocities is None or motion.accelerations is None:
         raise BadData(
             "inverse dynamics needs velocities and accelerations: differentiate the motion first"
@@ -83,11 +136,26 @@ def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
     c = tree.coordinates_of(motion)
     cdot, cddot = tree.rates_of(motion)
     couple_rates_frames(tree.arrays, c, cdot, cddot)
-    return c, cdot, cddot
+    return MotionArrays(values=c, velocities=cdot, accelerations=cddot)
 
 
-def rates_of(tree: Tree, motion: Motion) -> tuple[Array, Array]:
-    """Values and velocities (frames, coordinates) in the model's order, dependent ones consistent."""
+def rates_of(tree: Tree, motion: Motion) -> tuple[Coordinates, Coordinates]:
+    """Values and velocities of a motion in the model's order, dependent ones consistent.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    motion : coordinates that it lacks rest at their default
+
+    Returns
+    -------
+    values : (frames, coordinates) [rad or m]
+    velocities : (frames, coordinates) [rad/s or m/s]
+
+    Raises
+    ------
+    BadData : the motion has no velocities
+    """
     if motion.velocities is None:
         raise BadData("this needs the motion's velocities: differentiate the motion first")
     still = replace(motion, accelerations=np.zeros_like(motion.velocities))
@@ -95,17 +163,25 @@ def rates_of(tree: Tree, motion: Motion) -> tuple[Array, Array]:
     return coordinates, rates
 
 
-def external_arrays(
-    tree: Tree, motion: Motion, wrenches: Wrenches | None
-) -> tuple[Ints, Array, Array, Array]:
-    """Numbers of the bodies that wrenches act on, forces, points of application and free torques."""
+def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> ExternalForces:
+    """External wrenches as flat arrays, with the numbers of the bodies that they act on.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    motion : whose times the wrenches have
+    wrenches : None for none
+
+    Raises
+    ------
+    BadData : the wrenches' clock is not the motion's
+    UnknownName : a wrench acts on a body that the model does not have
+    """
     if wrenches is None:
         empty = np.zeros((len(motion), 0, 3))
-        return np.zeros(0, np.int64), empty, empty, empty
-    if (
-        len(wrenches) != len(motion)
-        or np.max(np.abs(wrenches.time - motion.time), initial=0.0) > 1e-6
-    ):
+        no_bodies = np.zeros(0, np.int64)
+        return ExternalForces(bodies=no_bodies, forces=empty, points=empty, torques=empty)
+    if not _same_times(wrenches, motion):
         raise BadData(
             f"external forces have {len(wrenches)} frames from {wrenches.time[:1]} s, the motion"
             f" {len(motion)} from {motion.time[:1]} s: resample the forces to the motion's times"
@@ -113,19 +189,36 @@ def external_arrays(
         )
     bodies = np.array([tree.body_number(body) for body in wrenches.bodies], np.int64)
     # A point of application is unknown (NaN) where nothing touches, and then does not matter.
-    points = np.where(
-        np.isnan(wrenches.points) & (wrenches.forces == 0.0).all(axis=2)[..., None],
-        0.0,
-        wrenches.points,
-    )
+    no_force = (wrenches.forces == 0.0).all(axis=2)[..., None]
+    points = np.where(np.isnan(wrenches.points) & no_force, 0.0, wrenches.points)
     # Copies, because a kernel is compiled anew for arrays that are read-only.
-    return bodies, wrenches.forces.copy(), points, wrenches.torques.copy()
+    return ExternalForces(
+        bodies=bodies,
+        forces=wrenches.forces.copy(),
+        points=points,
+        torques=wrenches.torques.copy(),
+    )
+
+
+def _same_times(wrenches: Wrenches, motion: Motion) -> bool:
+    """Whether wrenches have the frames of a motion."""
+    if len(wrenches) != len(motion):
+        return False
+    differences = np.abs(wrenches.time - motion.time)
+    return bool(np.max(differences, initial=0.0) <= MAX_CLOCK_DIFFERENCE)
 
 
 @kernel
 def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, tau):
-    """Fill tau (frames, coordinates) from consistent values and rates, and wrenches (frames,
-    wrenches, 3) on bodies.
+    """Inverse dynamics of frames, with external wrenches.
+
+    Parameters
+    ----------
+    T : `TreeArrays`
+    bodies : (wrenches,) numbers of the bodies that wrenches act on
+    c, cdot, cddot : (frames, coordinates) consistent
+    forces, points, torques : (frames, wrenches, 3) as of `ExternalForces`
+    tau : (frames, coordinates) filled [N m or N]
     """
     R, p, w, o, dphi = pose_room(T)
     omega = np.empty_like(p)
@@ -138,10 +231,11 @@ def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, 
         body_poses(T, c[frame], R, p, w, o, dphi)
         body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, a)
         body_wrenches(T, R, p, omega, alpha, a, f, m)
-        for e in range(bodies.shape[0]):
-            b = bodies[e]
-            force = vector(forces[frame], e)
-            moment = plus(vector(torques[frame], e), cross(vector(points[frame], e), force))
+        for wrench in range(bodies.shape[0]):
+            b = bodies[wrench]
+            force = vector(forces[frame], wrench)
+            lever = vector(points[frame], wrench)
+            moment = plus(vector(torques[frame], wrench), cross(lever, force))
             put_vector(f, b, minus(vector(f, b), force))
             put_vector(m, b, minus(vector(m, b), moment))
         project(T, w, o, dphi, f, m, tau[frame])
@@ -149,8 +243,20 @@ def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, 
 
 @in_place
 def body_wrenches(T, R, p, omega, alpha, a, f, m):
-    """Fill f, m (bodies, 3) with what each body needs: force and moment about the ground's origin,
-    less gravity.
+    """Force and moment that the motion of each body needs, gravity taken off.
+
+    With the center of mass c, its acceleration a_c, and the inertia I about it,
+
+        f = mass (a_c - gravity),   m = c x f + I E + W x (I W)
+
+    where W and E are the angular velocity and acceleration.
+
+    Parameters
+    ----------
+    T : `TreeArrays`
+    R, p : of `body_poses`
+    omega, alpha, a : of `body_rates`
+    f, m : (bodies, 3) filled with force [N] and moment about the ground's origin [N m], in ground
     """
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for b in range(T.parent.shape[0]):
@@ -170,8 +276,17 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
 
 @bare
 def project(T, w, o, dphi, f, m, tau):
-    """Generalized forces tau (coordinates,) of wrenches on the bodies, summed from the leaves.
-    f, m (bodies, 3): force and moment about the ground's origin in ground, added up on the way.
+    """Generalized forces of wrenches on the bodies, summed from the leaves to the ground.
+
+    A rotation about w through o takes w . (m - o x f), a translation along w takes w . f.
+
+    Parameters
+    ----------
+    T : `TreeArrays`
+    w, o, dphi : of `body_poses`
+    f, m : (bodies, 3) force [N] and moment about the ground's origin [N m], in ground; added up to
+        those of a body and all that it carries
+    tau : (coordinates,) filled [N m or N]
     """
     for j in range(tau.shape[0]):
         tau[j] = 0.0
@@ -181,20 +296,31 @@ def project(T, w, o, dphi, f, m, tau):
                 t = dot(vector(w, axis), minus(vector(m, b), cross(vector(o, axis), vector(f, b))))
             else:
                 t = dot(vector(w, axis), vector(f, b))
-            for s in range(2):
-                j = T.axis_coordinate[axis, s]
+            for slot in range(2):
+                j = T.axis_coordinate[axis, slot]
                 if j >= 0:
-                    tau[j] += dphi[axis, s] * t
+                    tau[j] += dphi[axis, slot] * t
         h = T.parent[b]
         put_vector(f, h, plus(vector(f, h), vector(f, b)))
         put_vector(m, h, plus(vector(m, h), vector(m, b)))
 
 
 class OnlineDynamics:
-    """Generalized forces of a frame, as `inverse_dynamics` gives them.
-    `bodies`: names of those that external wrenches act on. `coordinates`, `rates`, `accelerations`
-    (1, coordinates) of the last frame, those that follow others set; `torques` (1, coordinates) [N
-    m or N].
+    """Generalized forces of one frame after the other, as `inverse_dynamics` gives them.
+
+    Parameters
+    ----------
+    model : that moves
+    bodies : names of those that external wrenches act on
+
+    Attributes
+    ----------
+    coordinates, rates, accelerations : (1, coordinates) of the last frame, dependent ones set
+    torques : (1, coordinates) of the last frame [N m or N]
+
+    Raises
+    ------
+    UnknownName : a body that the model does not have
     """
 
     def __init__(self, model: Model, bodies: Sequence[str]):
@@ -209,15 +335,23 @@ class OnlineDynamics:
     def solve(
         self, values: Array, velocities: Array, accelerations: Array, wrenches: Array
     ) -> Array:
-        """Torques (coordinates,) of one frame; the array is used again by the next.
-        `values`, `velocities`, `accelerations` (coordinates,) in the model's order; `wrenches`
-        (bodies, 6) moment about the ground's origin and force, in ground [N m], [N].
+        """Torques of one frame; the array is used again by the next.
+
+        Parameters
+        ----------
+        values, velocities, accelerations : (coordinates,) in the model's order
+        wrenches : (bodies, 6) moment about the ground's origin [N m] and force [N], in ground
+
+        Returns
+        -------
+        (coordinates,) [N m or N]
         """
         self.coordinates[0] = values
         self.rates[0] = velocities
         self.accelerations[0] = accelerations
         couple_rates_frames(self._tree.arrays, self.coordinates, self.rates, self.accelerations)
-        self._torques[0], self._forces[0] = wrenches[:, :3], wrenches[:, 3:]
+        self._torques[0] = wrenches[:, :3]
+        self._forces[0] = wrenches[:, 3:]
         inverse_dynamics_frames(
             self._tree.arrays,
             self._bodies,
@@ -234,26 +368,47 @@ class OnlineDynamics:
 
 @dataclass(frozen=True, eq=False)
 class JointWrenches:
-    """Force and moment that the parent puts on each body through their joint."""
+    """Force and moment that the parent exerts on each body through their joint, in ground.
 
-    # (frames, bodies, 3) in ground [N]; those of the ground are what the whole model needs
-    forces: Array
-    moments: Array  # (frames, bodies, 3) about the ground's origin, in ground [N m]
-    torques: Array  # (frames, coordinates) their part along each coordinate's own motion [N m or N]
-    rotations: Array  # (frames, bodies, 3, 3) poses of the bodies in ground [m]
-    origins: Array  # (frames, bodies, 3) poses of the bodies in ground [m]
+    Attributes
+    ----------
+    forces : (frames, bodies, 3) those of the ground are what the whole model needs [N]
+    moments : (frames, bodies, 3) about the ground's origin [N m]
+    torques : (frames, coordinates) their part along each coordinate's own motion [N m or N]
+    rotations : (frames, bodies, 3, 3) of the bodies
+    origins : (frames, bodies, 3) of the bodies [m]
+    """
+
+    forces: BodyVectors
+    moments: BodyVectors
+    torques: GeneralizedForces
+    rotations: BodyRotations
+    origins: BodyVectors
 
 
 def joint_wrenches(
-    tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array
+    tree: Tree,
+    c: Coordinates,
+    cdot: Coordinates,
+    cddot: Coordinates,
+    applied: BodyWrenches,
 ) -> JointWrenches:
-    """Newton's and Euler's equations of each body and all it carries.
+    """Wrenches that joints transmit, by Newton's and Euler's equations.
 
-        wrench of joint = sum over the body and its descendants of (rate of momentum - gravity - applied)
+        wrench of a joint = sum of (rate of momentum - gravity - applied)
 
-    `c`, `cdot`, `cddot` (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`;
-    `applied` (frames, bodies, 6) force and its moment about the ground's origin on each body, the
-    ground first, in ground [N], [N m]: all but gravity and what joints transmit.
+    over the joint's child and all bodies that it carries.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    c, cdot, cddot : (frames, coordinates) consistent, as of `motion_arrays`
+    applied : (frames, bodies, 6) force [N] and its moment about the ground's origin [N m] on each
+        body, the ground first, in ground: all but gravity and what joints transmit
+
+    Returns
+    -------
+    wrenches of as many frames
     """
     frames = len(c)
     bodies = len(tree.arrays.parent)
@@ -268,6 +423,7 @@ def joint_wrenches(
 
 @kernel
 def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
+    """`joint_wrenches` of frames; f, m, tau, R and p are filled, frames first."""
     _, _, w, o, dphi = pose_room(T)
     n = T.parent.shape[0]
     omega = np.empty((n, 3))
@@ -280,6 +436,8 @@ def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
         body_wrenches(T, R[frame], p[frame], omega, alpha, a, f[frame], m[frame])
         for b in range(n):
             wrench = applied[frame, b]
-            put_vector(f[frame], b, minus(vector(f[frame], b), (wrench[0], wrench[1], wrench[2])))
-            put_vector(m[frame], b, minus(vector(m[frame], b), (wrench[3], wrench[4], wrench[5])))
+            force = (wrench[0], wrench[1], wrench[2])
+            moment = (wrench[3], wrench[4], wrench[5])
+            put_vector(f[frame], b, minus(vector(f[frame], b), force))
+            put_vector(m[frame], b, minus(vector(m[frame], b), moment))
         project(T, w, o, dphi, f[frame], m[frame], tau[frame])

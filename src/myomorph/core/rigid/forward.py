@@ -1,21 +1,52 @@
-"""Forward dynamics over frames: accelerations that given forces cause, and what holds closed loops."""
+"""Forward dynamics over frames: accelerations that forces cause, and what holds closed loops."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array
+from myomorph.core.model.shapes import (
+    BodyWrenches,
+    Coordinates,
+    GeneralizedForces,
+    LoopRows,
+)
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames, gather_dependents
-from myomorph.core.rigid.dynamics import joint_wrenches
+from myomorph.core.rigid.dynamics import MotionArrays, joint_wrenches
 from myomorph.core.rigid.kernels import kernel
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates
 from myomorph.core.rigid.tree import Tree
 
 
-def gathered(tree: Tree, coordinates: Array, forces: Array) -> Array:
-    """Generalized forces (frames, coordinates) with the share of coordinates that follow handed on
-    to what leads.
+class Acceleration(NamedTuple):
+    """Result of forward dynamics.
+
+    Attributes
+    ----------
+    accelerations : (frames, coordinates) [rad/s^2 or m/s^2]
+    multipliers : (frames, rows of loops) forces [N] and moments [N m] that hold the loops closed,
+        see `loop_wrenches`
+    """
+
+    accelerations: Coordinates
+    multipliers: LoopRows
+
+
+def gathered(tree: Tree, coordinates: Coordinates, forces: GeneralizedForces) -> GeneralizedForces:
+    """Hand the forces of dependent coordinates on to those they follow.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    coordinates : (frames, coordinates) consistent [rad or m]
+    forces : (frames, coordinates) [N m or N]
+
+    Returns
+    -------
+    (frames, coordinates) whose columns of dependent coordinates are left as they were [N m or N]
     """
     result = np.array(forces, dtype=np.float64, order="C")
     _gather(tree.arrays, np.array(coordinates, dtype=np.float64, order="C"), result)
@@ -24,6 +55,7 @@ def gathered(tree: Tree, coordinates: Array, forces: Array) -> Array:
 
 @kernel
 def _gather(T, c, rows):
+    """`gather_dependents` of frames: c and rows (frames, coordinates), rows in place."""
     if T.coupler_coordinate.shape[0] == 0:
         return
     for frame in range(c.shape[0]):
@@ -31,106 +63,145 @@ def _gather(T, c, rows):
 
 
 def forward_accelerations(
-    tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array
-) -> tuple[Array, Array]:
-    """Accelerations under given forces, couplers and closed loops kept.
+    tree: Tree, motion: MotionArrays, applied: BodyWrenches, generalized: GeneralizedForces
+) -> Acceleration:
+    """Accelerations that forces cause, couplers and closed loops kept.
 
         [M  -G^T] [cddot ]   [generalized - h(c, cdot, applied)]
         [G    0 ] [lambda] = [      - Gdot cdot                ]
 
-    on the coordinates that neither follow, nor are locked or prescribed.
+    on the coordinates that are neither dependent, locked nor prescribed. With x = M^-1 (generalized
+    - h), the accelerations of opened loops, and the compliance S = M^-1 G^T,
 
-    `c`, `cdot` (frames, coordinates) consistent; `cddot` (frames, coordinates) of which those of
-    prescribed coordinates are read; locked ones have none; `applied` (frames, bodies, 6) as of
-    `joint_wrenches`; `generalized` (frames, coordinates) other forces along coordinates, `gathered`
-    [N m or N]. Returns `accelerations` (frames, coordinates); `multipliers` (frames, rows of loops)
-    forces that hold the loops closed, see `loop_wrenches`.
+        lambda = (G S)^+ (-Gdot cdot - G x),   cddot = x + S lambda
+
+    Parameters
+    ----------
+    tree : the compiled model
+    motion : c and cdot, consistent; of the accelerations those of prescribed coordinates are read
+    applied : (frames, bodies, 6) as of `joint_wrenches`
+    generalized : (frames, coordinates) other forces along coordinates, `gathered` [N m or N]
     """
+    c, cdot, cddot = motion
     free = free_coordinates(tree)
-    base = np.array(cddot, dtype=np.float64)
-    base[:, free] = 0.0
-    base[:, [coordinate.locked for coordinate in tree.model.coordinates]] = 0.0
-    rest = _consistent(tree, c, cdot, base)
-    bias = _needed(tree, c, cdot, rest, applied)[:, free]
+    prescribed = np.array(cddot, dtype=np.float64)
+    prescribed[:, free] = 0.0
+    prescribed[:, [coordinate.locked for coordinate in tree.model.coordinates]] = 0.0
+    base = _consistent(tree, c, cdot, prescribed)
+
+    bias = _required_forces(tree, c, cdot, base, applied)[:, free]
     M = _mass_matrix(tree, c, free)
-    right = generalized[:, free] - bias
-    x = np.linalg.solve(M, right[..., None])[..., 0]
+    x = np.linalg.solve(M, (generalized[:, free] - bias)[..., None])[..., 0]
+
     multipliers = np.zeros((len(c), int(tree.loops.row[-1])))
     if multipliers.size:
         G = closure_jacobian(tree, c)[:, :, free]
-        wanted = -closure_rates(tree, c, cdot, rest)[1] - np.einsum("frj,fj->fr", G, x)
-        softness = np.linalg.solve(M, np.swapaxes(G, 1, 2))
-        inverse = _pseudo_inverse(G @ softness)
-        multipliers = np.einsum("frs,fs->fr", inverse, wanted)
-        x += np.einsum("fjr,fr->fj", softness, multipliers)
-    accelerations = base.copy()
+        missing = -closure_rates(tree, c, cdot, base)[1] - np.einsum("frj,fj->fr", G, x)
+        compliance = np.linalg.solve(M, np.swapaxes(G, 1, 2))
+        multipliers = np.einsum("frs,fs->fr", _pseudo_inverse(G @ compliance), missing)
+        x += np.einsum("fjr,fr->fj", compliance, multipliers)
+
+    accelerations = prescribed.copy()
     accelerations[:, free] = x
-    return _consistent(tree, c, cdot, accelerations), multipliers
+    return Acceleration(
+        accelerations=_consistent(tree, c, cdot, accelerations), multipliers=multipliers
+    )
 
 
-def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
-    """M (frames, free, free), column by column from what unit accelerations need at rest."""
-    still = np.zeros_like(c)
-    nothing = np.zeros((len(c), len(tree.arrays.parent), 6))
-    weight = _needed(tree, c, still, still, nothing)[:, free]
+def _mass_matrix(tree: Tree, c: Coordinates, free: Ints) -> Array:
+    """Mass matrix, column by column from the forces that unit accelerations need at rest.
+
+    Parameters
+    ----------
+    c : (frames, coordinates) consistent
+    free : (free,) indices of coordinates
+
+    Returns
+    -------
+    (frames, free, free)
+    """
+    at_rest = np.zeros_like(c)
+    unloaded = np.zeros((len(c), len(tree.arrays.parent), 6))
+    weight = _required_forces(tree, c, at_rest, at_rest, unloaded)[:, free]
     M = np.empty((len(c), len(free), len(free)))
     for column, j in enumerate(free):
-        unit = still.copy()
+        unit = at_rest.copy()
         unit[:, j] = 1.0
-        M[:, :, column] = (
-            _needed(tree, c, still, _consistent(tree, c, still, unit), nothing)[:, free] - weight
-        )
+        unit = _consistent(tree, c, at_rest, unit)
+        M[:, :, column] = _required_forces(tree, c, at_rest, unit, unloaded)[:, free] - weight
     return M
 
 
 def balancing_multipliers(
-    tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array
-) -> Array:
-    """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that
-    explain its balance.
+    tree: Tree, motion: MotionArrays, applied: BodyWrenches, generalized: GeneralizedForces
+) -> LoopRows:
+    """Find the loop forces of least norm that balance a known motion.
+
+        min |lambda| so that G^T lambda = required forces - generalized
+
+    Parameters
+    ----------
+    tree : the compiled model
+    motion : consistent
+    applied, generalized : as of `forward_accelerations`
+
+    Returns
+    -------
+    (frames, rows of loops) [N or N m], see `loop_wrenches`
     """
     if not tree.model.loops:
-        return np.zeros((len(c), 0))
+        return np.zeros((len(motion.values), 0))
     free = free_coordinates(tree)
-    missing = (_needed(tree, c, cdot, cddot, applied) - generalized)[:, free]
-    G = closure_jacobian(tree, c)[:, :, free]
+    missing = (_required_forces(tree, *motion, applied) - generalized)[:, free]
+    G = closure_jacobian(tree, motion.values)[:, :, free]
     return np.einsum("frj,fj->fr", _pseudo_inverse(np.swapaxes(G, 1, 2)), missing)
 
 
 def _pseudo_inverse(matrices: Array) -> Array:
-    """Moore-Penrose inverses of (frames, m, n); NaN where a frame is."""
+    """Moore-Penrose inverses (frames, n, m) of matrices (frames, m, n); NaN where a frame is."""
     result = np.full((len(matrices), matrices.shape[2], matrices.shape[1]), np.nan)
-    good = np.isfinite(matrices).all(axis=(1, 2))
-    result[good] = np.linalg.pinv(matrices[good], rcond=RANK)
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    result[finite] = np.linalg.pinv(matrices[finite], rcond=RANK)
     return result
 
 
-def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
-    """What closed loops do to the bodies they tie, (frames, bodies, 6) as of `joint_wrenches`.
-    A multiplier is a force [N] or moment [N m] on the second body along the axes of the first tied
-    frame.
+def loop_wrenches(tree: Tree, c: Coordinates, multipliers: LoopRows) -> BodyWrenches:
+    """Wrenches that closed loops exert on the bodies they connect.
+
+    A multiplier is a force or moment on the second body along the axes of the loop's frame on the
+    first. The first body takes the opposite.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    c : (frames, coordinates) consistent [rad or m]
+    multipliers : (frames, rows of loops) [N or N m]
+
+    Returns
+    -------
+    (frames, bodies, 6) as of `joint_wrenches`
     """
     poses = forward_kinematics(tree, c)
-    L = tree.loops
+    loops = tree.loops
     result = np.zeros((len(c), len(tree.arrays.parent), 6))
-    for i in range(len(L.body_1)):
-        b1 = L.body_1[i]
-        b2 = L.body_2[i]
-        turn = poses.rotations[:, b1] @ L.turn_1[i]
-        point = poses.origins[:, b2] + poses.rotations[:, b2] @ L.point_2[i]
-        rows = multipliers[:, L.row[i] : L.row[i + 1]]
-        force = np.einsum("fij,fj->fi", turn, rows[:, -3:])
+    for i in range(len(loops.body_1)):
+        body_1 = loops.body_1[i]
+        body_2 = loops.body_2[i]
+        rotation = poses.rotations[:, body_1] @ loops.turn_1[i]
+        point = poses.origins[:, body_2] + poses.rotations[:, body_2] @ loops.point_2[i]
+        rows = multipliers[:, loops.row[i] : loops.row[i + 1]]
+        force = np.einsum("fij,fj->fi", rotation, rows[:, -3:])
         moment = np.cross(point, force)
         if rows.shape[1] == 6:
-            moment += np.einsum("fij,fj->fi", turn, rows[:, :3])
+            moment += np.einsum("fij,fj->fi", rotation, rows[:, :3])
         wrench = np.concatenate([force, moment], axis=1)
-        result[:, b2] += wrench
-        result[:, b1] -= wrench
+        result[:, body_2] += wrench
+        result[:, body_1] -= wrench
     return result
 
 
-def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
-    """Accelerations with those of coordinates that follow set."""
+def _consistent(tree: Tree, c: Coordinates, cdot: Coordinates, cddot: Coordinates) -> Coordinates:
+    """Accelerations (frames, coordinates) with those of dependent coordinates set."""
     values = np.array(c, dtype=np.float64, order="C")
     rates = np.array(cdot, dtype=np.float64, order="C")
     result = np.array(cddot, dtype=np.float64, order="C")
@@ -138,8 +209,18 @@ def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
     return result
 
 
-def _needed(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array) -> Array:
-    """Generalized forces (frames, coordinates), gathered, that the accelerations need beside what
-    is applied.
+def _required_forces(
+    tree: Tree, c: Coordinates, cdot: Coordinates, cddot: Coordinates, applied: BodyWrenches
+) -> GeneralizedForces:
+    """Generalized forces, gathered, that a motion needs beside the wrenches on its bodies.
+
+    Parameters
+    ----------
+    c, cdot, cddot : (frames, coordinates) consistent
+    applied : (frames, bodies, 6) as of `joint_wrenches`
+
+    Returns
+    -------
+    (frames, coordinates) [N m or N]
     """
     return gathered(tree, c, joint_wrenches(tree, c, cdot, cddot, applied).torques)

@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-# Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing
+# Frames that a thread computes at a time: few enough to share evenly, enough to cost nothing
 CHUNK = 64
 _ALONE = ContextVar("_ALONE", default=False)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Frames are not split in here: processes beside this one use the other cores."""
+    """Split no frames in here: processes beside this one use the other cores."""
     before = _ALONE.set(True)
     try:
         yield
@@ -25,13 +25,16 @@ def one_thread() -> Iterator[None]:
 
 
 def thread_count() -> int:
-    """Threads to use: one within `one_thread`, else the environment variable MYOMORPH_THREADS, or
-    all cores.
+    """Count the threads to use.
+
+    One within `one_thread`, else the environment variable MYOMORPH_THREADS, or all cores.
     """
     if _ALONE.get():
         return 1
-    asked = os.environ.get("MYOMORPH_THREADS", "")
-    return int(asked) if asked.isdigit() and int(asked) > 0 else os.cpu_count() or 1
+    requested = os.environ.get("MYOMORPH_THREADS", "")
+    if requested.isdigit() and int(requested) > 0:
+        return int(requested)
+    return os.cpu_count() or 1
 
 
 def over_frames(
@@ -40,7 +43,15 @@ def over_frames(
     progress: Callable[[int], None] | None = None,
     chunk: int = CHUNK,
 ) -> None:
-    """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads."""
+    """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads.
+
+    Parameters
+    ----------
+    task : computes the frames start ... stop - 1
+    frames : their number
+    progress : called with the number of frames just done
+    chunk : frames of a call
+    """
     parts = [(start, min(start + chunk, frames)) for start in range(0, frames, chunk)]
     # A single chunk, as of a live frame, does not ask the system for its cores.
     threads = min(thread_count(), len(parts)) if len(parts) > 1 else 1
@@ -68,11 +79,17 @@ def run_frames(
     *arrays: Any,
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Call `kernel(*fixed, *parts)` for all frames as `over_frames`; `parts`: of the arrays
-    (frames, ...).
+    """Call `kernel(*fixed, *parts)` for all frames as `over_frames` does.
+
+    Parameters
+    ----------
+    kernel : fills some of its arrays in place
+    fixed : its first arguments, the same for all frames
+    arrays : (frames, ...) of which each call takes a part
+    progress : called with the number of frames just done
     """
-    over_frames(
-        lambda start, stop: kernel(*fixed, *(part[start:stop] for part in arrays)),
-        len(arrays[0]),
-        progress,
-    )
+
+    def run(start: int, stop: int) -> None:
+        kernel(*fixed, *(array[start:stop] for array in arrays))
+
+    over_frames(run, len(arrays[0]), progress)

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import Markers, Motion
+from myomorph.core.model.shapes import (
+    BodyJacobian,
+    BodyRotations,
+    BodyVectors,
+    Coordinates,
+    FixedPoints,
+    FrameVectors,
+    Points,
+)
 from myomorph.core.model.spatial import Transform
 from myomorph.core.rigid.coordinates import Ints, evaluate_at, function_rates
 from myomorph.core.rigid.frames import run_frames
@@ -32,7 +42,7 @@ from myomorph.core.rigid.vectors import (
 
 @inner
 def pose_room(T):
-    """Arrays R, p, w, o and dphi that `body_poses` fills, for one frame."""
+    """Make the arrays R, p, w, o and dphi that `body_poses` fills, for one frame."""
     bodies = T.parent.shape[0]
     axes = T.axis_kind.shape[0]
     w = np.empty((axes, 3))
@@ -44,10 +54,14 @@ def pose_room(T):
 @bare
 def body_poses(T, c, R, p, w, o, dphi):
     """Poses of all bodies and the moving axes in ground, for one frame.
-    `c` (coordinates,) all coordinates, dependent ones consistent; `R`, `p` (bodies, 3, 3), (bodies,
-    3) filled with poses in ground; `w`, `o` (axes, 3) filled with each axis's direction and a point
-    on it, in ground; `dphi` (axes, 2) filled with the derivative of the axis's motion in its two
-    coordinates.
+
+    Parameters
+    ----------
+    T : `TreeArrays`
+    c : (coordinates,) all coordinates, dependent ones consistent
+    R, p : (bodies, 3, 3) and (bodies, 3) filled with poses in ground
+    w, o : (axes, 3) filled with the direction of each axis and a point on it, in ground
+    dphi : (axes, 2) filled with the derivatives of the axis's motion in its two coordinates
     """
     put_matrix(R, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
     put_vector(p, 0, (0.0, 0.0, 0.0))
@@ -77,9 +91,17 @@ def body_poses(T, c, R, p, w, o, dphi):
 
 @bare
 def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
-    """Angular and linear velocity and acceleration of all body frames in ground, for one frame.
-    Gravity is not included. `p`, `w`, `o` come from `body_poses`; omega, v, alpha, a (bodies, 3)
-    are filled: [rad/s], [m/s] of the body's origin, [rad/s^2], [m/s^2].
+    """Velocities and accelerations of all body frames in ground, for one frame.
+
+    From each parent outwards, over its axes (Featherstone 2008, ch. 5); gravity is not included.
+
+    Parameters
+    ----------
+    T : `TreeArrays`
+    c, cdot, cddot : (coordinates,) consistent
+    p, w, o : of `body_poses`
+    omega, v, alpha, a : (bodies, 3) filled with angular velocity [rad/s], velocity of the origin
+        [m/s], angular acceleration [rad/s^2] and acceleration of the origin [m/s^2]
     """
     zero = (0.0, 0.0, 0.0)
     for rates in (omega, v, alpha, a):
@@ -92,16 +114,16 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
         E = vector(alpha, h)
         V = vector(v, h)
         B = vector(a, h)
-        for index in range(T.axis_start[b], T.axis_start[b + 1]):
-            V, B = carried(W, E, V, B, minus(vector(o, index), x))
-            x = vector(o, index)
-            i = T.axis_coordinate[index, 0]
-            j = T.axis_coordinate[index, 1]
+        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            V, B = carried(W, E, V, B, minus(vector(o, axis), x))
+            x = vector(o, axis)
+            i = T.axis_coordinate[axis, 0]
+            j = T.axis_coordinate[axis, 1]
             # Of the axis's motion: Phi cdot and Phi cddot + Phidot cdot.
-            q1, q2 = function_rates(T.functions, T.axis_function[index], i, j, c, cdot, cddot)
-            u = vector(w, index)
+            q1, q2 = function_rates(T.functions, T.axis_function[axis], i, j, c, cdot, cddot)
+            u = vector(w, axis)
             turning = cross(W, u)
-            if T.axis_kind[index] == ROTATION:
+            if T.axis_kind[axis] == ROTATION:
                 E = along(along(E, q2, u), q1, turning)
                 W = along(W, q1, u)
             else:
@@ -118,37 +140,68 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
 
 @bare
 def carried(W, E, V, B, r):
-    """Velocity and acceleration of the point r further on in a frame with angular rates W, E."""
+    """Velocity and acceleration of a point at r from one that has V and B.
+
+    V + W x r,   B + E x r + W x (W x r)
+
+    Both are fixed to a frame with the angular velocity W and acceleration E.
+    """
     turning = cross(W, r)
     return plus(V, turning), plus(B, plus(cross(E, r), cross(W, turning)))
 
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of all bodies in ground; body 0 is the ground."""
+    """Poses of all bodies in ground; body 0 is the ground.
+
+    Attributes
+    ----------
+    tree : the compiled model
+    rotations : (frames, bodies, 3, 3) from the body's axes to ground
+    origins : (frames, bodies, 3) in ground [m]
+    axis_directions : (frames, axes, 3) unit vectors along the tree's moving axes, in ground
+    axis_points : (frames, axes, 3) a point on each, in ground [m]
+    axis_slopes : (frames, axes, 2) derivatives of an axis's motion in its coordinates
+    """
 
     tree: Tree
-    rotations: Array  # (frames, bodies, 3, 3)
-    origins: Array  # (frames, bodies, 3) [m]
-    # axis_directions, axis_points: (frames, axes, 3) of the tree's moving axes
+    rotations: BodyRotations
+    origins: BodyVectors
     axis_directions: Array
     axis_points: Array
-    axis_slopes: Array  # (frames, axes, 2) d(axis motion)/d(its coordinates)
+    axis_slopes: Array
 
-    def points(self, bodies: Ints, locations: Array) -> Array:
-        """Points fixed to bodies, in ground.
-        `bodies` (points,) body numbers; `locations` (points, 3) in the bodies' frames [m]. Returns
-        (frames, points, 3) [m].
+    def points(self, bodies: Ints, locations: FixedPoints) -> Points:
+        """Positions in ground of points that are fixed to bodies.
+
+        Parameters
+        ----------
+        bodies : (points,) body numbers
+        locations : (points, 3) in the bodies' frames [m]
+
+        Returns
+        -------
+        (frames, points, 3) [m]
         """
         return (
             np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations)
             + self.origins[:, bodies]
         )
 
-    def markers(self, markers: Sequence[Marker]) -> Array:
-        """Places of markers in ground, (frames, markers, 3) [m]."""
+    def markers(self, markers: Sequence[Marker]) -> Points:
+        """Positions of markers in ground.
+
+        Parameters
+        ----------
+        markers : of the tree's bodies
+
+        Returns
+        -------
+        (frames, markers, 3) [m]
+        """
         bodies = np.array([self.tree.body_number(marker.body) for marker in markers], np.int64)
-        return self.points(bodies, np.array([marker.location for marker in markers]).reshape(-1, 3))
+        locations = np.array([marker.location for marker in markers]).reshape(-1, 3)
+        return self.points(bodies, locations)
 
     def transforms(self, frame: int = 0) -> dict[str, Transform]:
         """Pose in ground of the ground and of every body, by name, in a frame."""
@@ -159,31 +212,48 @@ class Poses:
             for body, number in self.tree.body_index.items()
         }
 
-    def jacobian(self, body: int, points: Array) -> Array:
-        """d(twist)/d(coordinates) of a body, (frames, 6, coordinates): angular, then linear at
-        points. All rows are in ground; `points` (frames, 3) or (3,) in ground [m]. Dependent
-        coordinates keep columns of their own.
+    def jacobian(self, body: int, points: Array) -> BodyJacobian:
+        """Differentiate a body's twist by the coordinates.
+
+        A rotation about the unit vector w through o moves a point x by w x (x - o), a translation
+        along w by w. Dependent coordinates keep columns of their own.
+
+        Parameters
+        ----------
+        body : its number
+        points : (frames, 3) or (3,) at which linear rows hold, in ground [m]
+
+        Returns
+        -------
+        (frames, 6, coordinates) rows angular, then linear, all in ground
         """
         arrays = self.tree.arrays
         columns = np.zeros((len(self.origins), 6, len(self.tree.model.coordinates)))
-        for support in np.flatnonzero(self.tree.supports[body]):
-            w = self.axis_directions[:, support]
-            if arrays.axis_kind[support] == ROTATION:
-                twist = np.concatenate(
-                    [w, np.cross(w, points - self.axis_points[:, support])], axis=1
-                )
+        for axis in np.flatnonzero(self.tree.supports[body]):
+            w = self.axis_directions[:, axis]
+            if arrays.axis_kind[axis] == ROTATION:
+                linear = np.cross(w, points - self.axis_points[:, axis])
+                twist = np.concatenate([w, linear], axis=1)
             else:
                 twist = np.concatenate([np.zeros_like(w), w], axis=1)
-            for s, j in enumerate(arrays.axis_coordinate[support]):
+            for slot, j in enumerate(arrays.axis_coordinate[axis]):
                 if j >= 0:
-                    columns[:, :, j] += self.axis_slopes[:, support, s, None] * twist
+                    columns[:, :, j] += self.axis_slopes[:, axis, slot, None] * twist
         return columns
 
 
-def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
+def forward_kinematics(tree: Tree, coordinates: Coordinates) -> Poses:
     """Poses of all bodies.
-    `coordinates` (frames, coordinates) in the model's order [rad or m], dependent ones consistent
-    (`Tree.coordinates_of` makes them so).
+
+    Parameters
+    ----------
+    tree : the compiled model
+    coordinates : (frames, coordinates) in the model's order [rad or m], dependent ones consistent
+        (`Tree.coordinates_of` makes them so)
+
+    Returns
+    -------
+    poses of as many frames
     """
     # A copy, because a kernel is compiled anew for an array that is read-only.
     coordinates = np.array(coordinates, dtype=np.float64, order="C")
@@ -203,16 +273,24 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
 
 
 def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
-    """Pose in ground of the ground and of every body at given coordinates [rad or m], the others at
-    their defaults.
+    """Pose in ground of the ground and of every body, by name.
+
+    Parameters
+    ----------
+    model : whose bodies stand
+    values : by coordinate [rad or m]; the others have their defaults
+
+    Raises
+    ------
+    UnknownName : the model has no such coordinate
     """
     values = values or {}
     for name in values:
         model.coordinate(name)
     posture = Motion(
-        np.zeros(1),
-        tuple(values),
-        np.array([list(values.values())], dtype=np.float64).reshape(1, -1),
+        time=np.zeros(1),
+        names=tuple(values),
+        values=np.array([list(values.values())], dtype=np.float64).reshape(1, -1),
     )
     tree = compile_tree(model)
     return forward_kinematics(tree, tree.coordinates_of(posture)).transforms()
@@ -220,20 +298,30 @@ def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> d
 
 @kernel
 def _poses(T, c, R, p, w, o, dphi):
+    """`body_poses` of frames: every array has its frames first."""
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R[frame], p[frame], w[frame], o[frame], dphi[frame])
 
 
-def center_of_mass(tree: Tree, poses: Poses) -> Array:
-    """Center of mass of the whole model in ground, (frames, 3) [m]."""
+def center_of_mass(tree: Tree, poses: Poses) -> FrameVectors:
+    """Center of mass of the whole model.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    poses : of its bodies
+
+    Returns
+    -------
+    (frames, 3) in ground [m]
+    """
     arrays = tree.arrays
     centers = poses.points(np.arange(len(arrays.mass)), arrays.mass_center)
     return np.einsum("b,fbi->fi", arrays.mass, centers) / arrays.mass.sum()
 
 
 def marker_positions(model: Model, motion: Motion) -> Markers:
-    """Positions of a model's markers in a motion, as a camera system without errors would record
-    them.
+    """Positions of a model's markers in a motion, as cameras without errors would record them.
 
     Source: Featherstone 2008, forward kinematics.
 
@@ -263,42 +351,91 @@ def marker_positions(model: Model, motion: Motion) -> Markers:
     return Markers(motion.time, model.marker_names, poses.markers(model.markers))
 
 
+class PointMotion(NamedTuple):
+    """Motion of points in ground.
+
+    Attributes
+    ----------
+    positions : (frames, points, 3) [m]
+    velocities : (frames, points, 3) [m/s]
+    accelerations : (frames, points, 3) gravity not included [m/s^2]
+    """
+
+    positions: Points
+    velocities: Points
+    accelerations: Points
+
+
 @read_only
 class BodyMotion:
-    """How bodies move; body 0 is the ground, and every vector is in ground."""
+    """Motion of bodies; body 0 is the ground, and every vector is in ground.
 
-    rotations: Array  # (frames, bodies, 3, 3) poses [m]
-    origins: Array  # (frames, bodies, 3) poses [m]
-    angular_velocities: Array  # (frames, bodies, 3) [rad/s]
-    angular_accelerations: Array  # (frames, bodies, 3) [rad/s^2]
-    velocities: Array  # (frames, bodies, 3) of the bodies' origins, gravity not included [m/s]
-    accelerations: Array  # (frames, bodies, 3) of the bodies' origins, gravity not included [m/s^2]
+    Attributes
+    ----------
+    rotations : (frames, bodies, 3, 3) from the body's axes to ground
+    origins : (frames, bodies, 3) [m]
+    angular_velocities : (frames, bodies, 3) [rad/s]
+    angular_accelerations : (frames, bodies, 3) [rad/s^2]
+    velocities : (frames, bodies, 3) of the origins [m/s]
+    accelerations : (frames, bodies, 3) of the origins, gravity not included [m/s^2]
+    """
 
-    def of_points(self, bodies: Ints, places: Array) -> tuple[Array, Array, Array]:
-        """Place, velocity and acceleration (frames, points, 3) of points fixed to bodies.
+    rotations: BodyRotations
+    origins: BodyVectors
+    angular_velocities: BodyVectors
+    angular_accelerations: BodyVectors
+    velocities: BodyVectors
+    accelerations: BodyVectors
+
+    def of_points(self, bodies: Ints, places: FixedPoints) -> PointMotion:
+        """Motion of points that are fixed to bodies.
 
             v = v_0 + w x r,   a = a_0 + e x r + w x (w x r)
 
-        `bodies` (points,) body numbers; `places` (points, 3) in the bodies' frames [m].
+        with r from the body's origin to the point, w and e the angular velocity and acceleration.
+
+        Parameters
+        ----------
+        bodies : (points,) body numbers
+        places : (points, 3) in the bodies' frames [m]
+
+        Returns
+        -------
+        positions, velocities and accelerations, (frames, points, 3) each
         """
         r = np.einsum("fpij,pj->fpi", self.rotations[:, bodies], places)
         turning = np.cross(self.angular_velocities[:, bodies], r)
         accelerations = np.cross(self.angular_accelerations[:, bodies], r)
         accelerations += np.cross(self.angular_velocities[:, bodies], turning)
-        return (
-            self.origins[:, bodies] + r,
-            self.velocities[:, bodies] + turning,
-            self.accelerations[:, bodies] + accelerations,
+        return PointMotion(
+            positions=self.origins[:, bodies] + r,
+            velocities=self.velocities[:, bodies] + turning,
+            accelerations=self.accelerations[:, bodies] + accelerations,
         )
 
 
-def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
-    """Poses, velocities and accelerations of all bodies."""
+def body_motion(tree: Tree, c: Coordinates, cdot: Coordinates, cddot: Coordinates) -> BodyMotion:
+    """Poses, velocities and accelerations of all bodies.
+
+    Parameters
+    ----------
+    tree : the compiled model
+    c, cdot, cddot : (frames, coordinates) values and their time derivatives, dependent ones
+        consistent [rad or m, per s, per s^2]
+
+    Returns
+    -------
+    motion of as many frames
+    """
     frames = len(c)
     bodies = len(tree.arrays.parent)
     arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]
     R = np.empty((frames, bodies, 3, 3))
-    p, omega, v, alpha, a = (np.empty((frames, bodies, 3)) for _ in range(5))
+    p = np.empty((frames, bodies, 3))
+    omega = np.empty_like(p)
+    v = np.empty_like(p)
+    alpha = np.empty_like(p)
+    a = np.empty_like(p)
     run_frames(_body_motion, (tree.arrays,), *arrays, R, p, omega, v, alpha, a)
     return BodyMotion(
         rotations=R,
@@ -312,6 +449,7 @@ def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
 
 @kernel
 def _body_motion(T, c, cdot, cddot, R, p, omega, v, alpha, a):
+    """`body_poses` and `body_rates` of frames: every array has its frames first."""
     _, _, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)

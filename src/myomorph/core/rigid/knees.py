@@ -1,6 +1,8 @@
-"""Knees of a model: which joints they are, along which axes they lie and turn."""
+"""Knees of a model: their joints, long axes and hinge axes."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,78 +12,110 @@ from myomorph.core.model.series import Motion
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 
+# Words in the names of the bodies above and below a knee
 THIGH = ("femur", "thigh")
-SHANK = ("tibia", "shank")  # Words in the names of the bodies above and below a knee
-FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])  # At which knees are looked at [rad]
+SHANK = ("tibia", "shank")
+FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])  # At which the hinge axis is determined [rad]
+MIN_LENGTH = 1e-9  # Of a body between two joints [m]
 
 
 def knee_joints(model: Model) -> tuple[Joint, ...]:
-    """Joints between a body called femur or thigh and one called tibia or shank."""
+    """Find the joints between a body called femur or thigh and one called tibia or shank."""
     return tuple(
-        joint for joint in model.joints if _is(joint.parent, THIGH) and _is(joint.child, SHANK)
+        joint
+        for joint in model.joints
+        if _is_called(joint.parent, THIGH) and _is_called(joint.child, SHANK)
     )
 
 
-def _is(body: str, words: tuple[str, ...]) -> bool:
+def _is_called(body: str, words: tuple[str, ...]) -> bool:
+    """Whether the name of a body has one of some words."""
     return any(word in body.lower() for word in words)
 
 
 def flexion_coordinate(model: Model, knee: Joint) -> str:
-    """Name of the coordinate that bends a knee, "" of one that does not turn."""
-    return next(
-        (
-            name
-            for axis in knee.axes
-            for name in axis.coordinates
-            if model.coordinate(name).motion == "rotational" and not model.coordinate(name).locked
-        ),
-        "",
-    )
+    """Name of the coordinate that bends a knee, "" for a knee that does not bend."""
+    return next(_free_rotations(model, knee), "")
+
+
+def _free_rotations(model: Model, joint: Joint) -> Iterator[str]:
+    """Names of the rotational coordinates of a joint that are not locked."""
+    for axis in joint.axes:
+        for name in axis.coordinates:
+            coordinate = model.coordinate(name)
+            if coordinate.motion == "rotational" and not coordinate.locked:
+                yield name
 
 
 def long_axis(model: Model, joint: Joint) -> Array | None:
-    """Unit vector on the joint's child from its center to that of the next joint, None where none
-    follows.
+    """Axis of a joint's child from the joint's center to that of the farthest next joint.
+
+    Parameters
+    ----------
+    model : that has the joint
+    joint : at the body's proximal end
+
+    Returns
+    -------
+    (3,) unit vector in the child, None where no joint follows
     """
     center = joint.child_frame.translation
-    ways = [
-        next_joint.parent_frame.translation - center
-        for next_joint in model.joints
-        if next_joint.parent == joint.child
+    to_next = [
+        distal.parent_frame.translation - center
+        for distal in model.joints
+        if distal.parent == joint.child
     ]
-    lengths = [float(np.linalg.norm(way)) for way in ways]
-    if not lengths or max(lengths) < 1e-9:
+    lengths = [float(np.linalg.norm(vector)) for vector in to_next]
+    if not lengths or max(lengths) < MIN_LENGTH:
         return None
     farthest = int(np.argmax(lengths))
-    return np.asarray(ways[farthest] / lengths[farthest])
+    return np.asarray(to_next[farthest] / lengths[farthest])
 
 
 def flexed(model: Model, knee: Joint) -> Poses | None:
-    """Poses of the model, but for a knee at its defaults, at `FLEXIONS` of it; None of a knee that
-    does not turn.
+    """Poses with a knee at each of `FLEXIONS` and all else at its default.
+
+    Returns
+    -------
+    a frame for each flexion, None for a knee that does not bend
     """
     tree = compile_tree(model)
-    turning = flexion_coordinate(model, knee)
-    if not turning:
+    flexion = flexion_coordinate(model, knee)
+    if not flexion:
         return None
-    low, high = model.coordinate(turning).range
+    low, high = model.coordinate(flexion).range
     # A knee that bends towards negative angles has its range there.
     sign = -1.0 if abs(low) > abs(high) else 1.0
     motion = Motion(
-        np.arange(len(FLEXIONS), dtype=np.float64), (turning,), sign * FLEXIONS[:, None]
+        time=np.arange(len(FLEXIONS), dtype=np.float64),
+        names=(flexion,),
+        values=sign * FLEXIONS[:, None],
     )
     return forward_kinematics(tree, tree.coordinates_of(motion))
 
 
 def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
-    """Unit vector across the tibia about which a knee turns; `poses`: of `flexed`; `down`: the
-    tibia's `long_axis`.
+    """Axis across the tibia about which a knee bends from its first to its last pose.
+
+    With R the rotation of the femur seen from the tibia and Q = R_last R_first^T, the axis of Q is
+    along (Q_32 - Q_23, Q_13 - Q_31, Q_21 - Q_12); its part along the tibia is taken off.
+
+    Parameters
+    ----------
+    model : that has the knee
+    knee : between femur and tibia
+    poses : of `flexed`
+    down : (3,) the tibia's `long_axis`
+
+    Returns
+    -------
+    (3,) unit vector in the tibia
     """
-    index = compile_tree(model).body_index
-    femur = index[knee.parent]
-    tibia = index[knee.child]
-    turned = poses.rotations[:, tibia].transpose(0, 2, 1) @ poses.rotations[:, femur]
-    change = turned[-1] @ turned[0].T
+    body_index = compile_tree(model).body_index
+    femur = body_index[knee.parent]
+    tibia = body_index[knee.child]
+    rotations = poses.rotations[:, tibia].transpose(0, 2, 1) @ poses.rotations[:, femur]
+    change = rotations[-1] @ rotations[0].T
     axis = np.array(
         [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
     )

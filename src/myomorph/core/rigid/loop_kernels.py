@@ -1,4 +1,4 @@
-"""What closed loops ask of one pose: errors, their derivatives in the coordinates, and their rates."""
+"""Kernels of closed loops: closure errors, their derivatives in coordinates, and their rates."""
 
 from __future__ import annotations
 
@@ -22,22 +22,30 @@ from myomorph.core.rigid.vectors import (
     vector,
 )
 
+# Cosine of a relative rotation below which its sine no longer shows its axis
 HALF_TURN = -1.0 + 1e-12
-"""Cosine below which two frames stand turned by half a turn, where the sine no longer shows the
-axis.
-"""
 
 
 @bare
 def transposed(r):
-    """The transpose of a matrix."""
+    """Transpose a matrix."""
     return r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]
 
 
 @bare
 def tied_frames(L, i, R, p):
-    """In ground the first tied frame of loop i and its second point; in that frame the pose (Q, e)
-    of the second.
+    """Poses of the two frames that loop i ties.
+
+    Parameters
+    ----------
+    L : `LoopArrays`
+    R, p : of `body_poses`
+
+    Returns
+    -------
+    r1 : rotation of the first frame in ground
+    x2 : origin of the second in ground [m]
+    Q, e : rotation and origin [m] of the second, seen from the first
     """
     b1 = L.body_1[i]
     b2 = L.body_2[i]
@@ -50,29 +58,40 @@ def tied_frames(L, i, R, p):
 
 @bare
 def half_rotation(Q):
-    """The quaternion (a, u) of a rotation, a = cos(angle / 2) >= 0, u = sin(angle / 2) axis."""
+    """Quaternion (a, u) of a rotation Q, with a = cos(angle / 2) >= 0, u = sin(angle / 2) axis."""
     cosine = 0.5 * (Q[0] + Q[4] + Q[8] - 1.0)
     if cosine > HALF_TURN:
         a = np.sqrt(0.5 * (1.0 + cosine))
         s = 0.25 / a
         return a, (s * (Q[7] - Q[5]), s * (Q[2] - Q[6]), s * (Q[3] - Q[1]))
     # Q + 1 = 2 axis axis^T.
-    largest = 0 if Q[0] >= Q[4] and Q[0] >= Q[8] else (1 if Q[4] >= Q[8] else 2)
+    if Q[0] >= Q[4] and Q[0] >= Q[8]:
+        largest = 0
+    else:
+        largest = 1 if Q[4] >= Q[8] else 2
     scale = 1.0 / np.sqrt(2.0 * (1.0 + Q[4 * largest]))
     u = (scale * Q[largest], scale * Q[3 + largest], scale * Q[6 + largest])
-    grown = scale * (1.0 + Q[4 * largest])
+    diagonal = scale * (1.0 + Q[4 * largest])
     return 0.0, (
-        grown if largest == 0 else u[0],
-        grown if largest == 1 else u[1],
-        grown if largest == 2 else u[2],
+        diagonal if largest == 0 else u[0],
+        diagonal if largest == 1 else u[1],
+        diagonal if largest == 2 else u[2],
     )
 
 
 @bare
 def loop_errors(L, R, p, errors):
-    """Errors (rows,) of all loops at the poses R, p: of a weld first the turning 2 u [rad], then
-    the gap e [m]. Both are those of the second tied frame seen from the first, so what moves both
+    """Closure errors of all loops.
+
+    A point has the gap e [m]. A weld has before it the rotation 2 u [rad], with u of
+    `half_rotation`. Both are those of the second tied frame seen from the first, so what moves both
     together changes nothing.
+
+    Parameters
+    ----------
+    L : `LoopArrays`
+    R, p : of `body_poses`
+    errors : (rows,) filled
     """
     for i in range(L.body_1.shape[0]):
         _, _, Q, gap = tied_frames(L, i, R, p)
@@ -87,61 +106,97 @@ def loop_errors(L, R, p, errors):
 @bare
 def put(array, row, scale, x):
     """Store scale x in array (n,) from row on."""
-    array[row], array[row + 1], array[row + 2] = times(scale, x)
+    y = times(scale, x)
+    array[row] = y[0]
+    array[row + 1] = y[1]
+    array[row + 2] = y[2]
 
 
 @bare
 def turned_error(a, u, W):
-    """d(2 u)/dt of the quaternion (a, u) that turns with the angular velocity W: a W + W x u."""
+    """Rate d(2 u)/dt = a W + W x u of the quaternion (a, u) with the angular velocity W."""
     return along(cross(W, u), a, W)
 
 
 @bare
 def loop_rows(T, L, c, R, p, w, o, dphi, rows):
-    """Derivatives (rows, coordinates) of `loop_errors`, dependent coordinates folded into what they
-    follow.
+    """Differentiate `loop_errors` by the coordinates.
+
+    An axis between a loop's second body and the bodies' common ancestor moves the second frame, one
+    between the first body and the ancestor moves it the other way. A rotation about w through o
+    shifts it by w x (x2 - o) and turns it as `turned_error`, a translation shifts it by w.
+
+    Parameters
+    ----------
+    T, L : `TreeArrays` and `LoopArrays`
+    c : (coordinates,) consistent
+    R, p, w, o, dphi : of `body_poses`
+    rows : (rows, coordinates) filled, with what dependent coordinates do handed on to those they
+        follow (`gather_dependents`)
     """
     rows[:] = 0.0
+    axes = (w, o, dphi)
     for i in range(L.body_1.shape[0]):
         r1, x2, Q, _ = tied_frames(L, i, R, p)
-        a, u = half_rotation(Q)
-        row = L.row[i]
-        turns = L.row[i + 1] - row == 6
+        second = (r1, x2, half_rotation(Q))
+        error_rows = rows[L.row[i] : L.row[i + 1]]
         b1 = L.body_1[i]
         b2 = L.body_2[i]
         while b1 != b2:
-            # A parent has the smaller number: the larger of both cannot be an ancestor of the
-            # other.
-            b, sign = (b2, 1.0) if b2 > b1 else (b1, -1.0)
-            for axis in range(T.axis_start[b], T.axis_start[b + 1]):
-                direction = vector(w, axis)
-                rotates = T.axis_kind[axis] == ROTATION
-                shift = turned_back(
-                    r1, cross(direction, minus(x2, vector(o, axis))) if rotates else direction
-                )
-                turn = turned_error(a, u, turned_back(r1, direction))
-                for s in range(2):
-                    j = T.axis_coordinate[axis, s]
-                    if j >= 0:
-                        speed = sign * dphi[axis, s]
-                        first = row
-                        if turns:
-                            for d in range(3):
-                                rows[row + d, j] += speed * turn[d] if rotates else 0.0
-                            first = row + 3
-                        for d in range(3):
-                            rows[first + d, j] += speed * shift[d]
+            # A parent has the smaller number, so the larger of both is no ancestor of the other.
             if b2 > b1:
+                _add_axes(T, b2, 1.0, second, axes, error_rows)
                 b2 = T.parent[b2]
             else:
+                _add_axes(T, b1, -1.0, second, axes, error_rows)
                 b1 = T.parent[b1]
     gather_dependents(T, c, rows)
 
 
+@bare
+def _add_axes(T, body, sign, second, axes, rows):
+    """Add what the axes of a body do to the errors of a loop.
+
+    Parameters
+    ----------
+    sign : 1 on the side of the loop's second body, -1 on that of the first
+    second : r1 and x2 of `tied_frames`, and the quaternion (a, u) of Q
+    axes : w, o and dphi of `body_poses`
+    rows : (3 or 6, coordinates) of the loop, added to
+    """
+    r1, x2, (a, u) = second
+    w, o, dphi = axes
+    is_weld = rows.shape[0] == 6
+    first = 3 if is_weld else 0
+    for axis in range(T.axis_start[body], T.axis_start[body + 1]):
+        direction = vector(w, axis)
+        rotates = T.axis_kind[axis] == ROTATION
+        shift = turned_back(
+            r1, cross(direction, minus(x2, vector(o, axis))) if rotates else direction
+        )
+        turn = turned_error(a, u, turned_back(r1, direction))
+        for slot in range(2):
+            j = T.axis_coordinate[axis, slot]
+            if j < 0:
+                continue
+            speed = sign * dphi[axis, slot]
+            if is_weld:
+                for component in range(3):
+                    rows[component, j] += speed * turn[component] if rotates else 0.0
+            for component in range(3):
+                rows[first + component, j] += speed * shift[component]
+
+
 @kernel
 def loop_frames(T, L, c, errors, rows):
-    """`loop_errors` and `loop_rows` of frames: errors (frames, rows), rows (frames, rows,
-    coordinates).
+    """`loop_errors` and `loop_rows` of frames.
+
+    Parameters
+    ----------
+    T, L : `TreeArrays` and `LoopArrays`
+    c : (frames, coordinates) consistent
+    errors : (frames, rows) filled
+    rows : (frames, rows, coordinates) filled
     """
     R, p, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
@@ -152,43 +207,82 @@ def loop_frames(T, L, c, errors, rows):
 
 @kernel
 def loop_rate_frames(T, L, c, cdot, cddot, first, second):
-    """First and second time derivative (frames, rows) of the loops' errors; c, cdot, cddot
-    consistent.
+    """First and second time derivatives of the closure errors of frames.
+
+    Parameters
+    ----------
+    T, L : `TreeArrays` and `LoopArrays`
+    c, cdot, cddot : (frames, coordinates) consistent
+    first, second : (frames, rows) filled
     """
     R, p, w, o, dphi = pose_room(T)
     omega = np.empty_like(p)
     v = np.empty_like(p)
     alpha = np.empty_like(p)
     acc = np.empty_like(p)
+    rates = (omega, v, alpha, acc)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
         body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, acc)
         for i in range(L.body_1.shape[0]):
-            b1 = L.body_1[i]
-            b2 = L.body_2[i]
             row = L.row[i]
-            r1, _, Q, _ = tied_frames(L, i, R, p)
-            W1 = vector(omega, b1)
-            E1 = vector(alpha, b1)
-            W2 = vector(omega, b2)
-            E2 = vector(alpha, b2)
             if L.row[i + 1] - row == 6:
-                W = turned_back(r1, minus(W2, W1))
-                E = turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
-                a, u = half_rotation(Q)
-                rate = turned_error(a, u, W)
-                change = along(turned_error(a, u, E), -0.5 * dot(W, u), W)
-                put(first[frame], row, 1.0, rate)
-                put(second[frame], row, 1.0, along(change, 0.5, cross(W, rate)))
+                _put_rotation_rates(L, i, R, p, rates, first[frame, row:], second[frame, row:])
                 row += 3
-            # Both rates at the second point: of the body it belongs to, and of the first body
-            # carried there.
-            x2 = turned(matrix(R, b2), vector(L.point_2, i))
-            x1 = minus(plus(vector(p, b2), x2), vector(p, b1))
-            v1, a1 = carried(W1, E1, vector(v, b1), vector(acc, b1), x1)
-            v2, a2 = carried(W2, E2, vector(v, b2), vector(acc, b2), x2)
-            gap = minus(v2, v1)
-            put(first[frame], row, 1.0, turned_back(r1, gap))
-            put(
-                second[frame], row, 1.0, turned_back(r1, along(minus(a2, a1), -2.0, cross(W1, gap)))
-            )
+            _put_gap_rates(L, i, R, p, rates, first[frame, row:], second[frame, row:])
+
+
+@bare
+def _put_rotation_rates(L, i, R, p, rates, first, second):
+    """Store the rates of a weld's rotation 2 u.
+
+    With W and E the angular velocity and acceleration of the second frame seen from the first, and
+    (a, u) the quaternion between them,
+
+        d(2 u)/dt = a W + W x u
+        d^2(2 u)/dt^2 = a E + E x u - (W . u) W / 2 + W x (a W + W x u) / 2
+
+    Parameters
+    ----------
+    R, p : of `body_poses`
+    rates : omega, v, alpha and a of `body_rates`
+    first, second : (3 or more,) of which three are filled
+    """
+    omega, _, alpha, _ = rates
+    r1, _, Q, _ = tied_frames(L, i, R, p)
+    W1 = vector(omega, L.body_1[i])
+    E1 = vector(alpha, L.body_1[i])
+    W2 = vector(omega, L.body_2[i])
+    E2 = vector(alpha, L.body_2[i])
+    W = turned_back(r1, minus(W2, W1))
+    E = turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
+    a, u = half_rotation(Q)
+    rate = turned_error(a, u, W)
+    change = along(turned_error(a, u, E), -0.5 * dot(W, u), W)
+    put(first, 0, 1.0, rate)
+    put(second, 0, 1.0, along(change, 0.5, cross(W, rate)))
+
+
+@bare
+def _put_gap_rates(L, i, R, p, rates, first, second):
+    """Store the rates of the gap between a loop's points, in the first frame's axes.
+
+    Both are rates at the second point: of the body that it belongs to, less those of the first body
+    carried there; the second takes off the Coriolis term 2 W_1 x gap rate.
+
+    Parameters
+    ----------
+    R, p, rates, first, second : as of `_put_rotation_rates`
+    """
+    omega, v, alpha, a = rates
+    b1 = L.body_1[i]
+    b2 = L.body_2[i]
+    r1 = tied_frames(L, i, R, p)[0]
+    W1 = vector(omega, b1)
+    arm_2 = turned(matrix(R, b2), vector(L.point_2, i))
+    arm_1 = minus(plus(vector(p, b2), arm_2), vector(p, b1))
+    v1, a1 = carried(W1, vector(alpha, b1), vector(v, b1), vector(a, b1), arm_1)
+    v2, a2 = carried(vector(omega, b2), vector(alpha, b2), vector(v, b2), vector(a, b2), arm_2)
+    gap_rate = minus(v2, v1)
+    put(first, 0, 1.0, turned_back(r1, gap_rate))
+    put(second, 0, 1.0, turned_back(r1, along(minus(a2, a1), -2.0, cross(W1, gap_rate))))

@@ -1,4 +1,4 @@
-"""The base-link regressor: what external wrench a motion needs, linear in the inertial parameters."""
+"""The base-link regressor: the wrench that a motion needs, linear in inertial parameters."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.model.shapes import FrameVectors, Regressor, Wrenches6
 from myomorph.core.rigid.dynamics import external_arrays, motion_arrays
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import in_place, kernel
@@ -30,24 +31,43 @@ from myomorph.core.rigid.vectors import (
 
 WRENCH = ("M_x", "M_y", "M_z", "F_x", "F_y", "F_z")
 """The rows of a base wrench: moment about the reference point [N m] and force [N], ground axes."""
-BLOCK = 512  # Frames a block of `regressor_blocks`: 512 frames of 80 bodies are 20 MB
+BLOCK = 512  # Frames of a block of `regressor_blocks`: 512 frames of 80 bodies are 20 MB
 
 
 class RegressorBlock(NamedTuple):
-    """The regressor in some frames."""
+    """The regressor in some frames.
 
-    frames: slice  # which
-    rows: Array  # (frames, 6, 10 bodies) moment and force of unit parameters
-    reference: Array  # (frames, 3) the point that moments are about, in ground [m]
+    Attributes
+    ----------
+    frames : of the motion
+    rows : (frames, 6, 10 bodies) moment and force of unit parameters
+    reference : (frames, 3) the point that moments are about, in ground [m]
+    """
+
+    frames: slice
+    rows: Regressor
+    reference: FrameVectors
 
 
-def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:
-    """(frames, 6, 10 bodies) the six base rows Y of the equation of motion, [D] eq. 3.1.
-    Y @ inertial_parameters(model).ravel() is the total external wrench that the motion needs,
-    gravity taken off: moment about the reference point [N m], then force [N], in ground axes.
-    `motion`: with velocities and accelerations; coordinates it lacks rest at their default;
-    `reference` (3,) a point fixed in ground, e.g. of a force plate [m]; None for the origin of the
-    first body, the base, in each frame.
+def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Regressor:
+    """Six base rows Y of the equation of motion, linear in the inertial parameters phi.
+
+        Y(q, qdot, qddot) phi = total external wrench that the motion needs, gravity taken off
+
+    with phi = `inertial_parameters(model).ravel()`, ten of each body.
+
+    Source: [D] eq. 3.1.
+
+    Parameters
+    ----------
+    model : whose bodies move
+    motion : with velocities and accelerations; coordinates it lacks rest at their default
+    reference : (3,) a point fixed in ground that moments are about, e.g. of a force plate [m]; None
+        for the origin of the first body, the base, in each frame
+
+    Returns
+    -------
+    (frames, 6, 10 bodies) moment [N m], then force [N], in ground axes, of unit parameters
     """
     rows = np.empty((len(motion), 6, 10 * len(model.bodies)))
     for block in regressor_blocks(model, motion, reference):
@@ -58,8 +78,16 @@ def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = N
 def regressor_blocks(
     model: Model, motion: Motion, reference: ArrayLike | None = None, frames: int = BLOCK
 ) -> Iterator[RegressorBlock]:
-    """`base_regressor` block by block, which bounds memory: every block uses the arrays of the one
-    before again.
+    """`base_regressor` block by block, which bounds memory.
+
+    Parameters
+    ----------
+    model, motion, reference : as of `base_regressor`
+    frames : of a block
+
+    Yields
+    ------
+    blocks, each of which uses the arrays of the one before again
     """
     tree = compile_tree(model)
     fixed = _fixed_point(reference)
@@ -71,46 +99,65 @@ def regressor_blocks(
         length = span.stop - span.start
         if fixed is not None:
             points[:] = fixed
-        c, cdot, cddot = motion_arrays(tree, motion.frames(span))
-        run_frames(
-            _base_regressor,
-            (tree.arrays, fixed is None),
-            c,
-            cdot,
-            cddot,
-            points[:length],
-            rows[:length],
-        )
-        yield RegressorBlock(span, rows[:length], points[:length])
+        arrays = (*motion_arrays(tree, motion.frames(span)), points[:length], rows[:length])
+        run_frames(_base_regressor, (tree.arrays, fixed is None), *arrays)
+        yield RegressorBlock(frames=span, rows=rows[:length], reference=points[:length])
 
 
 def base_wrench(
     model: Model, motion: Motion, wrenches: Wrenches | None, reference: ArrayLike | None = None
-) -> Array:
-    """(frames, 6) the external wrench that was measured, in the rows of `base_regressor`.
-    NaN in frames where a force is missing. A wrench on the ground does not count.
-    `motion`, `reference`: as in `base_regressor`; the reference point moves with the motion's base;
-    `wrenches`: at the motion's times; None for no external force.
+) -> Wrenches6:
+    """External wrench that was measured, in the rows of `base_regressor`.
+
+    A wrench on the ground does not count.
+
+    Parameters
+    ----------
+    model, motion, reference : as of `base_regressor`
+    wrenches : at the motion's times; None for no external force
+
+    Returns
+    -------
+    (frames, 6) moment [N m], then force [N]; NaN in frames where a force is missing
     """
     return sum_of_wrenches(model, motion, wrenches, reference_points(model, motion, reference))
 
 
 def sum_of_wrenches(
-    model: Model, motion: Motion, wrenches: Wrenches | None, points: Array
-) -> Array:
-    """(frames, 6) moment about points (frames, 3) and force of all wrenches that act on the model."""
-    bodies, forces, places, torques = external_arrays(compile_tree(model), motion, wrenches)
-    counted = bodies != 0
-    forces = forces[:, counted]
-    places = places[:, counted]
-    torques = torques[:, counted]
-    moments = torques + np.cross(places - points[:, None], forces)
+    model: Model, motion: Motion, wrenches: Wrenches | None, points: FrameVectors
+) -> Wrenches6:
+    """Sum of all wrenches that act on the model.
+
+    Parameters
+    ----------
+    model, motion : as of `base_regressor`
+    wrenches : at the motion's times; None for no external force
+    points : (frames, 3) that moments are about, in ground [m]
+
+    Returns
+    -------
+    (frames, 6) moment [N m], then force [N], in ground
+    """
+    external = external_arrays(compile_tree(model), motion, wrenches)
+    on_model = external.bodies != 0
+    forces = external.forces[:, on_model]
+    levers = external.points[:, on_model] - points[:, None]
+    moments = external.torques[:, on_model] + np.cross(levers, forces)
     return np.concatenate([moments.sum(axis=1), forces.sum(axis=1)], axis=1)
 
 
-def reference_points(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:
-    """(frames, 3) the point that moments are about: the base body's origin, or one fixed in ground
-    [m].
+def reference_points(
+    model: Model, motion: Motion, reference: ArrayLike | None = None
+) -> FrameVectors:
+    """Points that moments are about: the base body's origin, or one fixed in ground.
+
+    Parameters
+    ----------
+    model, motion, reference : as of `base_regressor`
+
+    Returns
+    -------
+    (frames, 3) in ground [m]
     """
     fixed = _fixed_point(reference)
     if fixed is not None:
@@ -123,6 +170,7 @@ def reference_points(model: Model, motion: Motion, reference: ArrayLike | None =
 
 
 def _fixed_point(reference: ArrayLike | None) -> Array | None:
+    """Check a reference point (3,) in ground [m]; None stays None."""
     if reference is None:
         return None
     point = np.asarray(reference, dtype=np.float64)
@@ -135,6 +183,7 @@ def _fixed_point(reference: ArrayLike | None) -> Array | None:
 
 @kernel
 def _base_origins(T, c, points):
+    """Fill points (frames, 3) with the origin of the first body, from c (frames, coordinates)."""
     R, p, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
@@ -143,6 +192,16 @@ def _base_origins(T, c, points):
 
 @kernel
 def _base_regressor(T, moving, c, cdot, cddot, points, rows):
+    """Fill the base regressor of frames.
+
+    Parameters
+    ----------
+    T : `TreeArrays`
+    moving : whether the reference is the base body's origin, which then fills `points`
+    c, cdot, cddot : (frames, coordinates) consistent
+    points : (frames, 3) in ground [m]
+    rows : (frames, 6, 10 bodies) filled
+    """
     R, p, w, o, dphi = pose_room(T)
     omega = np.empty_like(p)
     v = np.empty_like(p)
@@ -165,10 +224,21 @@ def _base_regressor(T, moving, c, cdot, cddot, points, rows):
 
 @in_place
 def body_columns(r, arm, lift, W, E, rows, first):
-    """Ten columns of one body: rows (6, columns) of moment about a point and force, in ground.
-    In the body's frame, with h = m c, acceleration of the origin less gravity `lift`, angular rates
-    W, E: force = m lift + E x h + W x (W x h),  moment about the origin = h x lift + I E + W x (I
-    W). `arm` leads from the point to the origin, in ground; r turns the body's frame into ground.
+    """Ten columns of one body: moment about a point and force, of unit parameters.
+
+    In the body's frame, with mass m, first moment h = m c, inertia I about the origin, angular
+    velocity W and acceleration E, and the acceleration a of the origin less gravity,
+
+        force = m a + E x h + W x (W x h)
+        moment about the origin = h x a + I E + W x (I W)
+
+    Parameters
+    ----------
+    r : rotation from the body's axes to ground
+    arm : from the reference point to the body's origin, in ground [m]
+    lift : a in the body's axes [m/s^2]
+    W, E : in the body's axes [rad/s, rad/s^2]
+    rows : (6, columns) filled from column `first` on: moment, then force, in ground
     """
     zero = (0.0, 0.0, 0.0)
     for parameter in range(10):
@@ -197,7 +267,10 @@ def body_columns(r, arm, lift, W, E, rows, first):
 
 @kernel(inline="always")
 def _inertia_column(parameter, x):
-    """I x where parameter k of the inertia is 1 and all others are 0."""
+    """Product I x, where one parameter of the inertia is 1 and all others are 0.
+
+    In the order of [D]: 4 to 9 are I_xx, I_yy, I_zz, I_yz, I_zx, I_xy.
+    """
     if parameter == 4:
         return x[0], 0.0, 0.0
     if parameter == 5:

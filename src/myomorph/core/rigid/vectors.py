@@ -11,13 +11,13 @@ EPSILON = 2.220446049250313e-16
 
 @bare
 def vector(array, index):
-    """Row index of an array (n, 3)."""
+    """Read row `index` of an array (n, 3)."""
     return array[index, 0], array[index, 1], array[index, 2]
 
 
 @bare
 def matrix(array, index):
-    """Matrix index of an array (n, 3, 3)."""
+    """Read matrix `index` of an array (n, 3, 3)."""
     return (
         array[index, 0, 0],
         array[index, 0, 1],
@@ -33,39 +33,47 @@ def matrix(array, index):
 
 @bare
 def put_vector(array, index, x):
-    """Store a vector as row index of an array (n, 3)."""
-    array[index, 0], array[index, 1], array[index, 2] = x[0], x[1], x[2]
+    """Store a vector as row `index` of an array (n, 3)."""
+    array[index, 0] = x[0]
+    array[index, 1] = x[1]
+    array[index, 2] = x[2]
 
 
 @bare
 def put_matrix(array, index, r):
-    """Store a matrix as number index of an array (n, 3, 3)."""
-    array[index, 0, 0], array[index, 0, 1], array[index, 0, 2] = r[0], r[1], r[2]
-    array[index, 1, 0], array[index, 1, 1], array[index, 1, 2] = r[3], r[4], r[5]
-    array[index, 2, 0], array[index, 2, 1], array[index, 2, 2] = r[6], r[7], r[8]
+    """Store a matrix as number `index` of an array (n, 3, 3)."""
+    array[index, 0, 0] = r[0]
+    array[index, 0, 1] = r[1]
+    array[index, 0, 2] = r[2]
+    array[index, 1, 0] = r[3]
+    array[index, 1, 1] = r[4]
+    array[index, 1, 2] = r[5]
+    array[index, 2, 0] = r[6]
+    array[index, 2, 1] = r[7]
+    array[index, 2, 2] = r[8]
 
 
 @bare
 def plus(x, y):
-    """Sum of two vectors."""
+    """Add two vectors."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2]
 
 
 @bare
 def minus(x, y):
-    """The difference x - y."""
+    """Subtract: x - y."""
     return x[0] - y[0], x[1] - y[1], x[2] - y[2]
 
 
 @bare
 def times(s, x):
-    """The vector s x."""
+    """Multiply by a number: s x."""
     return s * x[0], s * x[1], s * x[2]
 
 
 @bare
 def along(x, s, y):
-    """The vector x + s y."""
+    """Go from x along y: x + s y."""
     return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
 
 
@@ -83,13 +91,13 @@ def dot(x, y):
 
 @bare
 def norm(x):
-    """Euclidean length."""
+    """Euclidean norm."""
     return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
 
 
 @bare
 def unit(x):
-    """The vector of length 1, or zeros where `x` is shorter than the rounding error."""
+    """Scale a vector to norm 1, or to zeros where its norm is below the rounding error."""
     length = norm(x)
     if length >= EPSILON:
         return x[0] / length, x[1] / length, x[2] / length
@@ -104,13 +112,13 @@ def sign(x):
 
 @bare
 def replaced(x, i, value):
-    """The vector with `value` as component i."""
+    """Replace component i of a vector."""
     return value if i == 0 else x[0], value if i == 1 else x[1], value if i == 2 else x[2]
 
 
 @bare
 def turned(r, x):
-    """The vector r x."""
+    """Rotate a vector: r x."""
     return (
         r[0] * x[0] + r[1] * x[1] + r[2] * x[2],
         r[3] * x[0] + r[4] * x[1] + r[5] * x[2],
@@ -120,7 +128,7 @@ def turned(r, x):
 
 @bare
 def turned_back(r, x):
-    """The vector r^T x."""
+    """Rotate a vector back: r^T x."""
     return (
         r[0] * x[0] + r[3] * x[1] + r[6] * x[2],
         r[1] * x[0] + r[4] * x[1] + r[7] * x[2],
@@ -130,7 +138,7 @@ def turned_back(r, x):
 
 @bare
 def product(a, b):
-    """The product of two matrices."""
+    """Multiply two matrices."""
     return (
         a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
         a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
@@ -146,7 +154,10 @@ def product(a, b):
 
 @bare
 def about(u, angle):
-    """Rotation by `angle` about the unit vector u (Rodrigues)."""
+    """Rotation by `angle` [rad] about the unit vector u (Rodrigues).
+
+    R = c 1 + s [u]x + (1 - c) u u^T,   c = cos(angle), s = sin(angle)
+    """
     s = math.sin(angle)
     c = math.cos(angle)
     v = 1.0 - c

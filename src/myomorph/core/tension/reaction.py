@@ -288,7 +288,8 @@ def joint_reactions(
     (('elbow',), (61, 1, 3))
     """
     tree = compile_tree(model)
-    c, cdot, cddot = motion_arrays(tree, motion)
+    arrays = motion_arrays(tree, motion)
+    c, cdot, cddot = arrays
     refuse_open(tree, c)
     joint_names = tuple(joint.name for joint in model.joints)
     requested = [
@@ -303,11 +304,9 @@ def joint_reactions(
     applied.add_tension(tension, actuators, patella)
     generalized = applied.generalized()
     if accelerations == "forces":
-        cddot, multipliers = forward_accelerations(
-            tree, c, cdot, cddot, applied.bodies, generalized
-        )
+        cddot, multipliers = forward_accelerations(tree, arrays, applied.bodies, generalized)
     elif accelerations == "motion":
-        multipliers = balancing_multipliers(tree, c, cdot, cddot, applied.bodies, generalized)
+        multipliers = balancing_multipliers(tree, arrays, applied.bodies, generalized)
     else:
         raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
 
@@ -341,12 +340,13 @@ def caused_motion(
     are switched on; None where none acts; `wrenches`, `actuators`: as of `joint_reactions`.
     """
     tree = compile_tree(model)
-    c, cdot, cddot = motion_arrays(tree, motion)
+    arrays = motion_arrays(tree, motion)
+    c, cdot, _ = arrays
     refuse_open(tree, c)
     loads = _AppliedLoads(tree, motion, forward_kinematics(tree, c), c, cdot)
     loads.add_external(wrenches, None)
     loads.add_tension(forces, actuators)
-    cddot, _ = forward_accelerations(tree, c, cdot, cddot, loads.bodies, loads.generalized())
+    cddot, _ = forward_accelerations(tree, arrays, loads.bodies, loads.generalized())
     return replace(
         motion, names=model.coordinate_names, values=c, velocities=cdot, accelerations=cddot
     )

@@ -74,7 +74,7 @@ def solve_tension(
     Raises
     ------
     BadData : where the motion has no velocities, torques, contacts or EMG are of other times, or
-        loops stand open by more than `OPEN`
+        loops are open by more than `loops.MAX_OPENING`
     UnknownName : where torques lack a free coordinate, or an actuator, a site or EMG names what
         does not exist
     BadModel : where the model has nothing to solve for
