@@ -116,7 +116,7 @@ def test_joint_forces_agree_with_pinocchio(seed):
 
 
 def unknown(arrays):
-    """The motion without its accelerations."""
+    """Drop the accelerations of a motion."""
     return arrays._replace(accelerations=np.zeros_like(arrays.accelerations))
 
 

@@ -117,6 +117,7 @@ def function_rates(F, function, i, j, c, cdot, cddot):
 
     Parameters
     ----------
+    F, function, i, j : as of `evaluate_at`
     c, cdot, cddot : (coordinates,) values, velocities and accelerations
     """
     _, d1, d2, d11, d12, d22 = evaluate_at(F, function, i, j, c)
@@ -210,6 +211,7 @@ def couple_rates(T, c, cdot, cddot):
 
     Parameters
     ----------
+    T : `TreeArrays`
     c, cdot, cddot : (coordinates,); the last two are changed in place
     """
     for coupler in range(T.coupler_coordinate.shape[0]):
@@ -234,6 +236,7 @@ def gather_dependents(T, c, rows):
 
     Parameters
     ----------
+    T : `TreeArrays`
     c : (coordinates,) consistent values
     rows : (n, coordinates) each a df/dc, changed in place
     """
@@ -259,6 +262,7 @@ def fold_dependents(T, c, H, g, D):
 
     Parameters
     ----------
+    T : `TreeArrays`
     c : (coordinates,) consistent values
     H : (coordinates, coordinates) Hessian
     g : (coordinates,) gradient

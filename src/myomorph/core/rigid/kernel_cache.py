@@ -36,9 +36,7 @@ from numba.misc.appdirs import AppDirs
 from myomorph import __version__
 
 LOCK = "kernels.lock"
-# How long a process waits until others have saved a kernel [s]; after that it keeps its own to
-# itself
-PATIENCE = 60.0
+MAX_WAIT = 60.0  # For others to save a kernel [s]; after that a process does not save its own
 PACKAGE = Path(__file__).resolve().parents[2]
 OURS = "myomorph."
 
@@ -67,6 +65,7 @@ def dispatcher_of(
 
     Parameters
     ----------
+    function : to compile
     options : of `numba.njit`
     announce : called before the function is compiled
     """
@@ -76,7 +75,7 @@ def dispatcher_of(
 
 
 def kernel_folder() -> Path:
-    """Where this version and copy of the package keeps its kernels; the folder need not exist."""
+    """Folder of the kernels of this version and copy of the package; it need not exist."""
     root = Path(config.CACHE_DIR or AppDirs("myomorph", appauthor=False).user_cache_dir)
     copy = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:8]
     return root / f"myomorph-{__version__}-{copy}"
@@ -94,54 +93,51 @@ def can_keep_kernels() -> bool:
 
 @cache
 def _fingerprint(module: str) -> str:
-    """Of the sources of a module and of all modules whose kernels it calls.
+    """Hash of the sources of a module and of all modules whose kernels it calls.
+
     Those of a class with `kernels`, in a module or a tuple of one, are found by type when a kernel
     is compiled.
     """
     sources: dict[str, bytes] = {}
-    left = [module]
-    while left:
-        name = left.pop()
-        if name not in sources:
-            sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
-            for value in vars(sys.modules[name]).values():
-                parts = value if isinstance(value, tuple) else (value,)
-                left += [
-                    part.py_func.__module__
-                    for part in parts
-                    if callable(part) and hasattr(part, "py_func")
-                ]
-                left += [
-                    part.__name__
-                    for part in parts
-                    if inspect.ismodule(part) and part.__name__.startswith(OURS)
-                ]
-                left += [
-                    part.__module__
-                    for part in parts
-                    if isinstance(part, type) and hasattr(part, "kernels")
-                ]
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        if name in sources:
+            continue
+        sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
+        for value in vars(sys.modules[name]).values():
+            for part in value if isinstance(value, tuple) else (value,):
+                pending += _modules_of(part)
     return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
 
 
+def _modules_of(value: Any) -> list[str]:
+    """Names of the modules whose kernels a value of a module's namespace brings in."""
+    if inspect.ismodule(value):
+        return [value.__name__] if value.__name__.startswith(OURS) else []
+    if isinstance(value, type):
+        return [value.__module__] if hasattr(value, "kernels") else []
+    if callable(value) and hasattr(value, "py_func"):
+        return [value.py_func.__module__]
+    return []
+
+
 def _ours(kind: Any) -> bool:
-    """Whether all classes that an argument's type names come with the package: others may not be
-    there to be read.
+    """Whether all classes that an argument's type names come with the package.
+
+    Others may be absent when the code is read again.
     """
     named = getattr(kind, "instance_class", None)
-    parts = getattr(kind, "types", ())
-    return (named is None or named.__module__.startswith(OURS)) and all(
-        _ours(part) for part in parts
-    )
+    if named is not None and not named.__module__.startswith(OURS):
+        return False
+    return all(_ours(part) for part in getattr(kind, "types", ()))
 
 
 class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
     """The files of one kernel, one process at a time: code first, then the index that names it."""
 
     def _load_index(self) -> dict[Any, str]:
-        """The files by signature; none where the index is of arguments whose classes are elsewhere
-        or gone since.
-        """
+        """Read the files by signature; none where classes of the arguments moved or are gone."""
         try:
             files: dict[Any, str] = super()._load_index()
         except (ImportError, AttributeError):
@@ -149,18 +145,18 @@ class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
         return files
 
     def save(self, key: Any, data: Any) -> None:
-        """Save the code of one signature; where others do not let go, or nothing can be written, it
-        is not saved.
+        """Save the code of one signature.
+
+        It is not saved where other processes hold the lock or nothing can be written.
         """
         folder = Path(self._cache_path)
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            with FileLock(folder / LOCK, timeout=PATIENCE):
+            with FileLock(folder / LOCK, timeout=MAX_WAIT):
                 named = self._load_index()
-                free = (self._data_name(number) for number in range(1, len(named) + 2))
-                name = named.get(key) or next(
-                    unused for unused in free if unused not in named.values()
-                )
+                candidates = map(self._data_name, range(1, len(named) + 2))
+                unused = (name for name in candidates if name not in named.values())
+                name = named.get(key) or next(unused)
                 self._save_data(name, data)
                 self._save_index(named | {key: name})
         except OSError:
@@ -168,7 +164,7 @@ class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
 
 
 class _Locator(_CacheLocator):  # type: ignore[misc]
-    """Where the files of one kernel lie, and from which sources they were made."""
+    """Folder of the files of one kernel, and the sources they were made from."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._py_file = function.__code__.co_filename
@@ -176,7 +172,7 @@ class _Locator(_CacheLocator):  # type: ignore[misc]
         self._line = function.__code__.co_firstlineno
 
     def ensure_cache_path(self) -> None:
-        """Nothing: the folder is made where a kernel is saved."""
+        """Do nothing: the folder is made where a kernel is saved."""
 
     def get_cache_path(self) -> str:
         return str(kernel_folder())
@@ -221,8 +217,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return KernelFile(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code of a signature, or None where it is not on disk or the file is damaged or out of
-        reach; then it is compiled, which is announced.
+        """Load the code of a signature.
+
+        None where it is absent, damaged or out of reach; then it is compiled, which is announced.
         """
         loaded = None
         if all(_ours(kind) for kind in sig):
@@ -233,8 +230,6 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return loaded
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code of a signature on disk, unless a type from outside the package is part of
-        it.
-        """
+        """Store the code of a signature, unless it has a type from outside the package."""
         if all(_ours(kind) for kind in sig):
             super().save_overload(sig, data)

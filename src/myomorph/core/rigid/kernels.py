@@ -70,19 +70,24 @@ class Kernel:
         return self.dispatcher.targetoptions
 
     def __reduce__(self) -> str:
-        """A kernel is pickled by the name of its function."""
+        """Pickle a kernel by the name of its function."""
         return self.py_func.__qualname__
 
 
 def kernel(
     function: Callable[..., Any] | None = None, /, counted: bool = True, **options: Any
 ) -> Any:
-    """Compile a function with Numba at its first call, and keep the code on disk.
+    """Compile a function with Numba at its first call, and store the code on disk.
+
     Used as `@kernel` or `@kernel(fastmath=True)`. It runs without the interpreter's lock.
-    `counted`: whether it counts the users of the arrays it touches. Where a tuple of many arrays
-    goes from function to function that costs more than the arithmetic; a kernel that makes no array
-    needs no count, and Numba refuses to compile one that makes some; `options`: further ones of
-    `numba.njit`.
+
+    Parameters
+    ----------
+    function : to compile; None where options are given
+    counted : whether it counts the users of the arrays it touches. Where a tuple of many arrays
+        goes from function to function, that costs more than the arithmetic. A kernel that makes no
+        array needs no count, and Numba refuses to compile one that makes some
+    options : further ones of `numba.njit`
     """
     if function is None:
         return lambda function: kernel(function, counted, **options)
@@ -97,8 +102,10 @@ def inner(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
 
 
 def bare(function: Callable[..., Any], /) -> Any:
-    """`inner` for what makes no arrays: those that it reads are not counted by reference, which
-    small kernels feel. Views are allowed. What it calls must be bare, too.
+    """`inner` for what makes no arrays.
+
+    Those that it reads are not counted by reference, which costs small kernels much. Views are
+    allowed. What it calls must be bare, too.
     """
     return inner(function, _nrt=False)
 
@@ -142,20 +149,23 @@ def interpreted() -> Iterator[None]:
 
 
 def signatures_on_disk(kernel: Kernel) -> list[tuple[Any, ...]]:
-    """The argument types for which code of a kernel lies on disk, made from the present sources."""
+    """List the argument types for which code of a kernel, of the present sources, is on disk."""
     return [key[0] for key in kernel.dispatcher._cache._cache_file._load_index()]
 
 
 def kernel_folder() -> Path:
-    """Where this version and copy of the package keeps its kernels; the folder need not exist."""
+    """Folder of the kernels of this version and copy of the package; it need not exist."""
     from myomorph.core.rigid import kernel_cache
 
     return kernel_cache.kernel_folder()
 
 
 def before_compiling(listener: Callable[[Path, bool], None]) -> None:
-    """Call `listener` once, before the first kernel of this process is compiled, with the folder of
-    kernels and whether their code can be kept there.
+    """Call a listener once, before the first kernel of this process is compiled.
+
+    Parameters
+    ----------
+    listener : takes the folder of kernels and whether their code can be stored there
     """
     _ANNOUNCED.setdefault(listener, False)
 

@@ -39,6 +39,7 @@ def tied_frames(L, i, R, p):
     Parameters
     ----------
     L : `LoopArrays`
+    i : number of the loop
     R, p : of `body_poses`
 
     Returns

@@ -238,7 +238,8 @@ def body_columns(r, arm, lift, W, E, rows, first):
     arm : from the reference point to the body's origin, in ground [m]
     lift : a in the body's axes [m/s^2]
     W, E : in the body's axes [rad/s, rad/s^2]
-    rows : (6, columns) filled from column `first` on: moment, then force, in ground
+    rows : (6, columns) filled: moment, then force, in ground
+    first : column of `rows` from which on they are filled
     """
     zero = (0.0, 0.0, 0.0)
     for parameter in range(10):

@@ -302,11 +302,12 @@ def joint_reactions(
     applied = _AppliedLoads(tree, motion, poses, c, cdot)
     applied.add_external(wrenches, getattr(tension, "contacts", None))
     applied.add_tension(tension, actuators, patella)
-    generalized = applied.generalized()
     if accelerations == "forces":
-        cddot, multipliers = forward_accelerations(tree, arrays, applied.bodies, generalized)
+        cddot, multipliers = forward_accelerations(
+            tree, arrays, applied.bodies, applied.generalized()
+        )
     elif accelerations == "motion":
-        multipliers = balancing_multipliers(tree, arrays, applied.bodies, generalized)
+        multipliers = balancing_multipliers(tree, arrays, applied.bodies, applied.generalized())
     else:
         raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
 
