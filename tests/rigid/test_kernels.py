@@ -5,6 +5,7 @@ stays as it was.
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 import threading
@@ -19,9 +20,10 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import NumbaError
 
 from myomorph import __version__
-from myomorph.core.rigid import kernel_cache
+from myomorph.core.rigid import kernel_cache, vectors
 from myomorph.core.rigid.kernel_cache import PACKAGE, KernelFile, kernel_folder
-from myomorph.core.rigid.kernels import signatures_on_disk
+from myomorph.core.rigid.kernels import interpreted, signatures_on_disk
+from myomorph.core.rigid.vectors import turned
 
 DOUBLE = (
     "from myomorph.core.rigid.kernels import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
@@ -190,3 +192,46 @@ def test_arguments_are_ours_where_all_their_classes_are():
     assert kernel_cache._ours(numba_types.Tuple((ours, integer)))
     assert not kernel_cache._ours(foreign)
     assert not kernel_cache._ours(numba_types.Tuple((ours, foreign)))
+
+
+ANNOUNCED = """
+from myomorph.core.rigid.kernels import before_compiling
+from doubled import double
+calls = []
+before_compiling(lambda folder, can_keep: calls.append(can_keep))
+before_compiling(print)
+assert calls == []
+double(2), double(1.5)
+print(calls)
+"""
+
+
+@pytest.mark.parametrize("can_keep", [True, False])
+def test_compiling_is_announced_once_with_whether_the_code_can_be_kept(tmp_path, cached, can_keep):
+    if not can_keep:
+        (tmp_path / "cache").write_text("a file, no folder")
+    done = subprocess.run(
+        [sys.executable, "-c", ANNOUNCED], env=cached, capture_output=True, text=True, check=True
+    )
+    lines = done.stdout.splitlines()
+    assert lines[-1] == str([can_keep])
+    assert len(lines) == 2
+    assert str(tmp_path / "cache") in lines[0]
+
+
+def test_code_from_the_disk_is_not_announced(cached):
+    command = [sys.executable, "-c", ANNOUNCED]
+    for lines in (2, 1):
+        done = subprocess.run(command, env=cached, capture_output=True, text=True, check=True)
+        assert len(done.stdout.splitlines()) == lines
+
+
+def test_interpreted_kernels_give_what_compiled_ones_give():
+    matrix = np.array([[3.0, 1.0, 0.5], [1.0, 2.0, 0.25], [0.5, 0.25, 1.0]])
+    with interpreted():
+        plain = turned(vectors.matrix(matrix[None], 0), (1.0, 2.0, 3.0))
+    assert plain == tuple(matrix @ [1.0, 2.0, 3.0])
+
+
+def test_a_kernel_is_pickled_by_its_name():
+    assert pickle.loads(pickle.dumps(turned)) is turned

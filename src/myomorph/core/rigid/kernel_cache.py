@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import numba.np.linalg
-from filelock import FileLock
 from numba import config, njit
 from numba.core.caching import (
     CompileResultCacheImpl,
@@ -149,6 +148,9 @@ class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
 
         It is not saved where other processes hold the lock or nothing can be written.
         """
+        # Only what has compiled needs it.
+        from filelock import FileLock
+
         folder = Path(self._cache_path)
         try:
             folder.mkdir(parents=True, exist_ok=True)

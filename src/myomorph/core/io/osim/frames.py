@@ -36,6 +36,9 @@ class Frames:
         for element in node.element:
             if not isinstance(element.tag, str):
                 continue
+            # Most elements hold numbers alone.
+            if not len(element) and node.node(element).kind not in (*OFFSET_KINDS, *STATION_KINDS):
+                continue
             listed = (
                 node.items(element.tag)
                 if element.get("name") is None or element.find("objects") is not None

@@ -1,0 +1,61 @@
+"""What a command does before it computes: help, reading and `info` compile nothing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from data_collection import data_folder
+
+SOURCES = Path(__file__).parents[2] / "src"
+COMMAND = """
+import sys
+from myomorph.lab.cli import main
+status = main(sys.argv[1:])
+heavy = [name for name in ("numba", "llvmlite", "pydantic", "h5py", "mujoco") if name in sys.modules]
+print("LOADED", *heavy)
+sys.exit(status)
+"""
+
+
+def loaded(tmp_path, *words):
+    """Heavy packages that a command imports, in a process with an empty folder of kernels, which
+    must stay empty.
+    """
+    kernels = tmp_path / "kernels"
+    places = {"NUMBA_CACHE_DIR": str(kernels), "PYTHONPATH": str(SOURCES)}
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND, *map(str, words)],
+        env=os.environ | places,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert not kernels.exists()
+    assert "compiling" not in done.stderr
+    return done.stdout.splitlines()[-1].split()[1:]
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["info", "--help"]])
+def test_help_imports_nothing_heavy(tmp_path, words):
+    assert loaded(tmp_path, *words) == []
+
+
+def test_help_of_a_step_compiles_nothing(tmp_path):
+    assert "numba" not in loaded(tmp_path, "id", "--help")
+
+
+def test_info_of_files_compiles_nothing(tmp_path, arm):
+    for path in (arm.model, arm.markers, arm.motion, arm.loads):
+        assert loaded(tmp_path, "info", path) == []
+
+
+def test_info_of_a_model_with_knees_compiles_nothing(tmp_path):
+    model = data_folder() / "hamner-run-subject04" / "unscaled_generic.osim"
+    if not model.is_file():
+        pytest.skip("hamner-run-subject04 is not there")
+    assert loaded(tmp_path, "info", model) == []
