@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from myomorph.core.contact.states import hysteresis
 from myomorph.core.model.arrays import Array, runs
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import natural_spline
 
 FOLDER = "wheelchair-pushrim"
 RATE = 240.0

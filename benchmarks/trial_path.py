@@ -98,7 +98,7 @@ def count(tree: Path) -> list[dict[str, object]]:
     line = next(line for line in printed.splitlines() if line.startswith("WATCHED"))
     rows: list[dict[str, object]] = []
     for phase, way, files in json.loads(line.removeprefix("WATCHED")):
-        rooms = Counter(Path(name).parts[0] for name in files)
+        rooms = Counter("/".join(Path(name).parts[:-1][:2]) for name in files)
         text = ", ".join(f"{room} {number}" for room, number in sorted(rooms.items()))
         rows.append({"what": phase, "counted": way, "files": len(files), "by room": text})
     return rows

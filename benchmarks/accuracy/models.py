@@ -13,7 +13,7 @@ from test_tendons import compare
 
 import myomorph as mm
 from mujoco_models import MYO_SIM, load, random_motion
-from myomorph.core.motion.filters import natural_spline
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from trees import random_tree, to_mujoco, to_pinocchio

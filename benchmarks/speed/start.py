@@ -1,9 +1,13 @@
 """How long a user waits: import, the first command on a new machine with compilation, later
-commands; size on disk.
+commands, and where the time of a one-second trial goes; size on disk.
+
+`python -m benchmarks start [--tree PATH]`: processor times of this checkout beside those of another
+one, in turns.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib.metadata
 import os
 import statistics
@@ -11,11 +15,26 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from packaging.requirements import Requirement
 
 import myomorph
+from benchmarks.speed.command_parts import processor_times
+from data_collection import data_folder
+
+RUNS = 5
+SECOND = ("--time", "1", "2")  # Of the walk that is used
+
+
+class TrialPaths(NamedTuple):
+    """Files of one trial."""
+
+    model: Path
+    markers: Path
+    loads: Path
 
 
 def installed_size(name: str) -> float:
@@ -45,7 +64,14 @@ def seconds(arguments: list[str], environment: dict[str, str]) -> float:
     return time.perf_counter() - began
 
 
-def run() -> list[dict[str, object]]:
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options of the command line."""
+    parser.add_argument(
+        "--tree", type=Path, default=None, help="a checkout to compare the parts of commands with"
+    )
+
+
+def run(tree: Path | None = None) -> list[dict[str, object]]:
     """Rows of what was waited for and how long."""
     rows: list[dict[str, object]] = [
         {"what": "packages without extras", "MB": 1e-6 * installed_size("myomorph")}
@@ -56,16 +82,66 @@ def run() -> list[dict[str, object]]:
         places = {
             "NUMBA_CACHE_DIR": str(Path(folder) / "cache"),
             "PYTHONPYCACHEPREFIX": str(Path(folder) / "modules"),
+            "PYTHONDONTWRITEBYTECODE": "",
         }
-        environment = {**os.environ, **places, "PYTHONDONTWRITEBYTECODE": ""}
+        environment = {**os.environ, **places}
         seconds(["-m", "compileall", "-q", str(Path(myomorph.__file__).parent)], environment)
-        imports = [seconds(["-c", "import myomorph"], environment) for _ in range(5)]
+        imports = [seconds(["-c", "import myomorph"], environment) for _ in range(RUNS)]
         rows.append({"what": "python -c 'import myomorph'", "seconds": statistics.median(imports)})
-        demo = ["-m", "myomorph.lab.cli", "demo", "--out"]
+        command = ["-m", "myomorph.lab.cli"]
+        helps = [seconds([*command, "--help"], environment) for _ in range(RUNS)]
+        rows.append({"what": "myomorph --help", "seconds": statistics.median(helps)})
+        model = _trial_files(Path(folder)).model
+        infos = [seconds([*command, "info", str(model)], environment) for _ in range(RUNS)]
+        rows.append(
+            {"what": "myomorph info MODEL, nothing compiled", "seconds": statistics.median(infos)}
+        )
+        demo = [*command, "demo", "--out"]
         first = seconds([*demo, str(Path(folder) / "first")], environment)
         rows.append({"what": "myomorph demo, first time (compiles)", "seconds": first})
         later = [seconds([*demo, str(Path(folder) / f"later{i}")], environment) for i in range(3)]
         rows.append({"what": "myomorph demo, later", "seconds": statistics.median(later)})
-        helps = [seconds(["-m", "myomorph.lab.cli", "--help"], environment) for _ in range(5)]
-        rows.append({"what": "myomorph --help", "seconds": statistics.median(helps)})
+        rows += _parts_of_commands(Path(folder), places, tree)
+    return rows
+
+
+def _trial_files(folder: Path) -> TrialPaths:
+    """A walk of the data collection, else the small example that comes along."""
+    walk = data_folder() / "rajagopal-walk-emg"
+    if walk.is_dir():
+        return TrialPaths(
+            model=walk / "subject_walk_scaled.osim",
+            markers=walk / "markers_walk.trc",
+            loads=walk / "grf_walk.xml",
+        )
+    home = folder / "example"
+    home.mkdir(exist_ok=True)
+    example = myomorph.example_files(home)
+    return TrialPaths(model=example.model, markers=example.markers, loads=example.loads)
+
+
+def _parts_of_commands(
+    folder: Path, places: Mapping[str, str], tree: Path | None
+) -> list[dict[str, object]]:
+    """Processor times of the commands of a one-second trial."""
+    files = _trial_files(folder)
+    model = ["--model", str(files.model)]
+    motion = str(folder / "motion.mot")
+    loaded = [*model, "--motion", motion, "--loads", str(files.loads)]
+    commands = {
+        "info MODEL": ["info", str(files.model)],
+        "info RECORDING": ["info", str(files.markers)],
+        "ik": ["ik", *model, "--markers", str(files.markers), *SECOND, "--out", motion],
+        "id --cutoff 6": ["id", *loaded, "--cutoff", "6", "--out", str(folder / "id6.sto")],
+        "id": ["id", *loaded, "--out", str(folder / "id.sto")],
+        "tension": ["tension", *loaded, "--cutoff", "6", "--out", str(folder / "tension")],
+    }
+    trees = {"this": Path(__file__).parents[2]} | ({} if tree is None else {"other": tree})
+    environments = {
+        name: {**places, "PYTHONPATH": str(path / "src")} for name, path in trees.items()
+    }
+    rows: list[dict[str, object]] = []
+    for (name, version), parts in processor_times(commands, environments, RUNS).items():
+        what = f"{name}, later" if version == "this" else f"{name}, later, before"
+        rows.append({"what": what, "processor seconds": sum(parts.values()), **parts})
     return rows

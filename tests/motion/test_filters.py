@@ -7,7 +7,8 @@ import pytest
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Motion, Wrenches
-from myomorph.core.motion.filters import _lowpass_padded, differentiate, lowpass, natural_spline
+from myomorph.core.motion.filters import _lowpass_padded, differentiate, lowpass
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.sync import cut, resample_wrenches
 
 

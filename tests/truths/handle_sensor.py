@@ -23,7 +23,8 @@ from scipy.optimize import least_squares
 import myomorph as mm
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.spatial import axis_rotation, vector_from_rotation
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import natural_spline
 
 STARTS = 3
 """Random turns that are tried beside the one that the linear problem gives."""

@@ -19,8 +19,9 @@ from myomorph.core.model.spatial import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from myomorph.core.motion.filters import differentiate, natural_spline
+from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.sensors.mounting import earth_to_ground
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.loops import free_coordinates

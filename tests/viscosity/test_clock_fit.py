@@ -10,7 +10,7 @@ import pytest
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.motion.clocks import ClockOptions
-from myomorph.core.motion.filters import natural_spline
+from myomorph.core.motion.splines import natural_spline
 from myomorph.swings.viscosity.swings.plate import wrench_clock
 
 PENDULUM = """

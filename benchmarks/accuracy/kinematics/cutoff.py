@@ -16,7 +16,8 @@ from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.automatic_cutoff import automatic_cutoff
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree

@@ -16,7 +16,7 @@ from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import PlateRecording
 from myomorph.core.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
-from myomorph.core.motion.filters import natural_spline
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.surfaces.clusters import surface_parts
 from myomorph.core.surfaces.linear_maps import Similarity
 from myomorph.core.surfaces.rigid_registration import register_surface

@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.series import Motion
-from myomorph.core.motion.filters import natural_spline
+from myomorph.core.motion.splines import natural_spline
 
 CHANCE = 0.02  # Chance that noise alone is taken for motion at any frequency of a coordinate
 ENOUGH = 0.01

@@ -9,7 +9,8 @@ import scipy
 
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import BadData
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import Spline, natural_spline
 
 SAMPLES = 4.0  # Frames that are kept for every period of the cutoff
 CANDIDATES = 5
@@ -35,8 +36,8 @@ class Compared:
     time: Array
     rows: Array
     usable: np.ndarray
-    spline: scipy.interpolate.BSpline
-    slope: scipy.interpolate.BSpline
+    spline: Spline
+    slope: Spline
     start: float
     end: float
     middle: float

@@ -30,7 +30,8 @@ from myomorph.core.motion.clock_lags import (
     main_frequency,
     refine,
 )
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import natural_spline
 
 SeriesKind = TypeVar("SeriesKind", bound=Series)
 Timed = TypeVar("Timed", bound=Series | Wrenches)

@@ -5,35 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Motion
+from myomorph.core.motion.splines import Spline, natural_spline
 from myomorph.core.rigid.kernels import kernel
-
-_NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 
 # Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding
 REACH = 60
-
-
-def natural_spline(time: Array, values: Array, degree: int = 5) -> scipy.interpolate.BSpline:
-    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...).
-    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree +
-    1) / 2 ... degree - 1 vanish at both ends.
-    """
-    if len(time) <= degree:
-        raise BadData(
-            f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}"
-        )
-    if not np.isfinite(values).all():
-        raise BadData(
-            "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose"
-            " another time"
-        )
-    ends = [(order, np.full(values.shape[1:], at)) for order, at in _NATURAL[degree]]
-    return scipy.interpolate.make_interp_spline(time, values, k=degree, bc_type=(ends, ends))
 
 
 def lowpass(values: Array, rate: float, cutoff: float) -> Array:
@@ -159,7 +139,7 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
 
 
-def _lowpass_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
+def _lowpass_spline(time: Array, values: Array, cutoff: float) -> Spline:
     """Spline through filtered values; values at uneven times go through one at even times, as
     OpenSim's `Storage`.
     """

@@ -10,7 +10,8 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Motion, Series, Wrenches
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import natural_spline
 
 LOADED = 0.02  # Part of its largest force above which a plate's center of pressure is believed
 # Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding

@@ -17,7 +17,8 @@ from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Actuator, Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
-from myomorph.core.motion.filters import differentiate, natural_spline
+from myomorph.core.motion.filters import differentiate
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.sync import resample_wrenches
 from myomorph.core.muscles.coupled_arms import TURNING
 from myomorph.core.muscles.fiber_states import (

@@ -20,7 +20,7 @@ from myomorph.core.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
-from myomorph.core.motion.filters import natural_spline
+from myomorph.core.motion.splines import natural_spline
 from myomorph.show.simulate import fighter
 from myomorph.show.simulate.bout import least, mass_matrix, moments, muscle_strength, pyramids
 from myomorph.show.simulate.plan import Aim, jacobian, posed, start_pose

@@ -20,9 +20,10 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import Markers, Motion, Series, Trial, Wrenches
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.measurements import default_markers
+from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
 from myomorph.core.rigid.kinematics import marker_positions

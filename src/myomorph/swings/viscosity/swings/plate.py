@@ -13,7 +13,8 @@ from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Wrenches
 from myomorph.core.motion.clocks import SIGNIFICANT, Clock, ClockOptions, fit_clock
-from myomorph.core.motion.filters import lowpass, natural_spline
+from myomorph.core.motion.filters import lowpass
+from myomorph.core.motion.splines import natural_spline
 from myomorph.swings.viscosity.swings.recording import REACH, force_mismatch, touched_frames
 
 ANTI_ALIAS = 0.4

@@ -1,0 +1,219 @@
+"""Natural splines through samples, as sums of B-splines.
+
+`scipy.interpolate` has them too, but takes longer to import than a motion of one second to
+differentiate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.errors import BadData
+from myomorph.core.rigid.kernels import kernel
+
+# Orders of the derivatives that vanish at both ends, by degree
+NATURAL_ORDERS = {3: (2,), 5: (3, 4)}
+
+
+@read_only
+class Spline:
+    """A piecewise polynomial of one variable, s(x) = sum_i c_i B_i(x).
+
+    Attributes
+    ----------
+    knots : (coefficients + degree + 1,) t of the B-splines
+    coefficients : (coefficients, ...) c, a curve for each of the further axes
+    degree : of the polynomials
+    """
+
+    knots: Array
+    coefficients: Array
+    degree: int
+
+    def __call__(self, at: ArrayLike, order: int = 0) -> Array:
+        """Values, or a derivative of some order, (points, ...) at points (points,) or at one;
+        beyond the ends the outer polynomials continue.
+        """
+        if order:
+            return self.derivative(order)(at)
+        at = np.asarray(at, dtype=np.float64)
+        points = at.reshape(-1)
+        first = _first_basis(self.knots, self.degree, points)
+        basis = _basis(self.knots, self.degree, points, first)
+        # A copy, because a kernel is compiled anew for arrays that are read-only.
+        coefficients = self.coefficients.reshape(len(self.coefficients), -1).copy()
+        values = np.empty((len(points), coefficients.shape[1]))
+        sum_basis(basis, first, coefficients, values)
+        return values.reshape(at.shape + self.coefficients.shape[1:])
+
+    def derivative(self, order: int = 1) -> Spline:
+        """The derivative of an order, at most the degree.
+
+        d/dx sum_i c_i B_i,k = sum_i k (c_i+1 - c_i) / (t_i+k+1 - t_i+1) B_i,k-1
+
+        Source: de Boor 1978, chapter X.
+        """
+        spline = self
+        for _ in range(order):
+            k = spline.degree
+            widths = spline.knots[k + 1 : -1] - spline.knots[1 : -k - 1]
+            further = (1,) * (spline.coefficients.ndim - 1)
+            slopes = k * np.diff(spline.coefficients, axis=0) / widths.reshape(-1, *further)
+            spline = Spline(knots=spline.knots[1:-1], coefficients=slopes, degree=k - 1)
+        return spline
+
+
+def natural_spline(time: Array, values: Array, degree: int = 5) -> Spline:
+    """Interpolating natural spline of degree 3 or 5 through every column of `values`.
+
+    OpenSim's `GCVSpline` with no error variance: the derivatives of order (degree + 1) / 2 ...
+    degree - 1 vanish at both ends.
+
+    Source: Woltring 1986.
+
+    Parameters
+    ----------
+    time : (frames,) that increase [s]
+    values : (frames, ...)
+
+    Raises
+    ------
+    BadData
+        where there are too few frames, values are not finite, or times do not increase
+    """
+    if len(time) <= degree:
+        raise BadData(
+            f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}"
+        )
+    if not np.isfinite(values).all():
+        raise BadData(
+            "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose"
+            " another time"
+        )
+    time = np.asarray(time, dtype=np.float64)
+    values = np.asarray(values, dtype=np.float64)
+    if not np.all(np.diff(time) > 0.0):
+        raise BadData("a spline needs times that increase")
+    knots = np.concatenate([[time[0]] * degree, time, [time[-1]] * degree])
+    orders = NATURAL_ORDERS[degree]
+    before = len(orders)
+    count = len(time) + 2 * before
+
+    # Rows of a banded matrix, each about its diagonal, with room for what pivoting fills in.
+    rows = np.zeros((count, 3 * degree + 1))
+    first = _first_basis(knots, degree, time)
+    numbers = before + np.arange(len(time))
+    columns = first[:, None] - numbers[:, None] + degree + np.arange(degree + 1)
+    inside = (columns >= 0) & (columns < rows.shape[1])
+    basis = _basis(knots, degree, time, first)
+    rows[np.broadcast_to(numbers[:, None], columns.shape)[inside], columns[inside]] = basis[inside]
+    for number, order in enumerate(orders):
+        left = _end_derivative(knots, degree, order)
+        rows[number, degree - number : degree - number + len(left)] = left
+        # At the other end the knots are reversed, and so are the coefficients.
+        right = _end_derivative(-knots[::-1], degree, order)[::-1]
+        last = count - 1 - number
+        rows[last, degree + number - len(right) + 1 : degree + number + 1] = right
+
+    right_sides = np.zeros((count, values[0].size))
+    right_sides[before : before + len(time)] = values.reshape(len(time), -1)
+    solve_banded(rows, right_sides, degree)
+    return Spline(
+        knots=knots, coefficients=right_sides.reshape(count, *values.shape[1:]), degree=degree
+    )
+
+
+def _first_basis(knots: Array, degree: int, at: Array) -> np.ndarray:
+    """Numbers (points,) of the first B-spline that is not 0 between the knots about each point."""
+    last = len(knots) - degree - 2
+    return np.clip(np.searchsorted(knots, at, side="right") - 1, degree, last) - degree
+
+
+def _basis(knots: Array, degree: int, at: Array, first: np.ndarray) -> Array:
+    """Values (points, degree + 1) of the B-splines that are not 0 about each point.
+
+        B_i,k = (x - t_i) / (t_i+k - t_i) B_i,k-1 + (t_i+k+1 - x) / (t_i+k+1 - t_i+1) B_i+1,k-1
+
+    Source: de Boor 1978, chapter X.
+    """
+    basis = np.zeros((degree + 1, len(at)))
+    basis[0] = 1.0
+    here = first + degree
+    for k in range(1, degree + 1):
+        carried = np.zeros(len(at))
+        for j in range(k):
+            after = knots[here + j + 1]
+            before = knots[here + j + 1 - k]
+            share = basis[j] / (after - before)
+            basis[j] = carried + (after - at) * share
+            carried = (at - before) * share
+        basis[k] = carried
+    return np.ascontiguousarray(basis.T)
+
+
+def _end_derivative(knots: Array, degree: int, order: int) -> Array:
+    """Row (order + 1,) of the first coefficients that gives a derivative at the first knot, scaled
+    to a largest element of 1.
+    """
+    row = np.eye(order + 1)
+    for j in range(order):
+        numbers = np.arange(len(row) - 1)
+        widths = knots[numbers + degree + 1] - knots[numbers + j + 1]
+        row = np.diff(row, axis=0) / widths[:, None]
+    return np.asarray(row[0] / np.abs(row[0]).max())
+
+
+@kernel
+def sum_basis(basis, first, coefficients, values):
+    """Fill values (points, curves) with the sums of each point's B-splines (points, degree + 1), of
+    which `first` (points,) has the number, times their coefficients (coefficients, curves).
+    """
+    for point in range(basis.shape[0]):
+        for curve in range(values.shape[1]):
+            values[point, curve] = 0.0
+        for j in range(basis.shape[1]):
+            weight = basis[point, j]
+            for curve in range(values.shape[1]):
+                values[point, curve] += weight * coefficients[first[point] + j, curve]
+
+
+@kernel
+def solve_banded(rows, right, reach):
+    """Solve A x = b for many right sides, in place, by Gaussian elimination with row exchanges.
+
+    `rows` (n, 3 reach + 1): A[i, i - reach + j] at [i, j], zero in the last `reach` columns;
+    `right` (n, sides) b, which becomes x; `reach` of the band to either side of the diagonal.
+    """
+    n = len(rows)
+    for i in range(n):
+        below = min(i + reach, n - 1)
+        best = i
+        for p in range(i + 1, below + 1):
+            if abs(rows[p, i - p + reach]) > abs(rows[best, i - best + reach]):
+                best = p
+        end = min(i + 2 * reach, n - 1)
+        if best != i:
+            for c in range(i, end + 1):
+                kept = rows[i, c - i + reach]
+                rows[i, c - i + reach] = rows[best, c - best + reach]
+                rows[best, c - best + reach] = kept
+            for side in range(right.shape[1]):
+                kept = right[i, side]
+                right[i, side] = right[best, side]
+                right[best, side] = kept
+        for p in range(i + 1, below + 1):
+            factor = rows[p, i - p + reach] / rows[i, reach]
+            if factor != 0.0:
+                for c in range(i, end + 1):
+                    rows[p, c - p + reach] -= factor * rows[i, c - i + reach]
+                for side in range(right.shape[1]):
+                    right[p, side] -= factor * right[i, side]
+    for i in range(n - 1, -1, -1):
+        end = min(i + 2 * reach, n - 1)
+        for side in range(right.shape[1]):
+            value = right[i, side]
+            for c in range(i + 1, end + 1):
+                value -= rows[i, c - i + reach] * right[c, side]
+            right[i, side] = value / rows[i, reach]
