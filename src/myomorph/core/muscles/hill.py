@@ -1,9 +1,9 @@
 """Hill-type muscles as flat arrays, which kernels read: with rigid tendons, and with elastic ones.
 
-A new class is one line of `OWN_MODELS`, and a module with the class. With a rigid tendon at its slack
-length, length and velocity of the path give those of the fiber, and the force along the tendon is
-linear in the activation a (F0 maximum isometric force, l and v normalized fiber length and
-velocity, alpha pennation):
+A new class is one line of `OWN_MODELS`, and a module with the class. With a rigid tendon at its
+slack length, length and velocity of the path give those of the fiber, and the force along the
+tendon is linear in the activation a (F0 maximum isometric force, l and v normalized fiber length
+and velocity, alpha pennation; Zajac 1989):
 
     F = a F0 f_L(l) f_V(v) cos(alpha) + F0 f_PE(l) cos(alpha)
 
@@ -29,8 +29,14 @@ from myomorph.core.model.latest import Latest
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.model.registry import with_extensions
+from myomorph.core.model.shapes import MuscleValues
 from myomorph.core.muscles.curves import Curve, CurveArrays, curve_value, pack_curves
-from myomorph.core.muscles.muscle_model import FiberSizes, MuscleModel, StaticOptimization
+from myomorph.core.muscles.muscle_model import (
+    FiberCurves,
+    FiberSizes,
+    MuscleModel,
+    StaticOptimization,
+)
 from myomorph.core.rigid.kernels import inner, kernel
 
 OWN_MODELS = {
@@ -50,7 +56,12 @@ MODELS: dict[str, str] = with_extensions(
 
 
 def muscle_model(muscle: Muscle) -> MuscleModel:
-    """The class of a muscle."""
+    """Find the class of a muscle.
+
+    Raises
+    ------
+    BadModel : the curves of the muscle's class are not known
+    """
     if muscle.kind not in MODELS:
         raise BadModel(
             f"muscle '{muscle.name}' is a {muscle.kind}: curves are known for {', '.join(MODELS)}"
@@ -60,7 +71,7 @@ def muscle_model(muscle: Muscle) -> MuscleModel:
 
 @lru_cache(maxsize=64)
 def loaded(place: str) -> MuscleModel:
-    """The class at a place of `MODELS`."""
+    """Load the class at a place of `MODELS`."""
     return load(place)()
 
 
@@ -69,7 +80,21 @@ CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
 
 
 class HillArrays(NamedTuple):
-    """Muscles as the kernels read them. `force`, `...`, `speed` (muscles,) see `FiberSizes`."""
+    """Muscles as the kernels read them.
+
+    Attributes
+    ----------
+    force, fiber, tendon, height, shortest, shortest_along, cos_optimal, speed : (muscles,) sizes,
+        see `FiberSizes`
+    least_along : (muscles,) least part of the fibers along the tendon [m]
+    ends : (muscles,) whether fibers have no active force there
+    turning : (muscles,) whether the path's velocity is projected on the fibers
+    pennation_by : (muscles,) see `StaticOptimization`, -1 for None
+    curve : (muscles, 3) rows in `curves` of the active, velocity and passive curve
+    resting : (muscles,) row of the curve of the tendon with which a muscle is in equilibrium at
+        rest, -1 for a rigid one
+    curves : of all muscles
+    """
 
     force: Array
     fiber: Array
@@ -79,51 +104,73 @@ class HillArrays(NamedTuple):
     shortest_along: Array
     cos_optimal: Array
     speed: Array
-    least_along: Array  # (muscles,) least part of the fibers along the tendon [m]
-    ends: NDArray[np.bool_]  # (muscles,) whether fibers have no active force there
-    turning: NDArray[np.bool_]  # (muscles,) whether the path's velocity is projected on the fibers
-    pennation_by: Array  # (muscles,) see `StaticOptimization`, -1 for None
-    curve: NDArray[np.int64]  # (muscles, 3) active, velocity and passive curve
-    # (muscles,) curve of the tendon with which a muscle is in equilibrium at rest, -1 for a rigid
-    # one
+    least_along: Array
+    ends: NDArray[np.bool_]
+    turning: NDArray[np.bool_]
+    pennation_by: Array
+    curve: NDArray[np.int64]
     resting: NDArray[np.int64]
     curves: CurveArrays
 
 
 class ElasticArrays(NamedTuple):
-    """Muscles and their tendons as the kernels read them; rows of muscles without an elastic tendon
-    are not used.
+    """Muscles and their tendons as the kernels read them.
+
+    Rows of muscles without an elastic tendon are not used.
+
+    Attributes
+    ----------
+    hill : sizes
+    curve : (muscles, 4) rows in `curves` of the active, velocity and passive curve, and of the
+        tendon's length over normalized force
+    curves : of all muscles
+    damping : (muscles,) of the fibers, normalized
+    passive : (muscles,) 1 where the passive force of the fibers takes part, else 0
+    slowed : (muscles,) see `MuscleModel.slowed`
     """
 
-    hill: HillArrays  # sizes
-    # (muscles, 4) active, velocity and passive curve, and stretch of the tendon over normalized
-    # force
+    hill: HillArrays
     curve: NDArray[np.int64]
     curves: CurveArrays
-    damping: Array  # (muscles,) of the fibers, normalized
-    passive: Array  # (muscles,) 1 where the passive force of the fibers takes part, else 0
-    slowed: Array  # (muscles,) how far activation slows the fibers
+    damping: Array
+    passive: Array
+    slowed: Array
 
 
 def muscle_models(model: Model) -> list[MuscleModel]:
-    """The classes of the model's muscles, in the model's order."""
+    """Find the classes of the model's muscles, in the model's order."""
     return [muscle_model(muscle) for muscle in model.muscles]
 
 
 def compile_hill(model: Model, convention: Convention = "rigid-tendon") -> HillArrays:
-    """The model's muscles as flat arrays, in the model's order; the same model compiles once."""
+    """Compile the model's muscles to flat arrays; the same model compiles once.
+
+    Parameters
+    ----------
+    model : with muscles
+    convention : see `hill_forces`
+
+    Raises
+    ------
+    BadModel : a muscle's class or curve is not known, or a size is not positive
+    """
     return _latest[convention](model)
 
 
 def compile_hill_as(model: Model, like: Model) -> HillArrays:
-    """`compile_hill` of a model made of another by changing forces, fiber and tendon lengths of its
-    muscles alone. `like`: the other one, with the same muscles in the same order; what was compiled
-    of it is used again.
+    """Compile a model that differs from another in sizes of its muscles alone.
+
+    Forces, fiber and tendon lengths may differ. What was compiled of the other is used again.
+
+    Parameters
+    ----------
+    model : to compile
+    like : the other one, with the same muscles in the same order
     """
     sizes = _size_arrays(model)
-    made = compile_hill(like)._replace(**sizes, least_along=sizes["shortest_along"])
-    _latest["rigid-tendon"].put(model, made)
-    return made
+    compiled = compile_hill(like)._replace(**sizes, least_along=sizes["shortest_along"])
+    _latest["rigid-tendon"].put(model, compiled)
+    return compiled
 
 
 def has_elastic_tendon(muscle: Muscle) -> bool:
@@ -133,9 +180,15 @@ def has_elastic_tendon(muscle: Muscle) -> bool:
 
 @lru_cache(maxsize=8)
 def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
-    """The model's muscles and tendons as flat arrays, in the model's order."""
+    """Compile the model's muscles and tendons to flat arrays, in the model's order.
+
+    Parameters
+    ----------
+    model : with muscles
+    passive : whether the passive force of the fibers takes part
+    """
     count = len(model.muscles)
-    table = _Numbered()
+    table = _NumberedCurves()
     curve = np.full((count, 4), -1, np.int64)
     damping = np.zeros(count)
     slowed = np.zeros(count)
@@ -156,7 +209,16 @@ def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
 
 
 def activation_times(model: Model) -> Array:
-    """(2, muscles) time constants of activation and deactivation [s]."""
+    """Time constants of activation and deactivation.
+
+    Parameters
+    ----------
+    model : with muscles
+
+    Returns
+    -------
+    (2, muscles) [s]
+    """
     result = np.empty((2, len(model.muscles)))
     for m, (muscle, kind) in enumerate(zip(model.muscles, muscle_models(model), strict=True)):
         rise, fall = kind.times
@@ -168,11 +230,20 @@ def activation_times(model: Model) -> Array:
 
 
 def viscosities(model: Model) -> Array:
-    """(muscles,) viscosity of each muscle [N s/m], 0 of one that is switched off."""
+    """Viscosity of each muscle, 0 of one that is switched off.
+
+    Parameters
+    ----------
+    model : with or without muscles
+
+    Returns
+    -------
+    (muscles,) [N s/m]
+    """
     return np.array([muscle.viscosity if muscle.enabled else 0.0 for muscle in model.muscles])
 
 
-class _Numbered:
+class _NumberedCurves:
     """Curves and their numbers; the same curve of several muscles has one."""
 
     def __init__(self) -> None:
@@ -180,6 +251,7 @@ class _Numbered:
         self._number: dict[Curve, int] = {}
 
     def numbers(self, curves: Iterable[Curve]) -> list[int]:
+        """Numbers of curves, which are added where they are new."""
         for curve in curves:
             if curve not in self._number:
                 self._number[curve] = len(self.curves)
@@ -188,42 +260,55 @@ class _Numbered:
 
 
 def _compile(model: Model, convention: Convention) -> HillArrays:
+    """Compile muscles to flat arrays."""
     models = muscle_models(model)
-    table = _Numbered()
-    opensim = convention == "opensim"
+    table = _NumberedCurves()
+    is_opensim = convention == "opensim"
     pairs = list(zip(models, model.muscles, strict=True))
     curve = np.empty((len(pairs), 3), np.int64)
     resting = np.full(len(pairs), -1, np.int64)
     for m, (kind, muscle) in enumerate(pairs):
-        if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
-            raise BadModel(
-                f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m"
-                f" and maximum contraction velocity {muscle.max_contraction_velocity:g}/s: both"
-                " must be positive"
-            )
-        try:
-            curve[m] = table.numbers(kind.curves(muscle))
-        except BadModel as error:
-            raise BadModel(f"muscle '{muscle.name}': {error}") from error
-        tendon = kind.resting_tendon(muscle) if opensim else None
+        curve[m] = table.numbers(_checked_curves(kind, muscle))
+        tendon = kind.resting_tendon(muscle) if is_opensim else None
         if tendon is not None:
             resting[m] = table.numbers([tendon])[0]
+
     sizes = _size_arrays(model)
-    rules = [kind.static_optimization if opensim else StaticOptimization() for kind in models]
+    rules = [kind.static_optimization if is_opensim else StaticOptimization() for kind in models]
+    bounded = [rule.bounded for rule in rules]
+    ends = [kind.greatest_pennation(muscle) is not None for kind, muscle in pairs]
+    factors = [-1.0 if rule.pennation_by is None else rule.pennation_by for rule in rules]
     return HillArrays(
-        **sizes,
-        least_along=np.where([rule.bounded for rule in rules], sizes["shortest_along"], -np.inf),
-        ends=np.array(
-            [kind.greatest_pennation(muscle) is not None for kind, muscle in pairs], np.bool_
-        ),
+        force=sizes["force"],
+        fiber=sizes["fiber"],
+        tendon=sizes["tendon"],
+        height=sizes["height"],
+        shortest=sizes["shortest"],
+        shortest_along=sizes["shortest_along"],
+        cos_optimal=sizes["cos_optimal"],
+        speed=sizes["speed"],
+        least_along=np.where(bounded, sizes["shortest_along"], -np.inf),
+        ends=np.array(ends, np.bool_),
         turning=np.array([rule.turning for rule in rules], np.bool_),
-        pennation_by=np.array(
-            [-1.0 if rule.pennation_by is None else rule.pennation_by for rule in rules]
-        ),
+        pennation_by=np.array(factors),
         curve=curve,
         resting=resting,
         curves=pack_curves(table.curves),
     )
+
+
+def _checked_curves(kind: MuscleModel, muscle: Muscle) -> FiberCurves:
+    """Curves of a muscle whose sizes can be used; errors name the muscle."""
+    if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
+        raise BadModel(
+            f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m"
+            f" and maximum contraction velocity {muscle.max_contraction_velocity:g}/s: both"
+            " must be positive"
+        )
+    try:
+        return kind.curves(muscle)
+    except BadModel as error:
+        raise BadModel(f"muscle '{muscle.name}': {error}") from error
 
 
 _latest = {
@@ -232,6 +317,7 @@ _latest = {
 
 
 def _size_arrays(model: Model) -> dict[str, Any]:
+    """Arrays (muscles,) of each field of `FiberSizes`."""
     rows = [
         kind.sizes(muscle) for kind, muscle in zip(muscle_models(model), model.muscles, strict=True)
     ]
@@ -241,18 +327,39 @@ def _size_arrays(model: Model) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class HillForces:
-    """What muscles can pull with, along their tendons."""
+    """Forces of muscles along their tendons.
 
-    active: Array  # (frames, muscles) force per unit activation [N]
-    passive: Array  # (frames, muscles) passive elastic force [N]
-    # (frames, muscles) force of the muscles' viscosity, alike in both conventions [N]
-    viscous: Array
+    Attributes
+    ----------
+    active : (frames, muscles) per unit activation [N]
+    passive : (frames, muscles) passive elastic force [N]
+    viscous : (frames, muscles) force of the muscles' viscosity, alike in both conventions [N]
+    """
+
+    active: MuscleValues
+    passive: MuscleValues
+    viscous: MuscleValues
 
 
 @inner(counted=False, forceinline=True)
 def rigid_forces(H, m, length, speed, wanted):
-    """Active force per unit activation and passive force of muscle m, along the tendon [N].
-    `length`, `speed`: of the path [m], [m/s]; `wanted`: whether the passive force is; else it is 0.
+    """Active force per unit activation and passive force of a muscle with a rigid tendon.
+
+    With the part of the fibers along the tendon x = length - slack length and the fibers' height h,
+    the fiber length is sqrt(x^2 + h^2) and cos(alpha) = x / fiber length:
+
+        active = F0 f_L f_V cos(alpha),   passive = F0 f_PE cos(alpha)
+
+    Parameters
+    ----------
+    H : `HillArrays`
+    m : number of the muscle
+    length, speed : of the path [m], [m/s]
+    wanted : whether the passive force is computed, else it is 0
+
+    Returns
+    -------
+    active, passive : along the tendon [N]; NaN where length or speed is
     """
     h = H.height[m]
     curve = H.curve[m]
@@ -283,23 +390,24 @@ def rigid_forces(H, m, length, speed, wanted):
 
 @inner(counted=False, forceinline=True)
 def _cosine_of_normalized(H, m, x):
-    """The pennation cosine that OpenSim 4.6 takes in static optimization of some classes.
+    """Pennation cosine that OpenSim 4.6 takes in static optimization of some classes.
+
     For Millard2012EquilibriumMuscle it divides the fibers' height [m] by the normalized instead of
-    the actual fiber length.
+    the actual fiber length x.
     """
     if H.height[m] <= 0.0:
         return 1.0
     x *= H.pennation_by[m]
     sine = H.height[m] / x
-    most = H.height[m] / H.shortest[m]
-    if not (x > H.shortest[m] and sine < most):
-        sine = most
+    max_sine = H.height[m] / H.shortest[m]
+    if not (x > H.shortest[m] and sine < max_sine):
+        sine = max_sine
     return np.sqrt(1.0 - sine * sine)
 
 
 @inner(counted=False)
 def _pull(H, m, x):
-    """Normalized force of fully active resting fibers, at their normalized length."""
+    """Add f_L and f_PE: the normalized force of fully active resting fibers at x."""
     return max(curve_value(H.curves, H.curve[m, 0], x), 0.0) + curve_value(
         H.curves, H.curve[m, 2], x
     )
@@ -315,8 +423,15 @@ def _residual(H, m, length, fiber):
 
 @inner(counted=False)
 def isometric_force(H, m, length):
-    """Force of a fully active muscle at rest on an elastic tendon, passive too, by regula falsi
-    (Illinois) [N].
+    """Force of a fully active muscle at rest on an elastic tendon, passive force included [N].
+
+    The fiber length at which tendon and fibers pull alike is found by regula falsi (Illinois).
+
+    Parameters
+    ----------
+    H : `HillArrays`
+    m : number of the muscle
+    length : of the path [m]
     """
     h = H.height[m]
     slack = H.tendon[m]
@@ -359,8 +474,13 @@ def isometric_force(H, m, length):
 
 @kernel(counted=False)
 def _rigid_frames(H, lengths, speeds, wanted, active, passive):
-    """`rigid_forces` of all muscles over frames: lengths, speeds, active, passive (frames,
-    muscles).
+    """`rigid_forces` of all muscles over frames.
+
+    Parameters
+    ----------
+    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    wanted : whether passive forces are computed
+    active, passive : (frames, muscles) filled [N]
     """
     for frame in range(lengths.shape[0]):
         for m in range(lengths.shape[1]):
@@ -371,8 +491,12 @@ def _rigid_frames(H, lengths, speeds, wanted, active, passive):
 
 @kernel(counted=False)
 def _resting_frames(H, lengths, speeds, active, passive):
-    """Replace the forces of muscles that are in equilibrium at rest, as OpenSim's static
-    optimization takes them.
+    """Replace the forces of muscles that OpenSim's static optimization takes in rest.
+
+    Parameters
+    ----------
+    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    active, passive : (frames, muscles) filled for these muscles [N]
     """
     for m in range(lengths.shape[1]):
         if H.resting[m] < 0:
@@ -386,9 +510,22 @@ def _resting_frames(H, lengths, speeds, active, passive):
 
 
 def fill_hill_forces(
-    H: HillArrays, lengths: Array, speeds: Array, passive_too: bool, active: Array, passive: Array
+    H: HillArrays,
+    lengths: MuscleValues,
+    speeds: MuscleValues,
+    passive_too: bool,
+    active: MuscleValues,
+    passive: MuscleValues,
 ) -> None:
-    """Fill active and passive (frames, muscles); without `passive_too` the latter with zeros."""
+    """Compute forces of muscles with rigid tendons, into arrays that exist.
+
+    Parameters
+    ----------
+    H : of the muscles
+    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    passive_too : whether passive forces are computed, else they are 0
+    active, passive : (frames, muscles) filled [N]
+    """
     _rigid_frames(H, lengths, speeds, passive_too, active, passive)
     # A kernel of its own, which models without these classes need not compile.
     if (H.resting >= 0).any():
@@ -399,26 +536,37 @@ def hill_forces(
     model: Model, lengths: Array, velocities: Array, convention: Convention = "rigid-tendon"
 ) -> HillForces:
     """Force per unit activation and passive force of every muscle, along its tendon.
-    `lengths`, `velocities` (frames, muscles) of the muscle paths, in the model's order [m], [m/s];
-    `convention`: "rigid-tendon" is the formula at the top of this file for every class. "opensim"
-    is what OpenSim 4.6 takes in its static optimization, which departs from it in some classes
+
+    "rigid-tendon" is the formula at the top of this file for every class. "opensim" is what OpenSim
+    4.6 takes in its static optimization, which departs from it in some classes
     (`MuscleModel.static_optimization`): Millard2012EquilibriumMuscle (pennation from the normalized
     length, so its cosine is nearly 1), DeGrooteFregly2016Muscle (no pennation cosine),
     RigidTendonMuscle (the fibers' velocity is the path's), and the two deprecated classes (force of
     a resting muscle in equilibrium with its elastic tendon, passive force included, times a generic
-    force-velocity curve; their `passive` is then 0). Returns HillForces: NaN where a length or
-    velocity is NaN.
+    force-velocity curve; their `passive` is then 0).
+
+    Parameters
+    ----------
+    model : with muscles
+    lengths, velocities : (frames, muscles) of the muscle paths, in the model's order [m], [m/s]
+    convention : "rigid-tendon" or "opensim"
+
+    Returns
+    -------
+    HillForces, NaN where a length or velocity is NaN
+
+    Raises
+    ------
+    BadData : the convention or the shape of an array is wrong
+    BadModel : see `compile_hill`
     """
     if convention not in CONVENTIONS:
         raise BadData(f"unknown convention '{convention}': there are {', '.join(CONVENTIONS)}")
     arrays = compile_hill(model, convention)
     lengths = np.ascontiguousarray(lengths, dtype=np.float64)
     velocities = np.ascontiguousarray(velocities, dtype=np.float64)
-    if (
-        lengths.ndim != 2
-        or lengths.shape[1] != len(model.muscles)
-        or velocities.shape != lengths.shape
-    ):
+    expected = (len(lengths), len(model.muscles))
+    if lengths.shape != expected or velocities.shape != expected:
         raise BadData(
             f"expected lengths and velocities of shape (frames, {len(model.muscles)}), "
             f"but got {lengths.shape} and {velocities.shape}"
@@ -427,5 +575,7 @@ def hill_forces(
     passive = np.empty_like(lengths)
     fill_hill_forces(arrays, lengths, velocities, True, active, passive)
     return HillForces(
-        frozen_array(active), frozen_array(passive), frozen_array(viscosities(model) * velocities)
+        active=frozen_array(active),
+        passive=frozen_array(passive),
+        viscous=frozen_array(viscosities(model) * velocities),
     )

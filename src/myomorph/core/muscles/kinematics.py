@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from myomorph.core.model.errors import BadData, BadModel
 from myomorph.core.model.labelled import Labelled, Variable
 from myomorph.core.model.model import Model, index_of
 from myomorph.core.model.series import DEFAULT_POSE, Motion
+from myomorph.core.model.shapes import ArmPairs, FrameValues, MomentArms, MuscleValues
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
@@ -19,9 +21,12 @@ from myomorph.core.muscles.path_kernels import coupler_slopes
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kernels import kernel
 
+AT_ONCE = 64  # Frames whose moment arms stand in one dense table
+
 
 @kernel
 def _slopes(P, c, slopes):
+    """`coupler_slopes` of frames: c (frames, coordinates), slopes (frames, couplers, 2) filled."""
     for frame in range(c.shape[0]):
         coupler_slopes(P, c[frame], slopes[frame])
 
@@ -35,26 +40,26 @@ class MuscleKinematics(Labelled):
     time : (frames,) [s]
     muscles, coordinates : names
     lengths : (frames, muscles) of the muscle-tendon units [m]
-    velocities : (frames, muscles) or None where not asked for [m/s]
-    arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not asked for;
+    velocities : (frames, muscles) or None where not requested [m/s]
+    arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not requested;
         `moment_arms` has (frames, muscles, coordinates)
     coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
     paths : the compiled paths, which hold the pattern of `arms`
     loops : of each group of coordinates that closed loops tie together, `loop_couplings`
     """
 
-    time: Array
+    time: FrameValues
     muscles: tuple[str, ...]
     coordinates: tuple[str, ...]
-    lengths: Array
-    velocities: Array | None
-    arms: Array | None
+    lengths: MuscleValues
+    velocities: MuscleValues | None
+    arms: ArmPairs | None
     coupler_slopes: Array
     paths: Paths = field(repr=False)
     loops: tuple[tuple[LoopGroup, Array], ...] = field(default=(), repr=False)
 
     def variables(self) -> dict[str, Variable]:
-        """Lengths, and velocities and moment arms [m/rad or m/m] where they were asked for."""
+        """Lengths, and velocities and moment arms [m/rad or m/m] where they were requested."""
         result = {"length": Variable(("time", "muscle"), self.lengths, "m")}
         if self.velocities is not None:
             result["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
@@ -63,16 +68,21 @@ class MuscleKinematics(Labelled):
         return result
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], muscles, coordinates."""
+        """Label each dimension: times [s], muscles, coordinates.
+
+        Returns
+        -------
+        by dimension
+        """
         return {"time": self.time, "muscle": self.muscles, "coordinate": self.coordinates}
 
     @property
-    def moment_arms(self) -> Array:
+    def moment_arms(self) -> MomentArms:
         """(frames, muscles, coordinates) all moment arms; see `dense`."""
         return self.dense()
 
-    def dense(self, frames: slice = slice(None)) -> Array:
-        """Moment arms as OpenSim reports them, (frames, muscles, coordinates) [m/rad or m/m].
+    def dense(self, frames: slice = slice(None)) -> MomentArms:
+        """Moment arms as OpenSim reports them.
 
         A coordinate that others follow has what reaches the muscle through them included. One that
         follows has the moment arm of what it follows per unit of its own motion: with d = f(q) and
@@ -81,21 +91,43 @@ class MuscleKinematics(Labelled):
 
         Parameters
         ----------
-        frames : the frames wanted; big models are asked for in parts
+        frames : of the motion; big models are read in parts
+
+        Returns
+        -------
+        (frames, muscles, coordinates) [m/rad or m/m]
+
+        Raises
+        ------
+        BadData : moment arms were not requested
         """
         return self._dense(frames, np.arange(len(self.muscles)))
 
-    def moment_arm(self, muscle: str, coordinate: str) -> Array:
-        """Moment arm of one muscle about one coordinate, (frames,), as of `dense`; raises
-        `UnknownName`.
+    def moment_arm(self, muscle: str, coordinate: str) -> FrameValues:
+        """Moment arm of one muscle about one coordinate, as of `dense`.
+
+        Parameters
+        ----------
+        muscle, coordinate : their names
+
+        Returns
+        -------
+        (frames,) [m/rad or m/m]
+
+        Raises
+        ------
+        UnknownName : there is no such muscle or coordinate
         """
         i = index_of("muscle", muscle, self.muscles)
         j = index_of("coordinate", coordinate, self.coordinates)
         return self._dense(slice(None), np.array([i]))[:, 0, j]
 
     def independent(self, frames: slice = slice(None)) -> tuple[Array, Ints, Ints]:
-        """Moment arms about the coordinates that no coupler drives, each moved alone (loops
-        opened), in sparse form.
+        """Moment arms about independent coordinates, each moved alone, loops opened; sparse.
+
+        Parameters
+        ----------
+        frames : of the motion
 
         Returns
         -------
@@ -109,14 +141,25 @@ class MuscleKinematics(Labelled):
             self.paths.arm_coordinate[free],
         )
 
-    def _arms(self) -> Array:
+    def _arms(self) -> ArmPairs:
+        """Packed moment arms; `BadData` where they were not requested."""
         if self.arms is None:
             raise BadData(
                 "these muscle kinematics were made without moment arms: ask for moment_arms=True"
             )
         return self.arms
 
-    def _dense(self, frames: slice, muscles: Ints) -> Array:
+    def _dense(self, frames: slice, muscles: Ints) -> MomentArms:
+        """Moment arms as of `dense`, of some muscles.
+
+        Parameters
+        ----------
+        muscles : (muscles,) their numbers
+
+        Returns
+        -------
+        (frames, muscles, coordinates) [m/rad or m/m]
+        """
         arms = self._arms()[frames]
         starts = self.paths.arrays.start[:, ARMS]
         table = np.zeros((len(arms), len(muscles), len(self.coordinates)))
@@ -124,10 +167,11 @@ class MuscleKinematics(Labelled):
             pairs = slice(starts[m], starts[m + 1])
             table[:, row, self.paths.arm_coordinate[pairs]] = arms[:, pairs]
         tree = self.paths.tree.arrays
-        for index, dependent in enumerate(tree.coupler_coordinate):
-            slopes = self.coupler_slopes[frames, index]
+        # Of d = f(q_1, q_2) with slopes g_1, g_2, the nearest motion has r_d = g . r / g . g.
+        for coupler, dependent in enumerate(tree.coupler_coordinate):
+            slopes = self.coupler_slopes[frames, coupler]
             reached = np.zeros(table.shape[:2])
-            for slope, source in zip(slopes.T, tree.coupler_source[index], strict=True):
+            for slope, source in zip(slopes.T, tree.coupler_source[coupler], strict=True):
                 if source >= 0:
                     reached += slope[:, None] * table[:, :, source]
             square = (slopes**2).sum(axis=1)
@@ -185,9 +229,10 @@ def muscle_kinematics(
         )
     coordinates = paths.tree.coordinates_of(motion)
     speeds = paths.tree.rates_of(motion)[0] if velocities else None
-    if not np.isfinite(coordinates).all() or not (speeds is None or np.isfinite(speeds).all()):
+    known_speeds = speeds is None or np.isfinite(speeds).all()
+    if not np.isfinite(coordinates).all() or not known_speeds:
         raise BadData("the motion has values that are not finite")
-    lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
+    lengths, lengthening, arms = paths.evaluate(coordinates, speeds, progress)
     slopes = np.zeros((len(coordinates), len(paths.tree.arrays.coupler_coordinate), 2))
     _slopes(paths.arrays, coordinates, slopes)
     loops = tuple(
@@ -200,7 +245,7 @@ def muscle_kinematics(
         muscles=model.muscle_names,
         coordinates=model.coordinate_names,
         lengths=lengths,
-        velocities=rates if velocities else None,
+        velocities=lengthening if velocities else None,
         arms=arms if moment_arms else None,
         coupler_slopes=slopes,
         paths=paths,
@@ -234,13 +279,36 @@ def default_path_lengths(model: Model) -> Array:
     return muscle_kinematics(model, DEFAULT_POSE, velocities=False, moment_arms=False).lengths[0]
 
 
-AT_ONCE = 64  # Frames whose moment arms stand in one dense table
+class PathTables(NamedTuple):
+    """Muscle paths as tables report them.
+
+    Attributes
+    ----------
+    lengths : (frames, muscles) [m]
+    velocities : (frames, muscles) lengthening [m/s]
+    arms : (frames, pairs) moment arms of `ReportedPaths.pairs` [m/rad or m/m]
+    """
+
+    lengths: MuscleValues
+    velocities: MuscleValues
+    arms: Array
 
 
 class ReportedPaths:
-    """The muscle paths of a model as tables report them, a part of a motion at a time.
-    `model`: with muscles. `pairs`: muscle and coordinate of each column of moment arms, in order of
-    coordinates: every pair that can have one.
+    """Muscle paths of a model as tables report them, a part of a motion at a time.
+
+    Parameters
+    ----------
+    model : with muscles
+
+    Attributes
+    ----------
+    pairs : muscle and coordinate of each column of moment arms, in order of coordinates: every pair
+        that can have one
+
+    Raises
+    ------
+    BadModel : the model has no muscles
     """
 
     def __init__(self, model: Model):
@@ -256,17 +324,25 @@ class ReportedPaths:
         for group in loop_groups(paths.tree):
             crossed[group.coordinates] = crossed[group.coordinates].any(axis=0)
         self._coordinate, self._muscle = np.nonzero(crossed)
-        names = model.muscle_names, model.coordinate_names
         self.pairs = tuple(
-            (names[0][m], names[1][j]) for m, j in zip(self._muscle, self._coordinate, strict=True)
+            (model.muscle_names[m], model.coordinate_names[j])
+            for m, j in zip(self._muscle, self._coordinate, strict=True)
         )
 
     def evaluate(
         self, motion: Motion, part: slice, advance: Callable[[int], None] | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Lengths [m] and velocities [m/s] (frames, muscles), moment arms (frames, pairs) of some
-        frames of a motion. Frames without coordinates (NaN) stay NaN. `motion`: with velocities;
-        `advance`: called with the number of frames just done.
+    ) -> PathTables:
+        """Lengths, velocities and moment arms of some frames of a motion.
+
+        Parameters
+        ----------
+        motion : with velocities
+        part : its frames
+        advance : called with the number of frames just done
+
+        Returns
+        -------
+        tables of as many frames; those without coordinates (NaN) stay NaN
         """
         if motion.velocities is None:
             raise ValueError("the motion has no velocities")
@@ -281,11 +357,12 @@ class ReportedPaths:
             values=values,
             velocities=np.where(unknown, 0.0, rates),
         )
-        found = muscle_kinematics(self.model, known, progress=advance)
-        tables = [found.dense(slice(i, i + AT_ONCE)) for i in range(0, len(known), AT_ONCE)]
+        kinematics = muscle_kinematics(self.model, known, progress=advance)
+        tables = [kinematics.dense(slice(i, i + AT_ONCE)) for i in range(0, len(known), AT_ONCE)]
         arms = np.concatenate([table[:, self._muscle, self._coordinate] for table in tables])
-        assert found.velocities is not None
-        lengths = np.where(unknown, np.nan, found.lengths)
-        speeds = np.where(unknown, np.nan, found.velocities)
-        reported = np.where(unknown, np.nan, arms)
-        return lengths, speeds, reported
+        assert kinematics.velocities is not None
+        return PathTables(
+            lengths=np.where(unknown, np.nan, kinematics.lengths),
+            velocities=np.where(unknown, np.nan, kinematics.velocities),
+            arms=np.where(unknown, np.nan, arms),
+        )

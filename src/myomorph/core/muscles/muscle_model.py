@@ -1,5 +1,4 @@
-"""What a class of muscles is: its curves, its parameters, and where OpenSim's static optimization
-departs from them.
+"""Classes of muscles: curves, parameters, and where OpenSim's static optimization departs.
 
 A new class is a subclass of `MuscleModel` in a file of its own and a line in `hill.py`: kernels
 evaluate all curves alike and know no class.
@@ -17,55 +16,83 @@ from myomorph.core.model.paths import Muscle
 from myomorph.core.muscles.curves import Curve
 
 NO_PENNATION = float("inf")
+MIN_PENNATION = 1e-14  # Greatest pennation that limits fibers by their height [rad]
+SHORTEST_UNPENNATED = 0.01  # Least length of fibers that it does not limit, by optimal length
 
 
 class FiberCurves(NamedTuple):
-    """Curves of a muscle's fibers."""
+    """Curves of a muscle's fibers.
 
-    # active, passive: f_L and f_PE over the normalized fiber length
+    Attributes
+    ----------
+    active : f_L over the normalized fiber length
+    velocity : f_V over the normalized fiber velocity, negative where fibers shorten
+    passive : f_PE over the normalized fiber length
+    """
+
     active: Curve
-    velocity: Curve  # f_V over the normalized fiber velocity, negative where fibers shorten
+    velocity: Curve
     passive: Curve
 
 
 class FiberSizes(NamedTuple):
-    """Sizes of a muscle."""
+    """Sizes of a muscle.
 
-    # force, fiber, tendon: maximum isometric force [N], optimal fiber length [m], tendon slack
-    # length [m]
+    Attributes
+    ----------
+    force : maximum isometric force [N]
+    fiber : optimal fiber length [m]
+    tendon : tendon slack length [m]
+    height : constant height of the fibers over the tendon's line [m]
+    shortest : least fiber length [m]
+    shortest_along : part of the shortest fiber along the tendon [m]
+    cos_optimal : cosine of the pennation at optimal length
+    speed : maximum contraction velocity [m/s]
+    """
+
     force: float
     fiber: float
     tendon: float
-    height: float  # constant height of the fibers over the tendon's line [m]
-    # shortest, shortest_along: least fiber length [m] and its part along the tendon [m]
+    height: float
     shortest: float
     shortest_along: float
-    cos_optimal: float  # cosine of the pennation at optimal length
-    speed: float  # maximum contraction velocity [m/s]
+    cos_optimal: float
+    speed: float
 
 
 @dataclass(frozen=True)
 class StaticOptimization:
-    """How the forces that OpenSim 4.6 takes in its static optimization differ from those of a rigid
-    tendon.
+    """Differences of OpenSim 4.6's static optimization from the forces of a rigid tendon.
+
+    Attributes
+    ----------
+    bounded : whether fibers end where their part along the tendon is 0
+    turning : whether the path's velocity is projected on the fibers
+    pennation_by : factor of the normalized fiber length, where the sine of the pennation is the
+        fibers' height over it [m]; None for the pennation as it is, `NO_PENNATION` for none
     """
 
-    bounded: bool = True  # whether fibers end where their part along the tendon is 0
-    turning: bool = True  # whether the path's velocity is projected on the fibers
-    # what the normalized fiber length is multiplied with, where the sine of the pennation is the
-    # fibers' height over it [m]; None for the pennation as it is, `NO_PENNATION` for none
+    bounded: bool = True
+    turning: bool = True
     pennation_by: float | None = None
 
 
 class MuscleModel:
-    """A class of muscles with rigid tendons, and with elastic ones where `tendon` is given.
-    `times`: time constants of activation and deactivation [s], where the muscle has none; `smooth`:
-    whether activation switches smoothly between the two (De Groote et al. 2016); `slowed`: how far
-    activation slows the fibers: v_max (1 - slowed (1 - a)); `damping`, `undamped`: normalized
-    damping of the fibers where the muscle gives none, and below which they have none; `elastic`:
-    whether `tendon` is given; `obeys_flags`: whether the parameters `ignore_tendon_compliance` and
-    `ignore_activation_dynamics` count; `passive_strain`: parameter with the strain of the fibers at
-    which the passive force is 1, and its default; `static_optimization`: where OpenSim's differs.
+    """A class of muscles with rigid tendons, and with elastic ones where it has a `tendon`.
+
+    Attributes
+    ----------
+    times : time constants of activation and deactivation where the muscle has none [s]
+    smooth : whether activation switches smoothly between the two (De Groote et al. 2016)
+    slowed : how far little activation slows the fibers: v_max (1 - slowed (1 - a))
+    damping : normalized damping of the fibers where the muscle has none
+    undamped : normalized damping below which the fibers have none
+    elastic : whether the class has a `tendon`
+    obeys_flags : whether the parameters `ignore_tendon_compliance` and
+        `ignore_activation_dynamics` count
+    passive_strain : parameter with the strain of the fibers at which the passive force is 1, and
+        its default
+    static_optimization : where OpenSim's differs
     """
 
     times: tuple[float, float] = (0.015, 0.060)
@@ -83,7 +110,7 @@ class MuscleModel:
         raise NotImplementedError
 
     def smooth_curves(self, muscle: Muscle) -> FiberCurves:
-        """The curves with elastic tendons, whose solver needs continuous slopes."""
+        """Curves for elastic tendons, whose solver needs continuous slopes."""
         return self.curves(muscle)
 
     def tendon(self, muscle: Muscle) -> Curve:
@@ -91,36 +118,41 @@ class MuscleModel:
         raise BadModel(f"muscle '{muscle.name}': tendons of {muscle.kind} are rigid")
 
     def stretch(self, muscle: Muscle) -> Curve:
-        """The inverse of `tendon`: tendon length by slack length over the normalized force."""
+        """Tendon length by slack length over the normalized force, the inverse of `tendon`."""
         return self.tendon(muscle).inverse()
 
     def resting_tendon(self, muscle: Muscle) -> Curve | None:
-        """Normalized force over strain, where static optimization takes muscles in equilibrium with
-        it at rest.
+        """Tendon curve for static optimization with resting muscles: normalized force over strain.
+
+        None where static optimization takes tendons as rigid.
         """
         return None
 
     def greatest_pennation(self, muscle: Muscle) -> float | None:
-        """The pennation at which fibers are shortest and lose their force [rad]; None where nothing
-        ends them.
-        """
+        """Pennation at which fibers are shortest and lose their force [rad]; None for no limit."""
         return None
 
     def pennation(self, muscle: Muscle) -> float:
-        """At optimal length [rad]."""
+        """Pennation at optimal length [rad]."""
         return muscle.pennation_at_optimal
 
     def fiber_damping(self, muscle: Muscle) -> float:
-        """Normalized force of the fibers' damper at the maximum contraction velocity."""
+        """Damping of the fibers: normalized force at the maximum contraction velocity."""
         return muscle.parameters.get("fiber_damping", self.damping)
 
     def stretched_passive(self, parameters: dict[str, float], factor: float) -> dict[str, float]:
-        """Parameters of a muscle whose passive force is reached at strains larger by a factor."""
-        if self.passive_strain is not None:
-            name, default = self.passive_strain
-            parameters[name] = factor * parameters.get(
-                name, parameters.get(name.split("/")[-1], default)
-            )
+        """Scale the strains at which the passive force of a muscle is reached.
+
+        Parameters
+        ----------
+        parameters : of the muscle, changed in place
+        factor : of the strains
+        """
+        if self.passive_strain is None:
+            return parameters
+        name, default = self.passive_strain
+        strain = parameters.get(name, parameters.get(name.split("/")[-1], default))
+        parameters[name] = factor * strain
         return parameters
 
     def has_elastic_tendon(self, muscle: Muscle) -> bool:
@@ -129,16 +161,20 @@ class MuscleModel:
         return self.elastic and muscle.tendon_slack_length > 0.0 and not rigid
 
     def sizes(self, muscle: Muscle) -> FiberSizes:
-        """Sizes that formulas of every class read."""
+        """Sizes that formulas of every class read.
+
+        Fibers keep their height over the tendon's line: height = L0 sin(pennation at L0). Where
+        they have a greatest pennation, shortest = height / sin(greatest pennation).
+        """
         pennation = self.pennation(muscle)
         height = muscle.optimal_fiber_length * float(np.sin(pennation))
         end = self.greatest_pennation(muscle)
         shortest = height
         along = 0.0
         if end is not None:
-            shortest = (
-                height / float(np.sin(end)) if end > 1e-14 else 0.01 * muscle.optimal_fiber_length
-            )
+            shortest = SHORTEST_UNPENNATED * muscle.optimal_fiber_length
+            if end > MIN_PENNATION:
+                shortest = height / float(np.sin(end))
             along = shortest * float(np.cos(end))
         return FiberSizes(
             force=muscle.max_isometric_force,
@@ -153,5 +189,15 @@ class MuscleModel:
 
 
 def numbers(muscle: Muscle, **defaults: float) -> tuple[float, ...]:
-    """Parameters of a muscle by name, with their defaults."""
+    """Read parameters of a muscle by name.
+
+    Parameters
+    ----------
+    muscle : whose parameters are read
+    defaults : values of parameters that it does not have
+
+    Returns
+    -------
+    a value for each of `defaults`, in their order
+    """
     return tuple(float(muscle.parameters.get(name, default)) for name, default in defaults.items())

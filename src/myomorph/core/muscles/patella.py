@@ -1,5 +1,6 @@
-"""The patella as a lever: the tension of its tendon is that of quadriceps times a ratio that
-changes with flexion.
+"""The patella as a lever between quadriceps and patellar tendon.
+
+The tension of the tendon is that of quadriceps times a ratio that changes with flexion.
 
 A path through the patella has one tension in a model, but the tendons of quadriceps and patella do
 not: the measured ratio falls from above 1 near extension to about 0.6 in deep flexion. A patella
@@ -22,97 +23,143 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.arrays import read_only
 from myomorph.core.model.model import Joint, Model
+from myomorph.core.model.shapes import ArmPairs, Coordinates, MuscleValues, Pulls
 from myomorph.core.muscles.path import Paths
 from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.core.rigid.kinematics import body_motion
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
 
 PATELLA = "patella"
-# A model whose ratio leaves these has no lever there: the ratio stays at the nearer end
-RATIOS = (0.3, 1.5)
-MIN_ARM = 0.01  # A tendon nearer to the knee's axis says nothing of a ratio [m]
+# Limits of the ratio; a model that leaves them has no lever there and keeps the nearer one
+MIN_RATIO = 0.3
+MAX_RATIO = 1.5
+MIN_ARM = 0.01  # Of a tendon about the knee's axis that a ratio is computed from [m]
 
 
 @read_only
 class Extensors:
-    """Muscles of a model that reach the shank over the patella of one knee."""
+    """Muscles of a model that reach the shank over the patella of one knee.
 
-    knee: Joint  # the joint
-    coordinate: int  # number of the coordinate that bends it
-    muscles: Ints  # (muscles,) their numbers
+    Attributes
+    ----------
+    knee : the joint
+    coordinate : number of the coordinate that bends it
+    muscles : (muscles,) their numbers
+    shank : (pairs,) rows of `Paths.pull_muscle` on the shank and what hangs on it
+    patella : (pairs,) rows of the same muscles on the patella, in the order of `shank`
+    """
+
+    knee: Joint
+    coordinate: int
+    muscles: Ints
     shank: Ints
-    """(pairs,) of `Paths.pull_muscle` on the shank and what hangs on it"""
     patella: Ints
-    """(pairs,) of the same muscles on the patella, in the order of `shank`"""
 
 
 class TendonArms(NamedTuple):
-    """Moment arms of extensors about their knee (frames, muscles) [m], below 0 as they all bend it
-    less.
+    """Moment arms of extensors about their knee, below 0 as they all extend it.
+
+    Attributes
+    ----------
+    path : (frames, muscles) -dl/dq of the whole path, of quadriceps as it acts [m]
+    tendon : (frames, muscles) of the part between patella and shank about the knee's axis [m]
     """
 
-    path: Array  # -dl/dq of the whole path, of quadriceps as it acts
-    tendon: Array  # of the part between patella and shank about the knee's axis
+    path: MuscleValues
+    tendon: MuscleValues
 
     @property
-    def ratio(self) -> Array:
-        """Tension of the patellar tendon over that of quadriceps."""
+    def ratio(self) -> MuscleValues:
+        """(frames, muscles) tension of the patellar tendon over that of quadriceps.
+
+        1 where the tendon's arm is too small to tell.
+        """
         usable = np.abs(self.tendon) > MIN_ARM
-        return np.where(
-            usable, np.clip(self.path / np.where(usable, self.tendon, 1.0), *RATIOS), 1.0
-        )
+        ratio = self.path / np.where(usable, self.tendon, 1.0)
+        return np.where(usable, np.clip(ratio, MIN_RATIO, MAX_RATIO), 1.0)
 
 
 def extensors(paths: Paths) -> Iterator[Extensors]:
-    """Those of every knee whose patella moves on the thigh; none where the model has no such
-    patella.
+    """Find the extensors of every knee whose patella moves on the thigh.
+
+    Parameters
+    ----------
+    paths : of the model's muscles
+
+    Yields
+    ------
+    a group for each knee; none where the model has no such patella
     """
     model = paths.tree.model
-    tree = paths.tree
     for knee in knee_joints(model):
         coordinate = flexion_coordinate(model, knee)
         patella = patella_of(model, knee)
         if not coordinate or patella is None:
             continue
-        hanging = tree.hanging(knee.child)
-        on_patella = np.flatnonzero(paths.pull_body == tree.body_index[patella])
-        pairs = [
-            (pair, own[0])
-            for pair in np.flatnonzero(hanging[paths.pull_body])
-            if len(own := on_patella[paths.pull_muscle[on_patella] == paths.pull_muscle[pair]])
-        ]
-        if pairs:
-            shank, upper = np.array(pairs).T
-            muscles = np.unique(paths.pull_muscle[shank])
-            yield Extensors(
-                knee=knee,
-                coordinate=model.coordinate_names.index(coordinate),
-                muscles=muscles,
-                shank=shank,
-                patella=upper,
-            )
+        pairs = _pairs_over_patella(paths, knee, patella)
+        if not pairs:
+            continue
+        on_shank, on_patella = np.array(pairs).T
+        yield Extensors(
+            knee=knee,
+            coordinate=model.coordinate_names.index(coordinate),
+            muscles=np.unique(paths.pull_muscle[on_shank]),
+            shank=on_shank,
+            patella=on_patella,
+        )
+
+
+def _pairs_over_patella(paths: Paths, knee: Joint, patella: str) -> list[tuple[int, int]]:
+    """Match the pulls on the shank with those of the same muscle on the patella.
+
+    Returns
+    -------
+    rows of `Paths.pull_muscle`: on the shank, or what hangs on it, and on the patella
+    """
+    tree = paths.tree
+    hanging = tree.hanging(knee.child)
+    on_patella = np.flatnonzero(paths.pull_body == tree.body_index[patella])
+    first_of_muscle: dict[int, int] = {}
+    for row in on_patella:
+        first_of_muscle.setdefault(int(paths.pull_muscle[row]), int(row))
+    return [
+        (int(row), first_of_muscle[int(paths.pull_muscle[row])])
+        for row in np.flatnonzero(hanging[paths.pull_body])
+        if int(paths.pull_muscle[row]) in first_of_muscle
+    ]
 
 
 def patella_of(model: Model, knee: Joint) -> str | None:
-    """Body called patella that hangs on the thigh of a knee, None where there is none."""
-    return next(
-        (
-            joint.child
-            for joint in model.joints
-            if joint.parent == knee.parent and PATELLA in joint.child.lower()
-        ),
-        None,
-    )
+    """Find the body called patella that hangs on the thigh of a knee, None where there is none."""
+    on_thigh = (joint.child for joint in model.joints if joint.parent == knee.parent)
+    return next((body for body in on_thigh if PATELLA in body.lower()), None)
 
 
 def tendon_arms(
-    paths: Paths, group: Extensors, coordinates: Array, pulls: Array, work: Array
+    paths: Paths, group: Extensors, coordinates: Coordinates, pulls: Pulls, work: ArmPairs
 ) -> TendonArms:
     """Moment arms of quadriceps and of its tendon below the patella, by virtual work.
-    `coordinates` (frames, coordinates) in the model's order [rad or m]; `pulls`, `work`: of
-    `Paths.pulls`.
+
+    Where the knee bends at unit speed, a pull (f, m) about the ground's origin has the power
+
+        f . v_0 + m . w
+
+    with the body's velocity v_0 at that origin and its angular velocity w. Summed over a muscle's
+    path, with the work of its moving points, that is the path's arm; over the shank, as seen from
+    the thigh, the tendon's.
+
+    Parameters
+    ----------
+    paths : of the model's muscles
+    group : extensors of a knee
+    coordinates : (frames, coordinates) in the model's order [rad or m]
+    pulls, work : of `Paths.pulls`
+
+    Returns
+    -------
+    arms of the group's muscles
     """
     tree = paths.tree
     c = np.array(coordinates, dtype=np.float64)
@@ -120,31 +167,40 @@ def tendon_arms(
     rates[:, group.coordinate] = 1.0
     none = np.zeros_like(c)
     couple_rates_frames(tree.arrays, c, rates, none)
-    moved = body_motion(tree, c, rates, none)
-    # Velocity of each body's point at the ground's origin: what the wrenches there work along.
-    spin = moved.angular_velocities
-    velocity = moved.velocities - np.cross(spin, moved.origins)
+    motion = body_motion(tree, c, rates, none)
+    spin = motion.angular_velocities
+    velocity = motion.velocities - np.cross(spin, motion.origins)
+
     power = np.einsum("fpi,fpi->fp", pulls[..., :3], velocity[:, paths.pull_body])
     power += np.einsum("fpi,fpi->fp", pulls[..., 3:], spin[:, paths.pull_body])
     thigh = tree.body_index[group.knee.parent]
-    against = np.einsum("fpi,fi->fp", pulls[..., :3], velocity[:, thigh])
-    against += np.einsum("fpi,fi->fp", pulls[..., 3:], spin[:, thigh])
-    arms = [np.zeros((len(c), len(group.muscles))) for _ in range(2)]
+    power_on_thigh = np.einsum("fpi,fi->fp", pulls[..., :3], velocity[:, thigh])
+    power_on_thigh += np.einsum("fpi,fi->fp", pulls[..., 3:], spin[:, thigh])
+
+    path = np.zeros((len(c), len(group.muscles)))
+    tendon = np.zeros_like(path)
     for column, muscle in enumerate(group.muscles):
         moving = (paths.arm_muscle == muscle) & (paths.arm_coordinate == group.coordinate)
-        arms[0][:, column] = power[:, paths.pull_muscle == muscle].sum(axis=1) + work[
-            :, moving
-        ].sum(axis=1)
-        own = group.shank[paths.pull_muscle[group.shank] == muscle]
-        arms[1][:, column] = (power[:, own] - against[:, own]).sum(axis=1)
-    return TendonArms(*arms)
+        of_points = work[:, moving].sum(axis=1)
+        path[:, column] = power[:, paths.pull_muscle == muscle].sum(axis=1) + of_points
+        on_shank = group.shank[paths.pull_muscle[group.shank] == muscle]
+        tendon[:, column] = (power[:, on_shank] - power_on_thigh[:, on_shank]).sum(axis=1)
+    return TendonArms(path=path, tendon=tendon)
 
 
-def with_lever(paths: Paths, coordinates: Array, pulls: Array, work: Array) -> Array:
-    """Pulls of unit tensions of quadriceps, with the patellar tendon's own tension below the
-    patella. What the tendon pulls less at the shank it pulls less at the patella; all other muscles
-    stay as they are. `coordinates`, `pulls`, `work`: as of `tendon_arms`. Returns (frames, pairs,
-    6) as `Paths.pulls` has them.
+def with_lever(paths: Paths, coordinates: Coordinates, pulls: Pulls, work: ArmPairs) -> Pulls:
+    """Compute pulls of unit tensions, where the patellar tendon has a tension of its own.
+
+    What the tendon pulls less at the shank it pulls less at the patella. All other muscles stay as
+    they are.
+
+    Parameters
+    ----------
+    paths, coordinates, pulls, work : as of `tendon_arms`
+
+    Returns
+    -------
+    (frames, pairs, 6) as of `Paths.pulls`
     """
     result = pulls
     for group in extensors(paths):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.patella import PATELLA, extensors, tendon_arms
-from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
 from myomorph.core.rigid.tree import compile_tree
@@ -24,8 +25,9 @@ TOLERANCE = 0.003  # Distance from a band that triggers no warning [m]
 
 @dataclass(frozen=True)
 class Band:
-    """Measured moment arms over knee flexion: two standard deviations about the means, or all
-    persons.
+    """Measured moment arms over knee flexion.
+
+    Two standard deviations about the means, or all persons.
 
     Attributes
     ----------
@@ -50,12 +52,16 @@ class Band:
         return muscle.lower().replace("_", "").startswith(self.muscles)
 
     def ends(self, flexion: Array, size: float) -> tuple[Array, Array]:
-        """Lower and upper end of the band (angles,) [m], interpolated in flexion.
+        """Lower and upper end of the band, interpolated in flexion.
 
         Parameters
         ----------
         flexion : (angles,) [deg]
         size : of the body, over that of the persons who were measured
+
+        Returns
+        -------
+        low, high : (angles,) [m]
         """
         low = size * (0.01 * np.interp(flexion, self.flexion, self.low))
         high = size * (0.01 * np.interp(flexion, self.flexion, self.high))
@@ -149,6 +155,26 @@ class KneeArms:
         return f"{self.name} {arm:.1f} cm at {flexion:.0f}° ({low:.1f} to {high:.1f})"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlexedKnee:
+    """A knee at several flexions, all else at its default.
+
+    Attributes
+    ----------
+    knee : the joint
+    coordinate : name of its flexion
+    sign : -1 where the model counts flexion below 0, else 1
+    flexion : (angles,) [deg]
+    coordinates : (angles, coordinates) of the model [rad or m]
+    """
+
+    knee: Joint
+    coordinate: str
+    sign: float
+    flexion: Array
+    coordinates: Array
+
+
 def knee_arms(model: Model) -> tuple[KneeArms, ...]:
     """Moment arms about the knees of a human model that have a published band.
 
@@ -173,9 +199,7 @@ def knee_arms(model: Model) -> tuple[KneeArms, ...]:
 
 
 def _with_compared_muscles(model: Model) -> Model:
-    """The model with those muscles alone that a band is about: by name, or as part of the patellar
-    tendon.
-    """
+    """Keep only the muscles that a band is about, by name or as part of the patellar tendon."""
     surfaces = {surface.name: surface.body for surface in model.wrap_objects}
     muscles = []
     for muscle in model.muscles:
@@ -220,49 +244,60 @@ def _of_knee(model: Model, knee: Joint, coordinate: str, size: float) -> list[Kn
     angles = np.asarray(sign * np.radians(flexion)[:, None], dtype=np.float64)
     times = 0.01 * np.arange(len(flexion), dtype=np.float64)  # any: only the poses count
     paths = compile_paths(model)
-    coordinates = paths.tree.coordinates_of(Motion(times, (coordinate,), angles))
-    _, _, arms = paths.evaluate(coordinates)
-    of_flexion = paths.arm_coordinate == model.coordinate_names.index(coordinate)
+    postures = Motion(times, (coordinate,), angles)
+    coordinates = paths.tree.coordinates_of(postures)
+    flexed = FlexedKnee(
+        knee=knee, coordinate=coordinate, sign=sign, flexion=flexion, coordinates=coordinates
+    )
+    return [
+        *_of_muscles(paths, flexed, size),
+        *_of_tendon(paths, flexed, size),
+    ]
 
-    result = []
+
+def _of_muscles(paths: Paths, flexed: FlexedKnee, size: float) -> Iterator[KneeArms]:
+    """Arms of the muscles that have a band."""
+    model = paths.tree.model
+    _, _, arms = paths.evaluate(flexed.coordinates)
+    column = model.coordinate_names.index(flexed.coordinate)
+    of_flexion = np.flatnonzero(paths.arm_coordinate == column)
     for band in BANDS:
-        low, high = band.ends(flexion, size)
-        for column in np.flatnonzero(of_flexion):
-            muscle = model.muscle_names[paths.arm_muscle[column]]
-            if not band.holds(muscle):
-                continue
-            result.append(
-                KneeArms(
+        low, high = band.ends(flexed.flexion, size)
+        for pair in of_flexion:
+            muscle = model.muscle_names[paths.arm_muscle[pair]]
+            if band.holds(muscle):
+                yield KneeArms(
                     band=band,
                     name=muscle,
-                    flexion=flexion,
-                    arms=sign * band.bends * arms[:, column],
+                    flexion=flexed.flexion,
+                    arms=flexed.sign * band.bends * arms[:, pair],
                     low=low,
                     high=high,
                 )
-            )
+
+
+def _of_tendon(paths: Paths, flexed: FlexedKnee, size: float) -> Iterator[KneeArms]:
+    """Arms of the patellar tendon, as the mean of the muscles that reach the shank over it."""
+    low, high = PATELLAR_TENDON.ends(flexed.flexion, size)
     for group in extensors(paths):
-        if group.knee.name != knee.name:
+        if group.knee.name != flexed.knee.name:
             continue
-        pulls, work = paths.pulls(coordinates)
-        tendon = tendon_arms(paths, group, coordinates, pulls, work).tendon.mean(axis=1)
-        low, high = PATELLAR_TENDON.ends(flexion, size)
-        result.append(
-            KneeArms(
-                band=PATELLAR_TENDON,
-                name=f"{PATELLAR_TENDON.name} of {knee.name}",
-                flexion=flexion,
-                arms=sign * PATELLAR_TENDON.bends * tendon,
-                low=low,
-                high=high,
-            )
+        pulls, work = paths.pulls(flexed.coordinates)
+        arms = tendon_arms(paths, group, flexed.coordinates, pulls, work).tendon.mean(axis=1)
+        yield KneeArms(
+            band=PATELLAR_TENDON,
+            name=f"{PATELLAR_TENDON.name} of {flexed.knee.name}",
+            flexion=flexed.flexion,
+            arms=flexed.sign * PATELLAR_TENDON.bends * arms,
+            low=low,
+            high=high,
         )
-    return result
 
 
 def arm_warnings(model: Model) -> tuple[str, ...]:
-    """One line for every band that muscles of a model leave: which, how far, at what angle, and who
-    measured it.
+    """Write one line for every band that muscles of a model leave.
+
+    Each names the muscles, how far and at what angle they leave it, and who measured it.
     """
     all_arms = knee_arms(model)
     lines = []

@@ -20,7 +20,7 @@ from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.sync import resample_wrenches
-from myomorph.core.muscles.coupled_arms import TURNING
+from myomorph.core.muscles.coupled_arms import ANGULAR_SPEEDS
 from myomorph.core.muscles.fiber_states import (
     FiberStates,
     fiber_states,
@@ -318,7 +318,7 @@ def with_speeds(table: Table, model: Model, motion: Motion) -> Motion:
     """
     assert motion.velocities is not None
     turning = {
-        name for joint in model.joints if joint.kind in TURNING for name in joint.coordinates
+        name for joint in model.joints if joint.kind in ANGULAR_SPEEDS for name in joint.coordinates
     }
     velocities = motion.velocities.copy()
     for index, name in enumerate(motion.names):

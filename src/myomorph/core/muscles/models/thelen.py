@@ -354,7 +354,7 @@ class _Sharing(FiberLengthSearch):
     it.
     """
 
-    steps = 20
+    max_steps = 20
 
     def velocity_factor(self, fiber: Array, f_v: Array, turning: bool = True) -> Array:
         """f_V where fiber and tendon share the path's velocity by their stiffness.
