@@ -227,7 +227,7 @@ def test_values_of_the_steps_become_datasets(worked_example):
     fit = result.fit.to_xarray()
     assert fit["marker_error"].dims == ("time", "marker")
     assert fit["marker_error"].attrs["units"] == "m"
-    elbow = result.fit.to_pandas()["coordinates", "elbow_flexion"]
+    elbow = result.fit.to_pandas()["coordinate_value", "elbow_flexion"]
     assert (elbow == result.fit.motion["elbow_flexion"]).all()
     tension = result.tension.to_xarray()
     flexor = result.tension.muscles.index("flexor")
@@ -241,10 +241,10 @@ def test_muscle_kinematics_become_a_dataset(worked_example):
     motion = mm.read_motion(worked_example / "reach.mot", model)
     found = mm.muscle_kinematics(model, motion, velocities=False)
     dataset = found.to_xarray()
-    assert set(dataset) == {"length", "moment_arm"}
+    assert set(dataset) == {"muscle_length", "moment_arm"}
     arm = dataset["moment_arm"].sel(muscle="flexor", coordinate="elbow_flexion")
     assert (arm == found.moment_arm("flexor", "elbow_flexion")).all()
-    assert (found.to_pandas()["length", "flexor", ""] == found.lengths[:, 0]).all()
+    assert (found.to_pandas()["muscle_length", "flexor", ""] == found.lengths[:, 0]).all()
 
 
 def test_a_folder_without_results_is_named(tmp_path):

@@ -126,18 +126,20 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
     truth = store.get_truth(found)
     tension = store.get_tension(found, TensionOptions())
     assert tension.optimal.all()
-    angles = {one.name: one for one in compared(store.get_fit(found).motion, truth["motion"])}
+    angles = {
+        one.name: one for one in compared(store.get_fit(found).motion, truth["coordinate_value"])
+    }
     assert all(angles[f"knee_angle_{side}"].rmse < np.deg2rad(1.0) for side in "rl")
-    torques = {one.name: one for one in compared(store.get_torques(found), truth["torques"])}
+    torques = {
+        one.name: one for one in compared(store.get_torques(found), truth["generalized_force"])
+    }
     assert all(
         torques[f"knee_angle_{side}"].rmse < 0.05 * torques[f"knee_angle_{side}"].span
         for side in "rl"
     )
     from myomorph.core.model.series import Series
 
-    shares = compared(
-        Series(found.time, tension.muscles, tension.activations), truth["activations"]
-    )
+    shares = compared(Series(found.time, tension.muscles, tension.activations), truth["activation"])
     assert np.median([one.rmse for one in shares]) < 0.02
 
 

@@ -158,13 +158,13 @@ def test_the_command_writes_limits_beside_its_tables(
     assert "without --draws" in refused.err
     done = command("live", *words, "--uncertainty", sizes, "--draws", 6, "--out", tmp_path / "out")
     assert done.status == 0, done.err
-    low = read_sto(tmp_path / "out" / "muscle_forces_low.sto")
-    values = read_sto(tmp_path / "out" / "muscle_forces.sto")
-    high = read_sto(tmp_path / "out" / "muscle_forces_high.sto")
+    low = read_sto(tmp_path / "out" / "forces_low.sto")
+    values = read_sto(tmp_path / "out" / "forces.sto")
+    high = read_sto(tmp_path / "out" / "forces_high.sto")
     known = np.isfinite(low.values).all(axis=1)
     assert known.sum() > 150
     assert low.names == values.names
     assert (low.values[known] <= high.values[known] + 1e-9).all()
     assert (low.values[known] > -1e-6).all()
-    spread = load(tmp_path / "out")["live"].uncertainty.spreads["forces"]
+    spread = load(tmp_path / "out")["live"].uncertainty.spreads["muscle_force"]
     np.testing.assert_allclose(spread.high[known], high.values[known], rtol=1e-4, atol=1e-3)

@@ -90,7 +90,7 @@ def test_a_folder_holds_everything(
         "coordinates.mot",
         "delays.csv",
         "live.nc",
-        "muscle_forces.sto",
+        "forces.sto",
         "session.json",
         "torques.sto",
     ]

@@ -29,14 +29,16 @@ def test_markers_have_a_column_an_axis():
     markers = Markers(TIME, ("a", "b"), POINTS)
     np.testing.assert_array_equal(markers.to_pandas()["b", "z"], POINTS[:, 1, 2])
     dataset = markers.to_xarray()
-    np.testing.assert_array_equal(dataset["values"].sel(name="a", axis="y"), POINTS[:, 0, 1])
+    position = dataset["recorded_marker_position"].sel(recorded_marker="a", axis="y")
+    np.testing.assert_array_equal(position, POINTS[:, 0, 1])
 
 
 def test_derivatives_come_where_they_are_known():
     pytest.importorskip("xarray")
     motion = Motion(time=TIME, names=("a", "b"), values=VALUES, velocities=2.0 * VALUES)
-    assert set(motion.to_xarray()) == {"values", "velocities"}
-    np.testing.assert_array_equal(motion.to_pandas()["velocities", "a"], 2.0 * VALUES[:, 0])
+    assert set(motion.to_xarray()) == {"coordinate_value", "coordinate_velocity"}
+    velocity = motion.to_pandas()["coordinate_velocity", "a"]
+    np.testing.assert_array_equal(velocity, 2.0 * VALUES[:, 0])
 
 
 def test_forces_have_units():
@@ -51,9 +53,9 @@ def test_forces_have_units():
     )
     dataset = wrenches.to_xarray()
     assert {name: one.attrs["units"] for name, one in dataset.items()} == {
-        "forces": "N",
-        "points": "m",
-        "torques": "N m",
+        "external_force_vector": "N",
+        "external_force_point": "m",
+        "external_free_torque": "N m",
     }
 
 

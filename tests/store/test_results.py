@@ -45,7 +45,7 @@ def test_series_survive(tmp_path, values):
         store.put_torques(writer, Series(TIME, NAMES, values), wrenches)
         store.put_emg(writer, emg)
         store.put_events(writer, events)
-        store.put_truth(writer, {"motion": Series(TIME, NAMES, 2 * values)})
+        store.put_truth(writer, {"coordinate_value": Series(TIME, NAMES, 2 * values)})
     found = read_result(tmp_path / "x.nc")
     np.testing.assert_array_equal(store.get_torques(found).values, values)
     back = store.get_wrenches(found)
@@ -53,7 +53,7 @@ def test_series_survive(tmp_path, values):
     np.testing.assert_array_equal(back.torques, wrenches.torques)
     np.testing.assert_array_equal(store.get_emg(found).values, emg.values)
     assert store.get_events(found) == events
-    np.testing.assert_array_equal(store.get_truth(found)["motion"].values, 2 * values)
+    np.testing.assert_array_equal(store.get_truth(found)["coordinate_value"].values, 2 * values)
     assert store.get_tension(found, None) is None
     assert store.get_fit(found) is None
 

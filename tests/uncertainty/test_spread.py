@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import ndtri
 
+from myomorph.core.tension.quantities import MUSCLE_FORCE
 from myomorph.lab.uncertainty import spread as spreads
 from myomorph.lab.uncertainty.spread import Draws, Spread, widened
 
@@ -64,7 +67,8 @@ def test_widened_limits_are_further_apart_and_never_below_what_can_be():
     spread = Spread(
         time=time, names=("knee", "hip_f"), low=low, high=high, deviation=np.ones((1, 2))
     )
-    wider = widened("torques", spread, 3.0)
+    wider = widened(spread, 3.0)
     np.testing.assert_allclose([wider.low, wider.high], [[[-1.0, 0.0]], [[5.0, 50.0]]])
-    assert (widened("forces", spread, 3.0).low == 0.0).all()
-    assert widened("forces", spread, 1.0) is spread
+    forces = replace(spread, quantity=MUSCLE_FORCE)
+    assert (widened(forces, 3.0).low == 0.0).all()
+    assert widened(forces, 1.0) is forces

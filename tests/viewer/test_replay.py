@@ -17,6 +17,7 @@ from myomorph.core.model.series import Emg, ForcePlate, Markers, Motion
 from myomorph.core.model.surface import Surface
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.lab.report.scene.shapes import normals, outward, reduced, sphere
 from myomorph.lab.uncertainty.spread import Spread, Uncertainty
 from myomorph.lab.viewer import replay_charts as charts
@@ -206,7 +207,7 @@ def test_a_body_without_muscles_forces_or_masses_is_shown() -> None:
         assert not len(instant.tubes.positions)
         assert not len(instant.measured)
         assert charts.force_chart(body) is None
-        assert charts.muscle_chart(body, charts.strongest(body), "activations") is None
+        assert charts.muscle_chart(body, charts.strongest(body), ACTIVATION) is None
         assert (charts.center_chart(body) is None) == (one is light)
 
 
@@ -223,7 +224,7 @@ def test_curves_hold_the_values_in_their_units() -> None:
     ways = charts.coordinate_chart(body, "tx", ("pelvis_tx",))
     assert "[m]" in ways.title
     assert ways.curves[0].values == pytest.approx(body.motion["pelvis_tx"])
-    active = charts.muscle_chart(body, (body.muscles.index("recfem_r"),), "activations")
+    active = charts.muscle_chart(body, (body.muscles.index("recfem_r"),), ACTIVATION)
     assert active is not None
     assert [one.label for one in active.curves] == ["recfem_r", "EMG CH1"]
     center = charts.center_chart(body)
@@ -252,24 +253,24 @@ def test_bands_are_the_limits_of_their_own_column_in_the_units_of_the_curve() ->
         high=motion.values + 0.2,
         deviation=motion.values,
     )
-    found = Uncertainty(FrozenMap({"forces": muscles, "coordinates": angles}), draws=20)
+    found = Uncertainty(FrozenMap({"muscle_force": muscles, "coordinate_value": angles}), draws=20)
     body = PlayedBody(replace(given, uncertainty=found))
     chart = charts.coordinate_chart(body, "hip", ("hip_flexion_r", "hip_flexion_l"))
     for one in chart.curves:
         assert one.values - one.low == pytest.approx(np.rad2deg(0.1))
         assert one.high - one.values == pytest.approx(np.rad2deg(0.2))
     pull = charts.muscle_chart(
-        body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")), "forces"
+        body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")), MUSCLE_FORCE
     )
     assert pull is not None
     inside = np.isfinite(pull.curves[0].values) & np.isfinite(pull.curves[0].low)
     assert inside.sum() > 0.9 * len(body.time)
     assert (pull.curves[0].high - pull.curves[0].values)[inside] == pytest.approx(5.0, abs=1e-6)
-    active = charts.muscle_chart(body, (0, 1), "activations")
+    active = charts.muscle_chart(body, (0, 1), ACTIVATION)
     assert active is not None
     assert pull.banded == (0, 1)
     assert active.banded == (), "of a table without limits there is no band"
-    many = charts.muscle_chart(body, tuple(range(charts.MAX_BANDS + 1)), "forces")
+    many = charts.muscle_chart(body, tuple(range(charts.MAX_BANDS + 1)), MUSCLE_FORCE)
     assert many is None or many.banded == ()
 
 

@@ -63,7 +63,7 @@ def with_limits() -> ReportInput:
         high=1.3 * forces,
         deviation=0.1 * forces,
     )
-    return replace(given, uncertainty=Uncertainty(FrozenMap({"forces": spread}), draws=20))
+    return replace(given, uncertainty=Uncertainty(FrozenMap({"muscle_force": spread}), draws=20))
 
 
 @pytest.fixture(scope="module")

@@ -34,8 +34,12 @@ from benchmarks.recordings import RECORDINGS
 from myomorph.core.io.loads import write_external_loads
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.segments import joint_labels
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.motion.sync import cut
 from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.load_quantities import JOINT_REACTION
+from myomorph.core.tension.quantities import MUSCLE_FORCE
 from myomorph.core.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.lab.store.results import Stored, read_result
 from myomorph.lab.study.inputs.input import ByType
@@ -58,10 +62,14 @@ MOTIONS = {"walking1": (0.2, 1.2), "STS1": (0.6, 1.8), "DJ1": (0.8, 1.8)}
 FOUND_ON = ("walking1", "DJ1")
 """Motions on which factors of limits are found; the third is held against them."""
 TITLES = {
-    "coordinates": "angles",
-    "torques": "torques",
-    "forces": "tensions",
-    "joint_reactions": "joint loads",
+    "coordinate_value": "angles",
+    "generalized_force": "generalized_force",
+    "muscle_force": "tensions",
+    "joint_reaction": "joint loads",
+}
+DRAWN = {
+    quantity.name: quantity
+    for quantity in (COORDINATE_VALUE, GENERALIZED_FORCE, MUSCLE_FORCE, JOINT_REACTION)
 }
 PEOPLE = 4
 DRAWS = 60
@@ -183,7 +191,7 @@ def _apart(
     strengths = {one.name: one.max_isometric_force for one in model.muscles}
     apart = {}
     for table, (names, values) in truth.items():
-        columns = found.names[DIMENSIONS.get(table, f"{table}_column")]
+        columns = found.names[DRAWN[table].dims[1]]
         low = found.values[f"{table}_low"]
         high = found.values[f"{table}_high"]
         at = [columns.index(name) for name in names]
@@ -191,7 +199,7 @@ def _apart(
         low = low[frames][:, at]
         high = high[frames][:, at]
         counted = (high - low) > 1e-9
-        if table == "forces":
+        if table == "muscle_force":
             counted = np.maximum(values, high) > NEGLIGIBLE * np.array(
                 [strengths[name] for name in names]
             )
@@ -241,10 +249,10 @@ def _truth(
     free = tuple(one.name for one in model.coordinates if not one.locked and one.name not in driven)
     sizes = tuple(name for name in loads.names if name.endswith("_force"))
     return {
-        "coordinates": (free, np.column_stack([moved[name] for name in free])),
-        "torques": (free, np.column_stack([torques[name] for name in free])),
-        "forces": (tension.muscles, tension.forces),
-        "joint_reactions": (sizes, np.column_stack([loads[name] for name in sizes])),
+        "coordinate_value": (free, np.column_stack([moved[name] for name in free])),
+        "generalized_force": (free, np.column_stack([torques[name] for name in free])),
+        "muscle_force": (tension.muscles, tension.forces),
+        "joint_reaction": (sizes, np.column_stack([loads[name] for name in sizes])),
     }
 
 
@@ -255,7 +263,7 @@ def measure_knee(folder: Path) -> Iterator[Row]:
     The implant's clock is its own: the last column has the total moved by the delay that fits the
     other stride best.
     """
-    factor = FACTORS["joint_contact_forces"]
+    factor = FACTORS["joint_contact_load"]
     every = {stride: _knee_limits(folder, stride) for stride in STRIDES}
     late = {stride: late_by(folder, stride, found) for stride, (_, found, _) in every.items()}
     for stride, tables in every.items():
@@ -287,7 +295,7 @@ def _knee_limits(folder: Path, stride: str) -> tuple[mm.Series, mm.Series, mm.Se
 
 
 LIVE_DRAWS = 40
-DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "forces": "muscle"}
+LIVE = (COORDINATE_VALUE, GENERALIZED_FORCE, MUSCLE_FORCE)
 
 
 def measure_live(folder: Path) -> Iterator[Row]:
@@ -308,8 +316,9 @@ def measure_live(folder: Path) -> Iterator[Row]:
         command("run", here / "study.toml", "--out", here / "out")
         live = read_result(here / "live" / "live.nc")
         whole = read_result(next((here / "out").rglob("motion.nc")))
-    for table, dimension in DIMENSIONS.items():
-        yield {"limits of": TITLES[table], **_compared(table, dimension, live, whole)}
+    for quantity in LIVE:
+        words = {"limits of": TITLES[quantity.name]}
+        yield words | _compared(quantity.name, quantity.dims[1], live, whole)
 
 
 def _compared(table: str, dimension: str, live: Stored, whole: Stored) -> Row:

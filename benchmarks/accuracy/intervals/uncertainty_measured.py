@@ -215,7 +215,7 @@ def measure_pins(folder: Path) -> Iterator[Row]:
     their widths.
     """
     home = folder / PINS
-    factor = FACTORS["coordinates"]
+    factor = FACTORS["coordinate_value"]
     markers = read_markers(home / PIN_MARKERS)
     time, truth = _of_bones(folder, markers)
     for words, left_out in SUBSETS.items():

@@ -37,7 +37,7 @@ def measure(folder: Path) -> Iterator[Row]:
                 np.zeros(len(clock)), *(np.interp(clock, one.time, one[column]) for one in tables)
             )
             row |= held.row(
-                name.removeprefix("pelvis_"), "N" if moved else "N m", FACTORS["torques"]
+                name.removeprefix("pelvis_"), "N" if moved else "N m", FACTORS["generalized_force"]
             )
         yield row
 

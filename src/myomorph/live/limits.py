@@ -9,29 +9,41 @@ result changes slowly: a few rounds of draws a second are enough.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
+from myomorph.core.model.quantity import Quantity
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.motion.causal import CausalFilter, CausalStream
 from myomorph.core.rigid.dynamics import OnlineDynamics
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.tension.dual import OPTIMAL
 from myomorph.core.tension.problem import OnlineTension
+from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.lab.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
 from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import Sources
-from myomorph.lab.uncertainty.spread import FACTORS, LEVEL, NOT_NEGATIVE
+from myomorph.lab.uncertainty.spread import FACTORS, LEVEL
 from myomorph.live.online_errors import AngleErrors, MarkerErrors, OnlineInputs
 
-# What has limits, in the order of a row.
-TABLES = ("coordinates", "torques", "activations", "forces")
+TABLES: Mapping[str, Quantity] = FrozenMap(
+    {
+        "coordinates": COORDINATE_VALUE,
+        "torques": GENERALIZED_FORCE,
+        "activations": ACTIVATION,
+        "forces": MUSCLE_FORCE,
+    }
+)
+"""Quantities that have limits, by the fields of `FrameLimits`, in the order of a row."""
 NEAR = 0.1  # Third derivatives of poses no further apart than this give the fourth [s].
 STALE = 0.25  # Limits that were found longer ago are not given [s].
 
@@ -103,7 +115,10 @@ class LiveLimits:
     ):
         self._count = options.draws
         self.draws = options.draws
-        self.factors = {name: FACTORS[name] if options.widened else 1.0 for name in TABLES}
+        self.factors = {
+            quantity.name: FACTORS[quantity.name] if options.widened else 1.0
+            for quantity in TABLES.values()
+        }
         normals = Normals(options.draws, options.draw_seed)
         draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
         self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions()) for draw in draws]
@@ -181,12 +196,11 @@ class LiveLimits:
         values = apart.copy()
         values[:2] += result
         parts = [values[:, a:b] for a, b in zip(self._ends, self._ends[1:], strict=False)]
-        for name, part in zip(TABLES, parts, strict=True):
-            if name in NOT_NEGATIVE:
-                table = result[self._ends[TABLES.index(name)] :][: part.shape[1]]
-                np.maximum(part[:2], np.minimum(table, 0.0), out=part[:2])
-            if name == "activations":
-                np.minimum(part[:2], 1.0, out=part[:2])
+        for start, quantity, part in zip(self._ends, TABLES.values(), parts, strict=False):
+            lower, upper = quantity.bounds
+            table = result[start:][: part.shape[1]]
+            np.maximum(part[:2], np.minimum(table, lower), out=part[:2])
+            np.minimum(part[:2], upper, out=part[:2])
         return FrameLimits(*parts)
 
     def _work(self, instant: Instant) -> Iterator[None]:

@@ -16,16 +16,19 @@ import numpy as np
 
 from myomorph.body.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.core.io.inertial.read import read_inertial
-from myomorph.core.io.sto import table_from_motion, write_sto
+from myomorph.core.io.sto import write_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source as Input
-from myomorph.core.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
+from myomorph.core.model.series import Z_UP_TO_Y_UP, Motion, Series, Wrenches
 from myomorph.core.motion.sensors.mounting import SensorMounting, with_orientations
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.core.tension.tension import Tension, TensionOptions
 from myomorph.lab.store import stored as store
+from myomorph.lab.store.quantity_files import quantity_table, write_quantity, write_series
 from myomorph.lab.store.results import (
     STORED,
     file_source,
@@ -39,7 +42,6 @@ from myomorph.lab.store.uncertainty_store import put_uncertainty
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.imu import NONE, ImuFiles
 from myomorph.lab.study.trial.reporting import surfaces_of
-from myomorph.lab.study.trial.steps.id import torque_table
 from myomorph.lab.uncertainty.sources import Sources
 from myomorph.lab.uncertainty.spread import Spread, Uncertainty
 from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
@@ -215,9 +217,6 @@ def open_source(
 
 
 STEP = "live"
-# Tables of muscles, and their files.
-MUSCLES = {"activations": "activations", "forces": "muscle_forces"}
-UNITS = {"coordinates": "rad or m", "torques": "N m or N", "activations": "1", "forces": "N"}
 BLOCK = 256  # Frames that are written at once.
 
 
@@ -371,16 +370,14 @@ class LiveRecord:
             values=rows[:, part["coordinates"]],
             velocities=rows[:, part["velocities"]],
         )
-        torques = Series(time, model.coordinate_names, rows[:, part["torques"]])
+        torques = Series(
+            time, model.coordinate_names, rows[:, part["torques"]], quantity=GENERALIZED_FORCE
+        )
         tension = self._tension(time, rows, options)
-        write_sto(table_from_motion(motion, model), folder / "coordinates.mot")
-        write_sto(torque_table(torques, model), folder / "torques.sto")
-        for name, values in (
-            ("activations", tension.activations),
-            ("muscle_forces", tension.forces),
-        ):
-            facts = FrozenMap({"name": name.replace("_", " ")})
-            write_sto(Table(time, tension.muscles, values, facts=facts), folder / f"{name}.sto")
+        write_series(folder, motion, model)
+        write_series(folder, torques, model)
+        for quantity in (ACTIVATION, MUSCLE_FORCE):
+            write_quantity(folder, quantity, time, tension.muscles, quantity.of(tension))
         with new_result(folder / f"{STEP}{STORED}", STEP) as writer:
             chosen = plain_settings(chain.options) | plain_settings(options)
             writer.provenance(provenance_of(STEP, sources, chosen))
@@ -392,33 +389,27 @@ class LiveRecord:
             )
             writer.fact("trial", STEP)
             if chain.limits is not None:
-                put_uncertainty(writer, self._limits(time, rows), UNITS)
+                put_uncertainty(writer, self._limits(time, rows))
 
     def _limits(self, time: Array, rows: Array) -> Uncertainty:
         """Limits of all tables, written beside them."""
         drawn = self._chain.limits
         spreads = dict[str, Spread]()
         assert drawn is not None
-        for name in TABLES:
-            names = (
-                self._chain.tension.muscles
-                if name in MUSCLES
-                else self._chain.model.coordinate_names
+        model = self._chain.model
+        for part, quantity in TABLES.items():
+            by_muscle = quantity.dims[1] == "muscle"
+            names = self._chain.tension.muscles if by_muscle else model.coordinate_names
+            parts = rows[:, self._part[f"{part}_limits"]].reshape(len(rows), 3, len(names))
+            low, high, deviation = np.array(parts).swapaxes(0, 1)
+            spreads[quantity.name] = Spread(
+                time=time, names=names, low=low, high=high, deviation=deviation, quantity=quantity
             )
-            parts = rows[:, self._part[f"{name}_limits"]].reshape(len(rows), 3, len(names))
-            spreads[name] = Spread(time, names, *(np.array(parts[:, index]) for index in range(3)))
-            for end, values in (("low", parts[:, 0]), ("high", parts[:, 1])):
-                self._write_limit(name, end, Motion(time, names, np.array(values)))
+            for bound, values in (("low", low), ("high", high)):
+                file = f"{quantity.stem}_{bound}{quantity.suffix}"
+                table = quantity_table(quantity, time, names, values, model)
+                write_sto(table, self._folder / file)
         return Uncertainty(FrozenMap(spreads), draws=drawn.draws, factors=FrozenMap(drawn.factors))
-
-    def _write_limit(self, name: str, end: str, values: Motion) -> None:
-        table = Table(values.time, values.names, values.values, facts=FrozenMap({"name": name}))
-        if name == "coordinates":
-            table = table_from_motion(values, self._chain.model)
-        elif name == "torques":
-            table = torque_table(values, self._chain.model)
-        ending = ".mot" if name == "coordinates" else ".sto"
-        write_sto(table, self._folder / f"{MUSCLES.get(name, name)}_{end}{ending}")
 
     def _tension(self, time: Array, rows: Array, options: TensionOptions) -> Tension:
         solver = self._chain.tension

@@ -72,7 +72,7 @@ def test_without_errors_what_is_drawn_is_the_result(arm, thin):
     drawn = chain.drawn(Draw(0, none, Normals(2)))
     for _, one in chain.quantities():
         np.testing.assert_allclose(drawn[one.name], one.values, atol=1e-9)
-    np.testing.assert_allclose(drawn["torques"], torques.torques.values, atol=1e-12)
+    np.testing.assert_allclose(drawn["generalized_force"], torques.torques.values, atol=1e-12)
 
 
 def test_an_error_of_the_force_comes_out_as_its_moment(arm):
@@ -80,7 +80,9 @@ def test_an_error_of_the_force_comes_out_as_its_moment(arm):
     of the force.
     """
     chain, torques, sources = opened(arm, False, plate_gain=0.02)
-    values = np.stack([chain.drawn(Draw(k, sources, Normals(100)))["torques"] for k in range(100)])
+    values = np.stack(
+        [chain.drawn(Draw(k, sources, Normals(100)))["generalized_force"] for k in range(100)]
+    )
     files = TrialFiles(arm.model, inputs=settings_of_keys({"motion": arm.motion}))
     trial = open_trial(files, {"id": {"cutoff": 6.0}})
     poses = recorded_poses(trial)
@@ -94,7 +96,7 @@ def test_misplaced_markers_turn_angles_by_what_they_subtend(arm):
     """
     chain, _, sources = opened(arm, False, placement=0.002)
     values = np.stack(
-        [chain.drawn(Draw(k, sources, Normals(200)))["coordinates"][0] for k in range(200)]
+        [chain.drawn(Draw(k, sources, Normals(200)))["coordinate_value"][0] for k in range(200)]
     )
     model = read_model(arm.model)
     angles = chain.recorded.values[0]
@@ -149,14 +151,16 @@ def test_limits_are_widened_by_factors_that_the_last_line_names(arm, command):
         sizes.write_text(f"draws = 12\ncontributions = 0\nwidened = {state}\n")
         done = command(*words, "--uncertainty", sizes, "--out", arm.folder / "torques.sto")
         assert done.status == 0, done.err
-        assert (f"torques {FACTORS['torques']:g}" in done.out) == (state == "true")
+        assert (f"generalized force {FACTORS['generalized_force']:g}" in done.out) == (
+            state == "true"
+        )
         assert "limits of 90 % from 12 draws" in done.out
         low = read_sto(arm.folder / "torques_low.sto").values
         high = read_sto(arm.folder / "torques_high.sto").values
         found[state] = 0.5 * (low + high), high - low
     np.testing.assert_allclose(found["true"][0], found["false"][0], atol=1e-6)
     np.testing.assert_allclose(
-        found["true"][1], FACTORS["torques"] * found["false"][1], rtol=1e-5, atol=1e-6
+        found["true"][1], FACTORS["generalized_force"] * found["false"][1], rtol=1e-5, atol=1e-6
     )
 
 
@@ -188,9 +192,9 @@ def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):
     assert low.names == table.names == high.names
     assert (low.values < high.values).all()
     with (arm.folder / "torques_uncertainty.csv").open(encoding="utf-8") as stream:
-        rows = {(row["table"], row["column"]): row for row in csv.DictReader(stream)}
-    assert rows["torques", "elbow_flexion"]["unit"] == "N m"
-    assert float(rows["torques", "elbow_flexion"]["masses_total"]) > 0.0
+        rows = {(row["quantity"], row["column"]): row for row in csv.DictReader(stream)}
+    assert rows["generalized_force", "elbow_flexion"]["unit"] == "N m"
+    assert float(rows["generalized_force", "elbow_flexion"]["masses_total"]) > 0.0
 
 
 def test_angles_have_limits_in_degrees(arm, command):
@@ -239,8 +243,8 @@ def test_a_study_draws_where_it_says_so(arm):
     home = arm.out / "s01" / "reach"
     stored = read_result(home / "reach.nc")
     assert stored.provenance["uncertainty"].options["uncertainty.strength"] == 0.3
-    low = stored.values["activations_low"]
-    high = stored.values["activations_high"]
+    low = stored.values["activation_low"]
+    high = stored.values["activation_high"]
     assert low.shape == stored.values["activation"].shape
     assert (low <= high + 1e-12).all()
     page = (home / "report.html").read_text(encoding="utf-8")
@@ -259,7 +263,7 @@ def test_a_study_draws_where_it_says_so(arm):
     assert 2.0 < (float(peak["high"]) - float(peak["low"])) / float(peak["sd"]) < 4.5
     assert values["frames"]["low"] == ""
     (result,) = load(home).values()
-    assert result.uncertainty.spreads["forces"].low.shape == low.shape
+    assert result.uncertainty.spreads["muscle_force"].low.shape == low.shape
 
 
 def test_without_a_word_a_study_draws_nothing(arm):

@@ -11,8 +11,10 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only, unit_vector
+from myomorph.core.model.contact_quantities import FORCES
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.extension import load
+from myomorph.core.model.labelled import AXES, Labelled
 from myomorph.core.model.model import GROUND, index_of
 from myomorph.core.model.registry import with_extensions
 from myomorph.core.model.series import Series, Wrenches
@@ -332,7 +334,7 @@ class SharedWrench:
 
 
 @read_only
-class ContactForces:
+class ContactForces(Labelled):
     """Forces at contact sites over time, in ground.
 
     Attributes
@@ -345,6 +347,8 @@ class ContactForces:
     points : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
     torques : (frames, sites, 3) free torque about it [N m]
     """
+
+    quantities = FORCES
 
     time: Array
     sites: tuple[Site, ...]
@@ -373,6 +377,10 @@ class ContactForces:
     def names(self) -> tuple[str, ...]:
         """Names of the sites."""
         return tuple(site.name for site in self.sites)
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], sites, axes."""
+        return {"time": self.time, "contact_site": self.names, "axis": AXES}
 
     def of(self, site: str) -> Array:
         """Force at one site (frames, 3); raises `UnknownName`."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from myomorph.core.model.errors import from_extra
+from myomorph.core.model.quantity import CLOCK, Quantity
 
 if TYPE_CHECKING:
     import pandas
@@ -23,20 +24,46 @@ class Variable(NamedTuple):
     values: np.ndarray
     unit: str = ""
 
+    @property
+    def over_time(self) -> bool:
+        """Whether the first dimension is a clock."""
+        return bool(self.dimensions) and self.dimensions[0].endswith(CLOCK)
+
 
 class Labelled:
-    """A value that says what its arrays are, so that other libraries can hold them."""
+    """A value that says what its arrays are, so that files and other libraries can hold them.
+
+    `quantities` are declared once; a value may hold only some of them (None for the others).
+    """
+
+    quantities: ClassVar[tuple[Quantity, ...]] = ()
+
+    @property
+    def held(self) -> tuple[Quantity, ...]:
+        """The quantities of this value."""
+        return self.quantities
+
+    def held_arrays(self) -> Iterator[tuple[Quantity, Any]]:
+        """Each quantity that this value holds, with its array or texts."""
+        for quantity in self.held:
+            values = quantity.of(self)
+            if values is not None:
+                yield quantity, values
 
     def variables(self) -> Mapping[str, Variable]:
         """The arrays by name, each with its dimensions and unit."""
-        raise TypeError(f"{type(self).__name__} names no variables")
+        return {
+            quantity.name: Variable(quantity.dims, np.asarray(values), quantity.unit)
+            for quantity, values in self.held_arrays()
+            if quantity.kind != "text"
+        }
 
     def labels(self) -> Mapping[str, Sequence[object] | np.ndarray]:
         """Coordinates of the dimensions: times, names, axes."""
         raise TypeError(f"{type(self).__name__} names no labels")
 
     def to_xarray(self) -> xarray.Dataset:
-        """All arrays as one `xarray.Dataset`, with units as attributes."""
+        """All arrays as one `xarray.Dataset`, with units as attributes, named as in result files."""
         # Only here: it brings pandas, which takes longer to import than most steps take to run.
         xarray = from_extra("xarray", "xarray")
         variables = self.variables()
@@ -51,7 +78,7 @@ class Labelled:
                 for name, variable in variables.items()
             },
             {
-                name: (name, np.asarray(values), {"units": "s"} if name == "time" else {})
+                name: (name, np.asarray(values), {"units": "s"} if name.endswith(CLOCK) else {})
                 for name, values in self.labels().items()
                 if name in used
             },
@@ -65,10 +92,9 @@ class Labelled:
         pandas = from_extra("xarray", "pandas")
         labels = self.labels()
         over_time = {
-            name: variable
-            for name, variable in self.variables().items()
-            if variable.dimensions[:1] == ("time",)
+            name: variable for name, variable in self.variables().items() if variable.over_time
         }
+        clock = next((variable.dimensions[0] for variable in over_time.values()), CLOCK)
         columns: dict[tuple[str, ...], np.ndarray] = {}
         for name, values in over_time.items():
             within = [labels[dimension] for dimension in values.dimensions[1:]]
@@ -79,7 +105,7 @@ class Labelled:
                 )
         depth = max((len(key) for key in columns), default=1)
         keys = [key + ("",) * (depth - len(key)) for key in columns]
-        index = pandas.Index(np.asarray(labels["time"]), name="time")
+        index = pandas.Index(np.asarray(labels[clock]), name=clock)
         frame = pandas.DataFrame(dict(enumerate(columns.values())), index=index)
         frame.columns = (
             pandas.MultiIndex.from_tuples(keys)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,15 @@ from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import AXES, Labelled, Variable
 from myomorph.core.model.model import index_of
+from myomorph.core.model.quantity import Quantity
+from myomorph.core.model.series_quantities import (
+    COORDINATE_ACCELERATION,
+    COORDINATE_VALUE,
+    COORDINATE_VELOCITY,
+    EMG,
+    MARKER_POSITION,
+    WRENCHES,
+)
 
 Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
@@ -67,16 +76,16 @@ class Series(OverTime):
     time : (frames,) ascending [s]
     names : one per column
     values : (frames, names) or (frames, names, 3)
-    unit : of the values, where it is known: "N m or N" of generalized forces
+    quantity : what the values are, where it is known
     """
 
     time: Array
     names: tuple[str, ...]
     values: Array
-    unit: str = field(default="", kw_only=True)
+    quantity: Quantity | None = field(default=None, kw_only=True)
 
-    usual_unit = ""
-    """Of the values of a class whose unit is always the same."""
+    usual_quantity: ClassVar[Quantity | None] = None
+    """What the values of a class are that are always the same."""
 
     def __post_init__(self) -> None:
         freeze(self, time=(-1,), values=None)
@@ -100,9 +109,30 @@ class Series(OverTime):
         return self.values[:, index_of("column", name, self.names, "the series")]
 
     def variables(self) -> dict[str, Variable]:
-        """The values, and of vectors each axis."""
-        dimensions = ("time", "name", "axis")[: self.values.ndim]
-        return {"values": Variable(dimensions, self.values, self.unit or self.usual_unit)}
+        """The values, and of vectors each axis, under the name of their quantity."""
+        if self.known is None:
+            return {"values": Variable(("time", "name", "axis")[: self.values.ndim], self.values)}
+        return dict(super().variables())
+
+    @property
+    def held(self) -> tuple[Quantity, ...]:
+        """What the values are, where it is known."""
+        return () if self.known is None else (self.known,)
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names, axes, by the names of the quantity's axes."""
+        clock, names = ("time", "name") if self.known is None else self.known.dims[:2]
+        return {clock: self.time, names: self.names, "axis": AXES}
+
+    @property
+    def known(self) -> Quantity | None:
+        """What the values are: the series' own quantity, else that of its class."""
+        return self.quantity or self.usual_quantity
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values, "" where it is not known."""
+        return "" if self.known is None else self.known.unit
 
     @property
     def rate(self) -> float:
@@ -140,7 +170,7 @@ class Table(Series):
 class Markers(Series):
     """Marker positions: values (frames, markers, 3) in ground [m], NaN where unseen."""
 
-    usual_unit = "m"
+    usual_quantity = MARKER_POSITION
 
     def rotated(self, rotation: Array) -> Markers:
         """The same markers seen in a frame whose axes are the rows of `rotation` (3, 3)."""
@@ -156,21 +186,16 @@ class Motion(Series):
 
     velocities: Array | None = None
     accelerations: Array | None = None
-    usual_unit = "rad or m"
+    usual_quantity = COORDINATE_VALUE
 
     def __post_init__(self) -> None:
         super().__post_init__()
         freeze(self, velocities=self.values.shape, accelerations=self.values.shape)
 
-    def variables(self) -> dict[str, Variable]:
+    @property
+    def held(self) -> tuple[Quantity, ...]:
         """Values, and velocities and accelerations where they are known."""
-        two = ("time", "name")
-        result = super().variables()
-        if self.velocities is not None:
-            result["velocities"] = Variable(two, self.velocities, "rad/s or m/s")
-        if self.accelerations is not None:
-            result["accelerations"] = Variable(two, self.accelerations, "rad/s2 or m/s2")
-        return result
+        return (*super().held, COORDINATE_VELOCITY, COORDINATE_ACCELERATION)
 
 
 # One frame that leaves every coordinate at its default.
@@ -191,6 +216,8 @@ class Wrenches(OverTime):
     notes : what they leave open or assume, one line each
     findings : what looks wrong with them, or was put right
     """
+
+    quantities = WRENCHES
 
     time: Array
     names: tuple[str, ...]
@@ -225,17 +252,9 @@ class Wrenches(OverTime):
             self, names=(*self.names, *others.names), bodies=(*self.bodies, *others.bodies), **parts
         )
 
-    def variables(self) -> dict[str, Variable]:
-        """Forces, points of application and free torques."""
-        named = {
-            "forces": (self.forces, "N"),
-            "points": (self.points, "m"),
-            "torques": (self.torques, "N m"),
-        }
-        return {
-            name: Variable(("time", "name", "axis"), values, unit)
-            for name, (values, unit) in named.items()
-        }
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names of the forces, axes."""
+        return {"time": self.time, "external_force": self.names, "axis": AXES}
 
 
 @read_only
@@ -255,6 +274,8 @@ class Analog(Series):
 @read_only
 class Emg(Series):
     """Muscle excitations: values (frames, channels), envelopes normalised to about 0..1."""
+
+    usual_quantity = EMG
 
 
 @dataclass(frozen=True)

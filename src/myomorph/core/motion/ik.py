@@ -9,12 +9,14 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, listing
-from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.motion.lengths import coordinate_units
 from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.core.motion.pose_problem import PoseProblem
+from myomorph.core.motion.quantities import FIT, FITTED_COORDINATE, SENSOR_ERROR
 from myomorph.core.motion.starts import scout_poses
 from myomorph.core.motion.sync import refuse_other_times
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
@@ -100,22 +102,16 @@ class KinematicsFit(Labelled):
         """(frames, sensors) angle between body and sensor [rad], NaN where unknown."""
         return self.task_errors.get(OrientationTask.__name__, np.empty((len(self.motion), 0)))
 
-    def variables(self) -> dict[str, Variable]:
-        """Coordinates [rad or m], errors of markers and sensors, and what became of each frame."""
-        counts = {"converged": self.converged, "iterations": self.iterations}
-        frames = {name: Variable(("time",), count, "1") for name, count in counts.items()}
-        if self.closure is not None:
-            frames["closure"] = Variable(("time",), self.closure, "m or rad")
-        return {
-            "coordinates": Variable(("time", "coordinate"), self.motion.values, "rad or m"),
-            "marker_error": Variable(("time", "marker"), self.errors, "m"),
-            **(
-                {"sensor_error": Variable(("time", "sensor"), self.sensor_errors, "rad")}
-                if self.sensor_names
-                else {}
-            ),
-            **frames,
-        }
+    @property
+    def held(self) -> tuple[Quantity, ...]:
+        """Coordinates, errors of markers and of sensors where there are any, and what became of
+        each frame.
+        """
+        return tuple(
+            quantity
+            for quantity in (FITTED_COORDINATE, *FIT)
+            if quantity is not SENSOR_ERROR or self.sensor_names
+        )
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], coordinates, markers, sensors."""

@@ -10,14 +10,16 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, BadModel
-from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model, index_of
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import DEFAULT_POSE, Motion
 from myomorph.core.model.shapes import ArmPairs, FrameValues, MomentArms, MuscleValues
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.core.muscles.path import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
 from myomorph.core.muscles.path_kernels import coupler_slopes
+from myomorph.core.muscles.quantities import MOMENT_ARM, MUSCLE_VELOCITY, PATHS
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.kernels import kernel
 
@@ -58,14 +60,15 @@ class MuscleKinematics(Labelled):
     paths: Paths = field(repr=False)
     loops: tuple[tuple[LoopGroup, Array], ...] = field(default=(), repr=False)
 
-    def variables(self) -> dict[str, Variable]:
-        """Lengths, and velocities and moment arms [m/rad or m/m] where they were requested."""
-        result = {"length": Variable(("time", "muscle"), self.lengths, "m")}
-        if self.velocities is not None:
-            result["velocity"] = Variable(("time", "muscle"), self.velocities, "m/s")
-        if self.arms is not None:
-            result["moment_arm"] = Variable(("time", "muscle", "coordinate"), self.moment_arms, "m")
-        return result
+    @property
+    def held(self) -> tuple[Quantity, ...]:
+        """Lengths, and velocities and moment arms where they were requested."""
+        absent = [
+            quantity
+            for quantity, values in ((MUSCLE_VELOCITY, self.velocities), (MOMENT_ARM, self.arms))
+            if values is None
+        ]
+        return tuple(quantity for quantity in PATHS if quantity not in absent)
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Label each dimension: times [s], muscles, coordinates.

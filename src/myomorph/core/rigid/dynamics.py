@@ -26,6 +26,7 @@ from myomorph.core.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.core.rigid.frames import run_frames
 from myomorph.core.rigid.kernels import bare, in_place, kernel
 from myomorph.core.rigid.kinematics import body_poses, body_rates, carried, pose_room
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.core.rigid.vectors import (
     along,
@@ -114,7 +115,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     tau = np.empty_like(c)
     arrays = (c, cdot, cddot, forces, points, torques, tau)
     run_frames(inverse_dynamics_frames, (tree.arrays, bodies), *arrays)
-    return Series(motion.time, model.coordinate_names, tau, unit="N m or N")
+    return Series(motion.time, model.coordinate_names, tau, quantity=GENERALIZED_FORCE)
 
 
 def motion_arrays(tree: Tree, motion: Motion) -> MotionArrays:

@@ -17,12 +17,13 @@ import scipy
 
 from myomorph.core.model.arrays import Array, freeze, read_only
 from myomorph.core.model.errors import BadData, UnknownName, check_name
-from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Actuator, Joint, Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
 from myomorph.core.rigid.knees import long_axis
 from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD, JOINT_CONTACTS
 from myomorph.core.tension.reaction import Patella, frame_in_ground, joint_reactions
 from myomorph.core.tension.tension import Tension
 
@@ -92,6 +93,8 @@ class JointContactForces(Labelled):
     weight : of the body [N]
     """
 
+    quantities = JOINT_CONTACTS
+
     time: Array
     joints: tuple[str, ...]
     points: tuple[str, ...]
@@ -152,21 +155,10 @@ class JointContactForces(Labelled):
         kinds = ("shear", "unbalanced_force", "unbalanced_moment")
         rest = (self.shear, self.unbalanced_forces, self.unbalanced_moments)
         names = tuple(f"{kind}_{joint}" for kind in kinds for joint in self.joints)
-        facts = {"name": "Joint contact forces", "body_weight": f"{self.weight:.6g}"}
+        facts = {"name": JOINT_CONTACT_LOAD.title, "body_weight": f"{self.weight:.6g}"}
         return Table(
             self.time, (*loads.names, *names), np.hstack([loads.values, *rest]), facts=facts
         )
-
-    def variables(self) -> dict[str, Variable]:
-        """Forces of points and joints."""
-        two = ("time", "contact_joint")
-        return {
-            "joint_contact_force": Variable(("time", "joint_contact"), self.forces, "N"),
-            "joint_contact_total": Variable(two, self.totals, "N"),
-            "joint_contact_shear": Variable(two, self.shear, "N"),
-            "joint_contact_unbalanced_force": Variable(two, self.unbalanced_forces, "N"),
-            "joint_contact_unbalanced_moment": Variable(two, self.unbalanced_moments, "N m"),
-        }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], points, joints."""

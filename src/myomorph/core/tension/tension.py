@@ -14,11 +14,19 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces
 from myomorph.core.model.errors import BadData, check_choices
 from myomorph.core.model.findings import Finding
-from myomorph.core.model.labelled import Labelled, Variable
+from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import index_of
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.muscles.hill import Convention
 from myomorph.core.tension.dual import MISSING as MISSING_INPUT
 from myomorph.core.tension.dual import NOT_DETERMINED, OPTIMAL, STATUS_NAMES
+from myomorph.core.tension.fiber_quantities import FIBERS
+from myomorph.core.tension.quantities import TENSION
+
+# Fibers as tensions hold them.
+FIBERS_OF_TENSION = tuple(
+    quantity.replaced(attribute=f"fibers.{quantity.field}") for quantity in FIBERS
+)
 
 
 @dataclass(frozen=True)
@@ -82,21 +90,6 @@ class Fibers:
     rigid: tuple[str, ...]
     unreachable: tuple[Unreachable, ...]
     certificate: Certificate
-
-    def variables(self) -> dict[str, Variable]:
-        """Lengths, velocities, strains and powers, and which frames are at an end or bridged:
-        joined by `Tension`'s.
-        """
-        two = ("time", "muscle")
-        return {
-            "fiber_length": Variable(two, self.lengths, "m"),
-            "fiber_velocity": Variable(two, self.velocities, "m/s"),
-            "tendon_strain": Variable(two, self.tendon_strains, "1"),
-            "fiber_power": Variable(two, self.fiber_powers, "W"),
-            "tendon_power": Variable(two, self.tendon_powers, "W"),
-            "transient": Variable(("time",), self.transient, "1"),
-            "bridged": Variable(("time",), self.bridged, "1"),
-        }
 
 
 RESERVE = "reserve_"
@@ -253,29 +246,19 @@ class Tension(Labelled):
     def __len__(self) -> int:
         return len(self.time)
 
-    def variables(self) -> dict[str, Variable]:
-        """Activations, forces, reserves and torques, what became of each frame, and fibers where
+    @property
+    def held(self) -> tuple[Quantity, ...]:
+        """Activations, forces, actuators and torques, what became of each frame, and fibers where
         tendons stretch.
         """
-        fibers = {} if self.fibers is None else self.fibers.variables()
-        return {
-            "activation": Variable(("time", "muscle"), self.activations, "1"),
-            "muscle_force": Variable(("time", "muscle"), self.forces, "N"),
-            "viscous_force": Variable(("time", "muscle"), self.viscous, "N"),
-            "reserve": Variable(("time", "reserve_name"), self.reserves, "N m or N"),
-            "torque": Variable(("time", "coordinate"), self.torques, "N m or N"),
-            "equilibrium_residual": Variable(("time",), self.equilibrium_residual, "N m or N"),
-            "status": Variable(("time",), self.status, "1"),
-            "iterations": Variable(("time",), self.iterations, "1"),
-            **fibers,
-        }
+        return TENSION if self.fibers is None else (*TENSION, *FIBERS_OF_TENSION)
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], muscles, reserves, coordinates."""
+        """Times [s], muscles, actuators, coordinates that they balance."""
         names = {
             "muscle": self.muscles,
-            "reserve_name": self.reserve_names,
-            "coordinate": self.coordinates,
+            "actuator": self.reserve_names,
+            "balanced_coordinate": self.coordinates,
         }
         return {"time": self.time, **names}
 
@@ -290,6 +273,11 @@ class Tension(Labelled):
     def reserve(self, name: str) -> Array:
         """Torque or force of one reserve, (frames,) [N m or N]; raises `UnknownName`."""
         return self.reserves[:, index_of("reserve", name, self.reserve_names)]
+
+    @property
+    def is_overstretched(self) -> np.ndarray:
+        """(muscles,) whether a muscle is one of `overstretched`."""
+        return np.array([name in self.overstretched for name in self.muscles], bool)
 
     @property
     def optimal(self) -> np.ndarray:

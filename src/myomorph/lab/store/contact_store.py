@@ -4,15 +4,38 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from myomorph.core.model.contact_quantities import FORCES, TOUCHES
 from myomorph.core.model.contacts import ContactForces, Contacts, Site, Touch, contact_law
+from myomorph.core.model.labelled import AXES
 from myomorph.core.model.series import Series
 from myomorph.core.tension.joint_contact import JointContactForces
+from myomorph.core.tension.load_quantities import (
+    CONTACT_INTERVALS,
+    INFEASIBLE_CONTACTS,
+    INTERVAL_HIGH,
+    INTERVAL_LOW,
+    INTERVAL_TIME,
+    JOINT_CONTACT_JOINT,
+    JOINT_CONTACT_POINT,
+    JOINT_CONTACTS,
+)
+from myomorph.core.tension.quantities import GENERALIZED_FORCE_WITH_CONTACTS
 from myomorph.lab.report.trial.report_input import ForceIntervals, InfeasibleContact, Situation
+from myomorph.lab.store.quantities import (
+    get_fields,
+    get_rows,
+    put_quantity,
+    put_rows,
+    put_value,
+    value_of,
+)
 from myomorph.lab.store.results import ResultWriter, Stored
+from myomorph.lab.store.stored import get_series
 
 if TYPE_CHECKING:
     from myomorph.core.tension.certificates import ContactIntervals
@@ -23,69 +46,22 @@ CHECKED = "contact_sites_checked"
 WARNINGS = "contact_warnings"
 SITUATION = "contact_situation"
 
-JOINT_MEANINGS = {
-    "joint_contact_force": "force at a contact point of a joint, along its normal",
-    "joint_contact_total": "size of the joint's whole force",
-    "joint_contact_shear": "force across the mean normal, which the contact points do not carry",
-    "joint_contact_unbalanced_force": "force along the mean normal that would pull",
-    "joint_contact_unbalanced_moment": "moment that is left where contact points have lifted off",
-}
 JOINT_WEIGHT = "joint_contact_body_weight"
-
-INTERVAL_NUMBERS = (
-    ("start", "s", "when a site begins to touch"),
-    ("stop", "s", "when it ends"),
-    ("confidence", "1", "how sure that is"),
-)
-INTERVAL_TEXTS = ("site", "surface", "source")
 
 
 def put_contact_forces(writer: ResultWriter, contact_forces: ContactForces) -> None:
     """Forces at contact sites, and what the sites are."""
-    writer.time(contact_forces.time)
-    writer.names("contact_site", contact_forces.names)
-    writer.names("axis", ("x", "y", "z"))
     writer.fact(SITES, json.dumps([_plain_site(site) for site in contact_forces.sites]))
-    three = ("time", "contact_site", "axis")
-    ready = contact_forces.activations
-    writer.put(
-        "contact_activation",
-        ("time", "contact_site"),
-        ready,
-        "1",
-        "activation of a contact, 0 to 1",
-    )
-    writer.put(
-        "contact_force",
-        three,
-        contact_forces.forces,
-        "N",
-        "estimated force on the body at a contact site, in ground",
-    )
-    writer.put(
-        "contact_point",
-        three,
-        contact_forces.points,
-        "m",
-        "center of pressure of a contact site, in ground",
-    )
-    writer.put(
-        "contact_torque",
-        three,
-        contact_forces.torques,
-        "N m",
-        "free torque about that point, in ground",
-    )
+    put_value(writer, contact_forces)
 
 
 def get_contact_forces(stored: Stored) -> ContactForces | None:
     """What `put_contact_forces` wrote, or None."""
-    values = stored.values
-    if "contact_force" not in values:
+    fields = get_fields(stored, FORCES)
+    if "forces" not in fields:
         return None
     sites = tuple(_site(load) for load in json.loads(stored.facts[SITES]))
-    parts = (values[f"contact_{name}"] for name in ("activation", "force", "point", "torque"))
-    return ContactForces(stored.time, sites, *parts)
+    return value_of(ContactForces, fields, {"time": stored.time, "sites": sites})
 
 
 def put_contacts(
@@ -95,56 +71,28 @@ def put_contacts(
     writer.fact(SITUATION, situation)
     writer.fact(CHECKED, json.dumps(contacts.sites))
     writer.fact(WARNINGS, json.dumps(contacts.warnings))
-    writer.sizes("contact_interval", len(contacts.intervals))
-    for name, unit, meaning in INTERVAL_NUMBERS:
-        values = np.array(
-            [getattr(interval, name) for interval in contacts.intervals], dtype=np.float64
-        )
-        writer.put(f"contact_interval_{name}", ("contact_interval",), values, unit, meaning)
-    for name in INTERVAL_TEXTS:
-        writer.texts(
-            f"contact_interval_{name}",
-            "contact_interval",
-            [getattr(interval, name) for interval in contacts.intervals],
-        )
+    put_rows(writer, TOUCHES, contacts.intervals)
 
 
 def get_contacts(stored: Stored) -> Contacts | None:
     """What `put_contacts` wrote, or None."""
     if CHECKED not in stored.facts:
         return None
-    numbers = [
-        stored.values[f"contact_interval_{name}"].tolist() for name, _, _ in INTERVAL_NUMBERS
-    ]
-    texts = [stored.names.get(f"contact_interval_{name}", ()) for name in INTERVAL_TEXTS]
-    names = (*(name for name, _, _ in INTERVAL_NUMBERS), *INTERVAL_TEXTS)
-    intervals = tuple(
-        Touch(**dict(zip(names, row, strict=True))) for row in zip(*numbers, *texts, strict=True)
-    )
     return Contacts(
-        tuple(json.loads(stored.facts[CHECKED])),
-        intervals,
-        tuple(json.loads(stored.facts[WARNINGS])),
+        sites=tuple(json.loads(stored.facts[CHECKED])),
+        intervals=get_rows(stored, TOUCHES, Touch) or (),
+        warnings=tuple(json.loads(stored.facts[WARNINGS])),
     )
 
 
 def put_forces_with_contacts(writer: ResultWriter, torques: Series) -> None:
     """Generalized forces under all external forces, those of estimated contacts included."""
-    writer.names("coordinate", torques.names)
-    meaning = "generalized force of inverse dynamics with estimated contacts"
-    writer.put(
-        "generalized_force_with_contacts",
-        ("time", "coordinate"),
-        torques.values,
-        "N m or N",
-        meaning,
-    )
+    put_value(writer, replace(torques, quantity=GENERALIZED_FORCE_WITH_CONTACTS))
 
 
 def get_forces_with_contacts(stored: Stored) -> Series | None:
     """What `put_forces_with_contacts` wrote, or None."""
-    forces = stored.values.get("generalized_force_with_contacts")
-    return None if forces is None else Series(stored.time, stored.names["coordinate"], forces)
+    return get_series(stored, GENERALIZED_FORCE_WITH_CONTACTS)
 
 
 def get_situation(stored: Stored) -> Situation:
@@ -157,49 +105,24 @@ def put_warnings(
     writer: ResultWriter, intervals: ContactIntervals | None, infeasible: Sequence[Relaxation]
 ) -> None:
     """Intervals and frames that could not be carried, in a result file."""
-    writer.sizes("infeasible_contact", len(infeasible))
-    times = np.array([relaxation.time for relaxation in infeasible], dtype=np.float64)
-    writer.put(
-        "infeasible_contact_time",
-        ("infeasible_contact",),
-        times,
-        "s",
-        "frame whose contacts are infeasible",
-    )
-    writer.texts(
-        "infeasible_contact_relaxation",
-        "infeasible_contact",
-        [relaxation.sentence for relaxation in infeasible],
-    )
+    put_rows(writer, INFEASIBLE_CONTACTS, infeasible)
     if intervals is None:
         return
-    writer.names("contact_group", intervals.groups)
-    writer.names("axis", ("x", "y", "z"))
-    writer.sizes("interval_time", len(intervals))
-    asked = "instants at which it was asked what is left open"
-    writer.put("interval_time", ("interval_time",), intervals.time, "s", asked)
-    writer.texts("max_interval_direction", "interval_time", intervals.sentences)
-    three = ("interval_time", "contact_group", "axis")
-    for name, meaning in (
-        ("low", "least force that the data allow"),
-        ("high", "greatest force that the data allow"),
-        ("near_low", "least force among solutions near the optimum"),
-        ("near_high", "greatest force among solutions near the optimum"),
-    ):
-        writer.put(f"interval_{name}", three, getattr(intervals, name), "N", meaning)
+    labels = {"contact_group": intervals.groups, "axis": AXES}
+    for quantity in CONTACT_INTERVALS:
+        put_quantity(writer, quantity, quantity.of(intervals), labels)
 
 
 def get_intervals(stored: Stored) -> ForceIntervals | None:
     """Intervals of contact forces of a result, or None."""
-    values = stored.values
-    if "interval_low" not in values:
+    fields = get_fields(stored, (INTERVAL_TIME, INTERVAL_LOW, INTERVAL_HIGH))
+    if INTERVAL_LOW.field not in fields:
         return None
-    names = stored.names["contact_group"]
     return ForceIntervals(
-        time=values["interval_time"],
-        names=names,
-        lower=values["interval_low"],
-        upper=values["interval_high"],
+        time=fields["time"],
+        names=stored.names["contact_group"],
+        lower=fields["low"],
+        upper=fields["high"],
     )
 
 
@@ -214,34 +137,23 @@ def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
 
 def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> None:
     """Forces at contact points, those of their joints, and what the points do not carry."""
-    writer.time(contacts.time)
-    writer.names("joint_contact", contacts.point_columns)
-    writer.names("contact_joint", contacts.joints)
-    writer.texts("joint_contact_point", "joint_contact", contacts.points)
-    writer.texts("joint_contact_joint", "joint_contact", contacts.joint_of)
+    put_value(writer, contacts)
+    for quantity in (JOINT_CONTACT_POINT, JOINT_CONTACT_JOINT):
+        put_quantity(writer, quantity, quantity.of(contacts))
     writer.fact(JOINT_WEIGHT, repr(contacts.weight))
-    for name, variable in contacts.variables().items():
-        writer.put(name, variable.dimensions, variable.values, variable.unit, JOINT_MEANINGS[name])
 
 
 def get_joint_contacts(stored: Stored) -> JointContactForces | None:
     """What `put_joint_contacts` wrote, or None."""
-    values = stored.values
-    names = stored.names
-    if "joint_contact_force" not in values:
+    fields = get_fields(stored, (*JOINT_CONTACTS, JOINT_CONTACT_POINT, JOINT_CONTACT_JOINT))
+    if "forces" not in fields:
         return None
-    return JointContactForces(
-        time=stored.time,
-        joints=names["contact_joint"],
-        points=names["joint_contact_point"],
-        joint_of=names["joint_contact_joint"],
-        forces=values["joint_contact_force"],
-        totals=values["joint_contact_total"],
-        shear=values["joint_contact_shear"],
-        unbalanced_forces=values["joint_contact_unbalanced_force"],
-        unbalanced_moments=values["joint_contact_unbalanced_moment"],
-        weight=float(stored.facts[JOINT_WEIGHT]),
-    )
+    others = {
+        "time": stored.time,
+        "joints": stored.names["contact_joint"],
+        "weight": float(stored.facts[JOINT_WEIGHT]),
+    }
+    return value_of(JointContactForces, fields, others)
 
 
 def _plain_site(site: Site) -> dict[str, Any]:

@@ -1,281 +1,218 @@
-"""Nouns to the variables of a result file, and back."""
+"""Nouns to the variables of a result file, and back: their quantities, and what is more than
+quantities.
+"""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.core.model.labelled import AXES
 from myomorph.core.model.model import Model
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
+from myomorph.core.model.series_quantities import (
+    COORDINATE_FILTERED,
+    COORDINATE_UNIT,
+    COORDINATE_VALUE,
+    EMG,
+    EMG_TIME,
+    EVENTS,
+    FILTERED_MOTION,
+    MARKER_POSITION,
+    PLATE_CORNER,
+    WRENCHES,
+)
 from myomorph.core.motion.ik import KinematicsFit
+from myomorph.core.motion.quantities import FIT, SENSOR_ERROR
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.emg_conflicts import EmgConflict
+from myomorph.core.tension.emg_quantities import CONFLICTS
+from myomorph.core.tension.fiber_quantities import (
+    ELASTIC_CERTIFICATE_VALUE,
+    FIBERS,
+    MUSCLE_RIGID_TENDON,
+    UNREACHABLE_FRAME,
+    UNREACHABLE_LENGTH,
+)
+from myomorph.core.tension.quantities import (
+    ACTUATOR_COORDINATE,
+    MUSCLE_OVERSTRETCHED,
+    MUSCLE_PASSIVE_SHARE,
+    MUSCLE_PASSIVE_TIME,
+    MUSCLE_VISCOUS_FORCE,
+    TENSION,
+)
 from myomorph.core.tension.tension import Certificate, Fibers, Unreachable
+from myomorph.lab.store.quantities import (
+    get_fields,
+    get_quantity,
+    get_rows,
+    put_quantity,
+    put_rows,
+    put_value,
+    value_of,
+)
 from myomorph.lab.store.results import ResultWriter, Stored, coordinate_units
+from myomorph.lab.store.truth_quantities import FORMER_NAMES, KNOWN, true_quantity
 
 if TYPE_CHECKING:
     from myomorph.core.tension.tension import Tension, TensionOptions
 
-XYZ = ("x", "y", "z")
-FIBER_MEANINGS = {
-    "fiber_length": "length of the muscle's fibers",
-    "fiber_velocity": "lengthening velocity of the fibers",
-    "tendon_strain": "tendon length over slack length, less 1",
-    "fiber_power": "power of the fibers, positive where they do work",
-    "tendon_power": "power of the tendon, positive where it gives work back",
-    "transient": "1 near an end, where what lies beyond it can be felt",
-    "bridged": "1 where torques or coordinates were interpolated",
-}
-"""Of the variables of fibers and tendons over time."""
-
 # Fields of `Certificate`.
 CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")
-
-CONFLICT = "emg_conflict"
-CONFLICT_NUMBERS = {
-    "start": ("s", "begin of a stretch in which EMG and torques contradict each other"),
-    "stop": ("s", "its end"),
-    "worst": ("s", "when they are farthest apart"),
-    "emg": ("1", "activation by EMG then, or torque wanted where a reserve bears it"),
-    "found": ("1", "activation of the solution then, or torque of the reserve"),
-}
 
 
 def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
     """Coordinates found, and how well they explain the markers."""
     put_motion(writer, fit.motion, model)
-    writer.names("marker", fit.marker_names)
-    if fit.marker_names:
-        writer.put(
-            "marker_error",
-            ("time", "marker"),
-            fit.errors,
-            "m",
-            "distance between model and recorded marker",
-        )
-        writer.put("marker_weight", ("marker",), fit.weights, "1", "weight in inverse kinematics")
-    writer.put(
-        "ik_converged",
-        ("time",),
-        fit.converged,
-        "1",
-        "1 where the last step was within the tolerance",
-    )
-    writer.put(
-        "ik_iterations", ("time",), np.asarray(fit.iterations, np.int32), "1", "iterations taken"
-    )
-    if fit.closure is not None:
-        writer.put(
-            "loop_closure_error", ("time",), fit.closure, "m or rad", "largest loop-closure error"
-        )
-    if fit.sensor_names:
-        writer.names("sensor", fit.sensor_names)
-        writer.put(
-            "sensor_error",
-            ("time", "sensor"),
-            fit.sensor_errors,
-            "rad",
-            "angle between body and sensor",
-        )
-    writer.names("unused_marker", fit.unused_markers)
-    writer.names("missing_marker", fit.missing_markers)
+    put_value(writer, fit, leave_out=(COORDINATE_VALUE,))
 
 
 def get_fit(stored: Stored) -> KinematicsFit | None:
     """What `put_fit` wrote, or None."""
-    if "ik_converged" not in stored.values:
+    fields = get_fields(stored, FIT)
+    if "converged" not in fields:
         return None
-    return KinematicsFit(
-        motion=get_motion(stored),
-        marker_names=stored.names.get("marker", ()),
-        errors=stored.values.get("marker_error", np.empty((len(stored.time), 0))),
-        weights=stored.values.get("marker_weight", np.empty(0)),
-        converged=stored.values["ik_converged"] != 0,
-        iterations=stored.values["ik_iterations"].astype(np.int64),
-        unused_markers=stored.names.get("unused_marker", ()),
-        missing_markers=stored.names.get("missing_marker", ()),
-        closure=stored.values.get("loop_closure_error"),
-        task_errors={"OrientationTask": stored.values["sensor_error"]}
-        if "sensor_error" in stored.values
-        else {},
-        sensor_names=stored.names.get("sensor", ()),
-    )
+    absent = {
+        "errors": np.empty((len(stored.time), 0)),
+        "weights": np.empty(0),
+        "unused_markers": (),
+        "missing_markers": (),
+    }
+    sensor_errors = fields.pop(SENSOR_ERROR.field, None)
+    others = {
+        "motion": get_motion(stored),
+        "marker_names": stored.names.get("marker", ()),
+        "task_errors": {} if sensor_errors is None else {"OrientationTask": sensor_errors},
+        "sensor_names": stored.names.get("sensor", ()),
+    }
+    return value_of(KinematicsFit, absent, fields, others)
 
 
 def put_motion(writer: ResultWriter, motion: Motion, model: Model) -> None:
     """Coordinates, with their derivatives where known."""
-    _put_coordinates(writer, motion, model, "coordinate_value", "coordinate")
+    _put_coordinates(writer, replace(motion, quantity=COORDINATE_VALUE), model)
 
 
 def put_derivatives(writer: ResultWriter, motion: Motion, model: Model) -> None:
     """Coordinates as the forces were computed from them (filtered where asked for), and their
     derivatives.
     """
-    _put_coordinates(
-        writer, motion, model, "coordinate_filtered", "coordinate that the forces belong to"
-    )
+    _put_coordinates(writer, replace(motion, quantity=COORDINATE_FILTERED), model)
 
 
-def _put_coordinates(
-    writer: ResultWriter, motion: Motion, model: Model, name: str, meaning: str
-) -> None:
-    writer.time(motion.time)
-    writer.names("coordinate", motion.names)
-    writer.texts("coordinate_unit", "coordinate", coordinate_units(model, motion.names))
-    two = ("time", "coordinate")
-    writer.put(name, two, motion.values, "rad or m", meaning)
-    if motion.velocities is not None:
-        writer.put(
-            "coordinate_velocity", two, motion.velocities, "rad/s or m/s", "coordinate velocity"
-        )
-    if motion.accelerations is not None:
-        writer.put(
-            "coordinate_acceleration",
-            two,
-            motion.accelerations,
-            "rad/s2 or m/s2",
-            "coordinate acceleration",
-        )
+def _put_coordinates(writer: ResultWriter, motion: Motion, model: Model) -> None:
+    put_value(writer, motion)
+    put_quantity(writer, COORDINATE_UNIT, coordinate_units(model, motion.names))
 
 
 def get_motion(stored: Stored) -> Motion:
     """The coordinates of a result."""
-    return Motion(stored.time, stored.names["coordinate"], stored.values["coordinate_value"])
+    return Motion(stored.time, stored.names["coordinate"], stored.values[COORDINATE_VALUE.name])
 
 
 def get_derivatives(stored: Stored) -> Motion | None:
     """The coordinates that forces were computed from, with derivatives, or None."""
-    values = stored.values
-    if "coordinate_filtered" not in values:
+    fields = get_fields(stored, FILTERED_MOTION)
+    if COORDINATE_FILTERED.field not in fields:
         return None
     names = stored.names["coordinate"]
-    rates = (values.get("coordinate_velocity"), values.get("coordinate_acceleration"))
-    return Motion(stored.time, names, values["coordinate_filtered"], *rates)
+    others = {"time": stored.time, "names": names, "quantity": COORDINATE_FILTERED}
+    return value_of(Motion, fields, others)
+
+
+def get_series(stored: Stored, quantity: Quantity) -> Series | None:
+    """A quantity with one column a name, or None."""
+    values = get_quantity(stored, quantity)
+    if values is None:
+        return None
+    return Series(stored.time, stored.names[quantity.dims[1]], values, quantity=quantity)
 
 
 def put_torques(writer: ResultWriter, torques: Series, wrenches: Wrenches | None) -> None:
-    """Generalized forces, and the external forces on the same clock."""
-    meaning = "generalized force of inverse dynamics"
-    writer.names("coordinate", torques.names)
-    writer.put("generalized_force", ("time", "coordinate"), torques.values, "N m or N", meaning)
-    # Plates on which nobody steps are left out: there may be no force among those that were
-    # measured.
-    if wrenches is not None and wrenches.names:
-        writer.names("external_force", wrenches.names)
-        writer.names("axis", XYZ)
-        writer.texts("external_force_body", "external_force", wrenches.bodies)
-        three = ("time", "external_force", "axis")
-        writer.put("external_force_vector", three, wrenches.forces, "N", "external force in ground")
-        writer.put(
-            "external_force_point", three, wrenches.points, "m", "point of application in ground"
-        )
-        writer.put(
-            "external_free_torque",
-            three,
-            wrenches.torques,
-            "N m",
-            "free torque about the point, in ground",
-        )
+    """Generalized forces, and the external forces on the same clock.
+
+    Plates on which nobody steps are left out: there may be no force among those that were measured.
+    """
+    put_value(writer, replace(torques, quantity=GENERALIZED_FORCE))
+    if wrenches is not None:
+        put_value(writer, wrenches)
 
 
 def get_torques(stored: Stored) -> Series | None:
     """Generalized forces of a result, or None."""
-    forces = stored.values.get("generalized_force")
-    return (
-        None
-        if forces is None
-        else Series(stored.time, stored.names["coordinate"], forces, unit="N m or N")
-    )
+    return get_series(stored, GENERALIZED_FORCE)
 
 
 def get_wrenches(stored: Stored) -> Wrenches | None:
     """External forces of a result, or None."""
-    if "external_force_vector" not in stored.values:
+    fields = get_fields(stored, WRENCHES)
+    if "forces" not in fields:
         return None
-    return Wrenches(
-        time=stored.time,
-        names=stored.names["external_force"],
-        bodies=stored.names["external_force_body"],
-        forces=stored.values["external_force_vector"],
-        points=stored.values["external_force_point"],
-        torques=stored.values["external_free_torque"],
-    )
+    others = {"time": stored.time, "names": stored.names["external_force"]}
+    return value_of(Wrenches, fields, others)
 
 
 def put_emg(writer: ResultWriter, emg: Emg) -> None:
     """EMG envelopes on their own clock."""
-    writer.names("emg_channel", emg.names)
-    writer.sizes("emg_time", len(emg))
-    writer.put("emg_time", ("emg_time",), emg.time, "s", "clock of the EMG")
-    writer.put("emg", ("emg_time", "emg_channel"), emg.values, "1", "EMG envelope")
+    put_quantity(writer, EMG_TIME, emg.time)
+    put_value(writer, emg)
 
 
 def get_emg(stored: Stored) -> Emg | None:
     """EMG envelopes of a result, or None."""
-    if "emg" not in stored.values:
+    fields = get_fields(stored, (EMG_TIME, EMG))
+    if EMG.field not in fields:
         return None
-    return Emg(stored.values["emg_time"], stored.names["emg_channel"], stored.values["emg"])
+    return value_of(Emg, fields, {"names": stored.names["emg_channel"]})
 
 
 def put_truth(writer: ResultWriter, truth: Mapping[str, Series]) -> None:
-    """What is known of a simulated recording, each on its own clock."""
-    for kind, series in truth.items():
-        writer.sizes(f"true_{kind}_time", len(series))
-        writer.names(f"true_{kind}_name", series.names)
-        writer.put(
-            f"true_{kind}_time",
-            (f"true_{kind}_time",),
-            series.time,
-            "s",
-            f"clock of the true {kind}",
-        )
-        two = (f"true_{kind}_time", f"true_{kind}_name")
-        writer.put(
-            f"true_{kind}", two, series.values, "SI", f"true {kind} of the simulated recording"
-        )
+    """The true values of a simulated recording, each on its own clock.
+
+    Parameters
+    ----------
+    truth : by the names of quantities of `KNOWN`
+    """
+    known = {quantity.name: quantity for quantity in KNOWN}
+    for name, series in truth.items():
+        true = true_quantity(known[name])
+        put_quantity(writer, true.clock, series.time)
+        put_value(writer, replace(series, quantity=true.values))
 
 
 def get_truth(stored: Stored) -> dict[str, Series]:
-    """What `put_truth` wrote."""
-    kinds = [
-        name[len("true_") : -len("_time")]
-        for name in stored.values
-        if re.fullmatch(r"true_\w+_time", name)
-    ]
-    return {
-        kind: Series(
-            stored.values[f"true_{kind}_time"],
-            stored.names[f"true_{kind}_name"],
-            stored.values[f"true_{kind}"],
-        )
-        for kind in kinds
-    }
+    """True values by the names of their quantities; older files have other names."""
+    truth = {}
+    for quantity in KNOWN:
+        for name in (quantity.name, FORMER_NAMES[quantity.name]):
+            true = true_quantity(quantity, name)
+            fields = get_fields(stored, true)
+            if true.values.field in fields:
+                others = {
+                    "names": stored.names[true.values.dims[1]],
+                    "quantity": true.values,
+                }
+                truth[quantity.name] = value_of(Series, fields, others)
+    return truth
 
 
 def put_plates(writer: ResultWriter, plates: Sequence[ForcePlate]) -> None:
     """Outlines of force plates."""
-    if not plates:
-        return
-    writer.names("plate", [plate.name for plate in plates])
-    writer.names("axis", XYZ)
-    writer.sizes("corner", 4)
-    corners = np.array([plate.corners for plate in plates])
-    writer.put(
-        "plate_corner",
-        ("plate", "corner", "axis"),
-        corners,
-        "m",
-        "corner of a force plate in ground",
-    )
+    if plates:
+        corners = np.array([plate.corners for plate in plates])
+        labels = {"plate": [plate.name for plate in plates], "axis": AXES}
+        put_quantity(writer, PLATE_CORNER, corners, labels)
 
 
 def get_plates(stored: Stored) -> tuple[ForcePlate, ...]:
     """Outlines of force plates, without forces."""
     none = np.zeros((0, 3))
-    corners = stored.values.get("plate_corner", ())
+    corners = stored.values.get(PLATE_CORNER.name, ())
     return tuple(
         ForcePlate(name=name, kind=2, corners=place, forces=none, points=none, torques=none)
         for name, place in zip(stored.names.get("plate", ()), corners, strict=True)
@@ -284,257 +221,114 @@ def get_plates(stored: Stored) -> tuple[ForcePlate, ...]:
 
 def put_events(writer: ResultWriter, events: tuple[Event, ...]) -> None:
     """Events of the recording."""
-    if not events:
-        return
-    writer.sizes("event", len(events))
-    writer.put(
-        "event_time",
-        ("event",),
-        np.array([event.time for event in events]),
-        "s",
-        "when it happened",
-    )
-    writer.texts("event_label", "event", [event.label for event in events])
-    writer.texts("event_side", "event", [event.side for event in events])
+    if events:
+        put_rows(writer, EVENTS, events)
 
 
 def get_events(stored: Stored) -> tuple[Event, ...]:
     """Events of a result."""
-    if "event_time" not in stored.values:
-        return ()
-    parts = zip(
-        stored.values["event_time"],
-        stored.names["event_label"],
-        stored.names["event_side"],
-        strict=True,
-    )
-    return tuple(Event(float(time), label, side) for time, label, side in parts)
+    return get_rows(stored, EVENTS, Event) or ()
 
 
 def put_tension(
     writer: ResultWriter, tension: Tension, reserve_coordinates: tuple[str, ...]
 ) -> None:
     """Muscle tensions, reserves, and whether each frame is an optimum."""
-    writer.time(tension.time)
-    writer.names("muscle", tension.muscles)
-    writer.names("actuator", tension.reserve_names)
-    writer.names("balanced_coordinate", tension.coordinates)
-    strained = [name in tension.overstretched for name in tension.muscles]
-    writer.put(
-        "muscle_overstretched",
-        ("muscle",),
-        np.array(strained, bool),
-        "1",
-        "1 where passive force passes F0",
-    )
-    writer.texts("actuator_coordinate", "actuator", reserve_coordinates)
-    by_muscle = ("time", "muscle")
-    writer.put("activation", by_muscle, tension.activations, "1", "muscle activation")
-    writer.put("muscle_force", by_muscle, tension.forces, "N", "muscle force along the tendon")
-    if tension.options.passive:
-        share = "largest passive force over F0"
-        writer.put("muscle_passive_share", ("muscle",), np.array(tension.passive_share), "1", share)
-        writer.put(
-            "muscle_passive_time", ("muscle",), np.array(tension.passive_time), "s", "when that was"
-        )
-    if tension.viscous.any():
-        writer.put(
-            "muscle_viscous_force",
-            by_muscle,
-            tension.viscous,
-            "N",
-            "part of muscle_force that is viscous",
-        )
-    if tension.reserve_names:
-        meaning = "force or torque of reserve, residual and other actuators"
-        writer.put("actuator_force", ("time", "actuator"), tension.reserves, "N m or N", meaning)
-    two = ("time", "balanced_coordinate")
-    writer.put(
-        "balanced_torque",
-        two,
-        tension.torques,
-        "N m or N",
-        "what muscles and actuators had to balance",
-    )
-    writer.put(
-        "equilibrium_residual",
-        ("time",),
-        tension.equilibrium_residual,
-        "N m or N",
-        "largest torque left unbalanced",
-    )
-    writer.put(
-        "tension_status",
-        ("time",),
-        np.asarray(tension.status, np.int8),
-        "1",
-        "0 where the frame is optimal",
-    )
-    writer.put(
-        "tension_iterations",
-        ("time",),
-        np.asarray(tension.iterations, np.int32),
-        "1",
-        "iterations taken",
-    )
-    writer.put("activation_lower", ("muscle",), tension.lower, "1", "lower bound of the activation")
-    writer.put("activation_upper", ("muscle",), tension.upper, "1", "upper bound of the activation")
+    silent = []
+    if not tension.options.passive:
+        silent += [MUSCLE_PASSIVE_SHARE, MUSCLE_PASSIVE_TIME]
+    if not tension.viscous.any():
+        silent.append(MUSCLE_VISCOUS_FORCE)
+    put_value(writer, tension, leave_out=silent)
+    labels = {"actuator": tension.reserve_names}
+    put_quantity(writer, ACTUATOR_COORDINATE, reserve_coordinates, labels)
     if tension.fibers is not None:
-        put_fibers(writer, tension.fibers, tension.muscles)
+        _put_certificate(writer, tension.fibers, tension.muscles)
 
 
 def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
     """What `put_tension` wrote, or None."""
     from myomorph.core.tension.tension import Tension
 
-    values = stored.values
+    fields = get_fields(stored, TENSION)
     names = stored.names
-    if "activation" not in values:
+    if "activations" not in fields:
         return None
-    return Tension(
-        time=stored.time,
-        muscles=names["muscle"],
-        activations=values["activation"],
-        forces=values["muscle_force"],
-        reserve_names=names.get("actuator", ()),
-        reserves=values.get("actuator_force", np.zeros((len(stored.time), 0))),
-        coordinates=names["balanced_coordinate"],
-        torques=values["balanced_torque"],
-        equilibrium_residual=values["equilibrium_residual"],
-        status=values["tension_status"],
-        iterations=values["tension_iterations"],
-        lower=values["activation_lower"],
-        upper=values["activation_upper"],
-        overstretched=tuple(
-            np.array(names["muscle"])[values["muscle_overstretched"] != 0].tolist()
-        ),
-        options=replace(options, passive="muscle_passive_share" in values),
-        viscous=values.get("muscle_viscous_force", np.zeros((1, 1))),
-        passive_share=values.get("muscle_passive_share", np.zeros(1)),
-        passive_time=values.get("muscle_passive_time", np.zeros(1)),
-        fibers=get_fibers(stored),
-    )
+    strained = fields.pop(MUSCLE_OVERSTRETCHED.field)
+    without_actuators = {"reserves": np.zeros((len(stored.time), 0))}
+    others = {
+        "time": stored.time,
+        "muscles": names["muscle"],
+        "reserve_names": names.get("actuator", ()),
+        "coordinates": names["balanced_coordinate"],
+        "overstretched": tuple(np.array(names["muscle"])[strained].tolist()),
+        "options": replace(options, passive=MUSCLE_PASSIVE_SHARE.field in fields),
+        "fibers": get_fibers(stored),
+    }
+    return value_of(Tension, without_actuators, fields, others)
 
 
 def put_markers(writer: ResultWriter, markers: Markers) -> None:
     """Markers as they were recorded, in ground."""
-    writer.time(markers.time)
-    writer.names("recorded_marker", markers.names)
-    writer.names("axis", XYZ)
-    three = ("time", "recorded_marker", "axis")
-    writer.put("recorded_marker_position", three, markers.values, "m", "recorded marker in ground")
+    put_value(writer, markers)
 
 
 def get_markers(stored: Stored) -> Markers | None:
     """Markers of a result, or None."""
-    positions = stored.values.get("recorded_marker_position")
-    return (
-        None
-        if positions is None
-        else Markers(stored.time, stored.names["recorded_marker"], positions)
-    )
+    positions = get_quantity(stored, MARKER_POSITION)
+    if positions is None:
+        return None
+    return Markers(stored.time, stored.names["recorded_marker"], positions)
 
 
-def put_fibers(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, ...]) -> None:
-    """Fibers and tendons; time and muscles are there already."""
-    for name, variable in fibers.variables().items():
-        writer.put(
-            name, variable.dimensions, variable.values, variable.unit or "1", FIBER_MEANINGS[name]
-        )
-    rigid = np.array([name in fibers.rigid for name in muscles], bool)
-    writer.put(
-        "muscle_rigid_tendon", ("muscle",), rigid, "1", "1 where the tendon was taken as rigid"
-    )
+def _put_certificate(writer: ResultWriter, fibers: Fibers, muscles: tuple[str, ...]) -> None:
+    """Muscles on rigid tendons, fibers that cannot reach, and how sure the solution is."""
     frames = np.full(len(muscles), -1, np.int32)
-    worst = np.full(len(muscles), np.nan)
+    lengths = np.full(len(muscles), np.nan)
     for missed in fibers.unreachable:
-        place = muscles.index(missed.muscle)
-        frames[place] = missed.frame
-        worst[place] = missed.worst
-    writer.put(
-        "unreachable_frame",
-        ("muscle",),
-        frames,
-        "1",
-        "first frame that the fibers cannot reach, -1 for none",
-    )
-    writer.put(
-        "unreachable_length",
-        ("muscle",),
-        worst,
-        "1",
-        "normalized fiber length furthest out of reach",
-    )
-    writer.names("elastic_certificate", CERTIFICATE)
-    values = np.array([getattr(fibers.certificate, name) for name in CERTIFICATE], np.float64)
-    writer.put(
-        "elastic_certificate_value",
-        ("elastic_certificate",),
-        values,
-        "1",
-        "how sure the elastic solution is",
-    )
+        muscle = muscles.index(missed.muscle)
+        frames[muscle] = missed.frame
+        lengths[muscle] = missed.worst
+    rigid = np.array([name in fibers.rigid for name in muscles], bool)
+    put_quantity(writer, MUSCLE_RIGID_TENDON, rigid)
+    put_quantity(writer, UNREACHABLE_FRAME, frames)
+    put_quantity(writer, UNREACHABLE_LENGTH, lengths)
+    numbers = np.array([getattr(fibers.certificate, name) for name in CERTIFICATE], np.float64)
+    labels = {"elastic_certificate": CERTIFICATE}
+    put_quantity(writer, ELASTIC_CERTIFICATE_VALUE, numbers, labels)
 
 
 def get_fibers(stored: Stored) -> Fibers | None:
-    """What `put_fibers` wrote, or None."""
-    values = stored.values
-    names = stored.names
-    if "tendon_strain" not in values:
+    """Fibers and tendons of a result, or None where tendons were rigid."""
+    fields = get_fields(stored, FIBERS)
+    if "tendon_strains" not in fields:
         return None
-    muscles = names["muscle"]
-    frames = values["unreachable_frame"]
-    worst = values["unreachable_length"]
-    certificate = dict(
-        zip(names["elastic_certificate"], values["elastic_certificate_value"].tolist(), strict=True)
-    )
+    muscles = stored.names["muscle"]
+    rigid = get_quantity(stored, MUSCLE_RIGID_TENDON)
+    frames = get_quantity(stored, UNREACHABLE_FRAME)
+    lengths = get_quantity(stored, UNREACHABLE_LENGTH)
+    numbers = get_quantity(stored, ELASTIC_CERTIFICATE_VALUE).tolist()
+    certificate = dict(zip(stored.names["elastic_certificate"], numbers, strict=True))
     steps = int(certificate.pop("steps"))
-    return Fibers(
-        lengths=values["fiber_length"],
-        velocities=values["fiber_velocity"],
-        tendon_strains=values["tendon_strain"],
-        fiber_powers=values["fiber_power"],
-        tendon_powers=values["tendon_power"],
-        transient=values["transient"] != 0,
-        bridged=values["bridged"] != 0,
-        rigid=tuple(
-            name
-            for name, value in zip(muscles, values["muscle_rigid_tendon"], strict=True)
-            if value
-        ),
-        unreachable=tuple(
+    others = {
+        "rigid": tuple(name for name, stiff in zip(muscles, rigid, strict=True) if stiff),
+        "unreachable": tuple(
             Unreachable(name, int(frame), float(length))
-            for name, frame, length in zip(muscles, frames, worst, strict=True)
+            for name, frame, length in zip(muscles, frames, lengths, strict=True)
             if frame >= 0
         ),
-        certificate=Certificate(**certificate, steps=steps),
-    )
+        "certificate": value_of(Certificate, certificate, {"steps": steps}),
+    }
+    return value_of(Fibers, fields, others)
 
 
 def put_conflicts(writer: ResultWriter, conflicts: Sequence[EmgConflict]) -> None:
     """Write conflicts, none of them too: an empty table says that EMG took part and nothing
     contradicts it.
     """
-    writer.sizes(CONFLICT, len(conflicts))
-    for name in ("muscle", "coordinate"):
-        writer.texts(
-            f"{CONFLICT}_{name}", CONFLICT, [getattr(conflict, name) for conflict in conflicts]
-        )
-    for name, (unit, meaning) in CONFLICT_NUMBERS.items():
-        values = np.array([getattr(conflict, name) for conflict in conflicts], dtype=np.float64)
-        writer.put(f"{CONFLICT}_{name}", (CONFLICT,), values, unit, meaning)
+    put_rows(writer, CONFLICTS, conflicts)
 
 
 def get_conflicts(stored: Stored) -> tuple[EmgConflict, ...] | None:
     """What `put_conflicts` wrote, None where EMG took no part."""
-    if f"{CONFLICT}_start" not in stored.values:
-        return None
-    numbers = zip(
-        *(stored.values[f"{CONFLICT}_{name}"].tolist() for name in CONFLICT_NUMBERS), strict=True
-    )
-    muscles = stored.names[f"{CONFLICT}_muscle"]
-    coordinates = stored.names[f"{CONFLICT}_coordinate"]
-    return tuple(
-        EmgConflict(muscle, coordinate, *values)
-        for muscle, coordinate, values in zip(muscles, coordinates, numbers, strict=True)
-    )
+    return get_rows(stored, CONFLICTS, EmgConflict)

@@ -7,62 +7,54 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.quantity import SOURCE_GROUP, Quantity
 from myomorph.lab.store.netcdf import open_netcdf
+from myomorph.lab.store.quantities import Labels, get_quantity, put_quantity
+from myomorph.lab.store.quantity_table import stated_quantities
 from myomorph.lab.store.results import ResultWriter, Stored, stored_values
+from myomorph.lab.uncertainty.quantities import GAIT_ERRORS, SIDES, VALUE_BOUNDS, VALUE_ERROR
 from myomorph.lab.uncertainty.sources import SourceSize
 from myomorph.lab.uncertainty.spread import Shares, Spread, Uncertainty, ValueErrors
 
-DIMENSIONS = {
-    "coordinates": "coordinate",
-    "torques": "coordinate",
-    "activations": "muscle",
-    "forces": "muscle",
+FORMER_NAMES = {
+    "coordinate_value": "coordinates",
+    "generalized_force": "torques",
+    "generalized_force_with_contacts": "torques_with_contacts",
+    "activation": "activations",
+    "muscle_force": "forces",
+    "contact_load": "contact_forces",
+    "contact_group_force": "contact_groups",
+    "joint_reaction": "joint_reactions",
+    "joint_contact_load": "joint_contact_forces",
 }
-"""Dimension of a table's columns in a result file; of the others one of their own."""
-ENDINGS = {
-    "low": "lower limit of 90 %",
-    "high": "upper limit of 90 %",
-    "sd": "standard deviation of the draws",
-}
-GAIT = "gait_error_"  # Begins the names of the errors of gait curves, before the side.
-GROUP = "error_group"
-VALUE = "drawn_value"
-ERRORS = "value_error"
+"""Names that drawn quantities had in results of version 0.1."""
+FORMER_COLUMNS = ("coordinate", "muscle")
+"""Axes that these had already; each other had one of its own, NAME_column."""
+VALUE = VALUE_ERROR.dims[1]
+ERRORS = VALUE_ERROR.name
 SEPARATOR = ": "  # Between a step and its quantity in a result file.
 
 
-def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty, units: dict[str, str]) -> None:
-    """Limits, standard deviations and shares of all tables, with the units of each table's columns."""
+def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty) -> None:
+    """Limits, standard deviations and shares of all quantities."""
     for name, spread in uncertainty.spreads.items():
-        dimension = _dimension(name)
-        writer.time(spread.time)
-        writer.names(dimension, spread.names)
-        parts = {"low": spread.low, "high": spread.high, "sd": spread.deviation}
-        for ending, meaning in ENDINGS.items():
-            writer.put(f"{name}_{ending}", ("time", dimension), parts[ending], units[name], meaning)
+        quantity = spread.quantity
+        if quantity is None:
+            raise BadData(f"draws of '{name}' of which it is not declared what they are")
+        columns = quantity.dims[1]
+        labels: Labels = {"time": spread.time, columns: spread.names}
+        for bound, values in spread.bounds().items():
+            put_quantity(writer, quantity.bound(bound), values, labels)
         shares = uncertainty.shares.get(name)
         if shares is not None:
-            writer.names(GROUP, shares.groups)
-            meanings = {
-                "alone": "share of the variance, by itself",
-                "total": "share of the variance, with all others",
-            }
-            for kind, values in (("alone", shares.alone), ("total", shares.total)):
-                writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
-    for side, errors in uncertainty.gait.items():
-        for dimension, size in zip(
-            ("draw", "gait_sample", "gait_variable"), errors.shape, strict=True
-        ):
-            writer.sizes(dimension, size)
-        meaning = "error of a mean curve of gait under a draw, widened"
-        writer.put(
-            f"{GAIT}{side}",
-            ("draw", "gait_sample", "gait_variable"),
-            errors.astype(np.float32),
-            "",
-            meaning,
-        )
+            labels = {SOURCE_GROUP: shares.groups, columns: spread.names}
+            put_quantity(writer, quantity.share("alone"), shares.alone, labels)
+            put_quantity(writer, quantity.share("total"), shares.total, labels)
+    for side, gait_error in zip(SIDES, GAIT_ERRORS, strict=True):
+        if side in uncertainty.gait:
+            put_quantity(writer, gait_error, uncertainty.gait[side])
     writer.fact("draws", f"{uncertainty.draws} {uncertainty.failed}")
     writer.fact("limits_widened", json.dumps(dict(uncertainty.factors)))
     writer.fact("error_sizes", json.dumps(uncertainty.sizes))
@@ -74,52 +66,81 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
         return None
     spreads = {}
     shares = {}
-    for name in (
-        key.removesuffix("_sd")
-        for key in stored.values
-        if key.endswith("_sd") and key != "value_sd"
-    ):
-        names = stored.names[_dimension(name)]
-        spreads[name] = Spread(
-            stored.time, names, *(stored.values[f"{name}_{ending}"] for ending in ENDINGS)
-        )
-        if f"{name}_alone" in stored.values:
-            parts = (stored.values[f"{name}_{part}"] for part in ("alone", "total"))
-            shares[name] = Shares(stored.names[GROUP], *parts)
+    for quantity in stated_quantities():
+        spread = _get_spread(stored, quantity)
+        if spread is not None:
+            spreads[quantity.name] = spread
+            contributions = _get_shares(stored, quantity)
+            if contributions is not None:
+                shares[quantity.name] = contributions
     draws, failed = map(int, stored.facts["draws"].split())
-    factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))
-    sizes = tuple(SourceSize(*load) for load in json.loads(stored.facts.get("error_sizes", "[]")))
-    gait = {
-        key.removeprefix(GAIT): np.asarray(values, np.float64)
-        for key, values in stored.values.items()
-        if key.startswith(GAIT)
-    }
+    factors = json.loads(stored.facts.get("limits_widened", "{}"))
+    gait = zip(SIDES, (get_quantity(stored, each) for each in GAIT_ERRORS), strict=True)
     return Uncertainty(
         spreads=spreads,
         shares=shares,
         draws=draws,
         failed=failed,
-        factors=factors,
-        sizes=sizes,
-        gait=gait,
+        factors=FrozenMap({_name_now(name): factor for name, factor in factors.items()}),
+        sizes=tuple(
+            SourceSize(*load) for load in json.loads(stored.facts.get("error_sizes", "[]"))
+        ),
+        gait={side: errors for side, errors in gait if errors is not None},
     )
+
+
+def _get_spread(stored: Stored, quantity: Quantity) -> Spread | None:
+    """Limits and standard deviation of a quantity, under its present or its former name."""
+    for name in _names(quantity):
+        deviation = stored.values.get(f"{name}_sd")
+        if quantity.drawn and deviation is not None:
+            return Spread(
+                time=stored.time,
+                names=stored.names[_columns(quantity, name)],
+                low=stored.values[f"{name}_low"],
+                high=stored.values[f"{name}_high"],
+                deviation=deviation,
+                quantity=quantity,
+            )
+    return None
+
+
+def _get_shares(stored: Stored, quantity: Quantity) -> Shares | None:
+    for name in _names(quantity):
+        if f"{name}_alone" in stored.values:
+            return Shares(
+                groups=stored.names[SOURCE_GROUP],
+                alone=stored.values[f"{name}_alone"],
+                total=stored.values[f"{name}_total"],
+            )
+    return None
+
+
+def _names(quantity: Quantity) -> tuple[str, ...]:
+    former = FORMER_NAMES.get(quantity.name)
+    return (quantity.name,) if former is None else (quantity.name, former)
+
+
+def _name_now(name: str) -> str:
+    """Present name of a quantity that may have its former one."""
+    now = {former: name for name, former in FORMER_NAMES.items()}
+    return now.get(name, name)
+
+
+def _columns(quantity: Quantity, name: str) -> str:
+    """Axis of the columns, in a file that calls the quantity so."""
+    axis = quantity.dims[1]
+    return axis if name == quantity.name or axis in FORMER_COLUMNS else f"{name}_column"
 
 
 def put_value_errors(writer: ResultWriter, value_errors: ValueErrors) -> None:
     """Errors of the numbers of a trial under the draws, and their limits."""
     if not value_errors.names:
         return
-    writer.names(VALUE, [SEPARATOR.join(name) for name in value_errors.names])
-    writer.sizes("draw", len(value_errors.errors))
-    writer.put(
-        ERRORS,
-        ("draw", VALUE),
-        value_errors.errors.astype(np.float32),
-        "",
-        "error of a value under a draw, widened",
-    )
-    for ending, values in zip(ENDINGS, value_errors.limits(), strict=True):
-        writer.put(f"value_{ending}", (VALUE,), values, "", f"{ENDINGS[ending]}, less the value")
+    labels = {VALUE: [SEPARATOR.join(name) for name in value_errors.names]}
+    put_quantity(writer, VALUE_ERROR, value_errors.errors, labels)
+    for bound, values in zip(VALUE_BOUNDS, value_errors.limits(), strict=True):
+        put_quantity(writer, bound, values, labels)
 
 
 def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float, float]]:
@@ -128,7 +149,7 @@ def get_value_limits(stored: Stored) -> dict[tuple[str, str], tuple[float, float
     """
     if "value_sd" not in stored.values or VALUE not in stored.names:
         return {}
-    columns = (stored.values[f"value_{ending}"].tolist() for ending in ENDINGS)
+    columns = (stored.values[bound.name].tolist() for bound in VALUE_BOUNDS)
     return dict(zip(_pairs(stored), zip(*columns, strict=True), strict=True))
 
 
@@ -147,7 +168,3 @@ def read_value_errors(path: Path) -> ValueErrors | None:
 def _pairs(stored: Stored) -> tuple[tuple[str, str], ...]:
     parts = (name.split(SEPARATOR, 1) for name in stored.names[VALUE])
     return tuple((step, quantity) for step, quantity in parts)
-
-
-def _dimension(name: str) -> str:
-    return DIMENSIONS.get(name, f"{name}_column")

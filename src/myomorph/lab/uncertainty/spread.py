@@ -15,6 +15,11 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.quantity import Bound, Quantity
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD, JOINT_REACTION
+from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.lab.uncertainty.sources import SourceSize
 
 LEVEL = 0.9
@@ -34,6 +39,7 @@ class Spread:
     names : columns
     low, high : (frames, names) between which 90 % of the draws lie
     deviation : (frames, names) standard deviation
+    quantity : what these are, None where it is not declared
     """
 
     time: Array
@@ -41,6 +47,11 @@ class Spread:
     low: Array
     high: Array
     deviation: Array
+    quantity: Quantity | None = field(default=None, kw_only=True)
+
+    def bounds(self) -> dict[Bound, Array]:
+        """The arrays by the ends of their names in result files."""
+        return {"low": self.low, "high": self.high, "sd": self.deviation}
 
     def over(self, time: Array, drawn: Array, nominal: Array) -> Spread:
         """The spread at other times, its limits as far from the values without errors as between
@@ -62,9 +73,7 @@ class Spread:
         deviation = np.column_stack(
             [np.interp(time, self.time, column) for column in self.deviation.T]
         )
-        return Spread(
-            time=time, names=self.names, low=nominal + low, high=nominal + high, deviation=deviation
-        )
+        return replace(self, time=time, low=nominal + low, high=nominal + high, deviation=deviation)
 
 
 @read_only
@@ -172,26 +181,26 @@ class Draws(ExitStack):
 
 FACTORS: Mapping[str, float] = FrozenMap(
     {
-        "coordinates": 1.17,
-        "torques": 1.11,
-        "activations": 1.03,
-        "forces": 1.03,
-        "joint_reactions": 1.05,
-        "joint_contact_forces": 1.05,
+        COORDINATE_VALUE.name: 1.17,
+        GENERALIZED_FORCE.name: 1.11,
+        ACTIVATION.name: 1.03,
+        MUSCLE_FORCE.name: 1.03,
+        JOINT_REACTION.name: 1.05,
+        JOINT_CONTACT_LOAD.name: 1.05,
     }
 )
-"""By table; found on simulated motions and held against others, as docs/validation/uncertainty.md
-says. Of a table that is not named nothing is known: its limits stay as drawn.
+"""By quantity; found on simulated motions and held against others, as docs/validation/uncertainty.md
+says. Of a quantity that is not named nothing is known: its limits stay as drawn.
 """
-NOT_NEGATIVE = ("activations", "forces")
-"""Tables whose values are never below 0, as magnitudes of forces (columns `..._f`, `..._force`) are
-not.
-"""
+MAGNITUDES = ("_f", "_force")
+"""Ends of columns that are magnitudes of forces, which are never below 0."""
 
 
-def widened(name: str, spread: Spread, factor: float) -> Spread:
-    """Limits of a table further apart by a factor, about their middle; what cannot be negative
-    stays at 0 or above.
+def widened(spread: Spread, factor: float) -> Spread:
+    """Limits of a quantity further apart by a factor, about their middle.
+
+    They pass the quantity's bounds only where those of the draws do; magnitudes of forces stay at 0
+    or above as well.
     """
     if factor == 1.0:
         return spread
@@ -199,12 +208,12 @@ def widened(name: str, spread: Spread, factor: float) -> Spread:
     half = 0.5 * factor * (spread.high - spread.low)
     low = middle - half
     high = middle + half
-    positive = [
-        name in NOT_NEGATIVE or column.endswith(("_f", "_force")) for column in spread.names
-    ]
-    low[:, positive] = np.maximum(low, np.minimum(spread.low, 0.0))[:, positive]
-    if name == "activations":
-        high = np.minimum(high, np.maximum(spread.high, 1.0))
+    lower, upper = (-np.inf, np.inf) if spread.quantity is None else spread.quantity.bounds
+    lowest = np.array(
+        [max(lower, 0.0) if name.endswith(MAGNITUDES) else lower for name in spread.names]
+    )
+    low = np.maximum(low, np.minimum(spread.low, lowest))
+    high = np.minimum(high, np.maximum(spread.high, upper))
     return replace(spread, low=low, high=high)
 
 

@@ -6,13 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Wrenches
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.model.sides import split_side
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.lab.analysis.selection import coordinate_pairs, pairs
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.viewer.replay_body import PlayedBody
@@ -82,7 +86,7 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
     curves = tuple(
         _with_limits(
             body,
-            "coordinates",
+            COORDINATE_VALUE,
             name,
             Curve(name, scale * body.motion[name], _ink(name, index)),
             scale,
@@ -101,7 +105,7 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
     curves = []
     for index, name in enumerate(name for name in names if name in torques.names):
         curve = Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, index))
-        curves.append(_with_limits(body, "torques", name, curve))
+        curves.append(_with_limits(body, GENERALIZED_FORCE, name, curve))
     return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", tuple(curves))
 
 
@@ -113,26 +117,22 @@ def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
     }
 
 
-def muscle_chart(
-    body: PlayedBody, muscles: Sequence[int], table: Literal["activations", "forces"]
-) -> Chart | None:
-    """Activations of some muscles, with EMG that was measured on them, or their tensions
-    ("forces").
-    """
+def muscle_chart(body: PlayedBody, muscles: Sequence[int], quantity: Quantity) -> Chart | None:
+    """Activations of some muscles, with EMG that was measured on them, or their tensions."""
     results = body.results
     if results.tension is None or not len(muscles):
         return None
     title, values = (
         ("Activation", body.activations)
-        if table == "activations"
+        if quantity is ACTIVATION
         else ("Tension [N]", body.tensions)
     )
     names = [body.muscles[m] for m in muscles[:MAX_CURVES]]
     curves = [
-        _with_limits(body, table, name, Curve(name, values[:, m], _ink(name, index)))
+        _with_limits(body, quantity, name, Curve(name, values[:, m], _ink(name, index)))
         for index, (name, m) in enumerate(zip(names, muscles, strict=False))
     ]
-    emg = results.recorded.emg if table == "activations" else None
+    emg = results.recorded.emg if quantity is ACTIVATION else None
     for channel in () if emg is None else emg.names:
         if emg is not None and set(names) & set(results.recorded.emg_muscles.get(channel, ())):
             curves.append(
@@ -147,10 +147,10 @@ def muscle_chart(
 
 
 def _with_limits(
-    body: PlayedBody, table: str, name: str, curve: Curve, scale: float = 1.0
+    body: PlayedBody, quantity: Quantity, name: str, curve: Curve, scale: float = 1.0
 ) -> Curve:
-    """The curve with the limits that draws gave a column of a table, where they did."""
-    spread = body.results.uncertainty.spreads.get(table)
+    """The curve with the limits that draws gave a column of a quantity, where they did."""
+    spread = body.results.uncertainty.spreads.get(quantity.name)
     if spread is None or name not in spread.names:
         return curve
     column = spread.names.index(name)
@@ -269,8 +269,8 @@ class Curves:
 
     def show_muscles(self, muscles: tuple[int, ...]) -> None:
         """Show some muscles, by their indices."""
-        self._show("activation", muscle_chart(self._body, muscles, "activations"))
-        self._show("tension", muscle_chart(self._body, muscles, "forces"))
+        self._show("activation", muscle_chart(self._body, muscles, ACTIVATION))
+        self._show("tension", muscle_chart(self._body, muscles, MUSCLE_FORCE))
 
     def move(self, now: float) -> None:
         """Put the lines at another time [s]."""

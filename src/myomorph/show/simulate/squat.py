@@ -20,6 +20,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.series import Markers, Motion, Series, Trial, Wrenches
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.measurements import default_markers
@@ -27,7 +28,9 @@ from myomorph.core.motion.splines import natural_spline
 from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
 from myomorph.core.rigid.kinematics import marker_positions
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import Tree, compile_tree
+from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.lab.store.results import value_source
 from myomorph.lab.store.settings import Differentiation
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -142,9 +145,9 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
     names = tuple(model.coordinate_names[i] for i in used)
     known = {
-        "motion": Series(truth.time, names, tree.coordinates_of(truth)[:, used]),
-        "torques": Series(truth.time, names, torques.values[:, used]),
-        "activations": Series(truth.time, tension.muscles, tension.activations),
+        COORDINATE_VALUE.name: Series(truth.time, names, tree.coordinates_of(truth)[:, used]),
+        GENERALIZED_FORCE.name: Series(truth.time, names, torques.values[:, used]),
+        ACTIVATION.name: Series(truth.time, tension.muscles, tension.activations),
     }
     return TrialInputs(
         name="squat",

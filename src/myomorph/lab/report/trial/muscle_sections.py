@@ -13,6 +13,7 @@ from myomorph.core.model.errors import few
 from myomorph.core.model.series import Series
 from myomorph.core.model.sides import split_side
 from myomorph.core.tension.emg_conflicts import APART, BORNE, EmgConflict
+from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.core.tension.tension import Fibers, Tension
 from myomorph.lab.analysis.columns import extremes
 from myomorph.lab.analysis.cycles import band
@@ -72,7 +73,7 @@ def activation_section(prepared: Prepared) -> Section | None:
     strengths = results.strengths
     truth = results.recorded.truth.activations if results.recorded.truth else None
     figures = []
-    spread = results.uncertainty.spreads.get("activations")
+    spread = results.uncertainty.spreads.get(ACTIVATION.name)
     for pair in chosen:
         measured = emg_of(prepared, pair)
         drawn = activation_panel(

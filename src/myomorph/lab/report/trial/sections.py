@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.core.model.errors import few
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Series
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
+from myomorph.core.model.units import MotionKind, shown_unit
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.quantities import GENERALIZED_FORCE_WITH_CONTACTS
 from myomorph.lab.analysis.columns import extremes
 from myomorph.lab.analysis.selection import coordinate_pairs
 from myomorph.lab.report.charts.axis import number
@@ -170,8 +175,8 @@ def joint_section(prepared: Prepared) -> Section | None:
     shown = (prepared.detail, prepared.events)
     margin = 36 if scale and torques is not None else 8
     spreads = results.uncertainty.spreads
-    angles = spreads.get("coordinates")
-    moments = spreads.get("torques_with_contacts", spreads.get("torques"))
+    angles = spreads.get(COORDINATE_VALUE.name)
+    moments = spreads.get(GENERALIZED_FORCE_WITH_CONTACTS.name, spreads.get(GENERALIZED_FORCE.name))
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
         drawing = drawings.pair_panel(
@@ -227,12 +232,13 @@ def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
     }
     torques = results.dynamics.torques
 
-    def grid(series: Series, units: tuple[str, str], last: str, what: str) -> Grid:
+    def grid(series: Series, quantity: Quantity, last: str, what: str) -> Grid:
         rows = []
         for extreme in extremes(
             series, dict.fromkeys(turning, 180 / np.pi) if series is motion else None
         ):
-            unit = units[extreme.name not in turning]
+            motion_kind: MotionKind = "rotational" if extreme.name in turning else "translational"
+            unit = shown_unit(quantity.unit_of(motion_kind))
             ends = [f"{number(value)} {unit}" for value in (extreme.low, extreme.high)]
             times = [f"{number(time, 0.001)} s" for time in (extreme.low_time, extreme.high_time)]
             size = f"{number(extreme.high - extreme.low)} {unit}"
@@ -243,7 +249,7 @@ def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:
         head = ("Coordinate", "Smallest", "at", "Largest", "at", last)
         return Grid(head=head, rows=tuple(rows), title=f"All {len(rows)} {what}", folded=True)
 
-    grids = [grid(motion, ("°", "m"), "Range", "coordinates")]
+    grids = [grid(motion, COORDINATE_VALUE, "Range", "coordinates")]
     if torques is not None:
-        grids.append(grid(torques, ("N·m", "N"), "Peak per body mass", "generalized forces"))
+        grids.append(grid(torques, GENERALIZED_FORCE, "Peak per body mass", "generalized forces"))
     return grids

@@ -12,6 +12,12 @@ import numpy as np
 from myomorph.body.calibrate.calibration import Calibration, root_mean_square
 from myomorph.body.identify.validation import COMPONENTS, CrossValidation
 from myomorph.core.model.model import Model
+from myomorph.core.model.quantity import Quantity
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
+from myomorph.core.model.units import shown_unit
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.load_quantities import LOADS
+from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.lab.analysis.columns import Comparison, compared
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import Line, time_plot
@@ -221,12 +227,22 @@ def truth_section(prepared: Prepared) -> Section | None:
         if model
         else set()
     )
-    for title, estimate, known, rotations, units in (
-        ("Angles and translations", results.kinematics.motion, truth.motion, turning, ("°", "m")),
-        ("Joint moments", results.dynamics.torques, truth.torques, turning, ("N·m", "N")),
-        ("Activations", results.activations, truth.activations, no_angles, ("", "")),
+    for title, estimate, known, rotations, quantity in (
+        (
+            "Angles and translations",
+            results.kinematics.motion,
+            truth.motion,
+            turning,
+            COORDINATE_VALUE,
+        ),
+        ("Joint moments", results.dynamics.torques, truth.torques, turning, GENERALIZED_FORCE),
+        ("Activations", results.activations, truth.activations, no_angles, ACTIVATION),
     ):
         if estimate is not None and known is not None:
+            units = (
+                shown_unit(quantity.unit_of("rotational")),
+                shown_unit(quantity.unit_of("translational")),
+            )
             grids.append(_compared_grid(title, compared(estimate, known), rotations, *units))
     shown = tuple(grid for grid in grids if grid.rows)
     if not shown:
@@ -264,23 +280,6 @@ def _compared_grid(
     return Grid(head=head, rows=tuple(lines), title=title, folded=len(lines) > 14)
 
 
-TITLES = {
-    "coordinates": "Joint angles and translations",
-    "torques": "Joint torques",
-    "activations": "Muscle activations",
-    "forces": "Muscle tensions",
-    "joint_reactions": "Joint loads",
-    "contact_forces": "Contact forces of bodies",
-    "contact_groups": "Contact forces",
-    "torques_with_contacts": "Joint torques under estimated contact forces",
-    "joint_contact_forces": "Forces at contact points of joints",
-}
-TABLE_UNITS = {
-    "coordinates": ("°", "m"),
-    "torques": ("N·m", "N"),
-    "torques_with_contacts": ("N·m", "N"),
-}
-"""Of tables by coordinate: of rotations, and of translations."""
 PLACES = re.compile(r"_p[xyz]$")
 MOMENTS = re.compile(r"_m[xyz]$|torque_?[xyz]$")
 """What columns of loads end in that are points and moments."""
@@ -296,8 +295,9 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
         return None
     grids = []
     for name, spread in uncertainty.spreads.items():
-        title = TITLES.get(name, name.replace("_", " ").capitalize())
-        units = [unit_of(name, column, prepared.results.model) for column in spread.names]
+        quantity = spread.quantity
+        title = name.replace("_", " ").capitalize() if quantity is None else quantity.words
+        units = [unit_of(quantity, column, prepared.results.model) for column in spread.names]
         grids.append(_spread_grid(title, units, spread, uncertainty.shares.get(name)))
     if uncertainty.sizes:
         grids.append(_size_grid(uncertainty.sizes))
@@ -312,20 +312,13 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
     )
 
 
-def unit_of(table: str, column: str, model: Model | None) -> str:
-    """The unit in which a column of a table is shown."""
-    if table in TABLE_UNITS:
-        turns = (
-            model is None
-            or column not in model.coordinate_names
-            or model.coordinate(column).motion == "rotational"
-        )
-        return TABLE_UNITS[table][0 if turns else 1]
-    if table == "activations":
-        return ""
-    if table == "forces":
-        return "N"
-    return "m" if PLACES.search(column) else "N·m" if MOMENTS.search(column) else "N"
+def unit_of(quantity: Quantity | None, column: str, model: Model | None) -> str:
+    """Unit in which a column of a drawn quantity is shown; of loads by the column's end."""
+    if quantity is None or quantity.unit == LOADS:
+        return "m" if PLACES.search(column) else "N·m" if MOMENTS.search(column) else "N"
+    known = model is not None and column in model.coordinate_names
+    motion = model.coordinate(column).motion if model is not None and known else "rotational"
+    return shown_unit(quantity.unit_of(motion))
 
 
 def _spread_grid(title: str, units: list[str], spread: Spread, shares: Shares | None) -> Grid:

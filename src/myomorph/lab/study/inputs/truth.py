@@ -12,6 +12,8 @@ from typing import Annotated
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Series
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.results import ResultWriter, file_source
 from myomorph.lab.study.inputs.input import Input, Opened, Opening, Recorded
@@ -37,7 +39,7 @@ class TruthFiles:
 
 @dataclass(frozen=True, eq=False)
 class KnownTruth(Recorded):
-    """What is known of a simulated recording: "motion", "torques", "activations"."""
+    """True values of a simulated recording, by the names of their quantities."""
 
     series: Mapping[str, Series]
 
@@ -47,13 +49,19 @@ class KnownTruth(Recorded):
 
 
 def _open(settings: TruthFiles, opening: Opening) -> Opened:
-    named = {"torques": settings.true_torques, "activations": settings.true_activations}
-    paths = {kind: path for kind, path in named.items() if path is not None}
-    tables = {kind: read_sto(path) for kind, path in paths.items()}
-    truth = {kind: Series(table.time, table.names, table.values) for kind, table in tables.items()}
-    sources = tuple(file_source(f"true {kind}", path) for kind, path in paths.items())
+    files = (
+        ("true torques", GENERALIZED_FORCE, settings.true_torques),
+        ("true activations", ACTIVATION, settings.true_activations),
+    )
+    truth = {}
+    sources = []
+    for role, quantity, path in files:
+        if path is not None:
+            table = read_sto(path)
+            truth[quantity.name] = Series(table.time, table.names, table.values, quantity=quantity)
+            sources.append(file_source(role, path))
     values = (KnownTruth(FrozenMap(truth)),) if truth else ()
-    return Opened(values, sources, simulated=settings.simulated)
+    return Opened(values, tuple(sources), simulated=settings.simulated)
 
 
 INPUT = Input(name="truth", settings=TruthFiles, open=_open)

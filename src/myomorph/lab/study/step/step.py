@@ -12,13 +12,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from myomorph.core.model.errors import BadExtension
+from myomorph.core.model.errors import BadExtension, check_name
 from myomorph.core.model.extension import load
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
+from myomorph.core.model.quantity import Quantity, declared_once
 from myomorph.core.model.registry import remark
 from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.quantity_table import stated_quantities
 from myomorph.lab.store.results import ResultWriter, Stored
 from myomorph.lab.store.settings import ReportOptions, Setting, settings_of
 from myomorph.lab.study.inputs.input import OptionSet
@@ -99,6 +101,7 @@ class Step(StepHead, Generic[Result]):
     scope: Scope = "trial"
     tables: str = ""
 
+    quantities: tuple[Quantity, ...] = ()
     gives: type[Result] = object  # type: ignore[assignment]
     needs: tuple[type, ...] = ()
     uses: tuple[type, ...] = ()
@@ -165,6 +168,19 @@ def step_head(name: str) -> StepHead:
 def trial_steps() -> tuple[Step[Any], ...]:
     """All steps of a trial, in their order."""
     return tuple(map(step_of, STEPS["trial"]))
+
+
+def step_giving(name: str) -> str:
+    """The step of a trial that gives a quantity; raises `UnknownName`."""
+    givers = {quantity.name: step.name for step in trial_steps() for quantity in step.quantities}
+    check_name("quantity", name, givers, "the steps of a trial")
+    return givers[name]
+
+
+def declared_quantities() -> tuple[Quantity, ...]:
+    """All quantities of results: those of the table, and those of steps that were added."""
+    added = tuple(quantity for step in trial_steps() for quantity in step.quantities)
+    return declared_once((*stated_quantities(), *added))
 
 
 def large_variables() -> tuple[str, ...]:

@@ -10,20 +10,28 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from myomorph.core.io.parsing.text import write_csv
-from myomorph.core.io.sto import write_sto
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Series, Table
+from myomorph.core.model.series import Series
 from myomorph.core.tension.dual import STALLED
 from myomorph.core.tension.elastic.windows import FASTEST, solved_every
+from myomorph.core.tension.fiber_quantities import (
+    FIBER_LENGTH,
+    FIBER_POWER,
+    FIBER_VELOCITY,
+    NORMALIZED_FIBER_LENGTH,
+    TENDON_FORCE,
+    TENDON_POWER,
+    TENDON_STRAIN,
+)
 from myomorph.core.tension.tension import Fibers, Tension
 from myomorph.lab.analysis.joint_loads import own_strides
 from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.store.quantity_files import write_quantity
 from myomorph.lab.store.results import Stored
 from myomorph.lab.store.stored import get_fibers
 from myomorph.lab.study.step.step import StepOutput
-from myomorph.lab.study.trial.trial_inputs import Signals, Value, all_drawn
+from myomorph.lab.study.trial.trial_inputs import Signals, Value, tidy_signals
 
 WORK = "fiber_work.csv"
 UNITS = {
@@ -36,6 +44,9 @@ UNITS = {
     "stored": "J",
 }
 """Of the columns of the table of work, by the last word of their names."""
+
+FIBER_TABLES = (FIBER_LENGTH, FIBER_VELOCITY, TENDON_STRAIN, FIBER_POWER, TENDON_POWER)
+"""Quantities of fibers with a table of their own."""
 
 # Strain at which tendons tear: where it is passed, the model's tendon does not fit.
 LARGE_STRAIN = 0.1
@@ -123,19 +134,11 @@ def write_fibers(
     fibers = tension.fibers
     if fibers is None:
         return ()
-    tables = (
-        ("fiber_lengths", "fiber lengths [m]", fibers.lengths),
-        ("fiber_velocities", "lengthening velocities of fibers [m/s]", fibers.velocities),
-        ("tendon_strains", "tendon strains", fibers.tendon_strains),
-        ("tendon_forces", "tendon forces [N]", tension.forces),
-        ("fiber_powers", "powers of fibers [W]", fibers.fiber_powers),
-        ("tendon_powers", "powers of tendons [W]", fibers.tendon_powers),
-    )
-    for name, title, values in tables:
-        facts = FrozenMap({"name": f"Muscle tensions: {title}"})
-        write_sto(
-            Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto"
-        )
+    values = {quantity: quantity.of(fibers) for quantity in FIBER_TABLES} | {
+        TENDON_FORCE: tension.forces
+    }
+    for quantity, table in values.items():
+        write_quantity(output.folder, quantity, tension.time, tension.muscles, table)
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
     names = [field.name for field in fields(FiberWork)]
@@ -216,28 +219,14 @@ def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     normal = fibers.lengths / np.array([optimal.get(name, np.nan) for name in muscles])
 
-    def signals(
-        values: Array,
-        ending: str,
-        unit: str,
-        statistics: tuple[str, ...],
-        curve: str,
-        factor: float = 1.0,
-    ) -> Signals:
-        series = Series(stored.time, muscles, inside_ends(fibers, values))
-        return all_drawn("tension", series, ending, unit, statistics, curve, factor)
-
-    ends = ("minimum", "maximum")
-    mean = ("minimum", "maximum", "mean")
-    return (
-        signals(
-            normal, "_normalized_fiber_length", "1", (*ends, "range"), "normalized fiber length"
-        ),
-        signals(
-            fibers.tendon_strains, "_tendon_strain", "1", ("maximum",), "tendon strain [%]", 100.0
-        ),
-        signals(fibers.fiber_powers, "_fiber_power", "W", mean, "fiber power [W]"),
-        signals(fibers.tendon_powers, "_tendon_power", "W", mean, "tendon power [W]"),
+    found = {NORMALIZED_FIBER_LENGTH: normal} | {
+        quantity: quantity.of(fibers) for quantity in (TENDON_STRAIN, FIBER_POWER, TENDON_POWER)
+    }
+    return tuple(
+        tidy_signals(
+            "tension", quantity, Series(stored.time, muscles, inside_ends(fibers, values)), model
+        )
+        for quantity, values in found.items()
     )
 
 

@@ -10,17 +10,17 @@ import numpy as np
 
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.io.sto import write_sto
-from myomorph.core.model.series import Series
+from myomorph.core.model.model import Model
 from myomorph.core.tension.joint_contact import JointContactForces, JointPoints
+from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD
 from myomorph.lab.analysis.joint_loads import stride_loads
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.store.contact_store import get_joint_contacts, put_joint_contacts
 from myomorph.lab.store.results import Stored
 from myomorph.lab.study.step.step import StepOutput
-from myomorph.lab.study.trial.trial_inputs import Signals, Value, all_drawn
+from myomorph.lab.study.trial.trial_inputs import Signals, Value, tidy_signals
 from myomorph.lab.study.trial.trial_strides import TrialStrides
 
-TABLE = "joint_contact_forces.sto"
 STRIDES = "joint_contact_strides.csv"
 COLUMNS = (
     "load",
@@ -36,7 +36,6 @@ COLUMNS = (
 # Of body weight: a joint that bears less may rest on any of its points without a word.
 LOADED = 0.25
 LEFT = 0.25  # Of the force times half the distance of the points: a moment left that is said.
-ENDING = " contact force"
 
 
 def write_joint_contacts(
@@ -44,7 +43,7 @@ def write_joint_contacts(
 ) -> tuple[str, ...]:
     """Write forces at contact points, and return what is to be known of them, one line each."""
     put_joint_contacts(output.writer, contacts)
-    write_sto(contacts.table(), output.folder / TABLE)
+    write_sto(contacts.table(), output.folder / JOINT_CONTACT_LOAD.file)
     write_csv(output.folder / STRIDES, COLUMNS, _stride_rows(contacts, strides))
     return (*points.notes, *lift_off_notes(contacts, _half_distances(points)))
 
@@ -112,15 +111,12 @@ def _stride_rows(
         )
 
 
-def joint_contact_signals(stored: Stored) -> tuple[Signals, ...]:
+def joint_contact_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     """Loads over time for tables of values and curves."""
     joint_contacts = get_joint_contacts(stored)
     if joint_contacts is None:
         return ()
-    loads: Series = joint_contacts.loads()
-    return (
-        all_drawn("tension", loads, ENDING, "N", ("maximum", "mean"), "joint contact force [N]"),
-    )
+    return (tidy_signals("tension", JOINT_CONTACT_LOAD, joint_contacts.loads(), model),)
 
 
 def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Iterator[Value]:
@@ -134,6 +130,8 @@ def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Itera
     each = [
         load for part in parts for load in stride_loads(joint_contacts.loads(), part)
     ] or stride_loads(joint_contacts.loads(), None)
+    assert JOINT_CONTACT_LOAD.tidy is not None
+    ending_of_loads = JOINT_CONTACT_LOAD.tidy.ending()
     for name in joint_contacts.loads().names:
         strides_of_load = [stride for stride in each if stride.load == name]
         ending = ", mean of strides" if any(stride.stride for stride in strides_of_load) else ""
@@ -143,13 +141,13 @@ def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Itera
             )
             yield Value(
                 step="tension",
-                quantity=f"{name}{ENDING}, peak{ending}",
+                quantity=f"{name}{ending_of_loads}, peak{ending}",
                 value=peak,
                 unit="body weight",
             )
             yield Value(
                 step="tension",
-                quantity=f"{name}{ENDING}, impulse{ending}",
+                quantity=f"{name}{ending_of_loads}, impulse{ending}",
                 value=float(np.mean([stride.impulse for stride in strides_of_load])),
                 unit="N s",
             )

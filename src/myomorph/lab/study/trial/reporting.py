@@ -19,7 +19,10 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.join import join_models
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance, Source
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.model.surface import Surface
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
+from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.lab.analysis.gait_curves import GaitCurves
 from myomorph.lab.analysis.length_analysis import RANGE_HEAD, curve_rows, range_row
 from myomorph.lab.analysis.phases import Phase
@@ -297,7 +300,11 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
         plates=store.get_plates(stored),
         events=store.get_events(stored) or None,
         truth=(
-            Truth(truth.get("motion"), truth.get("torques"), truth.get("activations"))
+            Truth(
+                motion=truth.get(COORDINATE_VALUE.name),
+                torques=truth.get(GENERALIZED_FORCE.name),
+                activations=truth.get(ACTIVATION.name),
+            )
             if truth
             else None
         ),

@@ -18,8 +18,10 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Series, Trial
 from myomorph.lab.analysis.presets import preset_of
+from myomorph.lab.store.quantity_files import motions_of
 from myomorph.lab.store.results import ResultWriter, file_source
 from myomorph.lab.store.settings import ReportOptions, with_settings
 from myomorph.lab.study.inputs.imu import ImuFiles
@@ -244,6 +246,31 @@ def all_drawn(
         curve=curve,
         factor=np.full(count, factor),
         drawn=tuple(range(count)),
+    )
+
+
+def tidy_signals(step: str, quantity: Quantity, series: Series, model: Model) -> Signals:
+    """Columns of a quantity as its declaration has them in tables of values and curves.
+
+    Parameters
+    ----------
+    series : (frames, names) in the quantity's unit; ends that are to be left out are NaN
+    model : whose coordinates the columns are, where they are
+    """
+    tidy = quantity.tidy
+    assert tidy is not None
+    motions = motions_of(quantity, series.names, model)
+    scale = np.array([quantity.tidy_factor(motion) for motion in motions])
+    curves = [quantity.curve_factor(motion) for motion in motions]
+    return Signals(
+        step=step,
+        series=Series(series.time, series.names, series.values * scale),
+        endings=tuple(map(tidy.ending, motions)),
+        units=tuple(map(quantity.tidy_unit, motions)),
+        statistics=tidy.statistics,
+        curve=tidy.heading,
+        factor=np.array([1.0 if factor is None else factor for factor in curves]),
+        drawn=tuple(place for place, factor in enumerate(curves) if factor is not None),
     )
 
 

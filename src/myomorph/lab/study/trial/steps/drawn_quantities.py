@@ -4,7 +4,7 @@ that are kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,107 +13,127 @@ from myomorph.body.tension.task import TensionTask
 from myomorph.core.io.loads import loads_table
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import MyomorphError
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
+from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
+from myomorph.core.model.units import MotionKind
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.joint_contact import JointPoints
+from myomorph.core.tension.load_quantities import (
+    CONTACT_GROUP_FORCE,
+    CONTACT_LOAD,
+    JOINT_CONTACT_LOAD,
+    JOINT_REACTION,
+)
+from myomorph.core.tension.quantities import (
+    ACTIVATION,
+    GENERALIZED_FORCE_WITH_CONTACTS,
+    MUSCLE_FORCE,
+)
 from myomorph.core.tension.tension import RESERVE, Tension
 from myomorph.lab.analysis.gait_curves import SIDES, VARIABLES, gait_curves
 from myomorph.lab.analysis.strides import Strides
+from myomorph.lab.store.quantity_files import motions_of, quantity_table
 from myomorph.lab.store.settings import TensionTables
-from myomorph.lab.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
-from myomorph.lab.study.trial.steps.id import Torques, shown_torques, torque_table
-from myomorph.lab.study.trial.trial_inputs import EXTREMES, IN_STRIDE, TrialInputs, statistics_of
+from myomorph.lab.study.step.step import step_giving
+from myomorph.lab.study.trial.steps.id import Torques, shown_torques
+from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, TrialInputs, statistics_of
 from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
 
 
 @read_only
-class Quantity:
-    """A table of the chain, values (frames, names) as they were computed without errors; `table`
-    makes of values what is written. `units` and `factors`: of each column in tables that people
-    read, and from the values to these.
+class DrawnTable:
+    """A quantity of the chain as it was computed without errors.
+
+    Attributes
+    ----------
+    quantity : what it is
+    time : (frames,) [s]
+    names : of its columns
+    values : (frames, names) in the quantity's unit
+    motions : how the coordinate of each column moves, for units and names
+    model : whose coordinates these are
     """
 
-    name: str
+    quantity: Quantity
     time: Array
     names: tuple[str, ...]
     values: Array
-    table: Callable[[Array], Table]
-    unit: str
-    units: tuple[str, ...]
-    factors: Array
+    motions: tuple[MotionKind, ...]
+    model: Model
+
+    @property
+    def name(self) -> str:
+        """Name of the quantity."""
+        return self.quantity.name
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each column in tables that people read."""
+        return tuple(map(self.quantity.tidy_unit, self.motions))
+
+    @property
+    def factors(self) -> Array:
+        """(names,) from the values to these units."""
+        return np.array([self.quantity.tidy_factor(motion) for motion in self.motions])
+
+    def table(self, values: Array) -> Table:
+        """Other values (frames, names) of the quantity, as its file has them."""
+        return quantity_table(self.quantity, self.time, self.names, values, self.model)
+
+
+def drawn_table(
+    quantity: Quantity, time: Array, names: Sequence[str], values: Array, model: Model
+) -> DrawnTable:
+    """A quantity with its columns (frames, names), whose coordinates are those of a model."""
+    return DrawnTable(
+        quantity=quantity,
+        time=time,
+        names=tuple(names),
+        values=values,
+        motions=motions_of(quantity, names, model),
+        model=model,
+    )
 
 
 def muscle_quantities(
     trial: TrialInputs, task: TensionTask, strength: Strength | None
-) -> list[Quantity]:
+) -> list[DrawnTable]:
     """Tables of tensions and of what follows from them; `TooWeak` where reserves of a draw give
     more than they may.
     """
     tension, _ = task.solved(lambda count: None)
     if strength is not None:
         strength.check(tension)
-    parts = (("activations", tension.activations, "1"), ("forces", tension.forces, "N"))
+    by_muscle = (ACTIVATION, MUSCLE_FORCE)
     made = [
-        quantity_of(name, tension.time, tension.muscles, values, unit)
-        for name, values, unit in parts
+        drawn_table(quantity, tension.time, tension.muscles, quantity.of(tension), trial.model)
+        for quantity in by_muscle
     ]
     tables = []
     if task.setting is not None:
         loads, carried = task.loads(tension)
-        made.append(_generalized_forces("torques_with_contacts", carried, trial.model))
-        tables.append(("contact_forces", loads_table(loads)))
-        tables.append(("contact_groups", task.contact_groups(tension)))
+        made.append(series_table(GENERALIZED_FORCE_WITH_CONTACTS, carried, trial.model))
+        tables.append((CONTACT_LOAD, loads_table(loads)))
+        tables.append((CONTACT_GROUP_FORCE, task.contact_groups(tension)))
     frame = trial.options[TensionTables].reactions
     points = trial.get(JointPoints)
     if frame != "none":
-        tables.append(("joint_reactions", task.reactions(tension, frame)))
+        tables.append((JOINT_REACTION, task.reactions(tension, frame)))
     if points is not None:
-        tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
-    return [
-        *made,
-        *(
-            quantity_of(name, table.time, table.names, table.values, "N, N m or m")
-            for name, table in tables
-        ),
-    ]
+        tables.append((JOINT_CONTACT_LOAD, task.joint_contacts(tension, points).table()))
+    return [*made, *(series_table(quantity, table, trial.model) for quantity, table in tables)]
 
 
-def torque_quantity(trial: TrialInputs, torques: Torques) -> Quantity:
+def torque_quantity(trial: TrialInputs, torques: Torques) -> DrawnTable:
     """The table of torques."""
-    return _generalized_forces("torques", shown_torques(trial, torques), trial.model)
+    return series_table(GENERALIZED_FORCE, shown_torques(trial, torques), trial.model)
 
 
-def _generalized_forces(name: str, shown: Series, model: Model) -> Quantity:
-    kinds = [model.coordinate(name).motion for name in shown.names]
-    units = tuple("N m" if kind == "rotational" else "N" for kind in kinds)
-
-    def table(values: Array) -> Table:
-        return torque_table(Series(shown.time, shown.names, values), model)
-
-    shown_columns = (shown.time, shown.names, shown.values)
-    return Quantity(name, *shown_columns, table, "N m or N", units, np.ones(len(units)))
-
-
-def quantity_of(
-    name: str, time: Array, names: tuple[str, ...], values: Array, unit: str
-) -> Quantity:
-    """A table whose columns have one unit, written as they are."""
-
-    def table(array: Array) -> Table:
-        return Table(time, names, array, facts=FrozenMap({"name": name.replace("_", " ")}))
-
-    count = len(names)
-    return Quantity(
-        name=name,
-        time=time,
-        names=names,
-        values=values,
-        table=table,
-        unit=unit,
-        units=(unit,) * count,
-        factors=np.ones(count),
-    )
+def series_table(quantity: Quantity, series: Series, model: Model) -> DrawnTable:
+    """A series as a table of a quantity."""
+    return drawn_table(quantity, series.time, series.names, series.values, model)
 
 
 LARGE = 0.3
@@ -169,18 +189,8 @@ def _peaks(tension: Tension) -> tuple[dict[str, float], dict[str, float]]:
     return dict(zip(tension.coordinates, torques, strict=True)), of_coordinates
 
 
-PEAKS = ("maximum", "mean")
 LOADS = ("total_", "medial_", "lateral_")
-KEPT: dict[str, tuple[str, tuple[str, ...], dict[str, str]]] = {
-    "coordinates": ("ik", EXTREMES, {}),
-    "torques": ("id", EXTREMES, {"N m": "_moment", "N": "_force"}),
-    "activations": ("tension", PEAKS, {"1": "_activation"}),
-    "forces": ("tension", PEAKS, {"N": "_force"}),
-    "joint_contact_forces": ("tension", PEAKS, {"N, N m or m": JOINT_CONTACT}),
-}
-"""Tables whose numbers are kept as the step's signals have them: step, statistics, ends of names by
-unit.
-"""
+"""Begin of the columns of loads at contact points whose numbers are kept."""
 
 
 @read_only
@@ -191,21 +201,22 @@ class DrawnValues:
 
     names: tuple[tuple[str, str], ...]
     tables: tuple[str, ...]
-    columns: tuple[tuple[Quantity, tuple[int, ...]], ...]
+    columns: tuple[tuple[DrawnTable, tuple[int, ...]], ...]
     strides: TrialStrides | None
 
     def of(self, tables: Mapping[str, Array]) -> Array:
         """All numbers of a draw (names,)."""
         parts = [np.zeros(0)]
         for quantity, columns in self.columns:
-            statistics = KEPT[quantity.name][1]
+            tidy = quantity.quantity.tidy
+            assert tidy is not None
             for numbers in _statistics(quantity, columns, tables[quantity.name], self.strides):
-                parts += [numbers[what] for what in statistics]
+                parts += [numbers[what] for what in tidy.statistics]
         return np.concatenate(parts)
 
 
 def _statistics(
-    quantity: Quantity, columns: tuple[int, ...], values: Array, strides: TrialStrides | None
+    quantity: DrawnTable, columns: tuple[int, ...], values: Array, strides: TrialStrides | None
 ) -> Iterator[dict[str, Array]]:
     """Statistics of columns of a table (frames, columns) over the whole, and means of those of
     strides if there are.
@@ -220,34 +231,49 @@ def _statistics(
         yield {what: statistics_of(numbers)["mean"] for what, numbers in each.items()}
 
 
-def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -> DrawnValues:
+def drawn_values(quantities: Sequence[DrawnTable], strides: TrialStrides | None) -> DrawnValues:
     """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables
     of values have.
     """
     names = list[tuple[str, str]]()
     tables = list[str]()
     kept = []
-    for quantity in (quantity for quantity in quantities if quantity.name in KEPT):
-        step, statistics, endings = KEPT[quantity.name]
-        every = enumerate(quantity.names)
-        loads = quantity.name == "joint_contact_forces"
-        columns = tuple(column for column, name in every if not loads or name.startswith(LOADS))
-        count = len(names)
+    for quantity in quantities:
+        if quantity.quantity.tidy is None:
+            continue
+        columns = _kept_columns(quantity)
         wheres = ("", f" {IN_STRIDE}")
-        for where, _ in zip(
-            wheres, _statistics(quantity, columns, quantity.values, strides), strict=False
-        ):
-            for what in statistics:
-                ends = (
-                    (quantity.names[column], endings.get(quantity.units[column], ""))
-                    for column in columns
-                )
-                names += [(step, f"{name}{ending}, {what}{where}") for name, ending in ends]
-        tables += [quantity.name] * (len(names) - count)
+        parts = _statistics(quantity, columns, quantity.values, strides)
+        own = [
+            (step_giving(quantity.name), value)
+            for where, _ in zip(wheres, parts, strict=False)
+            for value in _value_names(quantity, columns, where)
+        ]
+        names += own
+        tables += [quantity.name] * len(own)
         kept.append((quantity, columns))
     return DrawnValues(
         names=tuple(names), tables=tuple(tables), columns=tuple(kept), strides=strides
     )
+
+
+def _kept_columns(quantity: DrawnTable) -> tuple[int, ...]:
+    """Columns whose numbers the tables of values have."""
+    loads = quantity.quantity is JOINT_CONTACT_LOAD
+    return tuple(
+        column for column, name in enumerate(quantity.names) if not loads or name.startswith(LOADS)
+    )
+
+
+def _value_names(quantity: DrawnTable, columns: Sequence[int], where: str) -> list[str]:
+    """Names of the numbers of columns as `values.csv` has them, statistic by statistic."""
+    tidy = quantity.quantity.tidy
+    assert tidy is not None
+    return [
+        f"{quantity.names[column]}{tidy.ending(quantity.motions[column])}, {statistic}{where}"
+        for statistic in tidy.statistics
+        for column in columns
+    ]
 
 
 @read_only
@@ -257,7 +283,7 @@ class DrawnGait:
     model: Model
     time: Array
     names: tuple[str, ...]  # of the coordinates
-    torques: Quantity | None
+    torques: DrawnTable | None
     strides: Strides
     wrenches: Wrenches | None
 
@@ -265,8 +291,8 @@ class DrawnGait:
         """By side, (samples, variables); {} where the model has no such curves."""
         torques = None
         if self.torques is not None:
-            torques = Series(self.torques.time, self.torques.names, tables["torques"])
-        motion = Motion(self.time, self.names, tables["coordinates"])
+            torques = Series(self.torques.time, self.torques.names, tables[GENERALIZED_FORCE.name])
+        motion = Motion(self.time, self.names, tables[COORDINATE_VALUE.name])
         curves = gait_curves(self.model, motion, self.strides, torques, self.wrenches)
         return {} if curves is None else {side: curves.mean(side) for side in SIDES}
 
@@ -275,8 +301,11 @@ def widened_gait(errors: Mapping[str, Array], factors: Mapping[str, float]) -> d
     """Errors of gait curves (draws, samples, variables) by side, as much wider as those of angles
     and of torques.
     """
-    kinds = {"angle": factors.get("coordinates", 1.0), "force": 1.0}
+    kinds = {"angle": factors.get(COORDINATE_VALUE.name, 1.0), "force": 1.0}
     factor = np.array(
-        [kinds.get(variable.kind, factors.get("torques", 1.0)) for variable in VARIABLES]
+        [
+            kinds.get(variable.kind, factors.get(GENERALIZED_FORCE.name, 1.0))
+            for variable in VARIABLES
+        ]
     )
     return {side: factor * values for side, values in errors.items()}

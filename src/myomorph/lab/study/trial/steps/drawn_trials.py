@@ -13,11 +13,11 @@ import scipy
 from myomorph.body.tension.task import TensionTask
 from myomorph.core.contact.plan import ContactPlan
 from myomorph.core.contact.site_motion import root_places, walked
-from myomorph.core.io.sto import table_from_motion
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Markers, Motion, Table, Wrenches
+from myomorph.core.model.series import Markers, Motion, Wrenches
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.core.motion.sensors.mounting import (
     SensorMounting,
@@ -40,10 +40,11 @@ from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.trial.steps.drawn_quantities import (
-    Quantity,
+    DrawnTable,
     Strength,
     TooWeak,
     muscle_quantities,
+    series_table,
     torque_quantity,
 )
 from myomorph.lab.study.trial.steps.id import Torques, cutoff_of, solve_dynamics
@@ -138,7 +139,7 @@ class Chain:
         } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
         return tuple(group for group in GROUPS if acting.get(group, True))
 
-    def quantities(self) -> tuple[tuple[Quantity, Quantity], ...]:
+    def quantities(self) -> tuple[tuple[DrawnTable, DrawnTable], ...]:
         """Tables without errors, of all frames and of those that are drawn."""
         whole = self._made(self.trial, self.recorded, self.torques, 1)
         if self.tension_step == 1:
@@ -263,19 +264,11 @@ class Chain:
         torques: Torques | None,
         step: int,
         draw: Draw | None = None,
-    ) -> list[Quantity]:
+    ) -> list[DrawnTable]:
         """All tables; tensions of every so manieth frame of the torques."""
         model = self.trial.model
         shown = recorded if trial.time is None else cut(recorded, *trial.time)
-        kinds = [model.coordinate(name).motion for name in shown.names]
-        units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
-        factors = np.where([kind == "rotational" for kind in kinds], 180.0 / np.pi, 1.0)
-
-        def coordinates(values: Array) -> Table:
-            return table_from_motion(Motion(shown.time, shown.names, values), model)
-
-        shown_columns = (shown.time, shown.names, shown.values)
-        made = [Quantity("coordinates", *shown_columns, coordinates, "rad or m", units, factors)]
+        made = [series_table(COORDINATE_VALUE, shown, model)]
         if torques is None:
             return made
         if self.trial.get(RecordedTorques) is None:

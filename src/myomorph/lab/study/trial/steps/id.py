@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.core.io.sto import write_sto
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
+from myomorph.core.model.series_quantities import COORDINATE_UNIT, FILTERED_MOTION, WRENCHES
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.automatic_cutoff import automatic_cutoff
 from myomorph.core.motion.filters import differentiate
@@ -19,11 +18,13 @@ from myomorph.core.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.loops import closed_motion, loop_torques
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.lab.report.trial.report_input import Dynamics, ReportInput
 from myomorph.lab.report.trial.summary_lines import dynamics_line
 from myomorph.lab.report.trial.tables import residuals
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.quantity_files import quantity_table, write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -33,7 +34,13 @@ from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
 from myomorph.lab.study.trial.steps.ik import Poses
-from myomorph.lab.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value, all_drawn
+from myomorph.lab.study.trial.trial_inputs import (
+    Signals,
+    TrialInputs,
+    Value,
+    all_drawn,
+    tidy_signals,
+)
 
 if TYPE_CHECKING:
     from myomorph.lab.study.trial.trial_strides import TrialStrides
@@ -214,10 +221,7 @@ def torque_table(torques: Series, model: Model) -> Table:
     """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`,
     `pelvis_tx_force`.
     """
-    endings = {"rotational": "moment", "translational": "force", "coupled": "force"}
-    names = tuple(f"{name}_{endings[model.coordinate(name).motion]}" for name in torques.names)
-    facts = FrozenMap({"name": "Inverse Dynamics Generalized Forces"})
-    return Table(torques.time, names, torques.values, facts=facts)
+    return quantity_table(GENERALIZED_FORCE, torques.time, torques.names, torques.values, model)
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
@@ -231,9 +235,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
             " --cutoff"
         )
         dynamics = replace(dynamics, notes=(*dynamics.notes, text))
-    write_sto(
-        torque_table(shown_torques(trial, dynamics), trial.model), output.folder / "torques.sto"
-    )
+    write_series(output.folder, shown_torques(trial, dynamics), trial.model)
     put_dynamics(output, dynamics, trial.model)
     return dynamics
 
@@ -274,24 +276,11 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     torques = store.get_torques(stored)
     signals = []
     if torques is not None:
-        rotating = [model.coordinate(name).motion == "rotational" for name in torques.names]
-        endings = tuple("_moment" if turns else "_force" for turns in rotating)
-        units = tuple("N m" if turns else "N" for turns in rotating)
-        per = np.full(len(units), 1.0 / mass if mass > 0.0 else 1.0)
-        curve = f"joint torque [{'N·m/kg' if mass > 0.0 else 'N·m'}]"
-        drawn = tuple(np.flatnonzero(rotating).tolist())
-        signals.append(
-            Signals(
-                step="id",
-                series=torques,
-                endings=endings,
-                units=units,
-                statistics=EXTREMES,
-                curve=curve,
-                factor=per,
-                drawn=drawn,
-            )
-        )
+        made = tidy_signals("id", GENERALIZED_FORCE, torques, model)
+        if mass > 0.0:
+            curve = made.curve.replace("N·m", "N·m/kg")
+            made = replace(made, curve=curve, factor=made.factor / mass)
+        signals.append(made)
     return *signals, *_ground_forces(store.get_wrenches(stored), model)
 
 
@@ -353,6 +342,7 @@ STEP = Step(
     name="id",
     title="inverse dynamics",
     gives=Torques,
+    quantities=(*FILTERED_MOTION, COORDINATE_UNIT, GENERALIZED_FORCE, *WRENCHES),
     needs=(Poses,),
     options=(Differentiation, ForceOptions, TorqueTable),
     inputs=("loads", "laboratory", "soft tissue", "time"),
@@ -379,5 +369,5 @@ STEP = Step(
             "external_free_torque",
         ),
     ),
-    command=StepCommand(_line, "torques.sto", draws=True),
+    command=StepCommand(_line, GENERALIZED_FORCE.file, draws=True),
 )

@@ -16,10 +16,16 @@ from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Markers, Motion, Series, Table
+from myomorph.core.model.series import Markers, Motion, Table
+from myomorph.core.model.series_quantities import (
+    COORDINATE_UNIT,
+    COORDINATE_VALUE,
+    MARKER_POSITION,
+)
 from myomorph.core.motion.crossings import CrossingOptions, crossings, within_crossings
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.core.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
+from myomorph.core.motion.quantities import FIT, MARKER_ERROR, SENSOR_ERROR
 from myomorph.core.motion.sensors.mounting import SensorOptions, trunk_acceleration
 from myomorph.core.motion.sync import cut
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
@@ -27,12 +33,13 @@ from myomorph.lab.report.trial.summary_lines import kinematics_line
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.progress import progress
+from myomorph.lab.store.quantity_files import write_quantity, write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.motion import RecordedMotion
 from myomorph.lab.study.inputs.refined import RefinedMotion, refined_fit
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
-from myomorph.lab.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
+from myomorph.lab.study.trial.trial_inputs import Signals, TrialInputs, Value, tidy_signals
 
 if TYPE_CHECKING:
     from myomorph.lab.study.trial.trial_strides import TrialStrides
@@ -131,7 +138,7 @@ def error_table(fit: KinematicsFit) -> Table:
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     if trial.get(RecordedMotion) is not None:
         used = trial_motion(trial)
-        write_sto(table_from_motion(used, trial.model), output.folder / "coordinates.mot")
+        write_series(output.folder, replace(used, quantity=COORDINATE_VALUE), trial.model)
         store.put_motion(output.writer, used, trial.model)
         return Poses(used)
     checked = solve_kinematics(trial)
@@ -139,10 +146,13 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     notes = tuple(map(str, checked.findings))
     if checked.sensors is not None:
         notes = (*notes, *checked.sensors.mounting.notes)
-        names = checked.fit.sensor_names
-        angles = np.degrees(checked.fit.sensor_errors)
-        table = Table(checked.fit.motion.time, names, angles, in_degrees=True)
-        write_sto(table, output.folder / "sensor_errors.sto")
+        write_quantity(
+            output.folder,
+            SENSOR_ERROR,
+            checked.fit.motion.time,
+            checked.fit.sensor_names,
+            checked.fit.sensor_errors,
+        )
     refined = trial.get(RefinedMotion)
     recorded = trial.recording.markers
     if refined is not None:
@@ -152,8 +162,8 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         checked, more = refined_fit(trial.name, trial.model, refined, checked)
         notes = (*notes, *more)
     fit = checked.fit
-    write_sto(table_from_motion(fit.motion, trial.model), output.folder / "coordinates.mot")
-    write_sto(error_table(fit), output.folder / "marker_errors.sto")
+    write_series(output.folder, replace(fit.motion, quantity=COORDINATE_VALUE), trial.model)
+    write_sto(error_table(fit), output.folder / MARKER_ERROR.file)
     store.put_fit(writer, fit, trial.model)
     if recorded is not None:
         kept = np.isin(recorded.time, fit.motion.time)
@@ -172,7 +182,7 @@ def recorded_poses(trial: TrialInputs) -> Poses:
 def _read(stored: Stored, options: OptionSet) -> Poses | None:
     fit = store.get_fit(stored)
     if fit is None:
-        return Poses(store.get_motion(stored)) if "coordinate_value" in stored.values else None
+        return Poses(store.get_motion(stored)) if COORDINATE_VALUE.name in stored.values else None
     findings = get_findings(stored, FINDINGS)
     return Poses(recorded=fit.motion, fit=fit, notes=tuple(map(str, findings)), findings=findings)
 
@@ -188,7 +198,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     fit = store.get_fit(stored)
     coordinates = store.get_derivatives(stored) if fit is None else None
-    if fit is None and coordinates is None and "coordinate_value" in stored.values:
+    if fit is None and coordinates is None and COORDINATE_VALUE.name in stored.values:
         coordinates = store.get_motion(stored)
     report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
     return replace(report_input, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
@@ -196,29 +206,9 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     """Coordinates in degrees and metres."""
-    if "coordinate_value" not in stored.values:
+    if COORDINATE_VALUE.name not in stored.values:
         return ()
-    motion = store.get_motion(stored)
-    kinds = [model.coordinate(name).motion for name in motion.names]
-    rotating = np.array([kind == "rotational" for kind in kinds])
-    series = Series(
-        motion.time, motion.names, motion.values * np.where(rotating, 180.0 / np.pi, 1.0)
-    )
-    units = tuple({"rotational": "deg", "translational": "m"}.get(kind, "1") for kind in kinds)
-    drawn = tuple(np.flatnonzero(rotating).tolist())
-    count = len(units)
-    return (
-        Signals(
-            step="ik",
-            series=series,
-            endings=("",) * count,
-            units=units,
-            statistics=EXTREMES,
-            curve="joint angle [°]",
-            factor=np.ones(count),
-            drawn=drawn,
-        ),
-    )
+    return (tidy_signals("ik", COORDINATE_VALUE, store.get_motion(stored), model),)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
@@ -283,6 +273,7 @@ STEP = Step(
     name="ik",
     title="inverse kinematics",
     gives=Poses,
+    quantities=(COORDINATE_VALUE, COORDINATE_UNIT, MARKER_POSITION, *FIT),
     options=(InverseKinematicsOptions, MarkerCheckOptions, CrossingOptions, SensorOptions),
     not_settings=("only_weighted",),
     inputs=("tasks", "labels", "laboratory", "imu", "time"),
@@ -299,5 +290,5 @@ STEP = Step(
         *("sensor", "sensor_error"),
         *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
     ),
-    command=StepCommand(_line, "coordinates.mot", draws=True),
+    command=StepCommand(_line, COORDINATE_VALUE.file, draws=True),
 )

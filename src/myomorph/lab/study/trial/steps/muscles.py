@@ -14,25 +14,32 @@ from typing import Any
 import numpy as np
 
 from myomorph.core.io.sto import write_sto
-from myomorph.core.model.arrays import Array
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Motion, Series, Table
+from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.sync import cut
 from myomorph.core.muscles.kinematics import ReportedPaths
 from myomorph.core.muscles.path import compile_paths
+from myomorph.core.muscles.quantities import (
+    CROSSING_COORDINATE,
+    CROSSING_MUSCLE,
+    MOMENT_ARM,
+    MUSCLE_LENGTH,
+    MUSCLE_VELOCITY,
+)
 from myomorph.core.rigid.loops import closed_motion
 from myomorph.lab.report.trial.report_input import MusclePaths, ReportInput
 from myomorph.lab.report.trial.summary_lines import muscles_line
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.progress import progress
+from myomorph.lab.store.quantities import create_quantity, put_quantity
+from myomorph.lab.store.quantity_files import quantity_table, write_quantity
 from myomorph.lab.store.results import ResultWriter, Stored, file_name
 from myomorph.lab.store.settings import Differentiation
 from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.step.step import Step, StepCommand, StepOutput
 from myomorph.lab.study.trial.steps.id import Torques, filter_summary, with_derivatives
 from myomorph.lab.study.trial.steps.ik import Poses
-from myomorph.lab.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, all_drawn
+from myomorph.lab.study.trial.trial_inputs import Signals, TrialInputs, tidy_signals
 
 BLOCK = 512  # Frames that are in memory at a time.
 
@@ -56,17 +63,10 @@ def write_muscles(
             part = slice(start, min(start + BLOCK, len(motion)))
             _, velocities[part], stored[part] = paths.evaluate(motion, part, advance)
             lengths[part] = paths.evaluate(recorded, part)[0]
-    by_muscle = ("time", "muscle")
-    writer.put("muscle_length", by_muscle, lengths, "m", "length of the muscle-tendon path")
-    writer.put(
-        "muscle_velocity",
-        by_muscle,
-        velocities,
-        "m/s",
-        "lengthening velocity of the muscle-tendon path",
-    )
-    _table(motion, model.muscle_names, lengths, "Lengths", folder / "lengths.sto")
-    _table(motion, model.muscle_names, velocities, "Velocities", folder / "velocities.sto")
+    put_quantity(writer, MUSCLE_LENGTH, lengths)
+    put_quantity(writer, MUSCLE_VELOCITY, velocities)
+    write_quantity(folder, MUSCLE_LENGTH, motion.time, model.muscle_names, lengths)
+    write_quantity(folder, MUSCLE_VELOCITY, motion.time, model.muscle_names, velocities)
     _arm_tables(motion, paths.pairs, stored, folder)
     return muscles_line(model, motion.time, lengths, velocities)
 
@@ -80,10 +80,9 @@ def _variables(
     writer.time(motion.time)
     writer.names("muscle", model.muscle_names)
     writer.sizes("crossing", len(crossing))
-    writer.texts("crossing_muscle", "crossing", [muscle for muscle, _ in crossing])
-    writer.texts("crossing_coordinate", "crossing", [coordinate for _, coordinate in crossing])
-    meaning = "moment arm -d(length)/d(coordinate) of crossing_muscle about crossing_coordinate"
-    return writer.create("moment_arm", ("time", "crossing"), "m", meaning)
+    put_quantity(writer, CROSSING_MUSCLE, [muscle for muscle, _ in crossing])
+    put_quantity(writer, CROSSING_COORDINATE, [coordinate for _, coordinate in crossing])
+    return create_quantity(writer, MOMENT_ARM)
 
 
 def _arm_tables(
@@ -96,18 +95,11 @@ def _arm_tables(
     for coordinate, pairs in groupby(crossing, key=itemgetter(1)):
         names = tuple(muscle for muscle, _ in pairs)
         columns = slice(start, start := start + len(names))
-        title = f"Moment arms about {coordinate}"
-        _table(
-            motion,
-            names,
-            arms[:, columns],
-            title,
-            folder / f"moment_arms_{file_name(coordinate)}.sto",
+        about = MOMENT_ARM.replaced(
+            title=MOMENT_ARM.title.format(coordinate=coordinate), dims=("time", "muscle")
         )
-
-
-def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:
-    write_sto(Table(motion.time, names, values, facts=FrozenMap({"name": title})), path)
+        table = quantity_table(about, motion.time, names, arms[:, columns])
+        write_sto(table, folder / MOMENT_ARM.file.format(coordinate=file_name(coordinate)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,15 +135,10 @@ def _run(
 
 
 def _read(stored: Stored, options: OptionSet) -> MuscleLengths | None:
-    lengths = _by_muscle(stored, "muscle_length")
-    return (
-        None if lengths is None else MuscleLengths(lengths, _by_muscle(stored, "muscle_velocity"))
-    )
-
-
-def _by_muscle(stored: Stored, name: str) -> Series | None:
-    values = stored.values.get(name)
-    return None if values is None else Series(stored.time, stored.names["muscle"], values)
+    lengths = store.get_series(stored, MUSCLE_LENGTH)
+    if lengths is None:
+        return None
+    return MuscleLengths(lengths, store.get_series(stored, MUSCLE_VELOCITY))
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
@@ -161,16 +148,16 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
         used = sorted(set(compile_paths(report_input.model).arm_coordinate.tolist()))
         crossed = tuple(report_input.model.coordinate_names[j] for j in used)
     shown = MusclePaths(
-        _by_muscle(stored, "muscle_length"), _by_muscle(stored, "muscle_velocity"), crossed
+        store.get_series(stored, MUSCLE_LENGTH), store.get_series(stored, MUSCLE_VELOCITY), crossed
     )
     return replace(report_input, muscles=shown)
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
-    lengths = _by_muscle(stored, "muscle_length")
+    lengths = store.get_series(stored, MUSCLE_LENGTH)
     if lengths is None:
         return ()
-    return (all_drawn("muscles", lengths, "_length", "m", EXTREMES, "muscle length [mm]", 1000.0),)
+    return (tidy_signals("muscles", MUSCLE_LENGTH, lengths, model),)
 
 
 def _line(trial: TrialInputs, results: ByType) -> str:
@@ -182,6 +169,10 @@ STEP = Step(
     name="muscles",
     title="muscle paths",
     gives=MuscleLengths,
+    quantities=(
+        *(MUSCLE_LENGTH, MUSCLE_VELOCITY, MOMENT_ARM),
+        *(CROSSING_MUSCLE, CROSSING_COORDINATE),
+    ),
     needs=(Poses,),
     uses=(Torques,),
     inputs=("time",),
@@ -191,7 +182,7 @@ STEP = Step(
     read=_read,
     show=_show,
     signals=_signals,
-    large=("moment_arm",),
+    large=(MOMENT_ARM.name,),
     tables="muscles",
     command=StepCommand(_line),
 )

@@ -22,17 +22,33 @@ from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.io.contact_events import write_events
 from myomorph.core.io.loads import write_external_loads
 from myomorph.core.io.sto import write_sto
+from myomorph.core.model import contact_quantities
 from myomorph.core.model.contacts import Contacts
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Motion, Series, Table, Wrenches
+from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.envelope import EnvelopeOptions
+from myomorph.core.tension import fiber_quantities, load_quantities
 from myomorph.core.tension.contact_setting import Measurements, during
 from myomorph.core.tension.dual import INFEASIBLE, STALLED
+from myomorph.core.tension.emg_quantities import CONFLICTS
 from myomorph.core.tension.emg_targets import EmgOptions
 from myomorph.core.tension.joint_contact import JointPoints
+from myomorph.core.tension.load_quantities import (
+    CONTACT_GROUP_FORCE,
+    CONTACT_LOAD,
+    INTERVAL_LOW,
+    JOINT_REACTION,
+)
+from myomorph.core.tension.quantities import (
+    ACTIVATION,
+    ACTUATOR_COORDINATE,
+    ACTUATOR_FORCE,
+    GENERALIZED_FORCE_WITH_CONTACTS,
+    MUSCLE_FORCE,
+    TENSION,
+)
 from myomorph.core.tension.recruitment import RecruitmentOptions
 from myomorph.core.tension.relaxation import relaxation_lines
 from myomorph.core.tension.solve import ContactSolution
@@ -46,6 +62,7 @@ from myomorph.lab.store import contact_store
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.progress import progress
+from myomorph.lab.store.quantity_files import write_quantity, write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.lab.store.stored import get_conflicts
@@ -68,7 +85,6 @@ from myomorph.lab.study.trial.steps.id import (
     filter_summary,
     put_dynamics,
     solve_dynamics,
-    torque_table,
 )
 from myomorph.lab.study.trial.steps.ik import Poses
 from myomorph.lab.study.trial.trial_inputs import (
@@ -76,18 +92,15 @@ from myomorph.lab.study.trial.trial_inputs import (
     Signals,
     TrialInputs,
     Value,
-    all_drawn,
     statistics_of,
+    tidy_signals,
 )
 from myomorph.lab.study.trial.unmeasured_limbs import without_unmeasured_limbs
 
 if TYPE_CHECKING:
     from myomorph.lab.study.trial.trial_strides import TrialStrides
 
-CONTACT_FORCES = "contact_forces"
 CONTACTS = "contacts.csv"
-ALL_TORQUES = "torques_with_contacts.sto"
-CONTACT_GROUPS = "contact_groups.sto"
 FINDINGS = "tension_findings"
 
 
@@ -136,7 +149,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
-        write_sto(task.reactions(tension, frame), output.folder / "joint_reactions.sto")
+        write_sto(task.reactions(tension, frame), output.folder / JOINT_REACTION.file)
     if points is not None:
         forces = task.joint_contacts(tension, points)
         notes += write_joint_contacts(forces, points, strides, output)
@@ -279,14 +292,13 @@ def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> N
     store.put_tension(
         output.writer, tension, tuple(driven.get(name, "") for name in tension.reserve_names)
     )
-    tables = (
-        ("activations", tension.muscles, tension.activations),
-        ("forces", tension.muscles, tension.forces),
-        ("reserves", tension.reserve_names, tension.reserves),
+    columns = (
+        (ACTIVATION, tension.muscles),
+        (MUSCLE_FORCE, tension.muscles),
+        (ACTUATOR_FORCE, tension.reserve_names),
     )
-    for name, columns, values in tables:
-        facts = FrozenMap({"name": f"Muscle tensions: {name}"})
-        write_sto(Table(tension.time, columns, values, facts=facts), output.folder / f"{name}.sto")
+    for quantity, names in columns:
+        write_quantity(output.folder, quantity, tension.time, names, quantity.of(tension))
 
 
 def _write_contacts(
@@ -306,9 +318,10 @@ def _write_contacts(
     contact_store.put_contact_forces(writer, tension.contacts)
     contact_store.put_contacts(writer, contacts, situation)
     contact_store.put_forces_with_contacts(writer, carried)
-    write_external_loads(loads, folder / f"{CONTACT_FORCES}.sto", folder / f"{CONTACT_FORCES}.xml")
-    write_sto(task.contact_groups(tension), folder / CONTACT_GROUPS)
-    write_sto(torque_table(carried, task.model), folder / ALL_TORQUES)
+    write_external_loads(loads, folder / CONTACT_LOAD.file, folder / f"{CONTACT_LOAD.stem}.xml")
+    write_sto(task.contact_groups(tension), folder / CONTACT_GROUP_FORCE.file)
+    carried_quantity = replace(carried, quantity=GENERALIZED_FORCE_WITH_CONTACTS)
+    write_series(folder, carried_quantity, task.model)
     write_events(during(contacts, start, stop), folder / CONTACTS)
     return loads, carried
 
@@ -324,7 +337,7 @@ def _write_warnings(
         warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     if warnings.intervals is not None:
-        write_sto(warnings.table(), output.folder / "contact_intervals.sto")
+        write_sto(warnings.table(), output.folder / INTERVAL_LOW.file)
     return relaxation_lines(warnings.infeasible)
 
 
@@ -391,23 +404,15 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
-    statistics = ("maximum", "mean")
+    found = [
+        (quantity, store.get_series(stored, quantity)) for quantity in (ACTIVATION, MUSCLE_FORCE)
+    ]
     loads = tuple(
-        all_drawn(
-            "tension",
-            Series(stored.time, stored.names["muscle"], stored.values[name]),
-            ending,
-            unit,
-            statistics,
-            curve,
-        )
-        for name, ending, unit, curve in (
-            ("activation", "_activation", "1", "muscle activation"),
-            ("muscle_force", "_force", "N", "muscle force [N]"),
-        )
-        if name in stored.values
+        tidy_signals("tension", quantity, series, model)
+        for quantity, series in found
+        if series is not None
     )
-    return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored)
+    return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored, model)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:
@@ -451,6 +456,11 @@ STEP = Step(
     name="tension",
     title="muscle tensions",
     gives=Tensions,
+    quantities=(
+        *(*TENSION, ACTUATOR_COORDINATE, GENERALIZED_FORCE_WITH_CONTACTS),
+        *(*fiber_quantities.QUANTITIES, *load_quantities.QUANTITIES, *CONFLICTS),
+        *contact_quantities.QUANTITIES,
+    ),
     needs=(Poses,),
     uses=(Torques,),
     options=(

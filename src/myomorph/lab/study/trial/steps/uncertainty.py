@@ -20,7 +20,9 @@ from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.rigid.frames import thread_count
+from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.store.progress import progress
@@ -35,8 +37,8 @@ from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.step.step import Step, StepOutput
 from myomorph.lab.study.trial.steps.drawn_quantities import (
     DrawnGait,
+    DrawnTable,
     DrawnValues,
-    Quantity,
     drawn_values,
     widened_gait,
 )
@@ -57,11 +59,13 @@ from myomorph.lab.study.workers.jobs import Job
 from myomorph.lab.study.workers.local_workers import LocalWorkers
 from myomorph.lab.uncertainty.bodies import Draw
 from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.quantities import QUANTITIES
 from myomorph.lab.uncertainty.sources import NOTHING, ErrorSizes, Sources, SourceSize, source_sizes
 from myomorph.lab.uncertainty.spread import (
     FACTORS,
     Draws,
     Shares,
+    Spread,
     Uncertainty,
     ValueErrors,
     widened,
@@ -223,9 +227,7 @@ def _run(
                 f"and of {failures.weak} the body is too weak for the motion: state smaller errors"
             )
         spreads = {
-            of_all.name: draws.spread(of_all.name, of_drawn.time, of_all.names).over(
-                of_all.time, of_drawn.values, of_all.values
-            )
+            of_all.name: _spread(draws, of_all, of_drawn)
             for of_all, of_drawn in zip(whole, drawn, strict=True)
         }
         shares = {}
@@ -236,7 +238,7 @@ def _run(
     if options.widened:
         factors = {name: FACTORS.get(name, 1.0) for name in shapes}
     uncertainty = Uncertainty(
-        spreads={name: widened(name, spread, factors[name]) for name, spread in spreads.items()},
+        spreads={name: widened(spread, factors[name]) for name, spread in spreads.items()},
         shares=shares,
         draws=options.draws,
         failed=failures.unsolved + failures.weak,
@@ -252,23 +254,28 @@ def _run(
     _write_intervals(whole, uncertainty, output.folder)
     _write_table(whole, uncertainty, output.folder / TABLE)
     _write_sources(uncertainty.sizes, output.folder / SOURCE_TABLE)
-    put_uncertainty(
-        output.writer, uncertainty, {quantity.name: quantity.unit for quantity in drawn}
-    )
+    put_uncertainty(output.writer, uncertainty)
     put_value_errors(output.writer, value_errors)
     return uncertainty
 
 
+def _spread(draws: Draws, of_all: DrawnTable, of_drawn: DrawnTable) -> Spread:
+    """Spread of a quantity at all its frames, from the frames that were drawn."""
+    spread = draws.spread(of_all.name, of_drawn.time, of_all.names)
+    spread = replace(spread, quantity=of_all.quantity)
+    return spread.over(of_all.time, of_drawn.values, of_all.values)
+
+
 def _walk(
-    trial: TrialInputs, drawn: Sequence[Quantity], strides: Strides, torques: Torques | None
+    trial: TrialInputs, drawn: Sequence[DrawnTable], strides: Strides, torques: Torques | None
 ) -> DrawnGait:
     by_name = {quantity.name: quantity for quantity in drawn}
-    coordinates = by_name["coordinates"]
+    coordinates = by_name[COORDINATE_VALUE.name]
     return DrawnGait(
         model=trial.model,
         time=coordinates.time,
         names=coordinates.names,
-        torques=by_name.get("torques"),
+        torques=by_name.get(GENERALIZED_FORCE.name),
         strides=strides,
         wrenches=None if torques is None else torques.wrenches,
     )
@@ -324,18 +331,19 @@ def _collected(
 
 
 def _write_intervals(
-    quantities: Sequence[Quantity], uncertainty: Uncertainty, folder: Path
+    quantities: Sequence[DrawnTable], uncertainty: Uncertainty, folder: Path
 ) -> None:
     """Lower and upper bounds of each table, as tables of their own."""
-    for quantity in quantities:
-        suffix = ".mot" if quantity.name == "coordinates" else ".sto"
+    for drawn in quantities:
+        quantity = drawn.quantity
         spread = uncertainty.spreads[quantity.name]
-        write_sto(quantity.table(spread.low), folder / f"{quantity.name}_low{suffix}")
-        write_sto(quantity.table(spread.high), folder / f"{quantity.name}_high{suffix}")
+        for bound, values in (("low", spread.low), ("high", spread.high)):
+            file = f"{quantity.stem}_{bound}{quantity.suffix}"
+            write_sto(drawn.table(values), folder / file)
 
 
 def _shares(
-    quantities: tuple[Quantity, ...],
+    quantities: tuple[DrawnTable, ...],
     draws: Draws,
     groups: tuple[str, ...],
     jobs: Sequence[Draw],
@@ -403,11 +411,11 @@ def _notes(failures: Failures, draws: int) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _write_table(quantities: tuple[Quantity, ...], uncertainty: Uncertainty, path: Path) -> None:
+def _write_table(quantities: tuple[DrawnTable, ...], uncertainty: Uncertainty, path: Path) -> None:
     """One row a column: how wide its limits are, and what contributes to that."""
     groups = next((share.groups for share in uncertainty.shares.values()), ())
     shares_head = (f"{group}_{kind}" for kind in ("alone", "total") for group in groups)
-    head = ("table", "column", "unit", "sd", "width", "widened", *shares_head)
+    head = ("quantity", "column", "unit", "sd", "width", "widened", *shares_head)
     rows = []
     for quantity in quantities:
         spread = uncertainty.spreads[quantity.name]
@@ -512,6 +520,7 @@ STEP = Step(
     name="uncertainty",
     title="uncertainty",
     gives=Uncertainty,
+    quantities=QUANTITIES,
     needs=(Poses,),
     uses=(Torques, Tensions),
     options=(DrawOptions, Sources, DrawWorkers),

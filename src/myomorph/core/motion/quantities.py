@@ -1,0 +1,84 @@
+"""Quantities of inverse kinematics."""
+
+from __future__ import annotations
+
+from myomorph.core.model.quantity import Quantity
+from myomorph.core.model.series_quantities import COORDINATE_VALUE
+
+# What a fit holds in the motion that it found.
+FITTED_COORDINATE = COORDINATE_VALUE.replaced(attribute="motion.values")
+MARKER_ERROR = Quantity(
+    name="marker_error",
+    dims=("time", "marker"),
+    unit="m",
+    meaning="distance between model and recorded marker",
+    attribute="errors",
+    file="marker_errors.sto",
+)
+MARKER_WEIGHT = Quantity(
+    name="marker_weight",
+    dims=("marker",),
+    unit="1",
+    meaning="weight in inverse kinematics",
+    attribute="weights",
+)
+IK_CONVERGED = Quantity(
+    name="ik_converged",
+    dims=("time",),
+    unit="1",
+    meaning="1 where the last step was within the tolerance",
+    attribute="converged",
+    kind="flag",
+)
+IK_ITERATIONS = Quantity(
+    name="ik_iterations",
+    dims=("time",),
+    unit="1",
+    meaning="iterations taken",
+    attribute="iterations",
+    kind="count",
+)
+LOOP_CLOSURE_ERROR = Quantity(
+    name="loop_closure_error",
+    dims=("time",),
+    unit="m or rad",
+    meaning="largest loop-closure error",
+    attribute="closure",
+)
+SENSOR_ERROR = Quantity(
+    name="sensor_error",
+    dims=("time", "sensor"),
+    unit="rad",
+    meaning="angle between body and sensor",
+    attribute="sensor_errors",
+    file="sensor_errors.sto",
+    file_unit="deg",
+)
+UNUSED_MARKER = Quantity(
+    name="unused_marker",
+    dims=("unused_marker",),
+    unit="",
+    meaning="recorded marker that the model lacks, or that has no weight",
+    attribute="unused_markers",
+    kind="text",
+)
+MISSING_MARKER = Quantity(
+    name="missing_marker",
+    dims=("missing_marker",),
+    unit="",
+    meaning="marker of the model that the recording lacks",
+    attribute="missing_markers",
+    kind="text",
+)
+
+FIT = (
+    MARKER_ERROR,
+    MARKER_WEIGHT,
+    IK_CONVERGED,
+    IK_ITERATIONS,
+    LOOP_CLOSURE_ERROR,
+    SENSOR_ERROR,
+    UNUSED_MARKER,
+    MISSING_MARKER,
+)
+QUANTITIES = FIT

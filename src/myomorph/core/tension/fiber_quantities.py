@@ -1,0 +1,155 @@
+"""Quantities of fibers and tendons, where tendons stretch."""
+
+from __future__ import annotations
+
+from myomorph.core.model.quantity import Quantity, Tidy
+
+BY_MUSCLE = ("time", "muscle")
+MUSCLE = ("muscle",)
+BY_FRAME = ("time",)
+
+FIBER_LENGTH = Quantity(
+    name="fiber_length",
+    dims=BY_MUSCLE,
+    unit="m",
+    meaning="length of the muscle's fibers",
+    attribute="lengths",
+    file="fiber_lengths.sto",
+    title="Muscle tensions: fiber lengths [m]",
+)
+NORMALIZED_FIBER_LENGTH = Quantity(
+    name="normalized_fiber_length",
+    dims=BY_MUSCLE,
+    unit="1",
+    meaning="length of the muscle's fibers over the optimal one",
+    stored=False,
+    tidy=Tidy(
+        statistics=("minimum", "maximum", "range"),
+        endings=("_normalized_fiber_length",),
+        curve="normalized fiber length",
+    ),
+)
+FIBER_VELOCITY = Quantity(
+    name="fiber_velocity",
+    dims=BY_MUSCLE,
+    unit="m/s",
+    meaning="lengthening velocity of the fibers",
+    attribute="velocities",
+    file="fiber_velocities.sto",
+    title="Muscle tensions: lengthening velocities of fibers [m/s]",
+)
+TENDON_STRAIN = Quantity(
+    name="tendon_strain",
+    dims=BY_MUSCLE,
+    unit="1",
+    meaning="tendon length over slack length, less 1",
+    attribute="tendon_strains",
+    file="tendon_strains.sto",
+    title="Muscle tensions: tendon strains",
+    tidy=Tidy(
+        statistics=("maximum",),
+        endings=("_tendon_strain",),
+        curve="tendon strain",
+        curve_unit="%",
+    ),
+)
+TENDON_FORCE = Quantity(
+    name="tendon_force",
+    dims=BY_MUSCLE,
+    unit="N",
+    meaning="force of the tendon: muscle_force, under the name of OpenSim's MuscleAnalysis",
+    stored=False,
+    file="tendon_forces.sto",
+    title="Muscle tensions: tendon forces [N]",
+)
+FIBER_POWER = Quantity(
+    name="fiber_power",
+    dims=BY_MUSCLE,
+    unit="W",
+    meaning="power of the fibers, positive where they do work",
+    attribute="fiber_powers",
+    file="fiber_powers.sto",
+    title="Muscle tensions: powers of fibers [W]",
+    tidy=Tidy(
+        statistics=("minimum", "maximum", "mean"),
+        endings=("_fiber_power",),
+        curve="fiber power",
+        curve_unit="W",
+    ),
+)
+TENDON_POWER = Quantity(
+    name="tendon_power",
+    dims=BY_MUSCLE,
+    unit="W",
+    meaning="power of the tendon, positive where it gives work back",
+    attribute="tendon_powers",
+    file="tendon_powers.sto",
+    title="Muscle tensions: powers of tendons [W]",
+    tidy=Tidy(
+        statistics=("minimum", "maximum", "mean"),
+        endings=("_tendon_power",),
+        curve="tendon power",
+        curve_unit="W",
+    ),
+)
+TRANSIENT = Quantity(
+    name="transient",
+    dims=BY_FRAME,
+    unit="1",
+    meaning="1 near an end, where what lies beyond it can be felt",
+    kind="flag",
+)
+BRIDGED = Quantity(
+    name="bridged",
+    dims=BY_FRAME,
+    unit="1",
+    meaning="1 where torques or coordinates were interpolated",
+    kind="flag",
+)
+FIBERS = (
+    FIBER_LENGTH,
+    FIBER_VELOCITY,
+    TENDON_STRAIN,
+    FIBER_POWER,
+    TENDON_POWER,
+    TRANSIENT,
+    BRIDGED,
+)
+TIDY_FIBERS = (TENDON_STRAIN, FIBER_POWER, TENDON_POWER)
+
+MUSCLE_RIGID_TENDON = Quantity(
+    name="muscle_rigid_tendon",
+    dims=MUSCLE,
+    unit="1",
+    meaning="1 where the tendon was taken as rigid",
+    kind="flag",
+)
+UNREACHABLE_FRAME = Quantity(
+    name="unreachable_frame",
+    dims=MUSCLE,
+    unit="1",
+    meaning="first frame that the fibers cannot reach, -1 for none",
+    kind="count",
+)
+UNREACHABLE_LENGTH = Quantity(
+    name="unreachable_length",
+    dims=MUSCLE,
+    unit="1",
+    meaning="normalized fiber length furthest out of reach",
+)
+ELASTIC_CERTIFICATE_VALUE = Quantity(
+    name="elastic_certificate_value",
+    dims=("elastic_certificate",),
+    unit="1",
+    meaning="how sure the elastic solution is",
+)
+
+QUANTITIES = (
+    *FIBERS,
+    NORMALIZED_FIBER_LENGTH,
+    TENDON_FORCE,
+    MUSCLE_RIGID_TENDON,
+    UNREACHABLE_FRAME,
+    UNREACHABLE_LENGTH,
+    ELASTIC_CERTIFICATE_VALUE,
+)
