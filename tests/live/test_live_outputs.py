@@ -89,8 +89,8 @@ def test_a_folder_holds_everything(
         "activations.sto",
         "coordinates.mot",
         "delays.csv",
-        "live.nc",
         "forces.sto",
+        "live.nc",
         "session.json",
         "torques.sto",
     ]
