@@ -25,11 +25,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.rigid.kernels import inner
+from myomorph.core.tension.elimination_order import coupled_rows, elimination_order
 
 
 class Separable(NamedTuple):
@@ -106,18 +106,13 @@ def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[in
     place at most once.
     """
     n, variables = shape
-    filled = scipy.sparse.csr_array(
-        scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=shape)
-    )
-    coupled = scipy.sparse.csr_array(filled @ filled.T)
-    order = np.asarray(
-        scipy.sparse.csgraph.reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64
-    )
+    neighbors = coupled_rows(rows, columns, n)
+    order = elimination_order(neighbors)
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
     first = np.arange(n, dtype=np.int64)
-    links = scipy.sparse.coo_array(coupled)
-    np.minimum.at(first, rank[links.coords[0]], rank[links.coords[1]])
+    for row, coupled in enumerate(neighbors):
+        first[rank[row]] = min(rank[row], *rank[coupled])
     sorted_entries = np.lexsort((rank[rows], columns))
     place = np.empty(len(rows), np.int64)
     place[sorted_entries] = np.arange(len(rows))
