@@ -11,7 +11,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle, Path
 from myomorph.core.muscles.fiber_jets import FLOOR, TONE, fiber_jet, tendon_jet
 from myomorph.core.muscles.hill import compile_elastic, has_elastic_tendon, muscle_model
-from myomorph.core.muscles.models.thelen import TAKEN_UP
+from myomorph.core.muscles.models.thelen import ROUNDED_LENGTH
 from myomorph.core.rigid.kernels import kernel
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
@@ -111,7 +111,7 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
     # Outside of where corners of Thelen's curves are rounded; how much that changes is a test of
     # its own.
     v = np.where(np.abs(v / kappa) < 0.02, 0.02 * kappa, v)
-    x = np.where(np.abs(x - 1.0) < TAKEN_UP, 1.0 + TAKEN_UP, x)
+    x = np.where(np.abs(x - 1.0) < ROUNDED_LENGTH, 1.0 + ROUNDED_LENGTH, x)
     factors = factors_of(kind, x, v / kappa)
     out = np.empty((200, 10))
     _pulls(E, x * E.hill.fiber[0], v * E.hill.speed[0], a, out)
@@ -123,7 +123,7 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
 
 def test_where_thelens_passive_force_sets_in_it_is_rounded_by_a_thousandth():
     E = arrays("Thelen2003Muscle")
-    x = np.linspace(1.0 - 1.5 * TAKEN_UP, 1.0 + 1.5 * TAKEN_UP, 300)
+    x = np.linspace(1.0 - 1.5 * ROUNDED_LENGTH, 1.0 + 1.5 * ROUNDED_LENGTH, 300)
     factors = factors_of("Thelen2003Muscle", x, np.full(300, 0.1))
     out = np.empty((300, 10))
     _pulls(E, x * E.hill.fiber[0], np.full(300, 0.1 * E.hill.speed[0]), np.ones(300), out)

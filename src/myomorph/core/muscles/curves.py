@@ -1,5 +1,4 @@
-"""Curves of muscles and tendons: tables of pieces that one kernel evaluates, whatever muscle they
-belong to.
+"""Curves of muscles and tendons: tables of pieces that one kernel evaluates for all classes.
 
 A piece is a polynomial and a sum of elementary functions of ratios of straight lines,
 
@@ -27,13 +26,21 @@ from myomorph.core.rigid.kernels import inner, kernel
 
 RATIO, EXPONENTIAL, BELL, LOGARITHM, ASINH, LOGISTIC = range(6)
 """Elementary functions of z: z, exp(z), exp(-z^2), log(z), asinh(z), 1 / (1 + exp(z))."""
-STEEPEST = 1e9  # Slope of the line that continues an inverse where the curve itself is flat
+MAX_SLOPE = 1e9  # Of the line that continues an inverse where the curve itself is flat
+COLUMNS = 13  # Of `CurveArrays.pieces`
 
 
 class Shape(NamedTuple):
-    """An elementary function in a piece: size f(z) with z = (a + b x) / (c + d x)."""
+    """An elementary function in a piece: size f(z) with z = (a + b x) / (c + d x).
 
-    form: int  # which f, `RATIO` ... `LOGISTIC`
+    Attributes
+    ----------
+    form : of f, `RATIO` ... `LOGISTIC`
+    size : its factor
+    a, b, c, d : of the ratio z
+    """
+
+    form: int
     size: float
     a: float = 0.0
     b: float = 1.0
@@ -42,36 +49,86 @@ class Shape(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A curve from `start` to where the next piece starts."""
+    """A curve from its start to where the next piece starts.
 
-    start: float  # x where it begins, or minus infinity
-    # y, x: power coefficients in u of the polynomial part and of x, at most six; without x they are
-    # those of x - start
+    Attributes
+    ----------
+    start : x where it begins, or minus infinity
+    y, x : power coefficients in u of the polynomial part and of x, at most six; without x, u is
+        x - start
+    shapes : added to the polynomial
+    """
+
+    start: float
     y: tuple[float, ...] = ()
     x: tuple[float, ...] = ()
-    shapes: tuple[Shape, ...] = ()  # what is added to the polynomial
+    shapes: tuple[Shape, ...] = ()
+
+    @property
+    def line(self) -> tuple[float, ...]:
+        """Power coefficients of x in u."""
+        return self.x or (self.start if np.isfinite(self.start) else 0.0, 1.0)
+
+
+class CurveEnds(NamedTuple):
+    """First and last values of a curve, and slopes of the lines beyond.
+
+    Attributes
+    ----------
+    first, last : values at the start and the end, 0 where the curve has none
+    left, right : slopes beyond
+    """
+
+    first: float
+    last: float
+    left: float
+    right: float
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A function made of pieces, continued by straight lines and held within bounds."""
+    """A function made of pieces, continued by straight lines and held within bounds.
 
-    pieces: tuple[Piece, ...]  # in the order of x
-    end: float = np.inf  # x where the last one ends, or infinity
-    # (left, right) of the lines that continue it; None for the tangent
+    Attributes
+    ----------
+    pieces : in the order of x
+    end : x where the last one ends, or infinity
+    slopes : (left, right) of the lines that continue it; None for the tangent
+    bounds : least and greatest value, beyond which the slope is 0
+    """
+
+    pieces: tuple[Piece, ...]
+    end: float = np.inf
     slopes: tuple[float | None, float | None] = (0.0, 0.0)
-    # least and greatest value; the slope beyond is 0
     bounds: tuple[float, float] = (-np.inf, np.inf)
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Values at x, any shape; NaN stays NaN."""
+        """Evaluate the curve.
+
+        Parameters
+        ----------
+        x : of any shape
+
+        Returns
+        -------
+        values of the same shape; NaN stays NaN
+        """
         x = np.asarray(x, dtype=np.float64)
         values = np.empty(x.size)
         _values(self.arrays, x.ravel(), values)
         return values.reshape(x.shape)
 
     def jets(self, x: ArrayLike) -> Array:
-        """Values, slopes and curvatures (..., 3) at x."""
+        """Values, slopes and curvatures.
+
+        Parameters
+        ----------
+        x : of any shape (...)
+
+        Returns
+        -------
+        (..., 3)
+        """
         x = np.asarray(x, dtype=np.float64)
         jets = np.empty((x.size, 3))
         _jets(self.arrays, x.ravel(), jets)
@@ -79,24 +136,37 @@ class Curve:
 
     @cached_property
     def arrays(self) -> CurveArrays:
-        """The curve alone as the kernels read it."""
+        """Arrays of this curve alone, as the kernels read them."""
         return pack_curves([self])
 
     def within(self, low: float = -np.inf, high: float = np.inf) -> Curve:
-        """The curve held within bounds."""
+        """Hold the curve within bounds."""
         return Curve(pieces=self.pieces, end=self.end, slopes=self.slopes, bounds=(low, high))
 
     def inverse(self) -> Curve:
-        """X over y, of a rising curve that is made of polynomials."""
+        """Invert a rising curve that is made of polynomials: x over y."""
         if any(piece.shapes for piece in self.pieces):
             raise ValueError("only polynomials are inverted")
-        pieces = tuple(Piece(piece.y[0], _line(piece), piece.y) for piece in self.pieces)
-        left, right = (1.0 / max(slope, 1.0 / STEEPEST) for slope in self._ends()[2:])
-        return Curve(pieces, sum(self.pieces[-1].y), (left, right))
+        ends = self.ends
+        left = 1.0 / max(ends.left, 1.0 / MAX_SLOPE)
+        right = 1.0 / max(ends.right, 1.0 / MAX_SLOPE)
+        return Curve(
+            pieces=tuple(Piece(piece.y[0], piece.line, piece.y) for piece in self.pieces),
+            end=sum(self.pieces[-1].y),
+            slopes=(left, right),
+        )
 
     def rounded(self, at: float, half: float) -> Curve:
-        """The curve with a corner taken off: a cubic over at - half ... at + half with its values
-        and slopes there.
+        """Round a corner: a cubic with the curve's values and slopes at both its ends.
+
+        With u from 0 to 1 over the width w, values y0 and y1 and slopes s0 and s1,
+
+            y = y0 + s0 w u + (3 (y1 - y0) - (2 s0 + s1) w) u^2 + ((s0 + s1) w - 2 (y1 - y0)) u^3
+
+        Parameters
+        ----------
+        at : x of the corner
+        half : half of the width w
         """
         low = at - half
         high = at + half
@@ -113,10 +183,8 @@ class Curve:
         starts = [piece.start for piece in self.pieces]
         before = tuple(piece for piece in self.pieces if piece.start < low)
         last = max(sum(start <= high for start in starts) - 1, 0)
-        after = (
-            self.pieces[last]._replace(start=high, x=_line(self.pieces[last])),
-            *self.pieces[last + 1 :],
-        )
+        continued = self.pieces[last]._replace(start=high, x=self.pieces[last].line)
+        after = (continued, *self.pieces[last + 1 :])
         return Curve(
             pieces=(*before, Piece(low, cubic, (low, width)), *after),
             end=self.end,
@@ -124,35 +192,43 @@ class Curve:
             bounds=self.bounds,
         )
 
-    def _ends(self) -> tuple[float, float, float, float]:
-        """First and last value, and the slopes beyond; where a curve ends nowhere its value there
-        is 0, not used.
-        """
+    @property
+    def ends(self) -> CurveEnds:
+        """First and last values and the slopes beyond."""
         first = self.pieces[0]
-        last = self.pieces[-1]
-        y0, left = _jet_of(first, first.start)
-        y1, right = _jet_of(last, self.end)
-        left, right = (
-            slope if fixed is None else fixed
-            for slope, fixed in zip((left, right), self.slopes, strict=True)
+        first_value, first_slope = _jet_of(first, first.start)
+        last_value, last_slope = _jet_of(self.pieces[-1], self.end)
+        left, right = self.slopes
+        return CurveEnds(
+            first=first_value,
+            last=last_value,
+            left=first_slope if left is None else left,
+            right=last_slope if right is None else right,
         )
-        return y0, y1, left, right
 
 
-def _line(piece: Piece) -> tuple[float, ...]:
-    return piece.x or (piece.start if np.isfinite(piece.start) else 0.0, 1.0)
+def _row_of(piece: Piece) -> Array:
+    """(13,) row of `CurveArrays.pieces`."""
+    row = np.zeros(COLUMNS)
+    row[0] = piece.start
+    row[1 : 1 + len(piece.line)] = piece.line
+    row[7 : 7 + len(piece.y)] = piece.y
+    return row
 
 
 def _jet_of(piece: Piece, x: float) -> tuple[float, float]:
-    """Value and slope of a piece at x."""
+    """Value and slope of a piece at x; 0 at infinity.
+
+    Of the polynomial part dy/dx = (dy/du) / (dx/du); of a shape
+
+        size f'(z) dz/dx,   dz/dx = (b c - a d) / (c + d x)^2
+    """
     if not np.isfinite(x):
         return 0.0, 0.0
-    table = np.zeros((1, 13))
-    line = _line(piece)
-    table[0, 1 : 1 + len(line)], table[0, 7 : 7 + len(piece.y)] = line, piece.y
-    u = parameter_at.py_func(table, 0, x)
+    row = _row_of(piece)
+    u = parameter_at.py_func(row[None], 0, x)
     powers = u ** np.arange(6.0)
-    coefficients = table[0, 1:].reshape(2, 6)
+    coefficients = row[1:].reshape(2, 6)
     slopes = coefficients[:, 1:] @ (np.arange(1.0, 6.0) * powers[:-1])
     value = float(coefficients[1] @ powers)
     slope = float(slopes[1] / max(slopes[0], 1e-9))
@@ -165,50 +241,69 @@ def _jet_of(piece: Piece, x: float) -> tuple[float, float]:
 
 
 class CurveArrays(NamedTuple):
-    """Curves one after another, as the kernels read them; few arrays, as a call counts the users of
-    each.
+    """Curves one after another, as the kernels read them.
+
+    In few arrays, as a call counts the users of each.
+
+    Attributes
+    ----------
+    ends : (curves, 8) x, y and slope of the line on the left, the same on the right, least and
+        greatest value
+    pieces : (pieces, 13) x where a piece begins, six power coefficients of x, six of y
+    shapes : (shapes, 6) form, size, a, b, c, d
+    of_curve : (curves, 2) index of a curve's first and last piece
+    of_piece : (pieces, 3) whether the polynomial is more than a number; index of the first shape,
+        and after the last
     """
 
-    # (curves, 8) x, y and slope of the line on the left, the same on the right, least and greatest
-    # value
     ends: Array
-    pieces: Array  # (pieces, 13) x where a piece begins, power coefficients of x and of y
-    shapes: Array  # (shapes, 6) form, size, a, b, c, d
-    of_curve: NDArray[np.int64]  # (curves, 2) index of a curve's first and last piece
-    # (pieces, 3) whether the polynomial is more than a number; index of the first shape, and after
-    # the last
+    pieces: Array
+    shapes: Array
+    of_curve: NDArray[np.int64]
     of_piece: NDArray[np.int64]
 
 
 def pack_curves(curves: Sequence[Curve]) -> CurveArrays:
-    """The curves as flat arrays, in their order."""
+    """Pack curves into flat arrays, in their order.
+
+    Parameters
+    ----------
+    curves : of any number of pieces
+    """
     pieces = [piece for curve in curves for piece in curve.pieces]
     shapes = [shape for piece in pieces for shape in piece.shapes]
-    table = np.zeros((len(pieces), 13))
     ends = np.zeros((len(curves), 8))
-    for row, piece in zip(table, pieces, strict=True):
-        x = _line(piece)
-        row[0], row[1 : 1 + len(x)], row[7 : 7 + len(piece.y)] = piece.start, x, piece.y
     for row, curve in zip(ends, curves, strict=True):
-        y0, y1, left, right = curve._ends()
-        row[:] = curve.pieces[0].start, y0, left, curve.end, y1, right, *curve.bounds
-    first = np.cumsum([0, *(len(curve.pieces) for curve in curves)])
-    shape = np.cumsum([0, *(len(piece.shapes) for piece in pieces)])
-    bent = [len(piece.y) > 1 for piece in pieces]
+        values = curve.ends
+        row[:3] = curve.pieces[0].start, values.first, values.left
+        row[3:6] = curve.end, values.last, values.right
+        row[6:] = curve.bounds
+    first_piece = np.cumsum([0, *(len(curve.pieces) for curve in curves)])
+    first_shape = np.cumsum([0, *(len(piece.shapes) for piece in pieces)])
+    is_bent = np.array([len(piece.y) > 1 for piece in pieces], np.int64)
+    of_curve = np.stack([first_piece[:-1], first_piece[1:] - 1], axis=1)
+    of_piece = np.stack([is_bent, first_shape[:-1], first_shape[1:]], axis=1)
     return CurveArrays(
         ends=ends,
-        pieces=table,
+        pieces=np.array([_row_of(piece) for piece in pieces]).reshape(len(pieces), COLUMNS),
         shapes=np.array(shapes, dtype=np.float64).reshape(len(shapes), 6),
-        of_curve=np.stack([first[:-1], first[1:] - 1], axis=1).astype(np.int64),
-        of_piece=np.stack([np.array(bent, np.int64), shape[:-1], shape[1:]], axis=1).astype(
-            np.int64
-        ),
+        of_curve=of_curve.astype(np.int64),
+        of_piece=of_piece.astype(np.int64),
     )
 
 
 @inner(counted=False, forceinline=True)
 def parameter_at(P, piece, x):
-    """Parameter of the quintic of piece k at which it is at x: Newton steps inside brackets."""
+    """Find the parameter u of a piece at which its quintic x(u) is x.
+
+    By Newton steps within a bracket, which is halved where a step would leave it.
+
+    Parameters
+    ----------
+    P : (pieces, 13) see `CurveArrays`
+    piece : its row
+    x : within the piece
+    """
     a0 = P[piece, 1]
     a1 = P[piece, 2]
     a2 = P[piece, 3]
@@ -275,7 +370,7 @@ def _shape_value(form, z):
 
 @inner(counted=False)
 def curve_value(C, i, x):
-    """Value of curve i at x; NaN stays NaN."""
+    """Value of curve i of `CurveArrays` C at x; NaN stays NaN."""
     E = C.ends
     if not x >= E[i, 0]:
         y = E[i, 1] + E[i, 2] * (x - E[i, 0])
@@ -304,7 +399,16 @@ def curve_value(C, i, x):
 
 @inner(counted=False)
 def curve_jet(C, i, x):
-    """Value, slope and curvature of curve i at x."""
+    """Value, slope and curvature of curve i of `CurveArrays` C at x.
+
+    Of the polynomial part, with primes for derivatives in u,
+
+        dy/dx = y' / x',   d^2y/dx^2 = (y'' - dy/dx x'') / x'^2
+
+    and of a shape size f(z), with dz/dx = z_1 = (b c - a d) / (c + d x)^2,
+
+        size f' z_1,   size (f'' z_1 - 2 f' d / (c + d x)) z_1
+    """
     E = C.ends
     if not x >= E[i, 0]:
         y0 = E[i, 1] + E[i, 2] * (x - E[i, 0])
@@ -325,22 +429,8 @@ def curve_jet(C, i, x):
         y1 = 0.0
         y2 = 0.0
         if C.of_piece[piece, 0]:
-            u = parameter_at(P, piece, x)
-            a1 = P[piece, 2]
-            a2 = P[piece, 3]
-            a3 = P[piece, 4]
-            a4 = P[piece, 5]
-            a5 = P[piece, 6]
-            b1 = P[piece, 8]
-            b2 = P[piece, 9]
-            b3 = P[piece, 10]
-            b4 = P[piece, 11]
-            b5 = P[piece, 12]
-            x1 = max(a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5))), 1e-9)
-            x2 = 2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
-            y0 += u * (b1 + u * (b2 + u * (b3 + u * (b4 + u * b5))))
-            y1 = (b1 + u * (2.0 * b2 + u * (3.0 * b3 + u * (4.0 * b4 + u * 5.0 * b5)))) / x1
-            y2 = (2.0 * b2 + u * (6.0 * b3 + u * (12.0 * b4 + u * 20.0 * b5)) - y1 * x2) / (x1 * x1)
+            rise, y1, y2 = _polynomial_jet(P, piece, parameter_at(P, piece, x))
+            y0 += rise
         for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
             size = S[s, 1]
             b = S[s, 3]
@@ -358,21 +448,49 @@ def curve_jet(C, i, x):
     return y0, y1, y2
 
 
+@inner(counted=False, forceinline=True)
+def _polynomial_jet(P, piece, u):
+    """Value less that at u = 0, slope and curvature over x of a piece's polynomial at u."""
+    a1 = P[piece, 2]
+    a2 = P[piece, 3]
+    a3 = P[piece, 4]
+    a4 = P[piece, 5]
+    a5 = P[piece, 6]
+    b1 = P[piece, 8]
+    b2 = P[piece, 9]
+    b3 = P[piece, 10]
+    b4 = P[piece, 11]
+    b5 = P[piece, 12]
+    x1 = max(a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5))), 1e-9)
+    x2 = 2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
+    y0 = u * (b1 + u * (b2 + u * (b3 + u * (b4 + u * b5))))
+    y1 = (b1 + u * (2.0 * b2 + u * (3.0 * b3 + u * (4.0 * b4 + u * 5.0 * b5)))) / x1
+    y2 = (2.0 * b2 + u * (6.0 * b3 + u * (12.0 * b4 + u * 20.0 * b5)) - y1 * x2) / (x1 * x1)
+    return y0, y1, y2
+
+
 @kernel(counted=False)
 def _values(C, x, y):
-    for index in range(x.shape[0]):
-        y[index] = curve_value(C, 0, x[index])
+    """Fill y (n,) with the first curve's values at x (n,)."""
+    for i in range(x.shape[0]):
+        y[i] = curve_value(C, 0, x[i])
 
 
 @kernel(counted=False)
 def _jets(C, x, jets):
-    for index in range(x.shape[0]):
-        jets[index, 0], jets[index, 1], jets[index, 2] = curve_jet(C, 0, x[index])
+    """Fill jets (n, 3) with the first curve's values, slopes and curvatures at x (n,)."""
+    for i in range(x.shape[0]):
+        jets[i, 0], jets[i, 1], jets[i, 2] = curve_jet(C, 0, x[i])
 
 
 @lru_cache(maxsize=64)
 def spline_curve(x: tuple[float, ...], y: tuple[float, ...]) -> Curve:
-    """OpenSim's `SimmSpline` through the points as a curve."""
+    """Make a curve of OpenSim's `SimmSpline` through points.
+
+    Parameters
+    ----------
+    x, y : of the points
+    """
     spline = simm_spline(x, y)
     # The first and last pieces of a SimmSpline are the straight lines outside.
     breaks = [float(at) for at in spline.breaks[1:]]
@@ -381,4 +499,6 @@ def spline_curve(x: tuple[float, ...], y: tuple[float, ...]) -> Curve:
     for start, stop, row in zip(breaks[:-1], breaks[1:], coefficients[1:-1], strict=True):
         scaled = row * (stop - start) ** np.arange(len(row))
         pieces.append(Piece(start, tuple(scaled.tolist()), (start, stop - start)))
-    return Curve(tuple(pieces), breaks[-1], (float(coefficients[0, 1]), float(coefficients[-1, 1])))
+    left = float(coefficients[0, 1])
+    right = float(coefficients[-1, 1])
+    return Curve(tuple(pieces), breaks[-1], (left, right))

@@ -1,5 +1,4 @@
-"""What fibers pull with along an elastic tendon, with first and second derivatives; tendon stretch
-over force.
+"""Force of fibers along an elastic tendon, with derivatives, and tendon length over force.
 
     P(x, u, a) = cos(alpha) (a f_L(l) f_V(v / kappa(a)) + f_PE(l) + damping v), never below 0
 
@@ -19,38 +18,58 @@ import numpy as np
 from myomorph.core.muscles.curves import curve_jet
 from myomorph.core.rigid.kernels import inner
 
+# Normalized force that fibers have per activation, and always, beside that of their curves: those
+# that shorten so fast that the tendon is slack stay in equilibrium, and no activation becomes
+# infinite.
 FLOOR = 1e-3
 TONE = 5e-4
-"""Normalized force that fibers have per activation, and always, beside that of their curves: those
-that shorten so fast that the tendon is slack stay in equilibrium, and no activation becomes
-infinite.
-"""
-
+# Least part of fibers along the tendon, by optimal length; shorter ones count as this long
+MIN_ALONG = 1e-2
 # Width of the step from fibers that pull to fibers that are slack [normalized force]
 SLACKENED = 1e-3
 
 
 @inner(counted=False, forceinline=True)
 def tendon_jet(E, m, f):
-    """Tendon length over slack length at the normalized force f > 0, slope and curvature over f."""
+    """Tendon length over slack length at the normalized force f > 0, slope and curvature over f.
+
+    Parameters
+    ----------
+    E : `ElasticArrays`
+    m : number of the muscle
+    f : normalized force
+    """
     return curve_jet(E.curves, E.curve[m, 3], f)
 
 
 @inner(counted=False, forceinline=True)
 def fiber_jet(E, m, x, u, a, out):
-    """P of muscle m and its derivatives.
-    `x`, `u`, `a`: fibers' part along the tendon [m], its velocity [m/s], activation; `out` (10,)
-    filled with P, P_x, P_u, P_a, P_xx, P_xu, P_uu, P_xa, P_ua, P_aa. Returns `l`, `v`: normalized
-    fiber length and velocity.
+    """P of a muscle and its derivatives.
+
+    With b = a f_L f_V + f_PE + damping v, a function of l, v and a, the chain rule gives its
+    derivatives in x and u. Fibers do not push, so b is replaced by (b + sqrt(b^2 + w^2)) / 2 plus a
+    little tone, with the width w = `SLACKENED`. Last, P = cos(alpha) b.
+
+    Parameters
+    ----------
+    E : `ElasticArrays`
+    m : number of the muscle
+    x, u, a : fibers' part along the tendon [m], its velocity [m/s], activation
+    out : (10,) filled with P, P_x, P_u, P_a, P_xx, P_xu, P_uu, P_xa, P_ua, P_aa
+
+    Returns
+    -------
+    l, v : normalized fiber length and velocity
     """
     H = E.hill
     h = H.height[m]
     fiber = H.fiber[m]
     speed = H.speed[m]
-    least = max(H.shortest_along[m], 1e-2 * fiber)
+    least = max(H.shortest_along[m], MIN_ALONG * fiber)
     held = x < least
     if held:
         x = least
+    # cos(alpha) and its derivatives in x; normalized length and velocity in x and u.
     size = np.sqrt(x * x + h * h)
     c0 = x / size
     c1 = h * h / (size * size * size)
@@ -62,6 +81,7 @@ def fiber_jet(E, m, x, u, a, out):
     v_u = c0 / speed
     v_xx = c2 * u / speed
     v_xu = c1 / speed
+    # f_L, f_V and f_PE with slopes and curvatures.
     L0, L1, L2 = curve_jet(E.curves, E.curve[m, 0], size / fiber)
     kappa = 1.0 - E.slowed[m] * (1.0 - a)
     kappa1 = E.slowed[m]
@@ -93,6 +113,7 @@ def fiber_jet(E, m, x, u, a, out):
         v_x = 0.0
         v_xx = 0.0
         v_xu = 0.0
+    # From l and v to x and u.
     b_x = b_l * l1 + b_v * v_x
     b_u = b_v * v_u
     b_xx = b_ll * l1 * l1 + 2.0 * b_lv * l1 * v_x + b_vv * v_x * v_x + b_l * l2 + b_v * v_xx
@@ -114,6 +135,7 @@ def fiber_jet(E, m, x, u, a, out):
     b_x = s1 * b_x
     b_u = s1 * b_u
     b_a = s1 * b_a + FLOOR
+    # P = cos(alpha) b.
     out[0] = c0 * b0
     out[1] = c1 * b0 + c0 * b_x
     out[2] = c0 * b_u

@@ -1,5 +1,6 @@
-"""DeGrooteFregly2016Muscle: bells, exponentials, an inverse hyperbolic sine (De Groote et al.
-2016), and its fibers.
+"""DeGrooteFregly2016Muscle: its curves (De Groote et al. 2016) and fibers.
+
+The curves are bells, exponentials and an inverse hyperbolic sine.
 """
 
 from __future__ import annotations
@@ -19,18 +20,19 @@ from myomorph.core.muscles.muscle_model import (
     numbers,
 )
 
-HIGHEST = 5.0  # Largest normalized tendon force
+MAX_TENDON_FORCE = 5.0  # Normalized
+# f_V = size asinh(rate v + offset) + isometric
 SIZE = -0.3211346127989808
 RATE = -8.149
 OFFSET = -0.374
 ISOMETRIC = 0.8825327733249912
-"""f_V = size asinh(rate v + offset) + isometric."""
+TENDON_SIZE = 0.2  # Of f_SE = size exp(stiffness (x - 1)) - size
 BELLS = (
     (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
     (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
     (0.1, 1.0, 0.353553390593274, 0.0),
 )
-"""Size b1, middle b2 and width b3 + b4 x of the bells of f_L."""
+"""Size b1, middle b2 and width b3 + b4 x of the bells of f_L = sum b1 exp(-(x - b2)^2 / ...)."""
 VELOCITY = Curve(
     (Piece(-np.inf, (ISOMETRIC,), shapes=(Shape(form=ASINH, size=SIZE, a=OFFSET, b=RATE),)),)
 )
@@ -47,7 +49,7 @@ class DeGrooteFregly2016(FiberMuscle):
     first_activation = 0.5
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """Three bells, an inverse hyperbolic sine, which goes below 0, and an exponential."""
+        """Curves of the fibers: f_L of three bells, f_V, which goes below 0, exponential f_PE."""
         width, strain = numbers(
             muscle, active_force_width_scale=1.0, passive_fiber_strain_at_one_norm_force=0.6
         )
@@ -55,30 +57,39 @@ class DeGrooteFregly2016(FiberMuscle):
         return FiberCurves(_active(width), VELOCITY, _passive(strain, 0.0 if left_out else 1.0))
 
     def smooth_curves(self, muscle: Muscle) -> FiberCurves:
-        """As before, but fibers do not push."""
+        """Curves of fibers that do not push."""
         return self.curves(muscle)._replace(velocity=_not_pushing())
 
     def tendon(self, muscle: Muscle) -> Curve:
-        """An exponential."""
+        """Tendon curve f_SE = 0.2 (exp(stiffness (x - 1)) - 1)."""
         stiffness = 1.0 / _compliance(muscle)
-        return Curve(
-            (
-                Piece(
-                    -np.inf,
-                    (-0.2,),
-                    shapes=(Shape(form=EXPONENTIAL, size=0.2, a=-stiffness, b=stiffness),),
-                ),
-            )
-        )
+        rise = Shape(form=EXPONENTIAL, size=TENDON_SIZE, a=-stiffness, b=stiffness)
+        return Curve((Piece(-np.inf, (-TENDON_SIZE,), shapes=(rise,)),))
 
     def stretch(self, muscle: Muscle) -> Curve:
-        """A logarithm."""
+        """Tendon length over force, a logarithm."""
         return _stretch(_compliance(muscle))
 
     def fibers(
         self, muscle: Muscle, length: Array, speed: Array, a: Array, state: Array | None
     ) -> Fibers:
-        """Fibers and tendon from the tendon's force."""
+        """Fibers and tendon from the tendon's force.
+
+        With the tendon's length of its force, the fibers' part along it is the rest of the path,
+
+            f_V = (f_SE / cos(alpha) - f_PE) / (a f_L),   v = f_V^-1(f_V)
+
+        Parameters
+        ----------
+        muscle : of the class
+        length, speed : (frames,) of the path [m], [m/s]
+        a : (frames,) activation
+        state : (frames,) normalized tendon force; None for a rigid tendon
+
+        Returns
+        -------
+        arrays (frames,)
+        """
         sizes = self.sizes(muscle)
         curves = self.curves(muscle)
         force = sizes.force
@@ -126,12 +137,24 @@ class DeGrooteFregly2016(FiberMuscle):
         )
 
     def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
-        """Normalized tendon force where the fiber has all of the path's velocity."""
+        """Find the normalized tendon force where the fiber has all of the path's velocity.
+
+        Parameters
+        ----------
+        muscle : of the class
+        length, speed : (frames,) of the path [m], [m/s]
+        activation : (frames,)
+
+        Returns
+        -------
+        (frames,) NaN where there is none up to `MAX_TENDON_FORCE`
+        """
         sizes = self.sizes(muscle)
         curves = self.curves(muscle)
         stretch = self.stretch(muscle)
 
         def residual(force: Array) -> Array:
+            """Subtract the fibers' normalized force from the tendon's, (frames,)."""
             along = length - sizes.tendon * stretch(force)
             fiber = np.sqrt(along**2 + sizes.height**2)
             cosine = along / fiber
@@ -140,10 +163,11 @@ class DeGrooteFregly2016(FiberMuscle):
             pull += curves.passive(fiber / sizes.fiber) + self.fiber_damping(muscle) * v
             return force - pull * cosine
 
-        return bisected(residual, np.zeros_like(length), np.full_like(length, HIGHEST))
+        return bisected(residual, np.zeros_like(length), np.full_like(length, MAX_TENDON_FORCE))
 
 
 def _compliance(muscle: Muscle) -> float:
+    """Reciprocal of the stiffness of f_SE, which is 1 at the muscle's tendon strain."""
     (strain,) = numbers(muscle, tendon_strain_at_one_norm_force=0.049)
     return strain / float(np.log(6.0))
 
@@ -171,6 +195,12 @@ def _active(width: float) -> Curve:
 
 @lru_cache(maxsize=64)
 def _passive(strain: float, share: float) -> Curve:
+    """f_PE = (exp(4 (x - 1) / strain) - exp(-0.8 4 / strain)) / (exp(4) - ...), not below 0.
+
+    Parameters
+    ----------
+    share : 1, or 0 where passive force is ignored
+    """
     rate = 4.0 / strain
     least = float(np.exp(-0.8 * rate))
     size = share / (float(np.exp(4.0)) - least)
@@ -182,10 +212,12 @@ def _passive(strain: float, share: float) -> Curve:
 
 @lru_cache(maxsize=64)
 def _stretch(compliance: float) -> Curve:
+    """Tendon length over force, 1 + compliance log(1 + 5 f)."""
     curved = Piece(-0.199, (1.0,), shapes=(Shape(form=LOGARITHM, size=compliance, a=1.0, b=5.0),))
     return Curve((curved,), slopes=(None, 0.0))
 
 
 @lru_cache(maxsize=1)
 def _not_pushing() -> Curve:
+    """f_V, not below 0."""
     return VELOCITY.within(0.0)

@@ -1,5 +1,6 @@
-"""Millard's classes: chains of quintic Bezier corners (Millard, Uchida, Seth and Delp 2013), and
-OpenSim's fibers.
+"""Millard's classes: their curves and OpenSim's fibers.
+
+The curves are chains of quintic Bezier corners (Millard, Uchida, Seth and Delp 2013).
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from myomorph.core.muscles.fiber_equations import (
 from myomorph.core.muscles.muscle_model import FiberCurves, MuscleModel, StaticOptimization
 
 UNDAMPED = 0.001  # Fiber damping below which there is none
-STEPS = 64  # Halvings of the bracket of a fiber velocity: to rounding
+TENDON_STRAIN = 0.049  # At the maximum isometric force, where a muscle has none of its own
+BISECTIONS = 64  # Halvings of the bracket of a fiber velocity: to rounding
 
 # Power basis of the quintic Bernstein polynomials: coefficients = POWER @ control points.
 _POWER = np.array(
@@ -63,27 +65,25 @@ _TENDON = (
 
 
 class Millard2012Acceleration(MuscleModel):
-    """Millard2012AccelerationMuscle with a rigid tendon, whose fibers may turn until they are
-    upright.
-    """
+    """Millard2012AccelerationMuscle on a rigid tendon; its fibers may turn until upright."""
 
     def curves(self, muscle: Muscle) -> FiberCurves:
         """Millard's curves, the active one from 0."""
         active = _values(muscle, "ActiveForceLengthCurve", _ACTIVE | {"minimum_value": 0.0})
         velocity = _speeds(muscle)
         return FiberCurves(
-            active_force_length(*active.values()),
-            _not_pushing(*velocity.values()),
-            _passive(muscle),
+            active=active_force_length(*active.values()),
+            velocity=_not_pushing(*velocity.values()),
+            passive=_passive(muscle),
         )
 
     def greatest_pennation(self, muscle: Muscle) -> float:
-        """Upright."""
+        """Greatest pennation: upright [rad]."""
         return np.pi / 2
 
 
 class Millard2012(FiberMuscle):
-    """Millard2012EquilibriumMuscle: fibers with damping, whose equilibrium OpenSim seeks at rest."""
+    """Millard2012EquilibriumMuscle: damped fibers, whose equilibrium OpenSim seeks at rest."""
 
     times = (0.010, 0.040)
     damping = 0.1
@@ -97,17 +97,26 @@ class Millard2012(FiberMuscle):
     def curves(self, muscle: Muscle) -> FiberCurves:
         """Millard's curves, which the class changes by whether an equilibrium can be singular."""
         active, velocity = self._shapes(muscle)
-        return FiberCurves(active_force_length(*active), _not_pushing(*velocity), _passive(muscle))
+        return FiberCurves(
+            active=active_force_length(*active),
+            velocity=_not_pushing(*velocity),
+            passive=_passive(muscle),
+        )
 
     def smooth_curves(self, muscle: Muscle) -> FiberCurves:
-        """As before, but f_V is continued by its line beyond the maximum velocity."""
+        """Curves with f_V continued by its line beyond the maximum velocity."""
         active, velocity = self._shapes(muscle)
         return FiberCurves(
-            active_force_length(*active), force_velocity(*velocity), _passive(muscle)
+            active=active_force_length(*active),
+            velocity=force_velocity(*velocity),
+            passive=_passive(muscle),
         )
 
     def _shapes(self, muscle: Muscle) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """With an elastic tendon and no damping neither curve may reach zero; else both do."""
+        """Parameters of f_L and f_V.
+
+        With an elastic tendon and no damping neither curve may reach zero; else both do.
+        """
         singular = self._singular(muscle)
         active = _values(muscle, "ActiveForceLengthCurve", _ACTIVE)
         velocity = _speeds(muscle)
@@ -119,29 +128,32 @@ class Millard2012(FiberMuscle):
         return tuple(active.values()), tuple(velocity.values())
 
     def _singular(self, muscle: Muscle) -> bool:
+        """Whether an equilibrium can be singular: an elastic tendon on fibers without damping."""
         rigid = bool(muscle.parameters.get("ignore_tendon_compliance", 0.0))
         return not rigid and self.fiber_damping(muscle) < UNDAMPED
 
     def tendon(self, muscle: Muscle) -> Curve:
-        """A toe and a straight line."""
-        strain, *shape = (
-            muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in _TENDON
-        )
-        numbers = tuple(float(number) for number in shape if number is not None)
-        return tendon_force_length(
-            0.049 if strain is None else strain, *(numbers if len(numbers) == len(shape) else ())
-        )
+        """Tendon curve: a toe and a straight line."""
+        values = [muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in _TENDON]
+        strain = TENDON_STRAIN if values[0] is None else values[0]
+        return tendon_force_length(strain, *_complete(values[1:]))
 
     def stretch(self, muscle: Muscle) -> Curve:
-        """The inverse of the tendon's curve."""
+        """Tendon length over force, the inverse of the tendon's curve."""
         return _inverse(self.tendon(muscle))
 
     def greatest_pennation(self, muscle: Muscle) -> float:
-        """Its parameter `maximum_pennation_angle`."""
+        """Greatest pennation, the parameter `maximum_pennation_angle` [rad]."""
         return muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
 
     def stretched_passive(self, parameters: dict[str, float], factor: float) -> dict[str, float]:
-        """All strains of the passive curve grow by the factor, and its stiffnesses fall."""
+        """Scale all strains of the passive curve by a factor, and its stiffnesses by the inverse.
+
+        Parameters
+        ----------
+        parameters : of the muscle, changed in place
+        factor : of the strains
+        """
         parameters = super().stretched_passive(parameters, factor)
         changes = {"strain_at_zero_force": factor} | dict.fromkeys(_PASSIVE_SHAPE[:2], 1.0 / factor)
         for name, change in changes.items():
@@ -151,23 +163,37 @@ class Millard2012(FiberMuscle):
         return parameters
 
     def least_activation(self, muscle: Muscle) -> float:
-        """Its parameter `minimum_activation`, where an equilibrium can be singular."""
+        """Least activation, `minimum_activation` where an equilibrium can be singular, else 0."""
         return muscle.parameters.get("minimum_activation", 0.01) if self._singular(muscle) else 0.0
 
     def shortest_fiber(self, muscle: Muscle) -> float:
-        """Where the active force-length curve begins [m]."""
+        """Length at which the active force-length curve begins [m]."""
         start = _values(muscle, "ActiveForceLengthCurve", _ACTIVE)["min_norm_active_fiber_length"]
         return max(self.sizes(muscle).shortest, BUCKLED, start * muscle.optimal_fiber_length)
 
     def first_state(self, muscle: Muscle, name: str) -> float:
-        """As of any class, but no fiber is shorter than its least length."""
+        """Value of a state where no file has it; no fiber is shorter than its least length."""
         state = super().first_state(muscle, name)
         return max(state, self.shortest_fiber(muscle)) if name == FIBER_LENGTH else state
 
     def balancing_velocity(
         self, muscle: Muscle, a: Array, active: Array, passive: Array, pull: Array
     ) -> tuple[Array, Array]:
-        """By bisection with damping, else by the inverse of the force-velocity curve."""
+        """Find the fiber velocity in balance.
+
+        By bisection with damping, else by the inverse of the force-velocity curve.
+
+        Parameters
+        ----------
+        muscle : of the class
+        a, active, passive : (frames,) activation, f_L and f_PE
+        pull : (frames,) normalized tendon force, along the fibers
+
+        Returns
+        -------
+        v : (frames,) normalized fiber velocity
+        f_V : (frames,) there
+        """
         rest = pull - passive
         curve = self.curves(muscle).velocity
         if self._singular(muscle):
@@ -176,7 +202,7 @@ class Millard2012(FiberMuscle):
         damping = self.fiber_damping(muscle)
         low = (rest - a * active * float(curve(1e6))) / damping
         high = rest / damping
-        for _ in range(STEPS):
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
             above = a * active * curve(middle) + damping * middle > rest
             low = np.where(above, low, middle)
@@ -185,13 +211,32 @@ class Millard2012(FiberMuscle):
         return v, curve(v)
 
     def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
-        """Fiber length at which the fiber is at rest [m]."""
-        return FiberLengthSearch(self, muscle, length, speed, activation).solve()
+        """Find the fiber length at which the fiber is at rest.
+
+        Parameters
+        ----------
+        muscle : of the class
+        length, speed : (frames,) of the path [m], [m/s]
+        activation : (frames,)
+
+        Returns
+        -------
+        (frames,) [m], NaN where there is none
+        """
+        return FiberLengthSearch(
+            model=self, muscle=muscle, length=length, speed=speed, activation=activation
+        ).solve()
 
 
 def _values(muscle: Muscle, curve: str, properties: Mapping[str, float]) -> dict[str, float]:
-    """Parameters of a curve; its class and a slash before a name tell apart names that two curves
-    share.
+    """Parameters of a curve by name.
+
+    The curve's class and a slash before a name tell apart names that two curves share.
+
+    Parameters
+    ----------
+    curve : its class
+    properties : names with their defaults
     """
     known = muscle.parameters
     return {
@@ -201,32 +246,42 @@ def _values(muscle: Muscle, curve: str, properties: Mapping[str, float]) -> dict
 
 
 def _speeds(muscle: Muscle) -> dict[str, float]:
+    """Parameters of the force-velocity curve by name."""
     return _values(muscle, "ForceVelocityCurve", _VELOCITY)
 
 
 def _passive(muscle: Muscle) -> Curve:
+    """Passive force-length curve of a muscle."""
     curve = "FiberForceLengthCurve"
     known = muscle.parameters
     shape = [known.get(f"{curve}/{name}", known.get(name)) for name in _PASSIVE_SHAPE]
-    numbers = tuple(float(number) for number in shape if number is not None)
     strains = _values(muscle, curve, _PASSIVE).values()
-    return passive_force_length(*strains, *(numbers if len(numbers) == len(shape) else ()))
+    return passive_force_length(*strains, *_complete(shape))
+
+
+def _complete(values: Sequence[float | None]) -> tuple[float, ...]:
+    """Values that count only together: none of them where one is missing, as in OpenSim."""
+    present = tuple(float(value) for value in values if value is not None)
+    return present if len(present) == len(values) else ()
 
 
 @lru_cache(maxsize=256)
 def _not_pushing(*velocity: float) -> Curve:
+    """Force-velocity curve, not below 0."""
     return force_velocity(*velocity).within(0.0)
 
 
 @lru_cache(maxsize=64)
 def _inverse(tendon: Curve) -> Curve:
+    """Inverse of a tendon's curve, made once."""
     return tendon.inverse()
 
 
 @lru_cache(maxsize=64)
 def _inverse_velocity(*velocity: float) -> Curve:
-    """Normalized velocity over f_V of an undamped muscle; at the ends its slopes are half of those
-    near them.
+    """Invert the force-velocity curve of an undamped muscle.
+
+    At the ends its slopes are half of those near them.
     """
     shape = dict(zip(_VELOCITY, velocity, strict=True))
     for side in ("concentric", "eccentric"):
@@ -237,10 +292,25 @@ def _inverse_velocity(*velocity: float) -> Curve:
 def bezier_corner(
     start: tuple[float, float, float], end: tuple[float, float, float], curviness: float
 ) -> list[tuple[float, ...]]:
-    """A C-shaped quintic from one point and slope to another: power coefficients of x and of y.
+    """Make a C-shaped quintic Bezier curve from one point and slope to another.
+
     The two middle pairs of control points lie on the tangents, the fraction `curviness` of the way
-    to where these meet. `start`, `end` (x, y, dy/dx); `curviness`: 0 straight ... 1 sharp;
-    Millard's parameter after scaling to 0.1 ... 0.9.
+    to where these meet.
+
+    Source: Millard, Uchida, Seth and Delp 2013.
+
+    Parameters
+    ----------
+    start, end : (x, y, dy/dx)
+    curviness : 0 straight ... 1 sharp; Millard's parameter after scaling to 0.1 ... 0.9
+
+    Returns
+    -------
+    power coefficients of x and of y
+
+    Raises
+    ------
+    BadModel : the tangents do not meet between the points
     """
     x0, y0, s0 = start
     x1, y1, s1 = end
@@ -266,7 +336,7 @@ def bezier_corner(
 
 
 def _chain(points: Sequence[tuple[float, float, float]], curviness: Sequence[float]) -> Curve:
-    """Corners through (x, y, slope) points, the curviness of each in Millard's 0 ... 1."""
+    """Make a curve of corners through (x, y, slope) points, each of a curviness of 0 ... 1."""
     pieces = []
     for start, stop, bend in zip(points[:-1], points[1:], curviness, strict=True):
         x, y = bezier_corner(start, stop, 0.1 + 0.8 * bend)
@@ -283,9 +353,13 @@ def active_force_length(
     minimum_value: float = 0.1,
 ) -> Curve:
     """Millard's active force-length curve over the normalized fiber length, 1 at 1.
-    `minimum`, `transition`, `maximum`: normalized lengths where it begins, turns to the shallow
-    ascending limb, and ends; `shallow_slope`: of the shallow ascending limb; `minimum_value`: its
-    value outside (0 for a rigid tendon; OpenSim's default is 0.1).
+
+    Parameters
+    ----------
+    minimum, transition, maximum : normalized lengths where it begins, turns to the shallow
+        ascending limb, and ends
+    shallow_slope : of the shallow ascending limb
+    minimum_value : its value outside (0 for a rigid tendon; OpenSim's default is 0.1)
     """
     half_plateau = 0.05
     shoulder = 1.0 - half_plateau
@@ -323,8 +397,9 @@ def force_velocity(
     concentric_curviness: float = 0.6,
     eccentric_curviness: float = 0.9,
 ) -> Curve:
-    """Millard's force-velocity curve over the normalized fiber velocity: 0 at -1, 1 at 0, `maximum`
-    at 1.
+    """Millard's force-velocity curve over the normalized fiber velocity.
+
+    It is 0 at -1, 1 at 0 and `maximum` at 1. Parameters are OpenSim's `ForceVelocityCurve`'s.
     """
     near = 0.1
     concentric = 0.5 * near * (concentric_slope_near_vmax + concentric_slope_at_vmax)
@@ -347,8 +422,14 @@ def passive_force_length(
     stiffness_at_one: float | None = None,
     curviness: float = 0.75,
 ) -> Curve:
-    """Millard's passive force-length curve over the normalized fiber length, 1 at 1 +
-    `strain_at_one`. `stiffness_at_one`: slope there; None for 2 / (strain_at_one - strain_at_zero).
+    """Millard's passive force-length curve over the normalized fiber length.
+
+    Parameters
+    ----------
+    strain_at_zero, strain_at_one : where the curve leaves 0, and where it is 1
+    low_stiffness : slope at the end of the toe
+    stiffness_at_one : slope at `strain_at_one`; None for 2 / (strain_at_one - strain_at_zero)
+    curviness : of both corners
     """
     span = strain_at_one - strain_at_zero
     stiff = 2.0 / span if stiffness_at_one is None else stiffness_at_one
@@ -369,9 +450,14 @@ def tendon_force_length(
     toe_force: float = 2.0 / 3.0,
     curviness: float = 0.5,
 ) -> Curve:
-    """Millard's tendon force over the tendon length by its slack length, 1 at 1 + `strain_at_one`.
-    `stiffness`: slope of the straight part; None for 1.375 / strain_at_one; `toe_force`: where the
-    straight part begins.
+    """Millard's tendon force over the tendon length by its slack length.
+
+    Parameters
+    ----------
+    strain_at_one : where the force is 1
+    stiffness : slope of the straight part; None for 1.375 / strain_at_one
+    toe_force : force at which the straight part begins
+    curviness : of the toe
     """
     slope = 1.375 / strain_at_one if stiffness is None else stiffness
     end = 1.0 + strain_at_one

@@ -1,6 +1,6 @@
-"""Thelen2003Muscle: a bell, hyperbolas and exponentials (Thelen 2003), and how OpenSim finds its
-fibers; classes with splines, those of SIMM's generic muscle (Delp et al. 1990), and of Schutte et
-al. 1993.
+"""Thelen2003Muscle (Thelen 2003) with OpenSim's search for its fibers, and classes with splines.
+
+The splines are those of SIMM's generic muscle (Delp et al. 1990) and of Schutte et al. 1993.
 """
 
 from __future__ import annotations
@@ -170,6 +170,12 @@ SCHUTTE_TENDON = spline_curve(
         345.0,
     ),
 )
+# Normalized velocity up to which the corner of the force-velocity curve is rounded, which changes
+# it by at most 0.013
+ROUNDED_VELOCITY = 0.01
+# Normalized length on both sides of 1 over which the passive force sets in, which changes it by at
+# most 0.001
+ROUNDED_LENGTH = 0.02
 GENERIC_VELOCITY = Curve(
     (
         Piece(
@@ -178,14 +184,13 @@ GENERIC_VELOCITY = Curve(
     ),
     bounds=(0.0, np.inf),
 )
-"""What OpenSim's static optimization takes of classes that have no force-velocity curve of their
-own.
-"""
+"""Force-velocity curve of classes without their own in OpenSim's static optimization."""
 
 
 class RigidTendon(FiberMuscle):
-    """RigidTendonMuscle, with the default splines of its curves; its fiber velocity is the path's
-    in OpenSim.
+    """RigidTendonMuscle, with the default splines of its curves.
+
+    In OpenSim its fiber velocity is that of the path.
     """
 
     static_optimization = StaticOptimization(turning=False)
@@ -193,13 +198,25 @@ class RigidTendon(FiberMuscle):
     activated = False
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """SIMM's generic splines; its class bounds the passive force."""
+        """Curves of SIMM's generic muscle; the class bounds the passive force."""
         return FiberCurves(DELP_ACTIVE, DELP_VELOCITY, DELP_PASSIVE)
 
     def fibers(
         self, muscle: Muscle, length: Array, speed: Array, a: Array, state: Array | None
     ) -> Fibers:
-        """Fibers on a tendon of its slack length."""
+        """Fibers on a tendon of its slack length.
+
+        Parameters
+        ----------
+        muscle : of the class
+        length, speed : (frames,) of the path [m], [m/s]
+        a : (frames,) activation
+        state : not read
+
+        Returns
+        -------
+        arrays (frames,)
+        """
         sizes = self.sizes(muscle)
         curves = self.curves(muscle)
         along = np.maximum(length - sizes.tendon, 0.0)
@@ -234,25 +251,16 @@ class Schutte1993(MuscleModel):
     """Schutte1993Muscle_Deprecated."""
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """SIMM's active spline and an exponential."""
+        """Curves: SIMM's active spline, a generic f_V and an exponential f_PE."""
         passive = Curve(
             (Piece(-np.inf, shapes=(Shape(form=EXPONENTIAL, size=1.0, a=-12.0, b=8.0),)),)
         )
         return FiberCurves(DELP_ACTIVE, GENERIC_VELOCITY, passive)
 
     def resting_tendon(self, muscle: Muscle) -> Curve:
-        """The spline of its tendon, which pulls only where it is stretched."""
+        """Tendon spline over strain, which pulls only where it is stretched."""
         pieces = tuple(piece for piece in SCHUTTE_TENDON.pieces if piece.start >= 0.0)
         return Curve(pieces, SCHUTTE_TENDON.end, (0.0, SCHUTTE_TENDON.slopes[1]))
-
-
-# Normalized velocity up to which the corner of the force-velocity curve is rounded, by at most
-# 0.013
-ROUNDED = 0.01
-TAKEN_UP = 0.02
-"""Normalized length on both sides of 1 over which the passive force sets in, by at most 0.001 from
-the curve.
-"""
 
 
 class Thelen2003(FiberMuscle):
@@ -265,27 +273,33 @@ class Thelen2003(FiberMuscle):
     passive_strain = ("FmaxMuscleStrain", 0.6)
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """A bell (eq. 4), a hyperbola each for shortening and lengthening (eq. 6, 7), an
-        exponential (eq. 3).
-        """
-        width, strain, shape = numbers(
-            muscle, KshapeActive=0.45, FmaxMuscleStrain=0.6, KshapePassive=5.0
-        )
-        return FiberCurves(_bell(width), _velocity(*_speeds(muscle)), _passive(strain, shape))
+        """Curves of Thelen 2003.
 
-    def smooth_curves(self, muscle: Muscle) -> FiberCurves:
-        """The curves without their corners at rest and at optimal length, where no Newton step
-        would end.
+        f_L is a bell (eq. 4), f_V a hyperbola each for shortening and lengthening (eq. 6, 7), f_PE
+        an exponential (eq. 3).
         """
         width, strain, shape = numbers(
             muscle, KshapeActive=0.45, FmaxMuscleStrain=0.6, KshapePassive=5.0
         )
         return FiberCurves(
-            _bell(width), _rounded_velocity(*_speeds(muscle)), _rounded_passive(strain, shape)
+            active=_bell(width),
+            velocity=_velocity(*_speeds(muscle)),
+            passive=_passive(strain, shape),
+        )
+
+    def smooth_curves(self, muscle: Muscle) -> FiberCurves:
+        """Curves without corners at rest and at optimal length, where no Newton step would end."""
+        width, strain, shape = numbers(
+            muscle, KshapeActive=0.45, FmaxMuscleStrain=0.6, KshapePassive=5.0
+        )
+        return FiberCurves(
+            active=_bell(width),
+            velocity=_rounded_velocity(*_speeds(muscle)),
+            passive=_rounded_passive(strain, shape),
         )
 
     def tendon(self, muscle: Muscle) -> Curve:
-        """An exponential toe and a straight line."""
+        """Tendon curve: an exponential toe and a straight line."""
         toe, force, slope = _tendon_numbers(*numbers(muscle, FmaxTendonStrain=0.04))
         size = force / float(np.expm1(3.0))
         curved = Piece(
@@ -294,37 +308,62 @@ class Thelen2003(FiberMuscle):
         return Curve((curved, Piece(1.0 + toe, (force, slope))), slopes=(0.0, 0.0))
 
     def stretch(self, muscle: Muscle) -> Curve:
-        """A logarithm and a straight line."""
+        """Tendon length over force: a logarithm and a straight line."""
         return _stretch(*numbers(muscle, FmaxTendonStrain=0.04))
 
     def greatest_pennation(self, muscle: Muscle) -> float:
-        """Its parameter `maximum_pennation_angle`."""
+        """Greatest pennation, the parameter `maximum_pennation_angle` [rad]."""
         return muscle.parameters.get("maximum_pennation_angle", float(np.arccos(0.1)))
 
     def fiber_damping(self, muscle: Muscle) -> float:
-        """None."""
+        """Damping of the fibers: none."""
         return 0.0
 
     def least_activation(self, muscle: Muscle) -> float:
-        """Its parameter `minimum_activation`."""
+        """Least activation, the parameter `minimum_activation`."""
         return muscle.parameters.get("minimum_activation", 0.01)
 
     def balancing_velocity(
         self, muscle: Muscle, a: Array, active: Array, passive: Array, pull: Array
     ) -> tuple[Array, Array]:
-        """The force-velocity curve inverted."""
+        """Find the fiber velocity in balance by the inverted force-velocity curve.
+
+        Parameters
+        ----------
+        muscle : of the class
+        a, active, passive : (frames,) activation, f_L and f_PE
+        pull : (frames,) normalized tendon force, along the fibers
+
+        Returns
+        -------
+        v : (frames,) normalized fiber velocity
+        f_V : (frames,) there
+        """
         return _fiber_velocity(muscle, a, active, pull - passive), (pull - passive) / (a * active)
 
     def equilibrium(self, muscle: Muscle, length: Array, speed: Array, activation: Array) -> Array:
-        """Fiber length where fiber and tendon share the path's velocity by their stiffness [m]."""
-        return _Sharing(self, muscle, length, speed, activation).solve()
+        """Find the fiber length where fiber and tendon share the path's velocity by stiffness.
+
+        Parameters
+        ----------
+        muscle : of the class
+        length, speed : (frames,) of the path [m], [m/s]
+        activation : (frames,)
+
+        Returns
+        -------
+        (frames,) [m], NaN where there is none
+        """
+        return _Sharing(
+            model=self, muscle=muscle, length=length, speed=speed, activation=activation
+        ).solve()
 
 
 class DeprecatedThelen2003(MuscleModel):
     """Thelen2003Muscle_Deprecated, the class before OpenSim 3."""
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """A bell, and an exponential continued by a straight line of another slope."""
+        """Curves: a bell, and an exponential continued by a straight line of another slope."""
         width, strain, shape = numbers(
             muscle, KshapeActive=0.5, FmaxMuscleStrain=0.6, KshapePassive=4.0
         )
@@ -336,7 +375,7 @@ class DeprecatedThelen2003(MuscleModel):
         )
 
     def resting_tendon(self, muscle: Muscle) -> Curve:
-        """An exponential toe and a straight line, on a weak spring that pushes, too."""
+        """Tendon curve over strain: an exponential toe and a line, on a weak spring."""
         (strain,) = numbers(muscle, FmaxTendonStrain=0.033)
         toe = 0.609 * strain
         size = 0.333333 / np.expm1(3.0)
@@ -350,15 +389,24 @@ class DeprecatedThelen2003(MuscleModel):
 
 
 class _Sharing(FiberLengthSearch):
-    """The search of a fiber length with the velocity that the fiber's share of the stiffness gives
-    it.
-    """
+    """Search for a fiber length, with the velocity by the fiber's share of the stiffness."""
 
     max_steps = 20
 
     def velocity_factor(self, fiber: Array, f_v: Array, turning: bool = True) -> Array:
-        """f_V where fiber and tendon share the path's velocity by their stiffness.
-        `turning`: whether the fibers' stiffness counts that they turn as they lengthen.
+        """Factor f_V where fiber and tendon share the path's velocity by their stiffness.
+
+            tendon speed = K_fiber / (K_fiber + K_tendon) path speed
+
+        Parameters
+        ----------
+        fiber : (frames,) length [m]
+        f_v : (frames,) the factor so far
+        turning : whether the fibers' stiffness counts that they turn as they lengthen
+
+        Returns
+        -------
+        (frames,)
         """
         sizes = self.sizes
         curves = self.curves
@@ -366,6 +414,7 @@ class _Sharing(FiberLengthSearch):
         cosine = np.cos(fiber_pennation(sizes, fiber))
 
         def pull(x: Array) -> Array:
+            """Compute the normalized force of fibers of a length [m] along the tendon."""
             pull = self.a * curves.active(x / sizes.fiber) * f_v + curves.passive(x / sizes.fiber)
             return pull * (np.cos(fiber_pennation(sizes, x)) if turning else cosine)
 
@@ -379,12 +428,27 @@ class _Sharing(FiberLengthSearch):
 
 
 def _speeds(muscle: Muscle) -> tuple[float, ...]:
+    """Shape A_f, greatest force F_len and share of it from which on f_V is straight."""
     return numbers(muscle, Af=0.25, Flen=1.4, fv_linear_extrap_threshold=0.95)
 
 
 def _fiber_velocity(muscle: Muscle, a: Array, active: Array, force: Array) -> Array:
-    """Normalized fiber velocity at a normalized active force, straight beyond the ends (Thelen
-    2003, eq. 6 and 7).
+    """Compute the normalized fiber velocity at an active force, straight beyond the ends.
+
+        v = (0.25 + 0.75 a) (F - a f_L) / b
+        b = a f_L + F / A_f                                 F <= a f_L
+        b = (2 + 2 / A_f) (a f_L F_len - F) / (F_len - 1)   F > a f_L
+
+    Source: Thelen 2003, eq. 6 and 7.
+
+    Parameters
+    ----------
+    a, active : (frames,) activation and f_L
+    force : (frames,) F, normalized active force
+
+    Returns
+    -------
+    (frames,)
     """
     shape, most, share = _speeds(muscle)
     isometric = a * active
@@ -403,7 +467,17 @@ def _fiber_velocity(muscle: Muscle, a: Array, active: Array, force: Array) -> Ar
 
 
 def _velocity_factor_at(muscle: Muscle, a: Array, active: Array, v: Array) -> Array:
-    """f_V at which a fiber has a normalized velocity; not below 0."""
+    """Find f_V at which a fiber has a normalized velocity, by bisection; not below 0.
+
+    Parameters
+    ----------
+    a, active : (frames,) activation and f_L
+    v : (frames,) normalized fiber velocity
+
+    Returns
+    -------
+    (frames,)
+    """
     low = np.full_like(v, -100.0)
     high = np.full_like(v, 100.0)
     for _ in range(60):
@@ -423,6 +497,7 @@ def _bell(width: float) -> Curve:
 
 @lru_cache(maxsize=256)
 def _velocity(shape: float, most: float, share: float) -> Curve:
+    """Force-velocity curve of Thelen 2003 at full activation; parameters as of `_speeds`."""
     rate = (2.0 + 2.0 / shape) / (most - 1.0)
     last = share * most
     shortening = Piece(
@@ -436,6 +511,7 @@ def _velocity(shape: float, most: float, share: float) -> Curve:
 
 @lru_cache(maxsize=256)
 def _passive(strain: float, shape: float) -> Curve:
+    """f_PE = (exp(shape (x - 1) / strain) - 1) / (exp(shape) - 1) (Thelen 2003, eq. 3)."""
     size = 1.0 / (float(np.exp(shape)) - 1.0)
     return Curve(
         (
@@ -450,12 +526,14 @@ def _passive(strain: float, shape: float) -> Curve:
 
 @lru_cache(maxsize=256)
 def _rounded_velocity(shape: float, most: float, share: float) -> Curve:
-    return _velocity(shape, most, share).rounded(0.0, ROUNDED)
+    """`_velocity` without its corner at rest."""
+    return _velocity(shape, most, share).rounded(0.0, ROUNDED_VELOCITY)
 
 
 @lru_cache(maxsize=256)
 def _rounded_passive(strain: float, shape: float) -> Curve:
-    return _passive(strain, shape).rounded(1.0, TAKEN_UP)
+    """`_passive` without its corner at optimal length."""
+    return _passive(strain, shape).rounded(1.0, ROUNDED_LENGTH)
 
 
 def _tendon_numbers(strain: float) -> tuple[float, float, float]:
@@ -467,6 +545,7 @@ def _tendon_numbers(strain: float) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=256)
 def _stretch(strain: float) -> Curve:
+    """Tendon length by slack length over the normalized force."""
     toe, force, slope = _tendon_numbers(strain)
     curved = Piece(
         0.0,
