@@ -48,15 +48,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=3, help="turns of each")
 
 
+def unpack_sources(revision: str, folder: Path) -> None:
+    """Put the sources of a revision into a folder, as `src` there."""
+    archive = subprocess.run(
+        ["git", "archive", revision, "src"], cwd=ROOT, capture_output=True, check=True
+    ).stdout
+    packed = folder / "archive.tar"
+    packed.write_bytes(archive)
+    with tarfile.open(packed) as files:
+        files.extractall(folder, filter="data")
+
+
 def run(before: str, rounds: int = 3) -> list[dict[str, object]]:
     """A row a function and a command: processor seconds before and now, and now over before."""
     with tempfile.TemporaryDirectory() as folder:
-        archive = subprocess.run(
-            ["git", "archive", before, "src"], cwd=ROOT, capture_output=True, check=True
-        ).stdout
-        Path(folder, "archive.tar").write_bytes(archive)
-        with tarfile.open(Path(folder, "archive.tar")) as files:
-            files.extractall(folder, filter="data")
+        unpack_sources(before, Path(folder))
         taken: dict[tuple[str, str], list[float]] = defaultdict(list)
         for turn in range(rounds + 1):
             for which, tree in (("before", Path(folder)), ("now", ROOT)):

@@ -1,8 +1,8 @@
 """How long a user waits: import, the first command on a new machine with compilation, later
 commands, and where the time of a one-second trial goes; size on disk.
 
-`python -m benchmarks start [--tree PATH]`: processor times of this checkout beside those of another
-one, in turns.
+`python -m benchmarks start [--before REVISION]`: processor times of this checkout beside those of an
+earlier revision, in turns.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from packaging.requirements import Requirement
 
 import myomorph
 from benchmarks.speed.command_parts import processor_times
+from benchmarks.speed.revision import unpack_sources
 from data_collection import data_folder
 
 RUNS = 5
@@ -67,11 +68,11 @@ def seconds(arguments: list[str], environment: dict[str, str]) -> float:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command line."""
     parser.add_argument(
-        "--tree", type=Path, default=None, help="a checkout to compare the parts of commands with"
+        "--before", default="", metavar="REVISION", help="the revision to compare commands with"
     )
 
 
-def run(tree: Path | None = None) -> list[dict[str, object]]:
+def run(before: str = "") -> list[dict[str, object]]:
     """Rows of what was waited for and how long."""
     rows: list[dict[str, object]] = [
         {"what": "packages without extras", "MB": 1e-6 * installed_size("myomorph")}
@@ -101,7 +102,13 @@ def run(tree: Path | None = None) -> list[dict[str, object]]:
         rows.append({"what": "myomorph demo, first time (compiles)", "seconds": first})
         later = [seconds([*demo, str(Path(folder) / f"later{i}")], environment) for i in range(3)]
         rows.append({"what": "myomorph demo, later", "seconds": statistics.median(later)})
-        rows += _parts_of_commands(Path(folder), places, tree)
+        trees = {"": Path(__file__).parents[2]}
+        if before:
+            earlier = Path(folder) / "earlier"
+            earlier.mkdir()
+            unpack_sources(before, earlier)
+            trees[", before"] = earlier
+        rows += _parts_of_commands(Path(folder), places, trees)
     return rows
 
 
@@ -121,7 +128,7 @@ def _trial_files(folder: Path) -> TrialPaths:
 
 
 def _parts_of_commands(
-    folder: Path, places: Mapping[str, str], tree: Path | None
+    folder: Path, places: Mapping[str, str], trees: Mapping[str, Path]
 ) -> list[dict[str, object]]:
     """Processor times of the commands of a one-second trial."""
     files = _trial_files(folder)
@@ -136,12 +143,11 @@ def _parts_of_commands(
         "id": ["id", *loaded, "--out", str(folder / "id.sto")],
         "tension": ["tension", *loaded, "--cutoff", "6", "--out", str(folder / "tension")],
     }
-    trees = {"this": Path(__file__).parents[2]} | ({} if tree is None else {"other": tree})
     environments = {
         name: {**places, "PYTHONPATH": str(path / "src")} for name, path in trees.items()
     }
     rows: list[dict[str, object]] = []
     for (name, version), parts in processor_times(commands, environments, RUNS).items():
-        what = f"{name}, later" if version == "this" else f"{name}, later, before"
-        rows.append({"what": what, "processor seconds": sum(parts.values()), **parts})
+        total = sum(parts.values())
+        rows.append({"what": f"{name}{version}", "processor seconds": total, **parts})
     return rows
