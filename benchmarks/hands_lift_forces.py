@@ -190,5 +190,8 @@ def left_open(asked: Task, frames: Sequence[int]) -> ContactIntervals:
 
 def _bottom() -> Array:
     """Corners of the box's bottom (4, 3) [m]."""
-    x, y, z = (0.5 * one for one in BOX_SIZE)
+    x, y, z = BOX_SIZE
+    x = 0.5 * x
+    y = 0.5 * y
+    z = 0.5 * z
     return np.array([(i * x, -y, k * z) for i in (-1, 1) for k in (-1, 1)])

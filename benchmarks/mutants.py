@@ -135,7 +135,16 @@ def sample(rooms: list[str], count: int, seed: int) -> Iterator[WorkItem]:
                 )
                 for occurrence, (node, start, end) in enumerate(places):
                     if _is_drawn(node):
-                        sites[kind].append(MutationSpec(path, operator, occurrence, start, end, {}))
+                        sites[kind].append(
+                            MutationSpec(
+                                module_path=path,
+                                operator_name=operator,
+                                occurrence=occurrence,
+                                start_pos=start,
+                                end_pos=end,
+                                operator_args={},
+                            )
+                        )
     chance = random.Random(seed)
     lines = set()
     for specs in sites.values():
@@ -159,7 +168,9 @@ def noticed(graph: grimp.ImportGraph, item: WorkItem, budget: float, work: Path)
     """What the first test file says that notices a mutant, or the last of those that the budget
     allows.
     """
-    result = WorkResult(WorkerOutcome.NO_TEST, "", TestOutcome.SURVIVED, "")
+    result = WorkResult(
+        worker_outcome=WorkerOutcome.NO_TEST, output="", test_outcome=TestOutcome.SURVIVED, diff=""
+    )
     used = 0.0
     shutil.rmtree(changed := work / "changed", ignore_errors=True)
     for file in nearest_tests(graph, item.mutations[0].module_path):

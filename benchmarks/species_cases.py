@@ -321,7 +321,9 @@ def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
     """The anatomist's muscles on the mouse's skeleton: what a transfer is held against."""
     anatomist = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
     skeleton = mouse(data).model
-    laid = Alignment(anatomist, skeleton, rule, mouse(data).surfaces)
+    laid = Alignment(
+        anatomist=anatomist, skeleton=skeleton, rule=rule, surfaces=mouse(data).surfaces
+    )
     bones = {body: given_map(body, SEGMENTS[body][0], laid.similarity(body)) for body in SEGMENTS}
     options = MorphOptions(surface_within=0.0, clear=False, fibers="path", force="area")
     return graft_muscles(anatomist, skeleton, bones, options, coordinates=COORDINATES)

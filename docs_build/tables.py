@@ -65,7 +65,7 @@ def number(words: str) -> str:
         where there is no such cell, or where more than one row has the words
     """
     try:
-        table, row, column = (part.strip() for part in words.split(" | "))
+        table, row, column = map(str.strip, words.split(" | "))
     except ValueError:
         raise ValueError(f"'{words}' is not 'table | row | column'") from None
     rows = load(table if "/" in table else f"validation/{table}")

@@ -145,7 +145,10 @@ class State:
     """
 
     def __init__(self, model: Model, motion: Motion, frame: int):
-        c, cdot, cddot = (one[frame] for one in motion_arrays(compile_tree(model), motion))
+        c, cdot, cddot = motion_arrays(compile_tree(model), motion)
+        c = c[frame]
+        cdot = cdot[frame]
+        cddot = cddot[frame]
         self.qpos = qpos_from_coordinates(model, c)
         n = len(c)
         blocks = []

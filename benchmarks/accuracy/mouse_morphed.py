@@ -238,7 +238,9 @@ def measure_groups(folder: Path) -> Iterator[Row]:
         for path in recordings(folder)
         if (one := followed(folder, path)).trial.plates
     }
-    first, second = (each[name] for name in TWO_MICE)
+    first_name, second_name = TWO_MICE
+    first = each[first_name]
+    second = each[second_name]
     half = len(first) // 2
     yield _difference(
         f"{TWO_MICE[0]} and {TWO_MICE[1]}, by strides",

@@ -172,7 +172,9 @@ def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Ro
     """The same while a page draws it in another process."""
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
-    page = LivePage(model, LiveChain(model, sources[0]), None, PORT, Delays())
+    page = LivePage(
+        model=model, chain=LiveChain(model, sources[0]), surfaces=None, port=PORT, delays=Delays()
+    )
     try:
         return measured("walk, page open", model, sources, late=[page])
     finally:

@@ -150,7 +150,8 @@ def condition(name, subjects, cycle="stride"):
 def test_every_pair_of_conditions_is_compared_at_its_share_of_the_error():
     rng = np.random.default_rng(4)
     both = [f"s{k}" for k in range(4)]
-    a, b = (condition(one, [subject(name, 1.0, rng=rng) for name in both]) for one in "ab")
+    a = condition("a", [subject(name, 1.0, rng=rng) for name in both])
+    b = condition("b", [subject(name, 1.0, rng=rng) for name in both])
     c = condition("c", [subject(f"t{k}", 1.0, rng=rng) for k in range(4)])
     found = compare_conditions([a, b, c], GroupOptions(alpha=0.06))
     assert [(one.names, one.paired) for one in found] == [

@@ -63,7 +63,8 @@ def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
     walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
 ) -> None:
     model, coordinates, each, bodies = walk
-    right, left = (np.linalg.norm(each[:, plate, 3:], axis=1) for plate in range(2))
+    right = np.linalg.norm(each[:, 0, 3:], axis=1)
+    left = np.linalg.norm(each[:, 1, 3:], axis=1)
     # Where only one foot is loaded, as on a treadmill's one plate; both together cannot be told
     # apart.
     one = np.where((right > left)[:, None], each[:, 0], each[:, 1])

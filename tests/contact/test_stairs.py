@@ -261,7 +261,9 @@ def test_two_paws_on_a_step_share_by_the_center_of_pressure():
     )
     wrenches, notes = stair_wrenches(paws)
     assert any("carries paw_r and paw_l together" in one for one in notes)
-    one, two = (wrenches.forces[:, wrenches.names.index(f"step0_{paw}")] for paw in PAWS)
+    one_paw, two_paw = PAWS
+    one = wrenches.forces[:, wrenches.names.index(f"step0_{one_paw}")]
+    two = wrenches.forces[:, wrenches.names.index(f"step0_{two_paw}")]
     pressed = one[:, 1] > 0.1 * WEIGHT
     np.testing.assert_allclose(one[pressed], two[pressed], rtol=0.02, atol=1e-6)
     assert any(set(wrench.sites) == {"paw_r_pad", "paw_l_pad"} for wrench in shared_stairs(paws))

@@ -88,9 +88,9 @@ def test_a_plate_under_two_feet_is_nobodys():
     )
     found = undetermined_loads(wrenches, places, WEIGHT, UP)
     assert [finding.place for finding in found] == ["calcn_r", "calcn_l"]
-    right, left = (
-        np.any([(time >= a) & (time <= b) for a, b in finding.times], axis=0) for finding in found
-    )
+    right_finding, left_finding = found
+    right = np.any([(time >= a) & (time <= b) for a, b in right_finding.times], axis=0)
+    left = np.any([(time >= a) & (time <= b) for a, b in left_finding.times], axis=0)
     assert right[still].mean() > 0.9
     assert left[still].mean() > 0.9
     assert right[~still].mean() < 0.2

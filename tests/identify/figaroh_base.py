@@ -28,7 +28,7 @@ def figaroh_combination(model, motion):
     config = RegressorConfig(
         is_joint_torques=False, is_external_wrench=True, force_torque=components
     )
-    q, v, a = (np.array(one) for one in zip(*pinocchio_states(model, motion), strict=True))
+    q, v, a = map(np.array, zip(*pinocchio_states(model, motion), strict=True))
     W = RegressorBuilder(robot, config).build_basic_regressor(q, v, a)
     size = W.shape[1]
     names = {f"{body}_{k}": 0.0 for body in range(size // 10) for k in range(10)}

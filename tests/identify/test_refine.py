@@ -262,7 +262,9 @@ def test_plates_that_weigh_otherwise_do_not_lift_the_body(recorded):
         trial, wrenches=replace(forces, forces=1.08 * forces.forces, torques=1.08 * forces.torques)
     )
     found = [refine(subject.generic, [one], options=OPTIONS) for one in (trial, heavy)]
-    right, other = (one.trials[0].after for one in found)
+    right, other = found
+    right = right.trials[0].after
+    other = other.trials[0].after
     assert other.markers == pytest.approx(right.markers, rel=0.01)
     # The residual is against what the plates said.
     assert other.force > 0.07 * subject.generic.mass * 9.8

@@ -136,10 +136,8 @@ def test_alphas_and_masses_are_found_again(runner):
         "torso",
     }
     rows = base_regressor(model, motion)
-    wrench, generic = (
-        rows @ (masses - truth).ravel()
-        for masses in (found.parameters[found.identified], inertial_parameters(model))
-    )
+    wrench = rows @ (found.parameters[found.identified] - truth).ravel()
+    generic = rows @ (inertial_parameters(model) - truth).ravel()
     assert np.sqrt(np.mean(wrench**2)) < 0.4 * np.sqrt(np.mean(generic**2))
 
 

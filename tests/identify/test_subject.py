@@ -133,7 +133,8 @@ def test_a_sum_of_two_masses_is_not_two_masses(walk):
     """Exact rows of m1 + m2: rank 1, and neither mass is determined."""
     model, points, _ = walk
     A = np.zeros((1, 10 * len(model.bodies)))
-    one, other = (model.body_names.index(f"femur_{side}") for side in "rl")
+    one = model.body_names.index("femur_r")
+    other = model.body_names.index("femur_l")
     A[0, [10 * one, 10 * other]] = 1e6
     known = determined(points["own"], A, MASS, 0.1)
     assert known.rank == 1

@@ -18,7 +18,8 @@ FRAMES = 40
 def made(path, labels=("hip", "knee"), fragments=3, rate=250.0, compressed=True, **changes):
     """A recording as QTM writes it, and its positions [mm]."""
     rng = np.random.default_rng(3)
-    own, loose = (rng.uniform(-500, 500, (count, 4, FRAMES)) for count in (len(labels), fragments))
+    own = rng.uniform(-500, 500, (len(labels), 4, FRAMES))
+    loose = rng.uniform(-500, 500, (fragments, 4, FRAMES))
     own[0, :, 5:9] = np.nan
     loose[:, :3, 20:] = np.nan
     label = np.empty((1, len(labels)), object)

@@ -171,7 +171,9 @@ def test_markers_lead_to_the_same_as_coordinates(
 def test_a_recording_plays_in_its_own_time(walk: tuple[Model, LiveRecording]) -> None:
     _, recording = walk
     now = [100.0]
-    source = Replay(recording.motion, recording.wrenches, 2.0, lambda: now[0])
+    source = Replay(
+        motion=recording.motion, wrenches=recording.wrenches, speed=2.0, now=lambda: now[0]
+    )
     assert len(source.take().motion_time) == 1
     now[0] += 0.5
     arrived = source.take()
@@ -510,7 +512,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    viewer = WebDisplay(model, {}, None, port)
+    viewer = WebDisplay(model=model, segments={}, surfaces=None, port=port)
     try:
         assert (
             b"<html"
@@ -521,7 +523,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     finally:
         viewer.close()
     with pytest.raises(BadData, match="1 to 65535"):
-        WebDisplay(model, {}, None, 0)
+        WebDisplay(model=model, segments={}, surfaces=None, port=0)
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -69,7 +69,7 @@ def test_derivatives_are_those_of_the_filtered_value() -> None:
 
 
 def test_slow_noise_has_variance_one_and_the_correlation_of_a_gaussian() -> None:
-    noise = SlowNoise(0.15, 4000, 3, 50.0)
+    noise = SlowNoise(width=0.15, count=4000, seed=3, rate=50.0)
     first = noise.at(5.0)
     then = noise.at(5.2)
     later = noise.at(5.5)
@@ -108,7 +108,9 @@ def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
     motion = inverse_kinematics(model, markers).motion
     names, weights = tracked_markers(model, markers, InverseKinematicsOptions())
     seen = np.isfinite(markers.values[:, [markers.names.index(name) for name in names]]).all(axis=2)
-    slopes = SlopeFinder(model, names, weights, InverseKinematicsOptions()).at(motion.values, seen)
+    slopes = SlopeFinder(
+        model=model, names=names, weights=weights, options=InverseKinematicsOptions()
+    ).at(motion.values, seen)
     filter = CausalFilter(6.0)
     each = []
     normals = Normals(DRAWS)

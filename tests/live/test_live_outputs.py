@@ -145,13 +145,13 @@ def test_the_page_shows_the_newest_frame(walk: tuple[Model, Markers, Wrenches]) 
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     delays = Delays()
-    page = LivePage(model, chain, None, port, delays)
+    page = LivePage(model=model, chain=chain, surfaces=None, port=port, delays=delays)
     try:
         assert page.port == port
         assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20).read()
         follow(chain, source, late=[page], delays=delays)
         with pytest.raises(BadData, match=f"port {port}"):
-            LivePage(model, chain, None, port, delays)
+            LivePage(model=model, chain=chain, surfaces=None, port=port, delays=delays)
     finally:
         page.close()
     with pytest.raises(urllib.error.URLError):
@@ -244,7 +244,7 @@ def test_a_stream_has_limits_behind_its_results(walk: tuple[Model, Markers, Wren
     model, markers, wrenches = walk
     source = Replay(cut(markers, 0.5, 0.9), wrenches, 0.0)
     chain = LiveChain(model, source, limits=LimitOptions(4))
-    follow(chain, source, [LabOutlet("results", chain, source, library)])
+    follow(chain, source, [LabOutlet(name="results", chain=chain, source=source, library=library)])
     count = 2 * len(model.coordinates) + len(model.muscles)
     assert len(labels) == 3 * count == len(rows[-1])
     assert labels[count : 2 * count] == [f"{one}_low" for one in labels[:count]]

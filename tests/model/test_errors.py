@@ -94,7 +94,7 @@ def test_names_without_likeness_are_not_near() -> None:
 
 def test_an_unknown_name_is_answered_with_five_at_most_and_the_number_of_all() -> None:
     names = [f"marker{index}" for index in range(40)]
-    text = str(UnknownName("marker", "markr", names, "the recording"))
+    text = str(UnknownName("marker", "markr", existing=names, where="the recording"))
     assert text.count("'marker") == MAX_NAMES
     assert "'markr': the recording has" in text
     assert "40 in all" in text

@@ -116,7 +116,10 @@ def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
         THICK - 0.023 - CheckOptions().deeper * LENGTH, abs=3e-4
     )
     assert not found.after
-    first, via, last = (point.location for point in found.model.muscle("m").path.points)
+    first_point, via_point, last_point = found.model.muscle("m").path.points
+    first = first_point.location
+    via = via_point.location
+    last = last_point.location
     np.testing.assert_array_equal([first, last], [ALONG[0], ALONG[2]])
     assert np.hypot(via[0], via[1]) > THICK - 2 * CheckOptions().deeper * LENGTH
     assert found.shifts["m", "P1"] == pytest.approx(np.linalg.norm(via - ALONG[1]))

@@ -53,10 +53,9 @@ def test_an_affine_copy_is_found_from_its_shape_alone(body):
     surface, points, _ = bone(body)
     change = Deformation(surface, 20, 0.0)
     size = 1.0 / change.length
-    ours, goal = (
-        Shape(type(surface)(size * one.vertices, one.faces))
-        for one in (surface, deformed(surface, change))
-    )
+    target = deformed(surface, change)
+    ours = Shape(type(surface)(size * surface.vertices, surface.faces))
+    goal = Shape(type(surface)(size * target.vertices, target.faces))
     best = affine_ways(ours, goal)[0]
     apart = best.affine.apply(size * points) / size - change(points)
     assert np.abs(apart).max() < 1e-4

@@ -60,9 +60,9 @@ def test_a_path_through_bone_is_found_with_its_depth(size):
     source = leg()
     morph = morph_of(source, grown(with_muscle(source, through(0.005)), size), size)
     checks = check_morph(morph)
-    (worst,) = (
+    (worst,) = [
         one for one in checks.penetrations if (one.muscle, one.body) == ("extensor", "thigh")
-    )
+    ]
     assert (worst.muscle, worst.source) == ("extensor", 0.0)
     assert worst.target == pytest.approx(0.005 * size, rel=1e-6)
     assert worst.increase == pytest.approx(worst.target)
@@ -74,9 +74,9 @@ def test_a_path_through_bone_is_found_with_its_depth(size):
 def test_what_the_source_has_already_is_not_blamed_on_the_morph():
     source = with_muscle(leg(), through(0.005))
     checks = check_morph(morph_of(source, grown(source, 1.1), 1.1))
-    (found,) = (
+    (found,) = [
         one for one in checks.penetrations if (one.muscle, one.body) == ("extensor", "thigh")
-    )
+    ]
     assert found.source == pytest.approx(0.005, rel=1e-6)
     assert found.target == pytest.approx(0.0055, rel=1e-6)
     assert found.increase == pytest.approx(0.0, abs=1e-9)

@@ -166,7 +166,9 @@ def persons(data):
 @pytest.mark.parametrize(("bone", "pair"), [("femur", (3, 11)), ("patella", (5, 11))])
 def test_a_match_is_nearer_than_a_similarity_between_persons_of_the_shape_model(data, bone, pair):
     shapes = persons(data)[bone]
-    source, target = (Surface(shapes.nodes[k], shapes.faces) for k in pair)
+    source, target = pair
+    source = Surface(shapes.nodes[source], shapes.faces)
+    target = Surface(shapes.nodes[target], shapes.faces)
     begin = procrustes(source.vertices, target.vertices, scale=True)
     found = match_surfaces(source, target, None, QUICK, PlacedBone(begin))
     assert rms(found.points - target.vertices) < rms(begin.apply(source.vertices) - target.vertices)

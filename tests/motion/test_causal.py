@@ -94,7 +94,9 @@ def test_chunks_make_no_difference_and_later_times_hold_the_last_row() -> None:
     rng = np.random.default_rng(2)
     time = np.arange(100) / 100.0
     rows = rng.standard_normal((100, 2))
-    one, other, held = (CausalStream(CausalFilter(8.0), 2) for _ in range(3))
+    one = CausalStream(CausalFilter(8.0), 2)
+    other = CausalStream(CausalFilter(8.0), 2)
+    held = CausalStream(CausalFilter(8.0), 2)
     one.push(time, rows)
     for frame in range(100):
         other.push(time[frame : frame + 1], rows[frame : frame + 1])

@@ -73,7 +73,8 @@ def test_an_envelope_that_was_cut_is_named_stretch_by_stretch():
     """What lies between two cut peaks stays; a peak of a smooth envelope is no cut."""
     time = np.arange(2000) / 1000.0
     wave = 0.5 - 0.5 * np.cos(4.0 * np.pi * time)
-    whole, cut = (Emg(time, ("a",), column[:, None]) for column in (wave, np.minimum(wave, 0.8)))
+    whole = Emg(time, ("a",), wave[:, None])
+    cut = Emg(time, ("a",), np.minimum(wave, 0.8)[:, None])
     assert envelope_faults(whole) == ()
     faults = envelope_faults(cut)
     assert [one.kind for one in faults] == 4 * ["clipped"]

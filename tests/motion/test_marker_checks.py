@@ -45,7 +45,7 @@ RECORDINGS = {
 @pytest.fixture(params=RECORDINGS)
 def walk(request, data):
     """A scaled model and a clean walk of 90 frames."""
-    model, recording = (data(name) for name in RECORDINGS[request.param])
+    model, recording = map(data, RECORDINGS[request.param])
     body = open_model(model)
     markers = fitted_to(body, read_recording(recording)).markers
     return body, replace(markers, time=markers.time[:90], values=markers.values[:90])

@@ -51,7 +51,9 @@ def test_gradient_and_curvature_are_derivatives_of_the_cost(seed):
     rotations = forward_kinematics(tree, c[None]).rotations
     names = model.body_names[-3:]
     tasks = [
-        OrientationTask(name, name, rotations[:, tree.body_index[name]], 0.5 + i)
+        OrientationTask(
+            sensor=name, body=name, rotations=rotations[:, tree.body_index[name]], weight=0.5 + i
+        )
         for i, name in enumerate(names)
     ]
     held_against_differences(tree, tasks, c, c + rng.normal(scale=0.2, size=len(c)))
@@ -108,8 +110,8 @@ def test_what_counts_more_has_the_smaller_error():
     s = np.sin(angle)
     other = turned["torso"] @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     tasks = [
-        OrientationTask("a", "torso", turned["torso"], 3.0),
-        OrientationTask("b", "torso", other, 1.0),
+        OrientationTask(sensor="a", body="torso", rotations=turned["torso"], weight=3.0),
+        OrientationTask(sensor="b", body="torso", rotations=other, weight=1.0),
     ]
     fit = inverse_kinematics(model, nothing, InverseKinematicsOptions(tasks=tasks, tolerance=1e-9))
     np.testing.assert_allclose(

@@ -21,7 +21,9 @@ def test_ties_add_the_products_of_the_slopes_of_their_gaps():
     found = own.copy(), mixed.copy(), lengths.copy()
     add_ties(free, by_length, by_coordinate, *found)
     gaps = [table.reshape(3, 2, 3, -1) for table in (by_length, by_coordinate[:, free])]
-    length, coordinate = ((gap[:, 1] - gap[:, 0]).reshape(9, -1) for gap in gaps)
+    length_gap, coordinate_gap = gaps
+    length = (length_gap[:, 1] - length_gap[:, 0]).reshape(9, -1)
+    coordinate = (coordinate_gap[:, 1] - coordinate_gap[:, 0]).reshape(9, -1)
     np.testing.assert_allclose(
         found[0], own + np.tril(TIED * coordinate.T @ coordinate), atol=1e-9 * TIED
     )

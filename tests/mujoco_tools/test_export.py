@@ -125,9 +125,9 @@ def test_muscles_of_mujoco_pull_as_those_that_were_fitted(gait):
     fitted = replace(model, muscles=mujoco_muscles(model))
     random = np.random.default_rng(4)
     shape = 50, len(model.muscles)
-    fiber, slack = (
-        np.array([getattr(muscle, name) for muscle in fitted.muscles]) for name in FIBER_AND_TENDON
-    )
+    fiber_name, slack_name = FIBER_AND_TENDON
+    fiber = np.array([getattr(muscle, fiber_name) for muscle in fitted.muscles])
+    slack = np.array([getattr(muscle, slack_name) for muscle in fitted.muscles])
     lengths = slack + fiber * random.uniform(0.4, 1.7, shape)
     speeds = fiber * random.uniform(-8.0, 8.0, shape)
     ours = hill_forces(fitted, lengths, speeds)

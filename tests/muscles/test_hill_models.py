@@ -32,7 +32,9 @@ def test_every_muscle_of_a_model_has_opensims_force(data, name):
     names = [muscles.get(i).getName() for i in range(muscles.getSize())]
     rng = np.random.default_rng(0)
     poses = 3
-    lengths, speeds, forces = (np.empty((poses, len(names))) for _ in range(3))
+    lengths = np.empty((poses, len(names)))
+    speeds = np.empty((poses, len(names)))
+    forces = np.empty((poses, len(names)))
     for pose in range(poses):
         for coordinate in other.getComponentsList():
             one = opensim.Coordinate.safeDownCast(coordinate)

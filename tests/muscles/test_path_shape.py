@@ -135,7 +135,10 @@ def test_an_arc_leaves_along_the_straight_parts(model: Model) -> None:
     coordinates = poses(model)
     nodes = paths.nodes(coordinates)
     drawn = drawn_paths(paths, coordinates)
-    f, m, n = (one[0] for one in np.nonzero(nodes[..., 3] > 0.01))
+    f, m, n = np.nonzero(nodes[..., 3] > 0.01)
+    f = f[0]
+    m = m[0]
+    n = n[0]
     own = drawn.places[f, drawn.muscle == m]
     at = int(np.flatnonzero(np.abs(own - nodes[f, m, n, :3]).max(axis=1) < 1e-12)[0])
     arc = np.diff(own[at - ARC_PARTS : at + 1], axis=0)

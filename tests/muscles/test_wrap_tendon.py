@@ -175,10 +175,10 @@ def test_a_side_point_sends_the_path_the_other_way_where_the_center_is_in_their_
     radius = 0.3
     ways = {True: 0, False: 0}
     for _ in range(200):
-        a, b, side = (
-            rng.uniform(0.35, 1.0) * np.array([np.cos(t), np.sin(t), 0.0])
-            for t in rng.uniform(-4, 4, 3)
-        )
+        a, b, side = rng.uniform(-4, 4, 3)
+        a = rng.uniform(0.35, 1.0) * np.array([np.cos(a), np.sin(a), 0.0])
+        b = rng.uniform(0.35, 1.0) * np.array([np.cos(b), np.sin(b), 0.0])
+        side = rng.uniform(0.35, 1.0) * np.array([np.cos(side), np.sin(side), 0.0])
         # The center in coordinates of the triangle's area.
         weights = np.linalg.solve(
             np.column_stack([a, b, side]) + [[0.0], [0.0], [1.0]], [0.0, 0.0, 1.0]

@@ -121,7 +121,8 @@ def test_states_of_a_file_are_taken(arm, tmp_path):
     forces = [read_sto(one.written[0]) for one in (weak, strong)]
     # the tendon's, by the fiber's length
     np.testing.assert_allclose(forces[0].values, forces[1].values, atol=1e-6)
-    q, u = (read_sto(tmp_path / "weak" / f"arm_K_{kind}.sto") for kind in "qu")
+    q = read_sto(tmp_path / "weak" / "arm_K_q.sto")
+    u = read_sto(tmp_path / "weak" / "arm_K_u.sto")
     values = {name.split("/")[-2]: table[name] for name in table.names if name.endswith("/value")}
     speeds = {name.split("/")[-2]: table[name] for name in table.names if name.endswith("/speed")}
     for name in q.names:

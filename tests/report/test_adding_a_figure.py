@@ -20,7 +20,7 @@ def test_the_page_has_the_new_figure():
 def test_its_bars_are_as_high_as_their_counts():
     values = np.array([0.0, 0.1, 0.2, 1.0])
     drawn = etree.fromstring(histogram("T", "m", values, 2))
-    many, few = (float(one) for one in drawn.xpath("//rect/@height"))
+    many, few = map(float, drawn.xpath("//rect/@height"))
     assert many == pytest.approx(3.0 * few, abs=0.2)
     assert drawn.xpath("string(//rect/title)") == "0 to 0.500 m: 3"
     assert drawn.xpath("count(//text[contains(@class, 'tick y')])") > 2

@@ -25,7 +25,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     pytest.importorskip("websockets")
     folder: Path = tmp_path_factory.mktemp("page")
     (folder / "report.html").write_text(report_page(everything(100)), encoding="utf-8")
-    with Browser(program, folder / "profile", 1300, 900) as opened:
+    with Browser(program=program, folder=folder / "profile", width=1300, height=900) as opened:
         opened.open((folder / "report.html").as_uri())
         opened.until("document.querySelectorAll('#analysis figure .save').length === 1")
         yield opened

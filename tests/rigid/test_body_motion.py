@@ -17,7 +17,9 @@ def test_rates_are_differences_of_poses(make):
     step = 1e-4
     rng = np.random.default_rng(0)
     n = len(model.coordinates)
-    q, v, a = (rng.normal(size=n) * 0.3 for _ in range(3))
+    q = rng.normal(size=n) * 0.3
+    v = rng.normal(size=n) * 0.3
+    a = rng.normal(size=n) * 0.3
     at = step * np.arange(-1, 2)[:, None]
     c = q + v * at + 0.5 * a * at**2
     cdot = v + a * at

@@ -93,10 +93,9 @@ def test_scans_hold_bones_and_balls(made: VirtualSpecimen, tmp_path: Path) -> No
     places = np.array([m.location for m in made.specimen.model.markers if m.body == one["bone"]])
     assert len(balls) == 3
     points = read_picks(tmp_path / one["picked"])
-    apart, truly = (
-        np.linalg.norm(np.diff(part, axis=0), axis=1)
-        for part in np.split(np.array([*points.values()]), 2, 1)
-    )
+    apart_part, truly_part = np.split(np.array([*points.values()]), 2, 1)
+    apart = np.linalg.norm(np.diff(apart_part, axis=0), axis=1)
+    truly = np.linalg.norm(np.diff(truly_part, axis=0), axis=1)
     np.testing.assert_allclose(1e-3 * apart, truly, atol=3e-3)
     assert np.linalg.norm(places[0] - places[1]) > 0.03
 

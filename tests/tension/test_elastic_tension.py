@@ -265,7 +265,9 @@ def test_joint_loads_take_part_by_tendon_forces(data):
 
 def test_co_contraction_takes_part_by_tendon_forces(data):
     model, motion, torques = arm(data)
-    term = CoContractionTerm(model, motion, torques, 0.05, ("r_elbow_flex",))
+    term = CoContractionTerm(
+        model=model, motion=motion, torques=torques, level=0.05, coordinates=("r_elbow_flex",)
+    )
     plain = solve_tension(model, motion, torques, ELASTIC, terms=())
     found = solve_tension(model, motion, torques, ELASTIC, terms=([term]))
     assert found.optimal.all()

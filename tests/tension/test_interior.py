@@ -65,7 +65,10 @@ def test_the_first_step_is_newtons_for_all_unknowns_at_once():
             share=np.ones((shape[0], 1)),
         )
 
-    f, a, x = (rng.uniform(0.3, 0.6, shape) for shape in sizes[:3])
+    f_shape, a_shape, x_shape = sizes[:3]
+    f = rng.uniform(0.3, 0.6, f_shape)
+    a = rng.uniform(0.3, 0.6, a_shape)
+    x = rng.uniform(0.3, 0.6, x_shape)
     program = Program(
         arrays=E,
         own=np.arange(count),

@@ -257,7 +257,9 @@ def test_a_missing_bone_is_the_other_sides_or_a_distance_and_told(walker):
     knee = next(one for one in model.joints if one.name == "walker_knee_r")
     hip = next(one for one in model.joints if one.child == "femur_r")
     length = np.linalg.norm(knee.parent_frame.translation - hip.child_frame.translation)
-    medial, lateral = (np.array(one.point) for one in bare.points[:2])
+    medial, lateral = bare.points[:2]
+    medial = np.array(medial.point)
+    lateral = np.array(lateral.point)
     assert np.linalg.norm(lateral - medial) == pytest.approx(2.0 * HALF_SPACING * length)
     assert 0.5 * (medial + lateral) == pytest.approx(knee.child_frame.translation, abs=1e-12)
     # What the bone says is near: the constant was measured on it.

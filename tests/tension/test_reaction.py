@@ -365,15 +365,19 @@ def test_reactions_of_a_study_with_its_own_forces(data):
         accelerations=np.zeros_like(given.values),
     )
     at = np.searchsorted(plates.time, motion.time - 1e-6)
-    force, point = (
-        np.stack(
-            [
-                np.column_stack([plates[f"{side}ground_force_{part}{x}"][at] for x in "xyz"])
-                for side in ("", "1_")
-            ],
-            1,
-        )
-        for part in "vp"
+    force = np.stack(
+        [
+            np.column_stack([plates[f"{side}ground_force_v{x}"][at] for x in "xyz"])
+            for side in ("", "1_")
+        ],
+        1,
+    )
+    point = np.stack(
+        [
+            np.column_stack([plates[f"{side}ground_force_p{x}"][at] for x in "xyz"])
+            for side in ("", "1_")
+        ],
+        1,
     )
     wrenches = Wrenches(
         time=motion.time,

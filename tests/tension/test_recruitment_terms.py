@@ -87,7 +87,9 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
     levels = (0.05, 0.2)
     before = weaker(alone)
     for level in levels:
-        term = CoContractionTerm(model, motion, tau, level, ("ankle_angle_r",))
+        term = CoContractionTerm(
+            model=model, motion=motion, torques=tau, level=level, coordinates=("ankle_angle_r",)
+        )
         found = solve_tension(model, motion, tau, terms=[term])
         assert found.optimal.all()
         full = found.forces / np.maximum(found.activations, 1e-9)
@@ -105,7 +107,9 @@ def test_what_is_asked_wrongly_is_refused(data):
     with pytest.raises(UnknownName, match="walker_knee_r"):
         joint_load_term(model, motion, wrenches, 1.0, ("walker_kneer",))
     with pytest.raises(UnknownName, match="ankle_angle_r"):
-        CoContractionTerm(model, motion, tau, 0.1, ("ankle_angl_r",))
+        CoContractionTerm(
+            model=model, motion=motion, torques=tau, level=0.1, coordinates=("ankle_angl_r",)
+        )
     with pytest.raises(BadData, match="0 to 1"):
         RecruitmentOptions(co_contraction=1.5)
     with pytest.raises(BadData, match="joint_load_joints without joint_load"):

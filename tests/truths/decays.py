@@ -179,7 +179,8 @@ def fit_decay(
         inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free_count, 1)
     )
     white = inverse * float(fit.fun @ fit.fun) / (len(signal) - free_count)
-    deviations, plain = (np.zeros(8) for _ in range(2))
+    deviations = np.zeros(8)
+    plain = np.zeros(8)
     deviations[chosen] = np.sqrt(np.diag(sandwich)) * unit[chosen]
     plain[chosen] = np.sqrt(np.diag(white)) * unit[chosen]
     found = 2.0 * np.pi / omega

@@ -198,7 +198,8 @@ def lengths_over(model: mm.Model, motion: mm.Motion, strides: Strides) -> Length
     """Muscle lengths and velocities over strides of a motion whose poses are not all known."""
     known = np.isfinite(motion.values).all(axis=1)
     found = mm.muscle_kinematics(model, part_of(motion, np.flatnonzero(known)), moment_arms=False)
-    lengths, rates = (np.full((len(motion), len(model.muscles)), np.nan) for _ in range(2))
+    lengths = np.full((len(motion), len(model.muscles)), np.nan)
+    rates = np.full((len(motion), len(model.muscles)), np.nan)
     lengths[known] = found.lengths
     rates[known] = found.velocities
     muscles = model.muscle_names

@@ -21,7 +21,9 @@ def tension_of(whole: Tension, part: str) -> Tension:
     muscles = _own(whole.muscles, part)
     if not muscles:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.muscles))
-        raise UnknownName("part", part, begins, "the muscles' names begin with what it")
+        raise UnknownName(
+            "part", part, existing=begins, where="the muscles' names begin with what it"
+        )
     reserves = _own(whole.reserve_names, part)
     coordinates = _own(whole.coordinates, part)
     columns = list(muscles)

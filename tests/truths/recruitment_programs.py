@@ -234,7 +234,9 @@ def solve_program(
         made.at_least(eye[beta] - eye[:n], np.zeros(n))
     if by.beside.joint_load:
         assert loads is not None
-        alone, added = (each[frame] for each in loads)
+        alone, added = loads
+        alone = alone[frame]
+        added = added[frame]
         made.P[:n, :n] += 2.0 * by.beside.joint_load * scale * unit**2 * added.T @ added
         made.q[:n] += 2.0 * by.beside.joint_load * scale * unit * added.T @ alone
     for k, row in enumerate(turned):

@@ -93,9 +93,9 @@ def person(
     for m, muscle in enumerate(model.muscles):
         lo = muscle.optimal_fiber_length
         ls = muscle.tendon_slack_length
-        mean, low, high = (
-            float(one) for one in (lengths[:, m].mean(), lengths[:, m].min(), lengths[:, m].max())
-        )
+        mean = float(lengths[:, m].mean())
+        low = float(lengths[:, m].min())
+        high = float(lengths[:, m].max())
         base, side = split_side(muscle.name)
         alike = spread.sides if side else 0.0
         # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths
@@ -382,9 +382,8 @@ def swings(
     """Coordinates that swing between bounds at periods of about a second, each with a phase of its
     own.
     """
-    values, speeds = (
-        np.tile([one.default for one in model.coordinates], (len(time), 1)) for _ in range(2)
-    )
+    values = np.tile([one.default for one in model.coordinates], (len(time), 1))
+    speeds = np.tile([one.default for one in model.coordinates], (len(time), 1))
     speeds[:] = 0.0
     for name, (low, high) in ranges.items():
         j = model.coordinate_names.index(name)

@@ -29,7 +29,9 @@ def test_what_they_leave_out_falls_with_the_square_of_the_errors(tmp_path: Path)
     names, weights = tracked_markers(model, markers, options)
     columns = [markers.names.index(name) for name in names]
     seen = np.isfinite(markers.values[:, columns]).all(axis=2)
-    slopes = SlopeFinder(model, names, weights, options).at(exact.values, seen)
+    slopes = SlopeFinder(model=model, names=names, weights=weights, options=options).at(
+        exact.values, seen
+    )
     shift = np.random.default_rng(0).normal(size=markers.values.shape)
     left = []
     for size in (0.004, 0.001):

@@ -80,7 +80,9 @@ def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         pytest.skip(
             "needs a browser: no Chromium on the path, and MYOMORPH_BROWSER does not name one"
         )
-    with Browser(program, tmp_path_factory.mktemp("profile"), WIDTH, HEIGHT) as opened:
+    with Browser(
+        program=program, folder=tmp_path_factory.mktemp("profile"), width=WIDTH, height=HEIGHT
+    ) as opened:
         # On a busy machine the page would draw fewer pixels, and no picture would come back as it
         # was.
         opened.open(f"http://127.0.0.1:{page.port}/?fixedDpr=1")

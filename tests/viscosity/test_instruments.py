@@ -61,10 +61,8 @@ def test_estimates_change_no_more_than_their_prior_lets_gains_change(swings, err
 
 def test_a_gain_that_all_channels_share_moves_no_limb_and_stays_unknown(swings):
     gains = [(name, axis, 0.02) for name in ("force_gain", "moment_gain") for axis in range(3)]
-    plain, shared = (
-        estimate_instruments({"without": one}, ErrorOptions())
-        for one in (swings, off(swings, *gains))
-    )
+    plain = estimate_instruments({"without": swings}, ErrorOptions())
+    shared = estimate_instruments({"without": off(swings, *gains)}, ErrorOptions())
     np.testing.assert_allclose(shared.errors / shared.prior, plain.errors / plain.prior, atol=0.05)
     along = np.array([0.01 if name.endswith("gain") else 0.0 for name, _ in shared.sources])
     assert along @ np.linalg.solve(shared.covariance, along) == pytest.approx(

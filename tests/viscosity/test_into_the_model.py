@@ -120,7 +120,9 @@ def turning_against(model, motion, base, limb):
     ]
     a = tree.body_index[base]
     b = tree.body_index[limb]
-    before, after = (np.swapaxes(one[:, a], 1, 2) @ one[:, b] for one in R)
+    before, after = R
+    before = np.swapaxes(before[:, a], 1, 2) @ before[:, b]
+    after = np.swapaxes(after[:, a], 1, 2) @ after[:, b]
     return Rotation.from_matrix(np.swapaxes(before, 1, 2) @ after).as_rotvec() / (2 * step)
 
 

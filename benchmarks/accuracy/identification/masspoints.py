@@ -109,7 +109,9 @@ def measure_grid() -> Iterator[Row]:
     """
     sizes = (2_000, 16_000, 128_000)
     finest = made_body(sizes[-1], bone_weights)
-    A, b = (0.01 * part[:40] for part in measured(finest))
+    A_part, b_part = measured(finest)
+    A = 0.01 * A_part[:40]
+    b = 0.01 * b_part[:40]
     wished = b - A @ finest.parameters(finest.reference).ravel()
     found: dict[tuple[int, str], Array] = {}
     spacing = {}

@@ -270,12 +270,18 @@ def measure_knee(folder: Path) -> Iterator[Row]:
         truth, clock = measured(folder, stride)
         row: Row = {"stride": stride}
         for k, part in enumerate(PARTS):
-            low, found, high = (at_times(one, clock)[:, k] for one in tables)
+            low, found, high = tables
+            low = at_times(low, clock)[:, k]
+            found = at_times(found, clock)[:, k]
+            high = at_times(high, clock)[:, k]
             row |= Held(truth=truth[:, k], low=low, found=found, high=high).row(
                 part, "BW", factor, 1.0 / BODY_WEIGHT
             )
         (other,) = set(STRIDES) - {stride}
-        low, found, high = (at_times(one, clock - late[other])[:, 0] for one in tables)
+        low, found, high = tables
+        low = at_times(low, clock - late[other])[:, 0]
+        found = at_times(found, clock - late[other])[:, 0]
+        high = at_times(high, clock - late[other])[:, 0]
         inside = Held(truth=truth[:, 0], low=low, found=found, high=high).apart <= factor
         yield row | {"total, on the other stride's clock, inside [%]": 100.0 * float(inside.mean())}
 
@@ -290,7 +296,7 @@ def _knee_limits(folder: Path, stride: str) -> tuple[mm.Series, mm.Series, mm.Se
         files = ("--model", here / MODEL, "--motion", here / f"{stride}_ik.mot")
         points = ("--contact-points", "auto", "--draws", 200, "--uncertainty", sizes)
         command("tension", *files, "--loads", here / f"{stride}_grf.xml", *points, "--out", out)
-        low, found, high = (left_knee(one) for one in limits(out / "joint_contact_forces.sto"))
+        low, found, high = map(left_knee, limits(out / "joint_contact_forces.sto"))
     return low, found, high
 
 

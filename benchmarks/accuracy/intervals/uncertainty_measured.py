@@ -359,10 +359,10 @@ def measure_box(folder: Path) -> Iterator[Row]:
         row: Row = {"lift": lift, "frames": len(frames)}
         for axis, at in (("up", 1), ("forward", 0)):
             # The sites are on the hands; the box is pushed the other way.
-            low, found, high = (
-                -np.interp(motion.time[frames], one.time, one[f"hands_f{'xyz'[at]}"])
-                for one in tables
-            )
+            low, found, high = tables
+            low = -np.interp(motion.time[frames], low.time, low[f"hands_f{'xyz'[at]}"])
+            found = -np.interp(motion.time[frames], found.time, found[f"hands_f{'xyz'[at]}"])
+            high = -np.interp(motion.time[frames], high.time, high[f"hands_f{'xyz'[at]}"])
             row |= Held(truth=truth[frames, at], low=high, found=found, high=low).row(axis, "N")
         yield row
 

@@ -62,10 +62,13 @@ def measure_truths(folder: Path) -> Iterator[Row]:
     for name, (truth, parts) in TRUTHS.items():
         rows = [row for row in load(f"validation/{name}") if row.get("sizes", "usual") == "usual"]
         for part in parts:
-            (width,) = (column for column in rows[0] if column.startswith(f"{part}, width"))
+            (width,) = [column for column in rows[0] if column.startswith(f"{part}, width")]
             unit = width.partition("[")[2].rstrip("]")
             columns = f"{part}, inside [%]", width, f"{part}, 90 % of the error [{unit}]"
-            inside, widths, errors = ([float(row[column]) for row in rows] for column in columns)
+            inside_column, widths_column, errors_column = columns
+            inside = [float(row[inside_column]) for row in rows]
+            widths = [float(row[widths_column]) for row in rows]
+            errors = [float(row[errors_column]) for row in rows]
             yield {
                 "truth": f"{truth}: {part}",
                 "recordings": len(rows),

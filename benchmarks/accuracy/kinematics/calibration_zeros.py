@@ -294,7 +294,7 @@ def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
             drawn = [_drawn(one.generic, (walk, stand), seed, slides) for seed in range(FEW)]
             for static in (False, True):
                 rows = [_simulated(one.generic, walk, *person, static) for person in drawn]
-                apart, sd, lengths = (np.concatenate(column) for column in zip(*rows, strict=True))
+                apart, sd, lengths = map(np.concatenate, zip(*rows, strict=True))
                 yield {
                     "walk": one.name,
                     "skin slides as one": slides,
@@ -315,7 +315,9 @@ def _drawn(
 ) -> tuple[Array, mm.Model, mm.Markers, mm.Markers]:
     rng = np.random.default_rng(seed)
     values, person = _person(generic, 0.0, rng)
-    walk, stand = (_on_skin(person, motion, rng, slides) for motion in motions)
+    walk_motion, stand_motion = motions
+    walk = _on_skin(person, walk_motion, rng, slides)
+    stand = _on_skin(person, stand_motion, rng, slides)
     return values, person, walk, stand
 
 

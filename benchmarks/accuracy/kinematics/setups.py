@@ -189,7 +189,9 @@ def measure_setups(data: Path) -> Iterator[dict[str, object]]:
         tool = OURS.get(root, root)
         with tempfile.TemporaryDirectory() as work:
             rooms = [Path(work) / who for who in ("ours", "theirs")]
-            mine, other = (copied(data, name, needs, room) for room in rooms)
+            mine_room, other_room = rooms
+            mine = copied(data, name, needs, mine_room)
+            other = copied(data, name, needs, other_room)
             for made in needs.made:
                 kind = dict(setups(data))[(Path(name).parent / made).as_posix()]
                 for path in (mine, other):

@@ -70,7 +70,8 @@ class Deformation:
         self.middle = surface.vertices.mean(axis=0)
         axes = np.linalg.svd(surface.vertices - self.middle, full_matrices=False)[2]
         self.length = float(np.ptp((surface.vertices - self.middle) @ axes[0]))
-        turn, around = (Rotation.random(random_state=random).as_matrix() for _ in "ab")
+        turn = Rotation.random(random_state=random).as_matrix()
+        around = Rotation.random(random_state=random).as_matrix()
         logs = STRETCH * random.normal(size=3) + SIZE * random.normal()
         if not bend:
             logs = np.array([AFFINE[0], -AFFINE[0], AFFINE[1]]) * random.uniform(0.5, 1.0, 3)
@@ -182,7 +183,7 @@ def errors(found: list[tuple[np.ndarray, ...]]) -> Row:
     """Of attachments of several targets: errors, those of a whole-bone similarity, and how often
     intervals hold.
     """
-    away, within, scaled = (np.concatenate(one) for one in zip(*found, strict=True))
+    away, within, scaled = map(np.concatenate, zip(*found, strict=True))
     return {
         "targets": len(found),
         "scaling, median [mm]": 1e3 * float(np.median(scaled)),
@@ -196,7 +197,7 @@ def errors(found: list[tuple[np.ndarray, ...]]) -> Row:
 
 def in_flesh(found: list[tuple[np.ndarray, ...]]) -> Row:
     """Of points beside the bones: how many of a target, errors, and how often intervals hold."""
-    away, within, _ = (np.concatenate(one) for one in zip(*found, strict=True))
+    away, within, _ = map(np.concatenate, zip(*found, strict=True))
     known = len(away) > 0
     return {
         "beside the bone: points": len(away) // len(found),

@@ -163,7 +163,7 @@ def measure(persons: tuple[int, ...] = PERSONS) -> Iterator[Row]:
                 continue
             every.setdefault(way, []).append(_against(true, found))
     for way, parts in every.items():
-        points, within, arms, sizes = (np.concatenate(one) for one in zip(*parts, strict=True))
+        points, within, arms, sizes = map(np.concatenate, zip(*parts, strict=True))
         known = np.isfinite(within)
         yield {
             "way": way,

@@ -248,7 +248,9 @@ def measure_round(folder: Path) -> Iterator[dict[str, object]]:
     """A row a bone that both persons have whole: muscle points on the woman's directly and by way
     of the man's.
     """
-    man, woman = (one.morph for one in persons(folder))
+    man, woman = persons(folder)
+    man = man.morph
+    woman = woman.morph
     for body in ("femur_r", "tibia_r"):
         between = mm.map_bone(body, man.bones[body].target, woman.bones[body].target)
         yield {"bone": body} | round_trip(man, woman, between, body)

@@ -324,7 +324,9 @@ def _run(folder: Path) -> Tension:
     markers = mm.read_recording(home / "run200" / "markers.trc").markers
     assert markers is not None
     whole = mm.differentiate(mm.inverse_kinematics(model, markers).motion, cutoff=RUN_CUTOFF)
-    first, last = (whole.time[0] + one for one in RUN_SECONDS)
+    first, last = RUN_SECONDS
+    first = whole.time[0] + first
+    last = whole.time[0] + last
     motion = whole.frames(np.flatnonzero((whole.time >= first) & (whole.time <= last)))
     feet = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
     loads = mm.read_loads(home / "run200" / "grf.mot", model, motion, feet)

@@ -93,7 +93,10 @@ def measure(folder: Path) -> Iterator[Row]:
     extend it.
     """
     for name, (activity, *files, legs) in OWN.items():
-        model, motion, loads = (str(folder / file) for file in files)
+        model_file, motion_file, loads_file = files
+        model = str(folder / model_file)
+        motion = str(folder / motion_file)
+        loads = str(folder / loads_file)
         read = mm.read_model(model)
         hip = next(joint.name for joint in read.joints if joint.name in HIPS)
         hips = ("--joint-load-joints", f"{hip},{hip[:-1]}l")

@@ -68,7 +68,8 @@ def apart(found: mm.Table, wanted: mm.Table) -> tuple[float, float, float]:
     frames = min(len(found), len(wanted))
     reference = wanted.values[:frames, columns]
     difference = np.abs(found.values[:frames] - reference)
-    force, moment = (np.array([name[-2] == kind for name in found.names]) for kind in "fm")
+    force = np.array([name[-2] == "f" for name in found.names])
+    moment = np.array([name[-2] == "m" for name in found.names])
     return (
         float(np.abs(reference[:, force]).max()),
         float(difference[:, force].max()),

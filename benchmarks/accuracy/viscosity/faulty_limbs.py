@@ -184,7 +184,10 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
         tissue = None
         if share > 0.0:
             tissue = SoftTissue(
-                tuple(place), share * float(parameters[0]), faults.frequency, faults.damping
+                place=tuple(place),
+                mass=share * float(parameters[0]),
+                frequency=faults.frequency,
+                damping=faults.damping,
             )
         swings = _swings(limb, parameters, damping, own, tissue, starts, load, gimbal, faults)
         trials[name] = [

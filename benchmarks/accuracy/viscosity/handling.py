@@ -69,9 +69,9 @@ class Gimbal:
     """
 
     def __init__(self, limb: HeldLimb, rest: Array, damping: Sequence[float]) -> None:
-        (joint,) = (
+        (joint,) = [
             joint for joint in limb.specimen.model.joints if joint.child == limb.specimen.first
-        )
+        ]
         self.rest = rest
         self.damping = damping
         # Two level axes, then the limb's length, which is the middle one of the specimen's own.

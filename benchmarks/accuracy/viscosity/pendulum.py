@@ -171,7 +171,8 @@ def _distance(measured: Numbers) -> float:
 
 def _geometry(x: Mapping[str, float]) -> dict[str, float]:
     """Wheel radii, steer axis tilt, wheelbase and trail of the benchmark bicycle."""
-    rF, rR = (x[f"d{wheel}"] / (2.0 * np.pi * x[f"n{wheel}"]) for wheel in "FR")
+    rF = x["dF"] / (2.0 * np.pi * x["nF"])
+    rR = x["dR"] / (2.0 * np.pi * x["nR"])
     if "w" in x:
         lam = np.deg2rad(90.0 - x["gamma"])
         w = x["w"]

@@ -93,9 +93,9 @@ def measure_noise() -> Iterable[Row]:
         row: Row = {"longest arm of the clusters": f"{1000 * arm:.0f} mm"}
         # The humerus' second axis is its length.
         for word, cutoff in (("a frame", None), (f"at {CUTOFF:.0f} Hz", CUTOFF)):
-            turn, rate = (
-                np.sqrt(np.mean(one**2, axis=0)) for one in _errors(tracked, exact, cutoff)
-            )
+            turn, rate = _errors(tracked, exact, cutoff)
+            turn = np.sqrt(np.mean(turn**2, axis=0))
+            rate = np.sqrt(np.mean(rate**2, axis=0))
             row[f"twist, {word} [deg]"] = float(turn[1])
             row[f"other axes, {word} [deg]"] = float(turn[[0, 2]].max())
         row["rates at 8 Hz: twist [rad/s]"], row["others [rad/s]"] = (

@@ -112,7 +112,9 @@ def specimen_row(number: int) -> Row:
     made = virtual_specimen(number)
     tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
     cutoff = choose_cutoff(tracked).cutoff
-    without, intact = (swing_recordings(one, cutoff) for one in tracked)
+    without, intact = tracked
+    without = swing_recordings(without, cutoff)
+    intact = swing_recordings(intact, cutoff)
     found = identify_specimen(f"{number}", without, intact, options=ViscosityOptions(draws=2))
     assert found.without is not None
     assert found.intact is not None
@@ -145,7 +147,9 @@ def measure_attachments() -> Iterator[Row]:
     """
     made = virtual_specimen(1, full_size=True, trials=2, seconds=8.0)
     tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
-    without, intact = (swing_recordings(one, CUTOFF) for one in tracked)
+    without, intact = tracked
+    without = swing_recordings(without, CUTOFF)
+    intact = swing_recordings(intact, CUTOFF)
     found = identify_specimen("1", without, intact, options=ViscosityOptions(draws=2))
     assert found.without is not None
     assert found.intact is not None

@@ -183,7 +183,7 @@ class LiveChain:
         self.options = options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
         self.filter_delay, self.max_age = self.filter.delay, self.options.max_age
-        self.poses = Poses(model, source, self.options.blend, mounting)
+        self.poses = Poses(model=model, source=source, blend=self.options.blend, mounting=mounting)
         self.feet = OnlineFeet(model, source.plates, source.bodies)
         self.bodies = self.feet.bodies
         self.dynamics = OnlineDynamics(model, self.bodies)
@@ -302,7 +302,7 @@ class LiveChain:
         while self._waiting and self._waiting[0][0] <= time:
             arrived.append(self._waiting.popleft())
         if arrived:
-            times, rows = (np.array(parts) for parts in zip(*arrived, strict=True))
+            times, rows = map(np.array, zip(*arrived, strict=True))
             self._forces.push(times, self.feet.given(rows, self._pose).reshape(len(times), -1))
         if not time - self._forces.last <= GAP:
             self._forces.forget()

@@ -122,7 +122,12 @@ class LiveIdentification:
         self.model = model
         self.poses = Poses(model, source)
         self.estimate = OnlineIdentification(
-            model, source.rate, source.force_rate, mass, options, held
+            model=model,
+            rate=source.rate,
+            force_rate=source.force_rate,
+            mass=mass,
+            options=options,
+            held=held,
         )
         self.filter_delay = self.estimate.delay
         self._frames: list[IdentificationFrame] = []
@@ -179,12 +184,11 @@ class LiveIdentification:
         errors = np.array([frame.pose.error for frame in frames])
         errors = errors[np.isfinite(errors)]
         rms = float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan")
-        times, poses = (
-            np.array(parts)
-            for parts in zip(*((f.time, f.pose.coordinates) for f in frames), strict=True)
+        times, poses = map(
+            np.array, zip(*((f.time, f.pose.coordinates) for f in frames), strict=True)
         )
         motion = Motion(times, self.model.coordinate_names, poses)
-        time, totals = (np.concatenate(parts) for parts in zip(*self._forces, strict=True))
+        time, totals = map(np.concatenate, zip(*self._forces, strict=True))
         base = self.model.body_names[0]
         zero = np.zeros((len(time), 1, 3))
         wrenches = Wrenches(
@@ -218,7 +222,7 @@ def identify_frames(
     """Take frames from a source until it is done."""
     # As in the loop: the matrices are small, before it and after it too.
     with threadpool_limits(limits=1, user_api="blas"):
-        steps = LiveIdentification(model, source, mass, online)
+        steps = LiveIdentification(model=model, source=source, mass=mass, options=online)
         delays = Delays()
         looks = Looks(steps.estimate, source, displays)
         session = follow(steps, source, late=[looks] if displays else [], delays=delays)
@@ -289,7 +293,9 @@ def run_live(
         segments = FrozenMap({name: Segment(name) for name in model.body_names})
     try:
         if live.web is not None:
-            displays.append(WebDisplay(model, segments, surfaces, live.web))
+            displays.append(
+                WebDisplay(model=model, segments=segments, surfaces=surfaces, port=live.web)
+            )
         if terminal and sys.stderr.isatty():
             displays.append(TerminalDisplay(model, segments, surfaces))
         return identify_frames(model, source, mass=mass, online=online, displays=displays)

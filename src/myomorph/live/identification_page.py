@@ -113,7 +113,7 @@ def live_panel(
 def _bar(level: float) -> Text:
     """A bar in the color of its level, and the level in percent."""
     filled = round(BAR * min(max(level, 0.0), 1.0))
-    r, g, b = (int(255 * channel) for channel in level_color(np.array([level]))[0])
+    r, g, b = map(int, 255 * level_color(np.array([level]))[0])
     text = Text("█" * filled, style=f"rgb({r},{g},{b})")
     text.append("░" * (BAR - filled), "dim")
     return text.append(f" {100 * level:3.0f} %", "default")

@@ -122,12 +122,14 @@ class LiveLimits:
         normals = Normals(options.draws, options.draw_seed)
         draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
         self._drawn = [_Drawn(model, draw, bodies, tension or TensionOptions()) for draw in draws]
-        self._inputs = OnlineInputs(draws, bodies, filter.delay, up)
+        self._inputs = OnlineInputs(draws=draws, bodies=bodies, delay=filter.delay, up=up)
         self._errors: MarkerErrors | AngleErrors
         if names is not None or model.markers:
             trees = [draw.tree for draw in self._drawn]
             thinned = min(rate, POSES) / rate
-            self._errors = MarkerErrors(model, trees, draws, names, POSES, thinned)
+            self._errors = MarkerErrors(
+                model=model, drawn=trees, draws=draws, names=names, rate=POSES, thinned=thinned
+            )
         else:
             self._errors = AngleErrors(model, draws, POSES)
         self._n = len(model.coordinates)

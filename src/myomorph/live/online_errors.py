@@ -90,7 +90,7 @@ class MarkerErrors:
         self._posed = names is None
         self._model = model
         self._draw = draws[0]
-        self._slopes = SlopeFinder(model, self._names, weights, options)
+        self._slopes = SlopeFinder(model=model, names=self._names, weights=weights, options=options)
         self._places = [_Places(tree, self._names) for tree in (compile_tree(model), *drawn)]
         bodies = [model.marker(name).body for name in self._names]
         hold = list(dict.fromkeys(bodies))
@@ -100,7 +100,9 @@ class MarkerErrors:
         seed = draws[0].normals.seed
         self._random = np.random.default_rng((seed, 1))
         self._noise = sources.marker_noise * np.sqrt(thinned)
-        self._skin = SlowNoise(sources.skin_time, int(np.prod(self._shape)), seed, rate)
+        self._skin = SlowNoise(
+            width=sources.skin_time, count=int(np.prod(self._shape)), seed=seed, rate=rate
+        )
         self._squares, self._seen = np.zeros(len(self._names)), np.zeros(len(self._names))
 
     def forget(self) -> None:
@@ -156,7 +158,10 @@ class AngleErrors:
         free = np.isin(model.coordinate_names, free_angles(model))
         self._sizes = draws[0].sources.angle * free.astype(np.float64)
         self._noise = SlowNoise(
-            draws[0].sources.skin_time, len(draws) * len(free), draws[0].normals.seed, rate
+            width=draws[0].sources.skin_time,
+            count=len(draws) * len(free),
+            seed=draws[0].normals.seed,
+            rate=rate,
         )
 
     def forget(self) -> None:

@@ -85,7 +85,9 @@ class OnlineIdentification:
         # Filtered frames repeat each other: each counts for less.
         self.sigma = np.repeat(self.options.noise, 3) * np.sqrt(self.filter.frames_per_sample)
         self.base: BaseParameters = base_parameters(model, held=held)
-        self.fit = SequentialFit(model, self.base, self.sigma, self.options.forgetting)
+        self.fit = SequentialFit(
+            model=model, base=self.base, sigma=self.sigma, forgetting=self.options.forgetting
+        )
         self._motion = MovingWindow(self.filter, len(model.coordinates))
         self._force = MovingWindow(self.force_filter, 6)
         self._forces: deque[tuple[float, Array]] = deque(maxlen=int(2 * PATIENCE * force_rate) + 2)

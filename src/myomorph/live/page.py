@@ -126,7 +126,7 @@ def _serve(
     with contextlib.suppress(psutil.Error, OSError):
         psutil.Process().nice(getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", 10))
     try:
-        viewer = ChainViewer(model, surfaces, port, wrenches)
+        viewer = ChainViewer(model=model, surfaces=surfaces, port=port, wrenches=wrenches)
     except MyomorphError as error:
         pipe.send(error)
         return

@@ -119,7 +119,15 @@ def run_live_chain(
         else None
     )
     source, read = open_source(opened, live_files)
-    chain = LiveChain(opened, source, options, tension, limits, sources, mounting)
+    chain = LiveChain(
+        model=opened,
+        source=source,
+        options=options,
+        tension=tension,
+        limits=limits,
+        sources=sources,
+        mounting=mounting,
+    )
     delays = Delays()
     direct: list[Output] = []
     late: list[Output] = []
@@ -135,7 +143,13 @@ def run_live_chain(
             stack.callback(outlet.close)
             said(f"results are sent as stream '{outputs.stream}'")
         if outputs.web is not None:
-            page = LivePage(opened, chain, surfaces_of(opened), outputs.web, delays)
+            page = LivePage(
+                model=opened,
+                chain=chain,
+                surfaces=surfaces_of(opened),
+                port=outputs.web,
+                delays=delays,
+            )
             stack.callback(page.close)
             late.append(page)
             said(f"the body is at http://localhost:{page.port}")

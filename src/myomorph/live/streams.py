@@ -221,7 +221,7 @@ class _Stream:
         streams = lsl.resolve_byprop("name", name, timeout=wait)
         if not streams:
             others = tuple(dict.fromkeys(stream.name() for stream in lsl.resolve_streams(1.0)))
-            raise UnknownName(f"stream of {what}", name, others, "the network")
+            raise UnknownName(f"stream of {what}", name, existing=others, where="the network")
         flags = lsl.proc_clocksync | lsl.proc_dejitter | lsl.proc_monotonize
         try:
             self._inlet = lsl.StreamInlet(streams[0], processing_flags=flags)

@@ -75,7 +75,7 @@ class _Lines:
 
     def __init__(self, placements: Sequence[Placement]):
         lines = zip(*(placement.line for placement in placements), strict=True)
-        self.nearest, self.forces = (np.array(part) for part in lines)
+        self.nearest, self.forces = map(np.array, lines)
         self.points = np.array([placement.point for placement in placements])
         self.directions = np.array([placement.direction for placement in placements])
         self.beside = across(self.directions)

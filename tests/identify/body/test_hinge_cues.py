@@ -34,7 +34,13 @@ def test_a_thigh_is_searched_over_the_rotations_of_its_own_hip():
     """Neither the other hip's nor the knee's, whose ranges are finite too, nor any of a shank."""
     model = leg_model()
     standing = Standing(model, DEFAULT_POSE, regions_of(model))
-    fit = CenterFit(model, standing.regions, standing.centers, standing.places, [])
+    fit = CenterFit(
+        model=model,
+        regions=standing.regions,
+        centers=standing.centers,
+        targets=standing.places,
+        cues=[],
+    )
     hip = next(joint for joint in model.joints if joint.child == "femur_r")
     expected = {name: model.coordinate(name).range for name in hip.coordinates}
     assert len(expected) == 3

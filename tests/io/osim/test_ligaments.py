@@ -50,7 +50,7 @@ def test_scaled_ligaments_are_as_taut(data):
         replace(one, muscles=tuple(each.as_muscle() for each in one.ligaments))
         for one in (model, twin)
     ]
-    before, after = (default_path_lengths(one) for one in strings)
+    before, after = map(default_path_lengths, strings)
     ratios = [
         one.slack_length / old.slack_length
         for one, old in zip(twin.ligaments, model.ligaments, strict=True)

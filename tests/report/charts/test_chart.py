@@ -76,9 +76,9 @@ def test_a_line_can_be_read_back_from_its_drawing() -> None:
     drawing = ElementTree.fromstring(
         time_plot("a", "N", [Line(time=time, values=values, style="right", label="r")], (2.0, 5.0))
     )
-    left, top, right, bottom = (float(one) for one in drawing.get("data-place", "").split())
-    x0, x1, y0, y1 = (float(one) for one in drawing.get("data-range", "").split())
-    (line,) = (one for one in drawing.iter() if one.get("data-label") == "r")
+    left, top, right, bottom = map(float, drawing.get("data-place", "").split())
+    x0, x1, y0, y1 = map(float, drawing.get("data-range", "").split())
+    (line,) = [one for one in drawing.iter() if one.get("data-label") == "r"]
     flat = np.array([float(one) for one in re.findall(r"-?[\d.]+", line.get("d", ""))]).reshape(
         -1, 2
     )
@@ -166,7 +166,7 @@ def test_the_heat_map_shows_every_muscle() -> None:
     drawing = ElementTree.fromstring(
         heat_map("T", "N", np.arange(50.0), values, names, [("right", np.arange(30))])
     )
-    (image,) = (one for one in drawing.iter() if one.get("data-names"))
+    (image,) = [one for one in drawing.iter() if one.get("data-names")]
     assert image.get("data-names") == "|".join(names)
     assert float(drawing.get("data-peak", "")) == pytest.approx(values.max())
 
@@ -176,7 +176,7 @@ def test_a_path_on_the_floor_has_one_scale() -> None:
     drawing = ElementTree.fromstring(
         floor_plot("p", ("x", "y"), [("r", "right", square)], [("plate", square)])
     )
-    (line,) = (one for one in drawing.iter() if one.get("data-label") == "r")
+    (line,) = [one for one in drawing.iter() if one.get("data-label") == "r"]
     flat = np.array([float(one) for one in re.findall(r"-?[\d.]+", line.get("d", ""))]).reshape(
         -1, 2
     )

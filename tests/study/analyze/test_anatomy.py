@@ -43,9 +43,8 @@ def test_moment_arms_are_those_of_rajagopals_model(data, coordinate, low, high, 
     where its patella leaves the measured ratio.
     """
     angles = np.linspace(low, high, 12)
-    ours, theirs = (
-        arms(model, coordinate, angles) for model in (generic_model({})[0], read_osim(data(model)))
-    )
+    ours = arms(generic_model({})[0], coordinate, angles)
+    theirs = arms(read_osim(data(model)), coordinate, angles)
     for name, expected in theirs.items():
         quadriceps = coordinate == "knee_angle_r" and name.startswith(("vas", "recfem"))
         near = angles <= 60.0 if quadriceps else angles >= low
@@ -60,7 +59,9 @@ def test_both_sides_are_mirror_images() -> None:
             Motion(0.01 * np.arange(8), (f"{coordinate}_{side}",), np.radians(angles)[:, None])
             for side in "rl"
         ]
-        right, left = (muscle_kinematics(model, motion, velocities=False) for motion in motions)
+        right_motion, left_motion = motions
+        right = muscle_kinematics(model, right_motion, velocities=False)
+        left = muscle_kinematics(model, left_motion, velocities=False)
         for name in right.muscles:
             if name.endswith("_r"):
                 other = left.moment_arm(f"{name[:-1]}l", f"{coordinate}_l")

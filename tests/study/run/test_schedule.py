@@ -86,7 +86,7 @@ def failing(model, name, fault=False):
 
 def run(*jobs, workers=None, read=lambda path: (None, "")):
     told = Told()
-    found = Schedule(jobs, workers or InProcess(), read, told).run()
+    found = Schedule(works=jobs, workers=workers or InProcess(), read=read, watcher=told).run()
     assert set(found) == {each.key for each in jobs}
     return {key[1]: outcome for key, outcome in found.items()}, told
 

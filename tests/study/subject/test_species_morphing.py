@@ -86,7 +86,7 @@ def test_the_forearms_lie_alike_in_man_and_mouse(data):
     source = read_model("myo-sim:myoarm")
     target = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse-arm")
-    (bone,) = (one for one in table.bones if "radius_r" in one.sources)
+    (bone,) = [one for one in table.bones if "radius_r" in one.sources]
     for model, posture, frame, radius, ulna, up in (
         (
             source,

@@ -54,7 +54,7 @@ def test_channels_of_muscles_are(name: str) -> None:
 
 
 def test_muscles_of_channels_from_the_command_line() -> None:
-    (key,) = (key for key in keys_of(EmgFiles) if key.name == "emg_muscles")
+    (key,) = [key for key in keys_of(EmgFiles) if key.name == "emg_muscles"]
     muscles = key.kind.parsed(key.name, ["EMG 1=soleus_r", "b=x,y"])
     assert dict(muscles) == {"EMG 1": ("soleus_r",), "b": ("x", "y")}
     for text in (["a"], ["a="], ["a=b", "a=c"]):

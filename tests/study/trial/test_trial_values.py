@@ -99,7 +99,8 @@ def test_each_side_is_cut_at_its_own_strikes(walk):
     assert cycle == OF_STRIDE
     for family in (ANGLE, TORQUE, "muscle length [mm]"):
         base = "rectus" if "muscle" in family else "knee_angle"
-        right, left = (curves[family][f"{base}_{side}"] for side in "rl")
+        right = curves[family][f"{base}_r"]
+        left = curves[family][f"{base}_l"]
         assert len(right) == 101
         assert np.corrcoef(right, left)[0, 1] > 0.97, family
     assert curves[ANGLE].time[-1] == 100.0

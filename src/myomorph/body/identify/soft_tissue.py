@@ -130,7 +130,8 @@ def predicts_better(ratios: Array, several: bool) -> bool:
 def usual_tissue(model: Model) -> SoftTissue:
     """What soft tissue is before anything is measured."""
     groups = coordinate_groups(model)
-    alpha, sd = (np.full(len(groups), value) for value in (ALPHA, np.hypot(ALPHA_SD, GROUP_SD)))
+    alpha = np.full(len(groups), ALPHA)
+    sd = np.full(len(groups), np.hypot(ALPHA_SD, GROUP_SD))
     return SoftTissue(names=model.coordinate_names, groups=groups, alpha=alpha, sd=sd)
 
 

@@ -164,11 +164,11 @@ def transfer(
     targets = {key: rotation @ ours.places[key] for key in shared}
     cues = hinge_cues(ours, generic, shared, rotation)
     fit = CenterFit(
-        skeleton(higher),
-        generic.regions,
-        {key: generic.centers[key] for key in shared},
-        targets,
-        cues,
+        model=skeleton(higher),
+        regions=generic.regions,
+        centers={key: generic.centers[key] for key in shared},
+        targets=targets,
+        cues=cues,
     )
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
@@ -256,7 +256,9 @@ def _with_masses(
     spread_ = masses.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
-        theirs, ours = (np.flatnonzero([other == region for other in some]) for some in members)
+        their_members, our_members = members
+        theirs = np.flatnonzero([other == region for other in their_members])
+        ours = np.flatnonzero([other == region for other in our_members])
         target = wanted[theirs].sum(axis=0)
         try:
             spread_[ours] = spread(masses[ours], target)

@@ -149,7 +149,11 @@ class _Read:
                 f" expected {MIN_COUNT}"
             )
         if self.trial.passive:
-            lengths, speeds, arms, torques = (part[good][None] for part in parts)
+            lengths_part, speeds_part, arms_part, torques_part = parts
+            lengths = lengths_part[good][None]
+            speeds = speeds_part[good][None]
+            arms = arms_part[good][None]
+            torques = torques_part[good][None]
             counted = np.ones((1, int(good.sum())), bool)
             at_rest = self.emg[good][None]
             time = self.time[good][None]
@@ -170,7 +174,11 @@ class _Read:
         count = max(int(np.floor((stop - start) / FRAME + 1e-6)) + 1, 2)
         time = start + FRAME * np.arange(count)
         curves = (scipy.interpolate.CubicSpline(self.time[good], part[good]) for part in parts)
-        lengths, speeds, arms, torques = (curve(time) for curve in curves)
+        lengths_curve, speeds_curve, arms_curve, torques_curve = curves
+        lengths = lengths_curve(time)
+        speeds = speeds_curve(time)
+        arms = arms_curve(time)
+        torques = torques_curve(time)
         emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
         # A frame is compared where its neighbours in the recording are known.
         near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))

@@ -330,7 +330,9 @@ def _trial_equations(
     alphas = problem.alphas
     for first in np.unique(basis.first):
         f = np.flatnonzero(basis.first == first)
-        w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
+        w0 = basis.weights[0, f]
+        w1 = basis.weights[1, f]
+        w2 = basis.weights[2, f]
         # Residual rows depend on the window through values, rates and accelerations.
         A = sum(
             w[:, None, :, None] * of.rates[nu, f][:, :, None, :]

@@ -71,7 +71,9 @@ def between_grounds(lower: Standing, higher: Standing, shared: Sequence[str]) ->
         np.array([side.places[key] for key in shared]) @ up
         for side, up in zip(both, ups, strict=True)
     ]
-    first, second = (points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0) for points in flat)
+    first_points, second_points = flat
+    first = first_points[:, [0, 2]] - first_points[:, [0, 2]].mean(axis=0)
+    second = second_points[:, [0, 2]] - second_points[:, [0, 2]].mean(axis=0)
     # Angle about the vertical that turns (x, z) of the lower model nearest to the higher's.
     turn = np.arctan2(
         (second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]).sum(), (first * second).sum()

@@ -172,7 +172,9 @@ def _paired(
     if landmarks is not None:
         for name, point in landmarks.items():
             if name not in own and name not in centers:
-                raise UnknownName("landmark", name, (*own, *centers), f"model '{model.name}'")
+                raise UnknownName(
+                    "landmark", name, existing=(*own, *centers), where=f"model '{model.name}'"
+                )
             if np.shape(point) != (3,) or not np.isfinite(point).all():
                 raise BadData(
                     f"landmark '{name}': expected three finite coordinates, but got {point}"

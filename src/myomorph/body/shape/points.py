@@ -246,7 +246,9 @@ def reference_masses(
     names, owner = np.unique(np.asarray(regions), return_inverse=True)
     for name in names:
         if name not in DENSITIES:
-            raise UnknownName("region", str(name), tuple(DENSITIES), "the table of densities")
+            raise UnknownName(
+                "region", str(name), existing=tuple(DENSITIES), where="the table of densities"
+            )
     density = np.array([DENSITIES[name] for name in names])[owner]
     return density * (mass / density.sum())
 

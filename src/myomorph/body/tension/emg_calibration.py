@@ -110,7 +110,12 @@ def calibrate_emg(
         groups = synergy_groups(frames, names, tells, peaks)
         prior = gain_prior(peaks, bounds)
         tracking = TorqueTracking(
-            frames, tells, groups, prior, options.offsets, noise=_noise(cleaned, envelopes)
+            frames=frames,
+            tells=tells,
+            groups=groups,
+            prior=prior,
+            offsets=options.offsets,
+            noise=_noise(cleaned, envelopes),
         )
         result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(
             model.muscle_names

@@ -246,7 +246,13 @@ class HeldOut:
         wide = gain_prior(peaks, self.maxima[rest])
         noise = self.tracking.noise[rest]
         tracking = TorqueTracking(
-            frames, tells, groups, wide, self.options.offsets, self.tracking.errors, noise
+            frames=frames,
+            tells=tells,
+            groups=groups,
+            prior=wide,
+            offsets=self.options.offsets,
+            errors=self.tracking.errors,
+            noise=noise,
         )
         delays = self.calibration.delays[rest]
         shapes = self.calibration.shapes[rest]

@@ -171,7 +171,9 @@ def _span(
         if "start" in cells
         else (("first_frame", "last_frame"), rate or 1.0)
     )
-    begin, end = (start + _number(path, row, name, cells) / scale for name in names)
+    begin_name, end_name = names
+    begin = start + _number(path, row, begin_name, cells) / scale
+    end = start + _number(path, row, end_name, cells) / scale
     if begin > end:
         raise BadFile(
             path, f"line {row}: site '{site}' touches from {begin:g} to {end:g} s", "swap the two"

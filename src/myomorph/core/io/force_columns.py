@@ -188,7 +188,10 @@ def _with_prefix(table: Table, prefix: str, source: str) -> ForceColumns:
     ]
     if len(begin) != 1:
         raise UnknownName(
-            "force", prefix, [columns.name for columns in known] or table.names, source
+            "force",
+            prefix,
+            existing=[columns.name for columns in known] or table.names,
+            where=source,
         )
     return begin[0]
 

@@ -60,7 +60,7 @@ def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> Force
     points: list[tuple[float, float, float]] = []
     for text in origins.split(";") if origins.strip() else []:
         try:
-            x, y, z = (float(number) for number in text.split(","))
+            x, y, z = map(float, text.split(","))
         except ValueError:
             raise BadData(
                 f"origin of moments '{text.strip()}': expected x,y,z in metres, forces between ';'"

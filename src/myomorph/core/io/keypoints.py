@@ -314,5 +314,5 @@ def _text(value: Any) -> str:
 
 def _three(value: Any) -> tuple[float, float, float]:
     """Three numbers, as a list or as a text."""
-    x, y, z = (float(number) for number in (value.split() if isinstance(value, str) else value))
+    x, y, z = map(float, value.split() if isinstance(value, str) else value)
     return x, y, z

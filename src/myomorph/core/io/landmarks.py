@@ -89,7 +89,7 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
     body_landmarks = read_body_landmarks(path)
     if body:
         if body not in body_landmarks and set(body_landmarks) != {""}:
-            raise UnknownName("body", body, sorted(body_landmarks), str(path))
+            raise UnknownName("body", body, existing=sorted(body_landmarks), where=str(path))
         return body_landmarks[body] if body in body_landmarks else body_landmarks[""]
     if len(body_landmarks) > 1:
         raise BadFile(

@@ -80,10 +80,9 @@ def _data_file(loads: Node, name: str) -> Path:
 
 
 def _entry(node: Node, data: Path) -> LoadEntry:
-    force, point, torque = (
-        "" if (text := node.text("", f"{what}_identifier")) in UNASSIGNED else text
-        for what in ("force", "point", "torque")
-    )
+    force = "" if (text := node.text("", "force_identifier")) in UNASSIGNED else text
+    point = "" if (text := node.text("", "point_identifier")) in UNASSIGNED else text
+    torque = "" if (text := node.text("", "torque_identifier")) in UNASSIGNED else text
     body = plain_name(node.text("", "applied_to_body"))
     if not body:
         raise node.bad("names no body in applied_to_body")
@@ -190,7 +189,7 @@ def _columns(table: Table, identifier: str, entry: LoadEntry) -> Array:
             f"{entry.data} (where force '{entry.name}' needs three columns that begin so, and"
             f" {len(columns)} do)"
         )
-        raise UnknownName("column", f"{identifier}x", table.names, where)
+        raise UnknownName("column", f"{identifier}x", existing=table.names, where=where)
     return np.column_stack([table[name] for name in columns])
 
 

@@ -120,7 +120,9 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     ((61, 2), (61, 2))
     """
     seen = np.all(np.isfinite(motion.values), axis=1)
-    values, velocities, accelerations = (np.full(motion.values.shape, np.nan) for _ in range(3))
+    values = np.full(motion.values.shape, np.nan)
+    velocities = np.full(motion.values.shape, np.nan)
+    accelerations = np.full(motion.values.shape, np.nan)
     long = [slice(start, stop) for start, stop in runs(seen) if stop - start > 5]
     if not long:
         raise BadData(

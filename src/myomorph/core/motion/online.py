@@ -104,9 +104,10 @@ class OnlineFilter:
         """A recorded motion through the filter, with derivatives: the frames that have a whole
         window.
         """
-        value, velocity, acceleration = (
-            self._whole(motion.values, weight) for weight in self.weights
-        )
+        value_weight, velocity_weight, acceleration_weight = self.weights
+        value = self._whole(motion.values, value_weight)
+        velocity = self._whole(motion.values, velocity_weight)
+        acceleration = self._whole(motion.values, acceleration_weight)
         time = motion.time
         steps = np.diff(motion.time)
         if len(steps) and np.abs(steps * self.rate - 1.0).max() > 0.1:

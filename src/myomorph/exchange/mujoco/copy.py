@@ -58,9 +58,8 @@ class MujocoCopy:
                     names = names[3:]
         order = {name: i for i, name in enumerate(model.coordinate_names)}
         self.columns = np.array([order[name] for name in self.simple], np.int64)
-        self.qpos, self.dofs = (
-            np.array([pair[i] for pair in self.simple.values()], np.int64) for i in range(2)
-        )
+        self.qpos = np.array([pair[0] for pair in self.simple.values()], np.int64)
+        self.dofs = np.array([pair[1] for pair in self.simple.values()], np.int64)
         self.followers = np.array(
             [dof for name, (_, dof) in self.simple.items() if name in self.held], np.int64
         )

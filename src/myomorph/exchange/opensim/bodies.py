@@ -177,7 +177,9 @@ def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     other = analysis.options.get("relative_to_body_name", "none").strip().rsplit("/", 1)[-1]
     for name in (body, other):
         if name not in numbers and name != "none":
-            raise UnknownName("body", name, tuple(numbers), f"for {analysis.name} the model")
+            raise UnknownName(
+                "body", name, existing=tuple(numbers), where=f"for {analysis.name} the model"
+            )
     text = analysis.options.get("point", "0 0 0")
     try:
         place = np.array([float(number) for number in text.split()])

@@ -298,7 +298,7 @@ def _forces(here: Analyzed, path: Path | None) -> tuple[Series | None, tuple[str
         for index, name in enumerate(names):
             if name not in table.names:
                 where = "the forces_file" + (" (force_set_files added it)" if name in added else "")
-                raise UnknownName("actuator", name, table.names, where)
+                raise UnknownName("actuator", name, existing=table.names, where=where)
             values[:, index] = np.interp(time, table.time, table[name])
         if time[0] < table.time[0] - 1e-6 or time[-1] > table.time[-1] + 1e-6:
             raise BadData(

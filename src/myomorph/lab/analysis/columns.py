@@ -70,6 +70,8 @@ def extremes(series: Series, factors: Mapping[str, float] | None = None) -> list
         values = series.values[:, i] * (factors or {}).get(name, 1.0)
         if np.isfinite(values).any():
             ends = int(np.nanargmin(values)), int(np.nanargmax(values))
-            low, high = ((float(values[at]), float(series.time[at])) for at in ends)
+            low_at, high_at = ends
+            low = (float(values[low_at]), float(series.time[low_at]))
+            high = (float(values[high_at]), float(series.time[high_at]))
             rows.append(ExtremesRow(name, *low, *high))
     return rows

@@ -212,7 +212,9 @@ class _Body:
             return np.where(known[:, None, None], rotations, np.nan)
 
         up = np.asarray(model.up)
-        right, left = (neutral.origins[0, tree.body_index[hip.child]] for hip in hips)
+        right_hip, left_hip = hips
+        right = neutral.origins[0, tree.body_index[right_hip.child]]
+        left = neutral.origins[0, tree.body_index[left_hip.child]]
         forward = np.cross(up, right - left)
         forward /= np.linalg.norm(forward)
         place = np.where(known[:, None], poses.origins[:, tree.body_index[pelvis]], np.nan)

@@ -206,10 +206,9 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     blunt = (
         f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
     )
-    former, other = (
-        Group(*part)
-        for part in zip((first.name, second.name), zip(*pairs, strict=True), strict=True)
-    )
+    former_part, other_part = zip((first.name, second.name), zip(*pairs, strict=True), strict=True)
+    former = Group(*former_part)
+    other = Group(*other_part)
     return _compared(former, other, options, (n,), (few, blunt), notes)
 
 

@@ -154,7 +154,7 @@ def _inputs_of(keys: Mapping[str, object]) -> ByType:
     place = Place(Path(), "keys", Notes())
     for name in keys:
         if name not in known:
-            raise UnknownName("key", name, known, "a study file")
+            raise UnknownName("key", name, existing=known, where="a study file")
     values = {name: known[name][1].kind.located(name, value, place) for name, value in keys.items()}
     if place.notes.problems:
         raise BadData("; ".join(place.notes.problems))

@@ -110,7 +110,7 @@ def _check_options(app: App, command: str, words: Sequence[str]) -> None:
     for word in words:
         name = word.partition("=")[0]
         if re.fullmatch(r"--[a-z][\w-]*", name) and name not in (*options, "--help", "--version"):
-            raise UnknownName("option", name, options, f"myomorph {command}")
+            raise UnknownName("option", name, existing=options, where=f"myomorph {command}")
 
 
 def _say(text: str, status: int, debug: bool = False) -> int:

@@ -60,7 +60,9 @@ def mass_on_plates(recording: Recording, options: ForceOptions) -> float | None:
         return None
     time, force, center = measured
     mean = float(np.mean(force))
-    first, second = (float(np.mean(half)) for half in np.array_split(force, 2))
+    first_half, second_half = np.array_split(force, 2)
+    first = float(np.mean(first_half))
+    second = float(np.mean(second_half))
     mass = round(mean / GRAVITY, 1)
     if not LIGHT < mass < HEAVY or abs(first - second) > STEADY * mean:
         return None
@@ -197,7 +199,7 @@ def shared_time(recording: Recording, weight: float, options: ForceOptions) -> f
         return 0.0
     time, vertical, points = plates
     at = np.searchsorted(time, markers.time).clip(0, len(time) - 1)
-    right, left = (foot for foot in feet if foot is not None)
+    right, left = [foot for foot in feet if foot is not None]
     stand = np.all(
         [foot[:, 1] < np.nanpercentile(foot[:, 1], 5.0) + STANDS for foot in (right, left)], axis=0
     )

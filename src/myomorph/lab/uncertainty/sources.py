@@ -231,9 +231,7 @@ def source_sizes(sources: Sources, error_sizes: ErrorSizes) -> tuple[SourceSize,
             size = float(getattr(sources, name))
             origin = _origin(sources, name)
             if len(sizes) and origin == USUAL:
-                least, middle, greatest = (
-                    float(size) for size in np.quantile(sizes, (0.0, 0.5, 1.0))
-                )
+                least, middle, greatest = map(float, np.quantile(sizes, (0.0, 0.5, 1.0)))
                 rows.append(
                     SourceSize(
                         group=group,

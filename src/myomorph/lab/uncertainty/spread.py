@@ -169,7 +169,9 @@ class Draws(ExitStack):
         values = self._values[name]
         done = np.array(self.done)
         frames = values.shape[1]
-        low, high, deviation = (np.empty(values.shape[1:]) for _ in range(3))
+        low = np.empty(values.shape[1:])
+        high = np.empty(values.shape[1:])
+        deviation = np.empty(values.shape[1:])
         step = max(1, int(AT_ONCE / (4.0 * values.shape[0] * max(values.shape[2], 1))))
         for start in range(0, frames, step):
             part = slice(start, start + step)

@@ -123,7 +123,8 @@ class Player(Page):
         first = [body.at(self._frame(i)) for i, body in enumerate(bodies)]
         self._lay_floor(scene, first[0].origins[1])
         self.shown = [
-            ShownBody(self._page, f"/around/body{i}", body, i) for i, body in enumerate(bodies)
+            ShownBody(page=self._page, root=f"/around/body{i}", body=body, number=i)
+            for i, body in enumerate(bodies)
         ]
         self._frames = [-1] * len(bodies)
         spread = float(np.linalg.norm(np.ptp([body.middle for body in first], axis=0)))

@@ -98,7 +98,13 @@ class Replay(Player):
         """Make all that the page shows."""
         self._load(bodies)
         names = [tuple(choice) for choice in self.choices]
-        self.panel = Panel(self, self._server, names, self.chosen, self.choose)
+        self.panel = Panel(
+            player=self,
+            server=self._server,
+            recordings=names,
+            chosen=self.chosen,
+            choose=self.choose,
+        )
         self._draw(slow=True)
 
     def _welcome(self, client: Any) -> None:
@@ -156,7 +162,9 @@ class Panel:
         self._add_layers()
         self._add_views()
         self._add_about()
-        self._curves = Curves(server.gui, self._on, player.bodies[0], player.own_time(0))
+        self._curves = Curves(
+            gui=server.gui, on=self._on, body=player.bodies[0], now=player.own_time(0)
+        )
 
     def update(self, frames: Sequence[int]) -> None:
         """Show the present time and frames in the slider, the numbers and the curves."""

@@ -63,7 +63,9 @@ class ShownBody:
         scene = body.scene
         first = body.at(int(np.flatnonzero(body.known)[0]))
         size = body.size
-        self._links = Links(page, root, bone_solids(scene, size), self._bone_colors(number))
+        self._links = Links(
+            page=page, root=root, solids=bone_solids(scene, size), colors=self._bone_colors(number)
+        )
         self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
         self._layers["bones"] = list(self._links.handles.values())
         if len(first.tubes.positions):

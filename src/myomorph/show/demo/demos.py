@@ -69,7 +69,7 @@ def demo_trial(name: str) -> TrialInputs:
         from myomorph.show.simulate.squat import simulated_trial
 
         return simulated_trial()
-    raise UnknownName("study", name, get_args(DemoName), "the demo")
+    raise UnknownName("study", name, existing=get_args(DemoName), where="the demo")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
     (('calcn_r', 'calcn_l'), 76.7, (3.0, 5.6))
     """
     if name not in ("jump", "simulated"):
-        raise UnknownName("recording", name, ("jump", "simulated"), "the demos")
+        raise UnknownName("recording", name, existing=("jump", "simulated"), where="the demos")
     trial = demo_trial(name)
     markers = trial.recording.markers
     assert markers is not None

@@ -182,10 +182,9 @@ def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
         length = float(data.actuator_length[i])
         speed = float(data.actuator_velocity[i])
         limits = m.actuator_lengthrange[i], float(m.actuator_acc0[i])
-        slow, active[i], fast = (
-            -mujoco.mju_muscleGain(length, speed + step, *limits, m.actuator_gainprm[i, :9])
-            for step in (-SMALL, 0.0, SMALL)
-        )
+        slow = -mujoco.mju_muscleGain(length, speed - SMALL, *limits, m.actuator_gainprm[i, :9])
+        active[i] = -mujoco.mju_muscleGain(length, speed, *limits, m.actuator_gainprm[i, :9])
+        fast = -mujoco.mju_muscleGain(length, speed + SMALL, *limits, m.actuator_gainprm[i, :9])
         slope[i] = (fast - slow) / (2.0 * SMALL)
         passive[i] = -mujoco.mju_muscleBias(length, *limits, m.actuator_biasprm[i, :9])
     return active, passive, slope

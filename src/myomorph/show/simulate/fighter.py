@@ -399,7 +399,9 @@ def _geoms(segment: Segment, prefix: str, s: float) -> list[str]:
 def _muscle(name: str, force: float, path: float) -> str:
     """A muscle without dynamics of activation: its control is its activation."""
     fiber = FIBER_SHARE * path
-    low, high = (path + (share - 1.0) * fiber for share in RANGE)
+    low_share, high_share = RANGE
+    low = path + (low_share - 1.0) * fiber
+    high = path + (high_share - 1.0) * fiber
     parameters = f"{RANGE[0]} {RANGE[1]} {force!r} 200 0.4 1.8 8 1.0 1.4"
     return (
         f'<general name="{name}" tendon="{name}_tendon" class="muscle" gainprm="{parameters}"'
@@ -445,7 +447,7 @@ def compile_pair(builds: Mapping[str, Build]) -> Any:
         for part, place, turn in zip(PARTS, (0.0, APART), (0.0, np.pi), strict=True)
     ]
     s = builds["uke"].size
-    trees, tendons, actuators = ("".join(texts) for texts in zip(*fragments, strict=True))
+    trees, tendons, actuators = map("".join, zip(*fragments, strict=True))
     trees = _with_site(trees, "uke_torso", "lapel", s * LAPEL)
     trees = _with_site(trees, "uke_forearm_r", "cuff", s * CUFF)
     sleeve = (

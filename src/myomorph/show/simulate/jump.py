@@ -117,7 +117,9 @@ def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
     point[:, 2] = ankle[:, 2] + (center[:, 0] - ankle[:, 0]) * run[2] / run[0]
     force = np.where(loaded[:, None], 0.5 * plate.forces, 0.0)
     torque = 0.5 * np.nan_to_num(plate.torques)
-    middle, side = (_at(clock, markers.time, points) for points in middle_plane(markers))
+    middle_points, side_points = middle_plane(markers)
+    middle = _at(clock, markers.time, middle_points)
+    side = _at(clock, markers.time, side_points)
     side = side / np.linalg.norm(side, axis=1, keepdims=True)
     forces = np.stack([force, mirrored(force, side)], axis=1)
     points = np.stack([point, middle + mirrored(point - middle, side)], axis=1)

@@ -262,7 +262,8 @@ def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> t
         for end in ("heel", "toe"):
             points = np.array([at for name, at in corners.items() if name.startswith(end)])
             sites.append(Site(f"{foot}_{end}", foot, points, group=foot))
-    lapel, sleeve = (Cone(direction=None) for _ in GRIPS)
+    lapel = Cone(direction=None)
+    sleeve = Cone(direction=None)
     if directed:
         lapel = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=1.0)
         sleeve = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=0.5)

@@ -129,7 +129,9 @@ def joint_bushing(
     ]
     best = min(fits, key=lambda fit: float(fit.cost)).x
     turns = Rotation.from_rotvec(best[:6].reshape(2, 3)).as_matrix()
-    pose_1, pose_2 = (Transform(turn, np.zeros(3)) for turn in turns)
+    turn_1, turn_2 = turns
+    pose_1 = Transform(turn_1, np.zeros(3))
+    pose_2 = Transform(turn_2, np.zeros(3))
     damping = np.exp(best[6:]) * (D.max() > 0.0)
     bushing = Bushing(
         name=name or f"passive_{base}_{first}",

@@ -142,9 +142,9 @@ def _rotations(
 
     def found(rotations: Array, step: int) -> tuple[Array, np.ndarray, Array]:
         moved = samples.points[::step] @ rotations.swapaxes(1, 2)
-        away, index = (
-            values.reshape(moved.shape[:2]) for values in tree.query(moved.reshape(-1, 3))
-        )
+        distances, nearest = tree.query(moved.reshape(-1, 3))
+        away = distances.reshape(moved.shape[:2])
+        index = nearest.reshape(moved.shape[:2])
         facing = np.sum(
             (samples.normals[::step] @ rotations.swapaxes(1, 2)) * theirs.normals[index], axis=2
         )

@@ -208,5 +208,7 @@ def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, goal: Array) 
     ]
     if len(ends) < 2:
         return False
-    before, after = (bone.map.apply(end.location) for end in ends)
+    before_end, after_end = ends
+    before = bone.map.apply(before_end.location)
+    after = bone.map.apply(after_end.location)
     return bool((after - before) @ (after - goal) < 0.0)

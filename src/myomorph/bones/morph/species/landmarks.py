@@ -98,7 +98,9 @@ def landmarks_by_rules(
                     f" {', '.join(sorted(joints))}"
                 )
             landmarks[rule.name] = np.asarray(joints[name], dtype=np.float64)
-    parts = Parts(surface, frame, next(iter(landmarks.values()), None), half)
+    parts = Parts(
+        surface=surface, frame=frame, joint=next(iter(landmarks.values()), None), half=half
+    )
     notes = []
     for rule in rules:
         if rule.rule == "joint":

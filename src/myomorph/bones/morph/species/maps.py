@@ -149,7 +149,9 @@ def _map(
         raise BadData(
             f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more"
         )
-    ours, theirs = (np.array([by_name[name] for name in names]) for by_name in places)
+    ours_by_name, theirs_by_name = places
+    ours = np.array([ours_by_name[name] for name in names])
+    theirs = np.array([theirs_by_name[name] for name in names])
     body = bone.sources[0]
     target = bone.targets[0]
     if bone.match == "similarity" or any(rule.rule == "box" for rule in bone.landmarks):

@@ -79,7 +79,9 @@ def transferred_muscles(
     doubtful = []
     slack = []
     for i, muscle in enumerate(muscles):
-        before, after = (length[:, i] for length in lengths)
+        before_length, after_length = lengths
+        before = before_length[:, i]
+        after = after_length[:, i]
         ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
         known = (known_architectures or {}).get(muscle.name)
         growth = Growth(1.0 if options.fibers == "keep" else ratio, 0.0)

@@ -247,7 +247,9 @@ def _point(
     notes: list[str],
 ) -> PathPoint | MovingPathPoint:
     if isinstance(point, PathPoint):
-        low, high = (end * setting.travel.get(point.coordinate, 1.0) for end in point.range)
+        low_end, high_end = point.range
+        low = low_end * setting.travel.get(point.coordinate, 1.0)
+        high = high_end * setting.travel.get(point.coordinate, 1.0)
         return replace(point, body=transfer.body, location=to.target, range=(low, high))
     matrix = transfer.near(to.source)
     if len({name for name in point.coordinates if name}) > 1 or any(

@@ -125,7 +125,7 @@ def _muscle(m: Any, names: MjcfNames, i: int, path: Path) -> Muscle:
     gains = dict(
         zip(PARAMETERS, np.array(m.actuator_gainprm[i, :9], dtype=np.float64).tolist(), strict=True)
     )
-    short, long = (float(x) for x in m.actuator_lengthrange[i])
+    short, long = map(float, m.actuator_lengthrange[i])
     fiber = (long - short) / max(SMALLEST, gains["range1"] - gains["range0"])
     slack = short - gains["range0"] * fiber
     acc0 = float(m.actuator_acc0[i])

@@ -80,9 +80,11 @@ class _Writer:
         self.surfaces = surfaces
         self.warnings: list[str] = []
         self.elements: dict[str, etree._Element] = {}
-        self.sites, self.geoms, self.meshes, self.tendons, self.actuators = (
-            set[str]() for _ in range(5)
-        )
+        self.sites = set[str]()
+        self.geoms = set[str]()
+        self.meshes = set[str]()
+        self.tendons = set[str]()
+        self.actuators = set[str]()
         self.placed: dict[tuple[str, tuple[float, ...]], str] = {}
         self.files: dict[str, str] = {}
         self.folder = f"{path.stem}_meshes"

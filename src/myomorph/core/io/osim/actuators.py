@@ -186,8 +186,8 @@ def _place(text: str, model: Model, where: str) -> tuple[str, Transform]:
         raise UnknownName(
             "body",
             name,
-            (GROUND, *model.body_names, *(frame.name for frame in model.frames)),
-            where,
+            existing=(GROUND, *model.body_names, *(frame.name for frame in model.frames)),
+            where=where,
         )
     return frame.body, frame.pose
 

@@ -59,8 +59,8 @@ def _coupler(node: Node, coordinates: tuple[str, ...]) -> Coupler:
             raise UnknownName(
                 "coordinate",
                 name,
-                coordinates,
-                f"{node.document.path}: coupler '{node.name}': the model",
+                existing=coordinates,
+                where=f"{node.document.path}: coupler '{node.name}': the model",
             )
     factor = node.number("scale_factor", 1.0)
     return Coupler(
@@ -128,7 +128,8 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
     for node in model.items("ForceSet"):
         if node.kind != BUSHING or not node.is_applied:
             continue
-        (body_1, pose_1), (body_2, pose_2) = (tied_frame(node, frames, i) for i in "12")
+        (body_1, pose_1) = tied_frame(node, frames, "1")
+        (body_2, pose_2) = tied_frame(node, frames, "2")
         parts = {part: node.vector(part) for part in BUSHING_PARTS}
         bushings.append(
             Bushing(

@@ -85,7 +85,7 @@ class Frames:
                 return choice[0]
         names = [path.rsplit("/", 1)[-1] for path in where]
         owner = f"{user.kind} '{user.name}' of the model" if user.name else "the model"
-        raise UnknownName(kind, text, names, f"{self._document.path}: {owner}")
+        raise UnknownName(kind, text, existing=names, where=f"{self._document.path}: {owner}")
 
     def _at(self, path: str) -> tuple[str, Transform]:
         if path in self._placed:

@@ -109,15 +109,15 @@ class PathReader:
             raise UnknownName(
                 "coordinate",
                 name,
-                self._coordinates,
-                f"{node.document.path}: '{node.name}': the model",
+                existing=self._coordinates,
+                where=f"{node.document.path}: '{node.name}': the model",
             )
         return name
 
     def _wrap(self, node: Node, points: int) -> PathWrap:
         name = node.text("", "wrap_object")
         check_name("wrap object", name, self._wraps, f"{node.document.path}: the model")
-        first, last = (int(number) for number in node.vector("range", (-1.0, -1.0)))
+        first, last = map(int, node.vector("range", (-1.0, -1.0)))
         method = node.text("hybrid", "method").lower()
         if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
             raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")

@@ -211,7 +211,7 @@ def orientation_tasks(
     """
     weight = (options.imu_marker_noise / options.imu_noise) ** 2 / np.maximum(marker_weights, 1.0)
     return tuple(
-        OrientationTask(name, body, rotations[:, index], weight)
+        OrientationTask(sensor=name, body=body, rotations=rotations[:, index], weight=weight)
         for index, (name, body) in enumerate(zip(mounting.sensors, mounting.bodies, strict=True))
     )
 

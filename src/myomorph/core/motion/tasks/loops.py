@@ -80,18 +80,18 @@ def new_closing(ties, n, variables):
         return None
     rows = 3 * ties.body_1.shape[0]
     return Closing(
-        np.empty(rows),
-        np.empty((rows, n)),
-        np.empty((rows, variables + 1 + rows)),
-        np.empty(rows, np.int64),
-        np.empty(variables, np.bool_),
-        np.empty(1, np.int64),
-        np.empty(rows),
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty(n),
-        np.empty((variables, variables)),
-        np.empty(n),
+        e=np.empty(rows),
+        G=np.empty((rows, n)),
+        A=np.empty((rows, variables + 1 + rows)),
+        taken=np.empty(rows, np.int64),
+        dependent=np.empty(variables, np.bool_),
+        rank=np.empty(1, np.int64),
+        push=np.empty(rows),
+        H=np.empty((n, n)),
+        g=np.empty(n),
+        D=np.empty(n),
+        Z=np.empty((variables, variables)),
+        before=np.empty(n),
     )
 
 

@@ -154,7 +154,7 @@ class Ground:
     def under(up: Array) -> Ground:
         """Of a vertical (3,)."""
         vertical = int(np.argmax(np.abs(up)))
-        first, second = (i for i in range(3) if i != vertical)
+        first, second = [i for i in range(3) if i != vertical]
         return Ground((first, second), np.array([1.0, -1.0 if vertical == 1 else 1.0]))
 
     @property

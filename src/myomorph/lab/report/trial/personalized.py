@@ -54,14 +54,18 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     high = max(1.6, float(np.max([before, after])))
     area = frame(LEFT, 24.0, LEFT + WIDTH, 24.0 + height, (low, high), (0.0, float(len(names))))
     marks = []
-    left, right = (float(area.x.at(limit)) for limit in PHYSIOLOGICAL)
+    left_limit, right_limit = PHYSIOLOGICAL
+    left = float(area.x.at(left_limit))
+    right = float(area.x.at(right_limit))
     marks.append(rect("spread", left, 24.0, right - left, height))
     marks.append(grid_along(area, 6))
     for index, name in enumerate(names):
         y = 24.0 + ROW * (index + 0.5)
         marks.append(text(LEFT - 4.0, y + 3.0, name, "tick y"))
         for ends, style, aside in ((before[index], "second", -2.0), (after[index], "first", 2.0)):
-            a, b = (float(area.x.at(end)) for end in ends)
+            a_end, b_end = ends
+            a = float(area.x.at(a_end))
+            b = float(area.x.at(b_end))
             under = f"{name}: {number(ends[0])} to {number(ends[1])}"
             marks.append(
                 mark(

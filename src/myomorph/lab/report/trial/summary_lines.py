@@ -99,7 +99,9 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     peak = float(net.max(initial=0.0))
     if peak <= 0.0 or not height > 0.0:
         return text
-    force, moment = (float(np.nanmax(component)) for component in root)
+    force_component, moment_component = root
+    force = float(np.nanmax(force_component))
+    moment = float(np.nanmax(moment_component))
     shares = f"{plain(100 * force / peak)} and {plain(100 * moment / (peak * height))} %"
     within = (
         force <= tables.RESIDUAL_FORCE * peak and moment <= tables.RESIDUAL_MOMENT * peak * height

@@ -133,7 +133,9 @@ def check_labels(labels: Mapping[str, str], model: Model) -> None:
     """Raise `UnknownName` where labels are mapped to markers that the model does not have."""
     for name in labels.values():
         if name and name not in model.marker_names:
-            raise UnknownName("marker", name, model.marker_names, "labels: the model")
+            raise UnknownName(
+                "marker", name, existing=model.marker_names, where="labels: the model"
+            )
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:

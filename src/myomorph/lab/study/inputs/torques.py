@@ -77,7 +77,9 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
 
     for name in free_coordinates(model):
         if name not in columns:
-            raise UnknownName("coordinate", name, table.names, f"{path}: the table of torques")
+            raise UnknownName(
+                "coordinate", name, existing=table.names, where=f"{path}: the table of torques"
+            )
     values = table.values[:, list(columns.values())]
     if not np.isfinite(values).all():
         frame, column_ = (int(one[0]) for one in np.nonzero(~np.isfinite(values)))

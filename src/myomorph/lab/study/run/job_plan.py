@@ -59,7 +59,9 @@ def open_trial_steps(
     """The steps of a trial."""
     if read and file_source("model", files.model).sha256 != read:
         raise BadData(f"{files.model}: has changed while the study ran: run it again")
-    return TrialSteps(open_trial(files, settings, model), steps, folder, fresh)
+    return TrialSteps(
+        trial=open_trial(files, settings, model), asked=steps, folder=folder, fresh=fresh
+    )
 
 
 def open_subject_steps(
@@ -74,7 +76,9 @@ def open_subject_steps(
     """A subject's own steps, which make the model of its trials."""
     assert model is not None
     inputs = SubjectInputs(files=files, settings=settings, path=files.model, model=model)
-    return FolderSteps("subject", inputs, Outcome(files.name, "", folder), fresh)
+    return FolderSteps(
+        scope="subject", inputs=inputs, outcome=Outcome(files.name, "", folder), fresh=fresh
+    )
 
 
 def open_pair_steps(
@@ -118,14 +122,20 @@ def open_pair_steps(
         )
     joined |= {table.name: object_part(table, path) for table, path in together.objects}
     trial, start = join_trials(together, joined, common)
-    return TrialSteps(trial, (*STEPS["pair"], REPORT), folder, fresh, StepResults(start))
+    return TrialSteps(
+        trial=trial,
+        asked=(*STEPS["pair"], REPORT),
+        folder=folder,
+        fresh=fresh,
+        results=StepResults(start),
+    )
 
 
 def open_study_steps(
     model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key
 ) -> JobSteps:
     """What is done for the whole study."""
-    return FolderSteps("study", inputs, Outcome(*key, inputs.out), fresh)
+    return FolderSteps(scope="study", inputs=inputs, outcome=Outcome(*key, inputs.out), fresh=fresh)
 
 
 def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:

@@ -207,7 +207,9 @@ def run_graph(
         with study_lock(out) as mark:
             graph = graph_of(mark)
             learning = Learning({work.key: work for work in graph.works})
-            watcher = StudyWatcher(graph, out, workers, report, learning)
+            watcher = StudyWatcher(
+                graph=graph, out=out, workers=workers, said=report, learning=learning
+            )
             try:
                 _run(graph, workers, watcher, learning)
                 learning.keep(watcher.outcomes())
@@ -233,7 +235,7 @@ def _run(graph: Graph, workers: Workers, watcher: StudyWatcher, learning: Learni
         return model, sha
 
     def done(works: Sequence[Work]) -> tuple[Outcome, ...]:
-        outcomes = Schedule(works, workers, read, watcher).run()
+        outcomes = Schedule(works=works, workers=workers, read=read, watcher=watcher).run()
         return tuple(outcomes[work.key] for work in works)
 
     done(graph.last(done(graph.works)))

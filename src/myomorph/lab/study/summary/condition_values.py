@@ -49,7 +49,9 @@ class RunningMeans(Generic[Name]):
 
     def __init__(self, samples: int) -> None:
         self.columns: dict[Name, int] = {}
-        self.count, self.mean, self.squares = (np.zeros((samples, 0)) for _ in range(3))
+        self.count = np.zeros((samples, 0))
+        self.mean = np.zeros((samples, 0))
+        self.squares = np.zeros((samples, 0))
         self._places: dict[tuple[Name, ...], Array] = {}
 
     def places(self, names: tuple[Name, ...]) -> Array:
@@ -58,9 +60,9 @@ class RunningMeans(Generic[Name]):
             for name in names:
                 self.columns.setdefault(name, len(self.columns))
             more = np.zeros((len(self.count), len(self.columns) - self.count.shape[1]))
-            self.count, self.mean, self.squares = (
-                np.hstack([part, more]) for part in (self.count, self.mean, self.squares)
-            )
+            self.count = np.hstack([self.count, more])
+            self.mean = np.hstack([self.mean, more])
+            self.squares = np.hstack([self.squares, more])
             self._places[names] = np.array([self.columns[name] for name in names], dtype=np.int64)
         return self._places[names]
 

@@ -39,7 +39,7 @@ def write_channels(
     )
     rows = []
     for index, name in enumerate(emg_calibration.channels):
-        low, high = (_cell(limit) for limit in emg_calibration.intervals[index])
+        low, high = map(_cell, emg_calibration.intervals[index])
         delay = f"{emg_calibration.delays[index]:.4f}"
         gain = f"{emg_calibration.gains[index]:.6g}"
         source = "torques" if emg_calibration.by_torque[index] else "usual" if low else "file"

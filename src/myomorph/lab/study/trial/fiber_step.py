@@ -121,7 +121,9 @@ def fiber_work(
 def _work(time: Array, power: Array) -> tuple[float, float]:
     """Positive and negative work [J], the latter as a positive number."""
     each = (np.maximum(power, 0.0), np.maximum(-power, 0.0))
-    done, absorbed = (float(0.5 * (part[1:] + part[:-1]) @ np.diff(time)) for part in each)
+    done_part, absorbed_part = each
+    done = float(0.5 * (done_part[1:] + done_part[:-1]) @ np.diff(time))
+    absorbed = float(0.5 * (absorbed_part[1:] + absorbed_part[:-1]) @ np.diff(time))
     return done, absorbed
 
 

@@ -186,7 +186,9 @@ class TrialSteps(JobSteps):
         try:
             self._having(*(step.gives for step in trial_steps() if step.outcome is not None))
             held = self._gather(outcome)
-            shown = TrialResults(self.stored, self.trial.model, held, self.reports)
+            shown = TrialResults(
+                path=self.stored, model=self.trial.model, stored=held, page=self.reports
+            )
             outcome = with_results(outcome, self.results)
             if outcome.timed or not (self.folder / VALUES).is_file():
                 write_trial_values(shown, outcome)
@@ -254,7 +256,7 @@ def run_trial(
     `report.html`. A step whose inputs, options and version are those of an earlier run is reused.
     Where a step fails, what the steps before it found is kept.
     """
-    job = TrialSteps(trial, steps, folder, fresh)
+    job = TrialSteps(trial=trial, asked=steps, folder=folder, fresh=fresh)
     return run_steps(job, job.steps)
 
 

@@ -86,7 +86,9 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
     slopes = (
         problem[:, TORQUE, column].sum() / size if size > 0.0 else 0.0 for column, size in sizes
     )
-    common, law = (max(-float(slope), 0.0) for slope in slopes)
+    common_slope, law_slope = slopes
+    common = max(-float(common_slope), 0.0)
+    law = max(-float(law_slope), 0.0)
     left = problem[:, TORQUE, TORQUE] - 2.0 * common * power + common**2 * square
     return JointViscosity(
         one=common, law=law, axes=axes, residual=np.sqrt(np.maximum(left, 0.0) / frames)

@@ -390,10 +390,9 @@ def _folds(drops: Sequence[Drop]) -> Iterator[tuple[Sequence[Drop], Sequence[Dro
             yield [*drops[:i], *drops[i + 1 :]], [drops[i]]
         return
     halves = np.flatnonzero(drops[0].used)
-    first, second = (
-        replace(drops[0], used=np.isin(np.arange(len(drops[0].used)), part))
-        for part in np.array_split(halves, 2)
-    )
+    first_part, second_part = np.array_split(halves, 2)
+    first = replace(drops[0], used=np.isin(np.arange(len(drops[0].used)), first_part))
+    second = replace(drops[0], used=np.isin(np.arange(len(drops[0].used)), second_part))
     yield from (([first], [second]), ([second], [first]))
 
 
@@ -436,7 +435,7 @@ def missing(drop: Drop, half: int, law: PassiveLaw) -> tuple[float, float]:
     """By how much a half swing ends short of where a law takes it from its beginning, and its
     excursion [rad].
     """
-    start, stop = (int(turn) for turn in drop.turns[half : half + 2])
+    start, stop = map(int, drop.turns[half : half + 2])
     angle, rate = state_at(drop, start)
     end = state_at(drop, stop)[0]
     more = min(stop + max(3, (stop - start) // 2), len(drop.equation.time))

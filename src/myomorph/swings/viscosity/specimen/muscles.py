@@ -192,5 +192,8 @@ def _moving_point(
         constant(value) if name in gone else function
         for value, name, function in zip(place, point.coordinates, point.functions, strict=True)
     )
-    a, b, c = ("" if name in gone else name for name in point.coordinates)
+    a_name, b_name, c_name = point.coordinates
+    a = "" if a_name in gone else a_name
+    b = "" if b_name in gone else b_name
+    c = "" if c_name in gone else c_name
     return replace(point, functions=(x, y, z), coordinates=(a, b, c))

@@ -202,12 +202,14 @@ def _picks(
         elif name in locations and name not in scan.markers:
             pairs[name] = (factor * row, locations[name])
         elif name not in scan.markers:
-            raise UnknownName("picked point", name, tuple(locations), f"body '{scan.bone}'")
+            raise UnknownName(
+                "picked point", name, existing=tuple(locations), where=f"body '{scan.bone}'"
+            )
     if not pairs:
         return None
     if len(pairs) < 3:
         raise BadData(f"{len(pairs)} points were picked on '{scan.bone}', but three are needed")
-    scanned, modelled = (np.array(points) for points in zip(*pairs.values(), strict=True))
+    scanned, modelled = map(np.array, zip(*pairs.values(), strict=True))
     return register.Picks(tuple(pairs), scanned, modelled)
 
 
@@ -219,7 +221,7 @@ def _distances(recorded: Markers | None, names: Sequence[str]) -> Array | None:
         return None
     lacking = [name for name in names if name not in recorded.names]
     if lacking:
-        raise UnknownName("marker", lacking[0], recorded.names, "the recording")
+        raise UnknownName("marker", lacking[0], existing=recorded.names, where="the recording")
     places = np.stack([recorded[name] for name in names], axis=1)
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=3)
     result = np.full(apart.shape[1:], np.nan)
@@ -270,7 +272,7 @@ def chosen(trial: Trial, name: str) -> PlateRecording:
     if not plates:
         raise BadFile(trial.source, "holds no force plates", "plates are calibrated from C3D files")
     if name and name not in plates:
-        raise UnknownName("force plate", name, tuple(plates), trial.source)
+        raise UnknownName("force plate", name, existing=tuple(plates), where=trial.source)
     if not name and len(plates) > 1:
         raise BadData(
             f"{trial.source}: holds {len(plates)} plates ({', '.join(plates)}): name one as"
@@ -287,7 +289,9 @@ def placed(trial: Trial, files: PlateFiles, calibration: PlateCalibration) -> Tr
 def plate_residuals(plate_calibration: PlateCalibration) -> tuple[Residual, ...]:
     """The calibration as lines of the report."""
     left_out = plate_calibration.left_out_distances, plate_calibration.left_out_angles
-    far, turned = (float(np.sqrt(np.mean(residuals**2))) for residuals in left_out)
+    far_residuals, turned_residuals = left_out
+    far = float(np.sqrt(np.mean(far_residuals**2)))
+    turned = float(np.sqrt(np.mean(turned_residuals**2)))
     count = f"{len(plate_calibration.names)} placements"
     shift = 1e3 * float(np.max(plate_calibration.left_out_shifts, initial=0.0))
     past = 1e3 * plate_calibration.distance_rms

@@ -338,7 +338,9 @@ def _identified(
     def solved(
         which: tuple[str, ...], chosen: identify.ViscosityOptions
     ) -> identify.SpecimenViscosity:
-        bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
+        bare_name, full_name = CONDITIONS
+        bare = recordings[bare_name] if bare_name in which else ()
+        full = recordings[full_name] if full_name in which else ()
         return identify.identify_specimen(
             files.name, bare, full, pcsa, files.measured_muscle_mass, chosen
         )
@@ -348,9 +350,8 @@ def _identified(
         return solved(CONDITIONS, options)
     solution = solved(CONDITIONS, replace(options, tare="unknown"))
     for name in set(conditions) - set(hidden):
-        known, alone = (
-            which.conditions.get(name) for which in (solution, solved((name,), options))
-        )
+        known = solution.conditions.get(name)
+        alone = solved((name,), options).conditions.get(name)
         if known is not None and alone is not None:
             solution = solution.changed({name: replace(known, mass=alone.mass, com=alone.com)})
     return replace(solution, muscle_mass=None)

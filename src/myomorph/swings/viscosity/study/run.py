@@ -46,7 +46,7 @@ def open_steps(
         LimbInputs: "limb",
         CohortInputs: "cohort",
     }
-    return FolderSteps(kinds[type(inputs)], inputs, outcome, fresh)
+    return FolderSteps(scope=kinds[type(inputs)], inputs=inputs, outcome=outcome, fresh=fresh)
 
 
 def graph_of(

@@ -323,7 +323,10 @@ def wrench_of_table(path: Path) -> Wrenches:
         taken = [i for place in places if place is not None for i in place]
         places.append([i for i in range(WHOLE) if i not in taken])
     columns = places if len(places) == 3 else [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
-    force, point, torque = (table.values[:, column][:, None, :] for column in columns)
+    force_column, point_column, torque_column = columns
+    force = table.values[:, force_column][:, None, :]
+    point = table.values[:, point_column][:, None, :]
+    torque = table.values[:, torque_column][:, None, :]
     return Wrenches(
         time=table.time, names=("base",), bodies=("",), forces=force, points=point, torques=torque
     )
@@ -360,7 +363,10 @@ def plate_wrenches(trial: Trial) -> Wrenches:
                 moment @ axes.T,
             )
         )
-    force, point, torque = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
+    force_values, point_values, torque_values = zip(*parts, strict=True)
+    force = np.stack(force_values, axis=1)
+    point = np.stack(point_values, axis=1)
+    torque = np.stack(torque_values, axis=1)
     names = tuple(plate.name for plate in trial.plate_recordings)
     return Wrenches(
         time=trial.plate_time,

@@ -125,7 +125,9 @@ def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
     joints = []
     coordinates = []
     for joint in made.joints:
-        above, below = (Transform(*map(np.array, frame)) for frame in entries["joints"][joint.name])
+        above_frame, below_frame = entries["joints"][joint.name]
+        above = Transform(*map(np.array, above_frame))
+        below = Transform(*map(np.array, below_frame))
         joints.append(replace(joint, parent_frame=above, child_frame=below))
     for coordinate in made.coordinates:
         default, locked = entries["coordinates"][coordinate.name]

@@ -118,7 +118,9 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
     assert quaternion_rates.velocities is not None
     assert quaternion_rates.accelerations is not None
     known = np.isfinite(quaternion_rates.values).all(axis=1)
-    values, velocities, accelerations = (np.full((len(motion), 3), np.nan) for _ in range(3))
+    values = np.full((len(motion), 3), np.nan)
+    velocities = np.full((len(motion), 3), np.nan)
+    accelerations = np.full((len(motion), 3), np.nan)
     parts = quaternion_rates.values, quaternion_rates.velocities, quaternion_rates.accelerations
     turns, rates, gains = angular_motion(*(part[known] for part in parts))
     values[known] = turns.as_euler(order)

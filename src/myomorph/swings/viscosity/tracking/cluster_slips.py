@@ -171,7 +171,9 @@ def _put_back(
     result = []
     for trial, start in zip(markers, starts, strict=False):
         use = slice(max(0, at - int(start)), None)
-        turn, origin = (part[start : start + len(trial)][use] for part in pose)
+        turn_part, origin_part = pose
+        turn = turn_part[start : start + len(trial)][use]
+        origin = origin_part[start : start + len(trial)][use]
         values = np.array(trial.values)
         carried = [trial.names.index(name) for name in columns if name in trial.names]
         own = np.einsum("fji,fmj->fmi", turn, values[use, carried] - origin[:, None])

@@ -288,7 +288,7 @@ def checked_clusters(
     exchanged labels are put back where that brings all distances right; a single marker that is off
     its cluster, and whole clusters that no change of labels explains, are left out in those frames.
     """
-    clusters = Clusters(specimen, markers, name, tolerance)
+    clusters = Clusters(specimen=specimen, markers=markers, name=name, tolerance=tolerance)
     clusters.note_unmarked()
     clusters.put_right()
     clusters.turn_over()

@@ -158,7 +158,7 @@ def base_poses(specimen: Specimen, motion: Motion) -> tuple[Array, Array]:
 def mean_base(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array]) -> Transform:
     """The one pose of the base over all trials of a condition."""
     poses = [base_poses(specimen, motion) for motion in motions]
-    rotations, origins = (np.concatenate(parts) for parts in zip(*poses, strict=True))
+    rotations, origins = map(np.concatenate, zip(*poses, strict=True))
     weight = np.concatenate(weights) * np.isfinite(origins).all(axis=1)
     used = weight > 0.0
     place = np.average(origins[used], axis=0, weights=weight[used])

@@ -292,7 +292,10 @@ def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Ar
 
 def _products(swing_recording: SwingRecording, use: np.ndarray, width: float) -> Array:
     names = ("angles", "rates", "lengthening")
-    angles, rates, lengthening = (getattr(swing_recording, name)[use] for name in names)
+    angles_name, rates_name, lengthening_name = names
+    angles = getattr(swing_recording, angles_name)[use]
+    rates = getattr(swing_recording, rates_name)[use]
+    lengthening = getattr(swing_recording, lengthening_name)[use]
     columns = resistances(angles, rates, lengthening, width, slopes_of(swing_recording)[use])
     rows = np.concatenate([swing_recording.torque_rows[use], columns], axis=2)
     rows = rows.reshape(-1, rows.shape[2])

@@ -179,9 +179,9 @@ class Strength:
 def _peaks(tension: Tension) -> tuple[dict[str, float], dict[str, float]]:
     """Largest torque of every coordinate, and what its reserve gives at most."""
     tables = (tension.torques, tension.reserves)
-    torques, reserves = (
-        np.abs(np.nan_to_num(table)).max(axis=0, initial=0.0).tolist() for table in tables
-    )
+    torques_table, reserves_table = tables
+    torques = np.abs(np.nan_to_num(torques_table)).max(axis=0, initial=0.0).tolist()
+    reserves = np.abs(np.nan_to_num(reserves_table)).max(axis=0, initial=0.0).tolist()
     named = zip(tension.reserve_names, reserves, strict=True)
     of_coordinates = {
         name.removeprefix(RESERVE): peak for name, peak in named if name.startswith(RESERVE)

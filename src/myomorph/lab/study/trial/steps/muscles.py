@@ -57,7 +57,8 @@ def write_muscles(
     """
     paths = ReportedPaths(model)
     stored = _variables(writer, model, motion, paths.pairs)
-    lengths, velocities = (np.empty((len(motion), len(model.muscles))) for _ in range(2))
+    lengths = np.empty((len(motion), len(model.muscles)))
+    velocities = np.empty((len(motion), len(model.muscles)))
     with progress(title, len(motion)) as advance:
         for start in range(0, len(motion), BLOCK):
             part = slice(start, min(start + BLOCK, len(motion)))

@@ -206,7 +206,7 @@ def _run(
     strides = strides_of_trial(trial, poses, torques)
     values = drawn_values(drawn, TrialStrides.whole(trial.name, strides))
     walk = None if strides is None else _walk(trial, drawn, strides, torques)
-    errors = DrawnErrors(options.draws, nominal, values, walk)
+    errors = DrawnErrors(draws=options.draws, nominal=nominal, values=values, walk=walk)
 
     normals = Normals(options.draws, options.draw_seed)
     draws_of_all = [
