@@ -157,7 +157,7 @@ class Leaving:
 
 
 def leavings(one: Chair) -> tuple[Leaving, ...]:
-    """All times of standing up and sitting down that the three signs agree on within half a second."""
+    """Times of rising and sitting down on which the three signs agree within half a second."""
     time = one.motion.time
     up = one.newton[:, 1] / one.weight
     feet = one.feet.forces[:, :, 1].sum(axis=1) / one.weight

@@ -140,7 +140,7 @@ def predict(acceleration: Array, moment: Array, half: NDArray[np.bool_]) -> Pred
 
 
 def at_each_time(wheel: Wheel) -> Prediction:
-    """The moment of every frame from the first push to the last, cycles in turn fitted and tested."""
+    """Moments from the first push to the last; cycles are fitted and tested in turn."""
     starts = [first for first, _ in wheel.pushes]
     frames = np.arange(starts[0], starts[-1])
     cycle = np.searchsorted(starts, frames, side="right")

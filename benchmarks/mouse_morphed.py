@@ -92,7 +92,7 @@ class Followed:
 
     @property
     def body(self) -> float:
-        """Length of the animal from the root of its tail to its nose, by the calibrated size [m]."""
+        """Length of the animal from the root of its tail to its nose, as calibrated [m]."""
         return NOSE * self.calibration.size
 
     @property
@@ -278,7 +278,7 @@ class OnOnePaw:
         return tuple(found)
 
     def moments(self, model: mm.Model) -> Array:
-        """(muscles, joints) moment of each muscle, fully active, where reserves are largest [N m]."""
+        """(muscles, joints) moment of each fully active muscle where reserves are largest [N m]."""
         pose = part_of(self.motion, np.array([self.worst]))
         found = mm.muscle_kinematics(model, pose)
         assert found.velocities is not None

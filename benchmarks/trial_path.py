@@ -86,7 +86,7 @@ print("WATCHED" + json.dumps([[*key, sorted(name[len(root) + 1 :] for name in na
 
 
 def count(tree: Path) -> list[dict[str, object]]:
-    """Files of a checkout through which a trial passes, a row for each phase and way of counting."""
+    """Files through which a trial passes, one row per phase and way of counting."""
     with tempfile.TemporaryDirectory() as folder:
         _write_study(Path(folder))
         watched = json.dumps([CARRIED, STARTS, REPORT, folder])

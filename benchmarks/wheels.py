@@ -43,7 +43,7 @@ SYSTEMS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
 
 
 def run() -> list[dict[str, object]]:
-    """A row for each system and group of dependencies: how many there are, and which have no wheel."""
+    """Number of dependencies, and those without a wheel, per system and group."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     groups = {"core": project["dependencies"], **project["optional-dependencies"]}
     rows: list[dict[str, object]] = []

@@ -49,7 +49,7 @@ def told_below(text: str) -> str:
 
 
 def without_links(line: str) -> str:
-    """Line in which brackets after brackets are an index or a unit, as in `f[i](x)`, and no link."""
+    """Brackets after brackets in a line are an index or a unit, as in `f[i](x)`, and no link."""
     return re.sub(
         r"`[^`]*`|\](?=\s?[\[(])", lambda found: r"\]" if found[0] == "]" else found[0], line
     )

@@ -67,7 +67,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Put tables and numbers of results in place; tutorials name the notebook that is made of them."""
+    """Put tables and numbers of results in place; tutorials name their notebook."""
     source = Path(page.file.src_uri)
     markdown = with_listed(with_names(rendered(markdown, page.file.src_uri)), page.file.src_uri)
     # The index has the changelog beside docs/; in the site it is a page like others.

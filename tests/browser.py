@@ -41,7 +41,7 @@ share a drawing is chance.
 
 
 def browser_program() -> str | None:
-    """Where a Chromium is: `MYOMORPH_BROWSER`, or the first on the path; None where there is none."""
+    """Path of a Chromium: `MYOMORPH_BROWSER`, or the first on the path; None if there is none."""
     named = os.environ.get("MYOMORPH_BROWSER")
     return named or next((found for name in NAMES if (found := shutil.which(name))), None)
 
@@ -95,7 +95,7 @@ class Browser:
             self._process.kill()
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command and wait for its answer; what the page complains of is kept in `errors`."""
+        """Send a command and wait for its answer; the page's complaints are kept in `errors`."""
         self._count += 1
         self._socket.send(json.dumps({"id": self._count, "method": method, "params": parameters}))
         while True:
@@ -134,7 +134,7 @@ class Browser:
         return told["result"].get("value")
 
     def until(self, script: str, seconds: float = 30.0) -> Any:
-        """Wait until an expression is true, and return its value; while the page loads it may fail."""
+        """Wait until an expression is true and return its value; it may fail while loading."""
         guarded = f"(() => {{ try {{ return ({script}); }} catch (error) {{ return false; }} }})()"
         return wait(lambda: self.run(guarded), seconds, script)
 

@@ -1,4 +1,4 @@
-"""States of a floating tree as Pinocchio and MuJoCo hold them, and Pinocchio's order of parameters."""
+"""States of a floating tree as Pinocchio and MuJoCo hold them, and Pinocchio's parameters."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def pinocchio_states(model, motion):
 
 
 def mujoco_states(model, motion):
-    """qpos, qvel, qacc with a free joint: linear rates in ground, angular ones in the body's axes."""
+    """qpos, qvel, qacc with a free joint: linear rates in ground, angular ones in body axes."""
     import mujoco
 
     R, p, omega, alpha, speed, acceleration = root_rates(model, motion)

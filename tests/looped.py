@@ -25,7 +25,7 @@ SHOULDERS = (
 
 
 def looped_tree(seed, kinds=("PointConstraint", "WeldConstraint"), functional=False, bodies=30):
-    """A random tree with a loop of each kind, closed at random coordinates, and those coordinates."""
+    """A random tree with a loop of each kind, closed at random coordinates, with these."""
     rng = np.random.default_rng(500 + seed)
     model = functional_tree(seed, bodies) if functional else random_tree(seed, bodies)
     closed = rng.normal(scale=0.4, size=(1, len(model.coordinates)))

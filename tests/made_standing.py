@@ -1,4 +1,4 @@
-"""A made recording for tests: the generic model stands, with Plug-in Gait's markers on its bones."""
+"""A made recording for tests: the generic model stands with Plug-in Gait's markers."""
 
 from __future__ import annotations
 

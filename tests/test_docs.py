@@ -1,4 +1,4 @@
-"""What the README and the documentation tell people to type exists, and their links lead somewhere."""
+"""What the README and the documentation tell people to type exists, and links resolve."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def test_all_that_is_public_is_a_function_or_a_class_and_has_one_name():
 
 
 def signature_types():
-    """Classes of the package in the signature of any public function, each with where it is named."""
+    """Classes of the package in signatures of public functions, and where each is named."""
     return {
         definition: f"{name}({parameter})"
         for name in FUNCTIONS

@@ -1,4 +1,4 @@
-"""Random trees, most of which Myomorph, Pinocchio and MuJoCo can all express, and motions of them."""
+"""Random trees that mostly Myomorph, Pinocchio and MuJoCo can all express, in motion."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def floating_tree(seed, bodies=12):
 
 
 def functional_tree(seed, bodies=12):
-    """A random tree whose joints are splines, polynomials and sine products of shared coordinates."""
+    """A random tree whose joints are splines, polynomials and sine products of coordinates."""
     rng = np.random.default_rng(seed)
     model = random_tree(seed, bodies)
     joints = list(model.joints)

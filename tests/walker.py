@@ -211,7 +211,7 @@ def fitted(movement: Motion, size: float = 0.01) -> KinematicsFit:
 
 
 def having(given: ReportInput, **values: Any) -> ReportInput:
-    """What a report shows with other values, each put into the part that has a field of its name."""
+    """Contents of a report with other values, each put into the part that has its field."""
     parts = {one.name for one in fields(given)}
     for name, value in values.items():
         if name in parts:

@@ -71,7 +71,7 @@ COLORS = ("#222222", "#2166ac", "#b2182b")
 
 
 def draw_passive(file: Path) -> None:
-    """Tension of two muscles without and with passive dynamics, and the difference, over one lift."""
+    """Tension of two muscles with and without passive dynamics, and the difference, in one lift."""
     plain, (_, (fitting, muscles), (printed, thick)) = solved(data_folder(), "FLX01", "no")
     found = [
         ("no passive dynamics", plain),

@@ -74,7 +74,7 @@ class QuadraticFrames:
 
 
 def made_motion(model: mm.Model, frames: int) -> mm.Motion:
-    """Every free coordinate of a model swings a little about its default, at 100 frames a second."""
+    """Every free coordinate of a model swings a little about its default, at 100 Hz."""
     names = free_coordinates(model)
     time = 0.01 * np.arange(frames)
     columns = []

@@ -13,7 +13,7 @@ SPAN = (0.0, 10.0)
 
 
 def test_variance_and_range_over_phases() -> None:
-    """A wave of its own amplitude in each phase: mean, range and variance a^2 / 2 are the phase's."""
+    """A wave of its own amplitude in each phase: mean, range and variance a^2 / 2 are its own."""
     rows = np.zeros((len(TIME), 3))
     first = TIME < 4.0
     rows[:, 0] = np.where(first, 0.9, 0.86) + np.where(first, 0.01, 0.05) * np.sin(2 * np.pi * TIME)
@@ -31,7 +31,7 @@ def test_variance_and_range_over_phases() -> None:
 
 
 def test_phases_of_one_stage_are_measured_one_by_one() -> None:
-    """Steps of equal length that lead forward: the range within a step, not that of the whole way."""
+    """Steps of equal length that lead forward: the range is within a step, not the whole way."""
     touching = (TIME % 2.0 < 1.0)[:, None]
     cutting = cut(
         Cuttable(span=SPAN, time=TIME, events=(), contact_names=("right foot",), touching=touching),

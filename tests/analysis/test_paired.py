@@ -1,4 +1,4 @@
-"""Subjects beside themselves: the test is exact, intervals and effect sizes are those of textbooks."""
+"""Paired subjects: the test is exact, intervals and effect sizes are those of textbooks."""
 
 from __future__ import annotations
 

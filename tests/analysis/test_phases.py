@@ -172,7 +172,7 @@ def test_sides_of_wrenches(name: str, body: str, side: str) -> None:
 
 
 def test_feet_of_one_who_sits_and_rises_make_no_jump() -> None:
-    """The chair carries the weight first, and the plates are empty for a moment: that is no flight."""
+    """The chair carries the weight first, and the plates are briefly empty: no flight."""
     time = np.arange(0.0, 4.0, 0.01)
     force = np.where(time < 1.0, 95.0, np.where(time < 1.4, 0.0, 700.0))
     forces = np.zeros((len(time), 1, 3))
@@ -190,7 +190,7 @@ def test_feet_of_one_who_sits_and_rises_make_no_jump() -> None:
 
 @pytest.mark.parametrize("begin", [0.0, -3.0, 100.0])
 def test_contacts_last_as_long_as_they_must_whenever_the_clock_begins(begin: float) -> None:
-    """Of 50 N for 0.05, 0.07 and 0.2 s, with a gap of 0.04 s in the last: two last 0.06 s or more."""
+    """Of 50 N for 0.05, 0.07 and 0.2 s, the last with a gap of 0.04 s: two last 0.06 s."""
     time = np.arange(0.0, 1.0, 0.001)
     spans = ((0.1, 0.15), (0.3, 0.37), (0.6, 0.68), (0.72, 0.8))
     force = sum(np.where((time >= start) & (time < stop), 50.0, 0.0) for start, stop in spans)

@@ -1,4 +1,4 @@
-"""`ik --imu`: sensors alone, sensors beside markers, and what is said of sensors that do not fit."""
+"""`ik --imu`: sensors alone, sensors and markers, and warnings of sensors that do not fit."""
 
 from __future__ import annotations
 

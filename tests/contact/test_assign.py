@@ -1,4 +1,4 @@
-"""Which foot stands on which plate: real walks whose sides are known, and a plate two feet step on."""
+"""Which foot stands on which plate: real walks with known sides, and a shared plate."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ def test_opencaps_plates_that_are_all_on_one_foot(data):
 
 
 def test_a_model_that_is_too_heavy_for_its_plates(data):
-    """A generic model of 75.2 kg and a walker whose plates carry 58 kg, as the data set has them."""
+    """A generic model of 75.2 kg and a walker with 58 kg on the plates, as in the data set."""
     walk = BY_NAME["CEINMS walk (generic model)"]
     data(walk.motion)
     one = faults.recorded(data(walk.model.split("/")[0]).parent, walk)
@@ -215,7 +215,7 @@ def test_a_body_out_of_view_before_and_after_does_not_hide_a_fault(data):
 
 
 def test_center_of_a_wrench_is_that_of_its_moment():
-    """Moving the point of a force and giving the moment of the move leaves its center where it was."""
+    """Moving the point of a force and adding the moment of the move leaves its center alone."""
     random = np.random.default_rng(0)
     force = np.array([20.0, 700.0, -30.0]) + random.normal(size=(5, 1, 3))
     point = random.normal(size=(5, 1, 3)) * [1.0, 0.0, 1.0]

@@ -74,7 +74,7 @@ def a_plate(
 
 
 def kistler_sensors(force: np.ndarray, moment: np.ndarray, a: float, b: float) -> np.ndarray:
-    """Eight sensor forces with a given resultant; the one freedom of the vertical ones set to zero."""
+    """Eight sensor forces with a given resultant; the one vertical freedom is set to zero."""
     vertical = np.array([[1, 1, 1, 1], [b, b, -b, -b], [-a, a, a, -a], [1, -1, 1, -1]])
     z = np.linalg.solve(
         vertical, np.column_stack((force[:, 2], moment[:, :2], np.zeros(len(force)))).T

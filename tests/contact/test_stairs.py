@@ -47,7 +47,7 @@ def loadings(loads):
 
 
 def mouse():
-    """A trunk that slides freely and two paws that slide on it: their coordinates are their places."""
+    """A free sliding trunk and two paws that slide on it: their coordinates are positions."""
     names = ("trunk", *PAWS)
     axes = {name: tuple(f"{name}_{axis}" for axis in "xyz") for name in names}
     return Model(

@@ -290,7 +290,7 @@ def test_truth_is_recovered_without_noise(arm):
 
 
 def test_standard_deviations_tell_the_truth(arm):
-    """Errors over standard deviations are standard normal: 95 % within 2, and hardly any beyond 4."""
+    """Errors over standard deviations are standard normal: 95 % within 2, few beyond 4."""
     truth = other_body(arm)
     motion = simulated(arm, 1500)
     scores = []

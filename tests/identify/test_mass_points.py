@@ -74,7 +74,7 @@ def test_same_solution_as_a_general_solver(case, weights):
 
 
 def optimality(body, A, b, fit, mass, options):
-    """The conditions of Karush, Kuhn and Tucker from matrices that the solver never forms, in kg."""
+    """The Karush-Kuhn-Tucker conditions from matrices that the solver never forms, in kg."""
     v = prior_variances(body, options)
     B = full_matrix(body, A)
     pull = fit.masses - body.reference - v * (B.T @ (b - B @ fit.masses)) * options.W_phi

@@ -110,7 +110,7 @@ def test_what_is_missing_is_left_out_and_counted(walk: tuple[Model, Motion, Wren
 
 
 def test_every_link_gets_better_while_the_body_moves(walk: tuple[Model, Motion, Wrenches]) -> None:
-    """With a filter and no forgetting, nothing that was known is lost, and the pose is the newest."""
+    """With a filter and no forgetting, nothing known is lost, and the pose is the newest."""
     model, motion, _ = walk
     early = play(walk, OnlineOptions(missing=1e9), 60).state()
     late = play(walk, OnlineOptions(missing=1e9), 150).state()

@@ -150,7 +150,7 @@ def test_gradient_is_that_of_the_cost(problem, soft):
 
 
 def test_a_long_step_keeps_the_whole_mass_and_is_taken(problem):
-    """With masses hardly held, undamped steps must go far: the cost of a lost gram would stop them."""
+    """With masses hardly held, undamped steps must go far: a lost gram would stop them."""
     at = problem.begin()
     masses = problem.columns()[2]
     shared = np.zeros(problem.count)
@@ -254,7 +254,7 @@ def test_motions_that_left_their_markers_are_named():
 
 
 def test_plates_that_weigh_otherwise_do_not_lift_the_body(recorded):
-    """A body that weighs 8 % more on the plates than stated would rise without end to explain it."""
+    """A body that weighs 8 % more on the plates than stated would rise without end."""
     subject = recorded[0]
     trial = replace(recorded[1], time=(0.5, 2.0))
     forces = trial.wrenches

@@ -1,4 +1,4 @@
-"""Sequential identification: equal to the batch, frame after frame, and what it tells on the way."""
+"""Sequential identification: equal to the batch, frame by frame, with what it reports."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_forgetting_follows_a_body_that_changes(arm):
 
 
 def test_forgetting_weighs_frames_by_their_age(arm):
-    """With the factor 0.98 the information is that of frames whose noise has grown by 0.98^(-T/2)."""
+    """With factor 0.98 the information is that of frames with noise grown by 0.98^(-T/2)."""
     given = recorded(arm, simulated(arm, 50), other_body(arm), noise=0.5)
     rows = base_regressor(arm, given.motion)
     wrench = base_wrench(arm, given.motion, given.wrenches)

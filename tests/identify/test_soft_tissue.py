@@ -77,7 +77,7 @@ def test_what_cannot_be():
 
 @pytest.fixture(scope="module")
 def runner(arm_and_legs):
-    """A body that moves, the plates' wrench of other masses than its model's, and its mass points."""
+    """A moving body, the plates' wrench of masses other than its model's, and mass points."""
     model, motion = arm_and_legs
     truth = inertial_parameters(model)
     names = list(model.body_names)

@@ -56,7 +56,7 @@ def random_body(random, where):
 
 
 def test_how_far_mass_centers_move_is_told(lower):
-    """In a model whose mass centers were put elsewhere: a region's only body goes all the way back."""
+    """With mass centers placed elsewhere: a region's only body goes all the way back."""
     away = {"femur_r": (0.03, 0.0, 0.0), "calcn_l": (0.0, 0.04, 0.03), "hand_r": (0.0, 0.0, -0.02)}
     bodies = (
         replace(one, mass_center=one.mass_center + away.get(one.name, (0.0,) * 3))

@@ -1,4 +1,4 @@
-"""TRC files: OpenSim's own reading as the oracle, files that broke other readers, and the way back."""
+"""TRC files: OpenSim's own reading as oracle, files that broke other readers, round trips."""
 
 from __future__ import annotations
 

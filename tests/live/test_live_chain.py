@@ -125,7 +125,7 @@ def test_forces_that_stop_are_missed(walk: tuple[Model, Markers, Wrenches]) -> N
 def test_plates_of_a_table_find_their_feet(
     data: Callable[[str], Path], walk: tuple[Model, Markers, Wrenches]
 ) -> None:
-    """A table of plates without bodies leads to the same torques as the loads file that names them."""
+    """A table of plates without bodies gives the same torques as the loads file naming them."""
     model, markers, wrenches = walk
     table = data(f"{WALK}/grf_walk.mot")
     _, unnamed = open_recording(model, data(f"{WALK}/markers_walk.trc"), table)

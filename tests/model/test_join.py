@@ -1,4 +1,4 @@
-"""Two models as one: each part keeps its dynamics, and only what passes between them couples them."""
+"""Two models as one: each part keeps its dynamics; only what passes between couples them."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def femora(data):
 
 
 def relative(femora, *attachments: Attachment) -> RelativeBone:
-    """The mouse's own femur three times as large and turned: where its attachments belong is known."""
+    """The mouse's own femur, three times as large and rotated: known attachment positions."""
     marks = femora[0]().bones["femur_r"].features
     named = {
         name: tuple(3.0 * at[[2, 0, 1]]) for name, at in zip(marks.names, marks.target, strict=True)

@@ -334,7 +334,7 @@ def test_a_point_stays_on_its_side_of_a_thin_bone():
 
 
 def test_what_the_target_lacks_is_not_looked_for():
-    """Half of the bone is missing: points of that half stay where the map puts them, and are named."""
+    """Half of the bone is missing: points of that half stay where the map puts them."""
     source = surface_of(trimesh.creation.capsule(height=0.3, radius=0.02).subdivide())
     middle = source.vertices[source.faces].mean(axis=1)[:, 2]
     target = Surface(source.vertices, source.faces[middle < np.median(middle)])
@@ -425,7 +425,7 @@ def test_bones_in_one_frame_take_the_center_of_the_bone_that_holds_it():
 
 
 class Twist:
-    """Turns about y by an angle that grows along y: the top end by none, 0.4 m below it by 0.3 rad."""
+    """Rotations about y by an angle along y: none at the top end, 0.3 rad 0.4 m below."""
 
     def apply(self, points):
         x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)

@@ -218,7 +218,7 @@ def test_a_wrap_object_grows_by_half_at_most():
 
 
 def test_a_deep_place_beside_a_via_point_moves_it_by_its_lever():
-    """Deepest halfway between origin and via point, the via point goes twice as far as the place."""
+    """Deepest halfway between origin and via point, the via point moves twice as far."""
     one = model(muscle([0.03, 0.02, -0.15], [0.03, -0.03, 0.0], [0.03, -0.03, 0.15]))
     found = clear_paths(one, ground(one, 0.034))
     assert found.before["m"] > 0.001
@@ -300,7 +300,7 @@ def test_effects_tell_what_a_small_move_changes(second):
 
 
 def test_of_moves_as_far_out_the_one_found_changes_least():
-    """With all weight on change, no other direction that brings the place out as far changes less."""
+    """With all weight on change, no other direction gets the point out with less change."""
     one = arm([0.6, 0.0, 0.8])
     out = np.array([0.6, 0.48, 0.64])
     poses = posed(one)

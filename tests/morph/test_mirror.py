@@ -53,7 +53,7 @@ def centers(model, motion):
 
 
 def differences(model, axis):
-    """Largest differences of lengths [m] and of moment arms [m] of a model and of its other side."""
+    """Largest differences of lengths [m] and moment arms [m] of a model and its mirror image."""
     other = mirrored(model, axis)
     motion = moved(model)
     side = other_side_of(model, axis)

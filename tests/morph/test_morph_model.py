@@ -1,4 +1,4 @@
-"""Laws of the transfer on real models: what identity, similarity, affine and mirrored maps must do."""
+"""Laws of the transfer on real models, of identity, similarity, affine and mirrored maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A skeleton with muscles of one side: the other side, masses of segments, markers of a protocol."""
+"""A skeleton with muscles of one side: the other side, segment masses, protocol markers."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def animal() -> Model:
 
 
 def test_the_other_sides_muscle_moves_as_this_one_does():
-    """Equal flexion of both legs: equal lengths and moment arms, whatever frames the bodies have."""
+    """Equal flexion of both legs: equal lengths and moment arms, whatever the body frames."""
     model, notes = with_other_muscles(animal(), "x")
     assert model.muscle_names == ("front_r", "front_l")
     assert model.body_names == animal().body_names
@@ -148,7 +148,7 @@ def test_a_muscle_whose_name_tells_no_side_is_mirrored_by_its_bodies():
 
 
 def test_inertias_no_bone_can_have_are_replaced():
-    """A file's placeholders go; inertias within the bone, and bodies it says nothing about, stay."""
+    """A file's placeholders go; inertias within the bone and unmentioned bodies stay."""
     corners = 0.5 * np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * [0.2, 0.4, 1.0]
     bone = Surface(corners, np.array([[0, 1, 2]]))
     model = animal()

@@ -81,7 +81,7 @@ def _keep(points, c, frame, work):
 
 @dataclass(frozen=True, eq=False)
 class HeightTask(Task):
-    """weight (height - measured)^2 of a point of a body, heights (frames,) [m], NaN where unknown."""
+    """weight (height - measured)^2 of a body's point, heights (frames,) [m], NaN if unknown."""
 
     body: str
     location: NDArray[np.float64]

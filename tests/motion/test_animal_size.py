@@ -71,7 +71,7 @@ def test_units_are_metres_for_humans_and_follow_the_size_below(subject):
 
 
 def angles(model, markers, posture_weight, *sizes):
-    """Angles [rad] and relative marker errors of bodies of several sizes under inverse kinematics."""
+    """Angles [rad] and relative marker errors of bodies of several sizes by inverse kinematics."""
     options = InverseKinematicsOptions(posture_weight=posture_weight)
     turning = [k for k, one in enumerate(model.coordinates) if one.motion == "rotational"]
     fits = [
@@ -100,7 +100,7 @@ def test_angles_of_a_walk_do_not_depend_on_size(data):
 
 
 def test_angles_of_markers_that_come_and_go_do_not_depend_on_size(subject):
-    """A pull towards the default pose that is nothing for a human must be nothing for a mouse too."""
+    """A pull to the default pose that is nothing for a human must be nothing for a mouse."""
     values = subject.markers.values[:60].copy()
     values[np.random.default_rng(5).uniform(size=values.shape[:2]) < 0.2] = np.nan
     mouse_and_beetle_agree(

@@ -179,7 +179,7 @@ def test_a_turned_body_is_found_from_the_default_pose():
 
 
 def test_the_optimum_is_stationary_in_noise():
-    """No single coordinate can be moved to lower the cost: the gradient is zero where it should be."""
+    """No single coordinate can lower the cost: the gradient is zero where it should be."""
     model = walker()
     markers = seen(model, walking(model, 40))
     rng = np.random.default_rng(1)

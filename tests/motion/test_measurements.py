@@ -147,7 +147,7 @@ def test_frames_around_nothing():
 
 
 def test_markers_go_to_where_they_were_recorded(walker):
-    """The pose comes from good markers; the others find back to their true places, fixed ones stay."""
+    """The pose comes from good markers; others return to true positions, fixed ones stay."""
     random = np.random.default_rng(3)
     pose = Motion(
         np.zeros(1),

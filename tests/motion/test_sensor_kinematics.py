@@ -241,7 +241,7 @@ def test_sensors_bridge_hidden_markers(walking):
 
 
 def test_headings_that_drift_are_followed():
-    """Three minutes: one sensor's heading turns by 20 degrees; the hinge of the knee holds it back."""
+    """In three minutes one sensor's heading drifts by 20 degrees; the knee's hinge holds it."""
     model, motion = walk(180.0)
     made = simulated_sensors(model, motion, BODIES, NO_ERRORS, seed=6)
     index = BODIES.index("tibia_r")

@@ -1,4 +1,4 @@
-"""Orientations of raw signals by the filter, held against the motion that the signals were made of."""
+"""Orientations of raw signals by the filter, compared with the motion behind the signals."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ def test_without_any_marker_the_body_is_held_and_found_again_without_a_jump(
 def test_a_marker_that_flickers_moves_the_body_by_less_than_the_marker_does(
     walk: tuple[Model, Markers],
 ) -> None:
-    """Hidden in every second frame: the pose stays between that with the marker and that without."""
+    """Hidden in every second frame: the pose stays between those with and without the marker."""
     model, markers = walk
     free = followed(model, markers, (), slice(0, 0))
     without = followed(model, markers, ("R.Knee",), slice(0, None))

@@ -337,7 +337,7 @@ def test_a_whole_turn_and_another_branch_at_once_come_back():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_without_bounds_a_motion_in_chunks_has_no_turns_and_its_torques_are_those_of_one(seed):
-    """Simulated markers with errors of 1 mm: stretches of frames are solved from poses found apart."""
+    """Simulated markers with errors of 1 mm: stretches of frames are solved from other poses."""
     model = free(stick_figure())
     tree = compile_tree(model)
     rng = np.random.default_rng(seed)

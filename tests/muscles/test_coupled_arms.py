@@ -1,4 +1,4 @@
-"""Moment arms of muscles over closed loops: virtual work along closed motions, and OpenSim's own."""
+"""Moment arms of muscles over closed loops: virtual work along motions, and OpenSim's own."""
 
 from __future__ import annotations
 

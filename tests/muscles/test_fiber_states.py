@@ -183,7 +183,7 @@ def test_fibers_on_a_rigid_tendon_pull_most_at_their_optimal_length(activation):
 
 
 def test_millards_fiber_moves_at_the_speed_whose_force_is_left():
-    """a f_L f_V(v) + damping v = pull - passive, of fibers that shorten and of those that lengthen."""
+    """a f_L f_V(v) + damping v = pull - passive, of shortening and lengthening fibers."""
     muscle = one_muscle("Millard2012EquilibriumMuscle").muscles[0]
     model = muscle_model(muscle)
     pull = np.linspace(0.05, 1.2, 12)

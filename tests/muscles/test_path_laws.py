@@ -469,7 +469,7 @@ def test_turned_surface_is_the_same_surface():
 
 @pytest.mark.parametrize(("way", "wraps"), [(0, False), (1, True)])
 def test_a_path_wraps_an_ellipsoid_between_it_and_not_where_both_ends_are_on_one_ray(way, wraps):
-    """One end on x; the other slides along x or, at a right angle as seen from the middle, along y."""
+    """One end on x; the other slides along x or, at a right angle to the middle, along y."""
     axis = Axis(
         kind="translation", vector=np.eye(3)[way], function=linear(1.0), coordinates=("out",)
     )

@@ -130,7 +130,7 @@ def test_nodes_are_the_points_where_nothing_is_wrapped(model: Model) -> None:
 
 @pytest.mark.parametrize("model", WRAPPED, indirect=True)
 def test_an_arc_leaves_along_the_straight_parts(model: Model) -> None:
-    """The drawn curve turns by no more than its parts allow: no corner where it meets the surface."""
+    """The drawn curve turns no more than its parts allow: no corner where it meets the surface."""
     paths = compile_paths(model)
     coordinates = poses(model)
     nodes = paths.nodes(coordinates)

@@ -106,7 +106,7 @@ def study(data, folder, on="child", frame="child"):
 
 @pytest.mark.parametrize(("on", "frame"), [("child", "child"), ("parent", "ground")])
 def test_same_tensions_in_same_reactions_out(data, tmp_path, on, frame):
-    """OpenSim 4.6 on the same setup: 80 muscles in a walk, all joints; forces to 0.05 N of 3,900."""
+    """OpenSim 4.6 on the same setup: 80 muscles, all joints; forces to 0.05 N of 3,900."""
     pytest.importorskip("opensim")
     ours, theirs = study(data, tmp_path, on, frame)
     subprocess.run(

@@ -166,7 +166,7 @@ def test_inverse_kinematics_of_simulated_markers(data, tmp_path):
 
 
 def test_markers_and_forces_are_checked_and_nothing_is_mended(data, tmp_path):
-    """Labels exchanged and forces on the wrong feet: said first, while the numbers stay OpenSim's."""
+    """Exchanged labels and forces on the wrong feet are reported; numbers stay OpenSim's."""
     for name in ("ref_ik", "ref_id"):
         shutil.copytree(data(f"opensim-gait-subject01/{name}"), tmp_path / name)
         for path in (tmp_path / name, *(tmp_path / name).rglob("*")):
@@ -218,7 +218,7 @@ def test_inverse_dynamics_is_opensims(data, tmp_path, monkeypatch):
 
 
 def test_passive_forces_are_taken_off_unless_excluded(data, tmp_path, monkeypatch):
-    """The ankle spring of this model is a part of what moves it, so its torque is not the ankle's."""
+    """The ankle spring of this model moves it too, so its torque is not the ankle's."""
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
     folder = "opensim-gait-subject01/ref_so_10dof18musc"
@@ -294,7 +294,7 @@ def test_static_optimization_ends_are_analysed_too():
 
 
 def test_static_optimization_of_the_arm(arm, data):
-    """The effort of our activations is no larger than that of OpenSim's table, on the same frames."""
+    """The effort of our activations is at most that of OpenSim's table on the same frames."""
     static = (
         "<StaticOptimization"
         ' name="StaticOptimization"><step_interval>1</step_interval></StaticOptimization>'

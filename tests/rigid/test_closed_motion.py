@@ -62,7 +62,7 @@ def closed(seed, functional, frames=4):
 
 @pytest.mark.parametrize("functional", [False, True])
 def test_power_of_folded_torques_is_that_of_all(functional):
-    """What the loops carry gives no power on a closed motion, so the folded torques give all of it."""
+    """Loop forces give no power on a closed motion, so the folded torques give all of it."""
     for seed in range(3):
         tree, motion = closed(seed, functional)
         model = tree.model

@@ -135,7 +135,7 @@ def test_forces_give_the_accelerations_back():
 
 
 def test_loops_carry_what_they_were_given_to_carry():
-    """Multipliers and accelerations are found again, and the loops' forces move no closed motion."""
+    """Multipliers and accelerations are recovered; loop forces move no closed motion."""
     model, closed = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
     rng = np.random.default_rng(2)
     c = np.tile(closed, (3, 1))
@@ -183,7 +183,7 @@ def test_a_model_at_rest_weighs_on_its_root():
 
 
 def test_a_loop_falls_and_carries_as_in_opensim(data):
-    """A shoulder let go: accelerations and reactions of OpenSim 4.6; muscles and springs taken out."""
+    """A released shoulder: accelerations and reactions of OpenSim 4.6, without muscles."""
     opensim = pytest.importorskip("opensim")
     path = data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim")
     model = read_osim(path)

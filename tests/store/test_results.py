@@ -1,4 +1,4 @@
-"""Results round-trip through files, appear whole or not at all, and tell what they were made from."""
+"""Results round-trip through files, appear whole or not at all, and name their sources."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_two_legs_without_friction_are_determined():
 
 
 def test_friction_lets_two_legs_press_against_each_other():
-    """Along the line between them up to what the cones allow; across it they would turn the body."""
+    """Along the line between them as far as cones allow; across it they rotate the body."""
     found = intervals(legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.5, edges=4))
     for group in found.groups:
         number = found.groups.index(group)

@@ -55,7 +55,7 @@ CONES = {
 @pytest.mark.parametrize("name", CONES)
 @pytest.mark.parametrize("against", ["ground", "tibia_l"])
 def test_columns_do_the_work_that_inverse_dynamics_finds(data, name, against):
-    """J^T of any amplitudes is what torques lose when the same forces are given as external ones."""
+    """J^T of any amplitudes is what torques lose if the forces are given as external ones."""
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     motion = any_motion(model)
     sites = (

@@ -243,7 +243,7 @@ def all_kinds_of_sites() -> tuple[Site, ...]:
 
 
 def shared(loads, sites) -> SharedWrench:
-    """The right plate's wrench about the origin, its vertical force unknown in every third frame."""
+    """The right plate's wrench about the origin, its vertical force unknown in every third."""
     right = [k for k, body in enumerate(loads.bodies) if body.endswith("_r")]
     forces = loads.forces[:, right]
     torques = loads.torques[:, right]

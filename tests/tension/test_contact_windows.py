@@ -19,7 +19,7 @@ from myomorph.core.tension.solve import solve_tension
 
 @pytest.fixture(scope="module")
 def walker(data):
-    """A tenth of a second of double support at 200 Hz: model, motion, torques without the plates."""
+    """A tenth of a second of double support at 200 Hz: model, motion, torques without plates."""
     model, motion, _ = walk(data, slice(560, 660, 5))
     return model, motion, inverse_dynamics(model, motion)
 

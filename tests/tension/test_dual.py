@@ -1,4 +1,4 @@
-"""The separable solver on problems like those of muscles: against piqp, and by its own conditions."""
+"""The separable solver on problems like muscles': against piqp, and by its own conditions."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_the_conditions_of_an_optimum_hold_for_any_exponent(seed, exponent, rese
 
 
 def test_the_exponent_3_is_solved_as_those_beside_it():
-    """It has roots of its own; pulled towards intervals, some of its variables lie outside these."""
+    """It has roots of its own; pulled to intervals, some variables lie outside these."""
     directions, low, high, torques = muscles(5)
     penalties = np.zeros((1, 3, len(low)))
     penalties[0, 0, ::2] = 0.3

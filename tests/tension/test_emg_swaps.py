@@ -46,7 +46,7 @@ def test_no_pair_of_a_clean_walk_looks_exchanged(walk):
 
 
 def test_exchanged_channels_are_named(walk):
-    """Of all pairs whose envelopes differ (correlation below 0), most are found, and never another."""
+    """Of pairs with different envelopes (correlation below 0) most are found, never another."""
     names, envelopes, activations = walk
     alike = np.corrcoef(envelopes.T)
     found = 0

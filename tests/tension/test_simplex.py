@@ -10,7 +10,7 @@ from myomorph.core.tension.simplex import extremes
 
 
 def polytope(seed, rows=9, n=40):
-    """Random equations with a feasible point that is inside, on bounds, and free in some variables."""
+    """Random equations with a feasible point inside, on bounds, and free in some variables."""
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(rows, n)) * rng.choice([0.0, 1.0, 100.0], (rows, n), p=[0.4, 0.4, 0.2])
     lower = -rng.uniform(0.1, 2.0, n)

@@ -48,7 +48,7 @@ def arm(data) -> tuple[Model, Motion, Series]:
 
 
 def walk(data, count: int = 12) -> tuple[Model, Motion, Series]:
-    """Frames of a walk of the Rajagopal model, with coupled knees, and the torques of its plates."""
+    """Frames of a walk of the Rajagopal model with coupled knees, and its plates' torques."""
     model = read_osim(data(WALK + "subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data(WALK + "coordinates.sto")), model))
     motion = frames(whole, np.linspace(150, 1150, count).astype(int))

@@ -56,7 +56,7 @@ def soles(cone: Cone | None = None) -> tuple[Site, ...]:
 
 
 def ready(model: Model, motion: Motion, sites) -> Series:
-    """Strengths by the height above the lowest place of each site: full to 15 mm, none from 45 mm."""
+    """Strengths by height above the lowest position of each site: full to 15 mm, 0 from 45 mm."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     bodies = np.array([tree.body_index[site.body] for site in sites])

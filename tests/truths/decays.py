@@ -1,4 +1,4 @@
-"""Frequency, damping and inertia of a body from the decay of its free swing: one signal, one axis."""
+"""Frequency, damping and inertia of a body from the decay of its free swing about one axis."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Decay:
     free: int
 
     def judged(self, samples: float) -> Decay:
-        """The same with another number of independent samples, that of the law it is compared with."""
+        """The same with another number of independent samples, that of the compared law."""
         return replace(self, effective=samples)
 
     @property

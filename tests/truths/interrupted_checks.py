@@ -131,7 +131,7 @@ def left_over(folder: Path) -> list[str]:
 
 
 def computed_twice(folder: Path) -> list[str]:
-    """Steps of finished trials that later runs computed again, from the times that the runs wrote."""
+    """Steps of finished trials computed again by later runs, from the recorded times."""
     with (folder / "timings.csv").open(encoding="utf-8", newline="") as stream:
         rows = Counter(
             (row["subject"], row["trial"], row["step"]) for row in csv.DictReader(stream)

@@ -65,7 +65,7 @@ def leg_shapes() -> dict[str, Shapes]:
 
 
 def mesh_faces(folder: Path, name: str) -> np.ndarray:
-    """Triangles (m, 3) over the nodes of a mesh: elements share nodes, numbered as they first come."""
+    """Triangles (m, 3) over a mesh's nodes: elements share nodes, numbered as first met."""
     mesh = json.loads((folder / f"{name}.mesh").read_text())
     order = json.loads((folder / f"{name}.ens").read_text())["custom_map"]
     shared = {

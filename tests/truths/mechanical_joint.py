@@ -181,7 +181,7 @@ class JointTruth:
         return np.eye(3) if self.axis is None else self.axis[None]
 
     def angles(self, rotations: Array) -> Array:
-        """(frames, axes) rotation vector or angle from hanging of rotations (frames, 3, 3) [rad]."""
+        """(frames, axes) rotation vector or angle from hanging of rotations (frames, 3, 3)."""
         vectors = Rotation.from_matrix(rotations).as_rotvec()
         return vectors if self.axis is None else np.unwrap(vectors @ self.axis)[:, None]
 
@@ -220,7 +220,7 @@ class VirtualJoint:
         )
 
     def swings(self, cutoff: float = 10.0) -> tuple[SwingRecording, ...]:
-        """Every trial as equations, from noisy markers and wrench, with the joint's center known."""
+        """Every trial as equations, from noisy markers and wrench, with a known joint center."""
         return tuple(self._swing(trial, cutoff) for trial in self.trials)
 
     def exact_swings(self, rate: float = 200.0) -> tuple[SwingRecording, ...]:

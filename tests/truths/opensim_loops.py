@@ -1,4 +1,4 @@
-"""What OpenSim says of a model's point constraint: its gap, derivatives, and the pose it assembles."""
+"""OpenSim's point constraint of a model: its gap, derivatives, and assembled pose."""
 
 from __future__ import annotations
 

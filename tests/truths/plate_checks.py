@@ -46,7 +46,7 @@ class PlateCheck:
 
     @property
     def significant(self) -> bool:
-        """Whether the calibration is off by more than its placements' scatter explains (1 % level)."""
+        """Whether the calibration is off by more than the placements' scatter (1 % level)."""
         return self.chance < 0.01
 
 

@@ -71,7 +71,7 @@ def _axial(m: Array) -> Array:
 
 
 def put_inertia(compiled: Any, model: mm.Model) -> None:
-    """Masses, mass centers and inertias of a model's bodies as those of MuJoCo's bodies 1, 2, ..."""
+    """Masses, mass centers and inertias of a model's bodies as of MuJoCo's bodies 1, 2, ..."""
     for b, body in enumerate(model.bodies, 1):
         moments, axes = np.linalg.eigh(body.inertia)
         axes = axes * np.sign(np.linalg.det(axes))

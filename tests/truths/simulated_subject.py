@@ -336,7 +336,7 @@ def record(
 
 
 def follow(model: mm.Model, values: Array) -> None:
-    """Set the dependent columns of values (frames, coordinates) from those they follow, in place."""
+    """Set the dependent columns of values (frames, coordinates) from the others, in place."""
     waiting = list(model.couplers)
     while waiting:
         driven = {one.dependent for one in waiting}

@@ -14,7 +14,7 @@ RADIUS = 0.03  # Of soft tissue, as a ball [m].
 
 @dataclass(frozen=True)
 class SoftTissue:
-    """A part of a limb's mass that hangs on it by springs and dampers, the same in every direction."""
+    """A part of a limb's mass on springs and dampers that are the same in every direction."""
 
     # (3,) of its center in the limb's frame while the limb hangs at rest [m]
     place: tuple[float, float, float]

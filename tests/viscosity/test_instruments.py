@@ -47,7 +47,7 @@ def found_of(swings):
     ids=["plate", "gains", "turned plate", "late clock"],
 )
 def test_estimates_change_no_more_than_their_prior_lets_gains_change(swings, errors):
-    """Without correction these errors change the mass center or the viscosity by up to ten percent."""
+    """Without correction these errors change mass center or viscosity by up to ten percent."""
     exact = found_of(swings)
     wrong = off(swings, *errors)
     instruments = estimate_instruments({"without": wrong}, ErrorOptions())

@@ -196,7 +196,7 @@ def test_rates_are_the_derivative_of_the_rotation():
 
 
 def test_rows_are_the_inverse_dynamics_of_the_welded_limb():
-    """Virtual work: torque along the axes, mapped by the slopes, is the torque of the coordinates."""
+    """Virtual work: torque along the axes, mapped by the slopes, is the coordinates' torque."""
     specimen = build_specimen(arm_model(), NAMES)
     motion = swinging(specimen)
     limb = limb_motion(specimen, motion)

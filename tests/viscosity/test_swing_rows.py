@@ -1,4 +1,4 @@
-"""Tracked swings as equations: they hold for the true parameters, and only where the limb is free."""
+"""Tracked swings as equations: true for the true parameters only where the limb is free."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def joined(first: SwingTrial, second: SwingTrial) -> SwingTrial:
 
 
 def test_the_rows_explain_wrench_and_torque_by_the_true_parameters():
-    """Newton-Euler of an integrator that knows nothing of the rows; what is left is the filter's."""
+    """Newton-Euler of an integrator that knows nothing of the rows; the filter's error is left."""
     one = recording()
     truth = swung()
     use = one.used

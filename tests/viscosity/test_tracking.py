@@ -67,7 +67,7 @@ def test_exact_markers_give_the_exact_motion_base_and_held_angles():
 
 
 def test_noise_of_a_third_of_a_millimeter():
-    """Clusters with arms of 30 to 50 mm; the limb's twelve markers together, every frame by itself."""
+    """Clusters with arms of 30 to 50 mm; the limb's twelve markers together, frame by frame."""
     truth = swung()
     rng = np.random.default_rng(3)
     noisy = with_markers(

@@ -1,4 +1,4 @@
-"""A study file of swinging limbs is checked as a whole; forces are found by the recording's stem."""
+"""A study file of swinging limbs is checked as a whole; forces are found by the stem."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def force_errors(hidden: Hidden, force: np.ndarray, found: np.ndarray) -> dict[s
 def center_errors(
     hidden: Hidden, measured: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, object]:
-    """Distance of the centers of pressure while both forces carry a twentieth of the weight [mm]."""
+    """Distance of the centers of pressure while both forces carry 5 % of the weight [mm]."""
     use = (
         hidden.use
         & (measured[0][:, 1] > LOADED * hidden.weight)

@@ -267,7 +267,7 @@ WHAT = {
 
 
 def measure_truths() -> Iterable[Row]:
-    """One row for each other truth or better measurement: whether the comparison comes out alike."""
+    """Compare conclusions with each other truth or better measurement, one row each."""
     for words, changes in TRUTHS.items():
         pairs = _three(**changes)
         effort = np.mean([one.truth.activations.values.mean() for one in pairs])
@@ -335,7 +335,7 @@ def measure_bouts() -> Iterable[Row]:
 
 
 def measure_open() -> Iterable[Row]:
-    """With plates under all feet: errors along the one direction that is open, and in what is not."""
+    """Errors with plates under all feet, along the one open direction and in the rest."""
     for formulation in ("sequential", "simultaneous"):
         true = []
         found = []

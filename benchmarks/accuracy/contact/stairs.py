@@ -191,7 +191,7 @@ def channels(made: Climb, noise: float, cross: Array | None, seed: int = 0) -> m
 def recovered(
     made: Climb, axes: int, read: mm.Series, away: float = 0.0, given: Array | None = None
 ) -> mm.Wrenches:
-    """Wrenches on the paws from cells of some axes; `away` moves the paws from where they are [m]."""
+    """Wrenches on the paws from cells of some axes; `away` displaces the paws [m]."""
     steps = []
     for step in made.steps:
         names = AXES[axes]

@@ -64,7 +64,7 @@ def implant(folder: Path, stride: str) -> Walk:
 
 
 def _swaps(walk: Walk) -> Row:
-    """Each pair of channels exchanged that are no noise; the delay is that of the clean recording."""
+    """Exchange each pair of channels that are no noise; the delay is the clean recording's."""
     names = tuple(name for name in walk.channels if name not in _noisy(walk))
     trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
     delay = calibrate_emg(walk.model, [trial], walk.channels, EmgOptions(weight=10.0)).delays[0]

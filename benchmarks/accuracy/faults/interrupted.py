@@ -169,7 +169,7 @@ def killed(
 
 
 def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES) -> Row:
-    """SIGKILL of single workers at random moments of one run; what it gives up, the next run does."""
+    """Kill single workers of one run at random moments; the next run does what it gives up."""
     random = np.random.default_rng(21)
     process = begin(study, out)
     kills = 0

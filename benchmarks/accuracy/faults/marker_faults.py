@@ -316,7 +316,7 @@ def inner_angles(model: mm.Model, names: Sequence[str]) -> list[int]:
 def same_angles_word(
     model: mm.Model, markers: mm.Markers, faulty: mm.Markers, before: Sequence[Finding]
 ) -> str:
-    """Mended where the angles of all joints are those of the clean recording, within 0.1 degrees."""
+    """Corrected if all joint angles are the clean recording's within 0.1 degrees."""
     found = checked_kinematics(model, faulty)
     clean = checked_kinematics(model, markers).fit.motion.values
     apart = np.degrees(

@@ -224,7 +224,7 @@ def same_angles(one: Result, other: Result) -> bool:
 
 
 def most_seen(path: Path) -> tuple[mm.Markers, Recording]:
-    """Markers of a recording in a model's ground, those of the frames that show most of the body."""
+    """Markers in a model's ground, in the frames that show most of the body."""
     one = look_at(path)
     turned = one.laboratory.trial(one.trial).markers
     assert turned is not None

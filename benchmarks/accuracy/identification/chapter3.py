@@ -230,7 +230,7 @@ def bending_person(model: mm.Model, seed: int = 4) -> mm.Model:
 
 
 def simulated(folder: Path, data: Path, durations: tuple[float, float] = DURATIONS) -> Case:
-    """Files of a simulated person: an exciting motion, another one, and both models of the study."""
+    """Files of a simulated person: exciting motion, another motion, both models of the study."""
     model = mm.read_model(data / MANY)
     generic = bending_person(model)
     subject = random_subject(generic)

@@ -1,4 +1,4 @@
-"""Motion, body and masses refined at once: in-sample, on motion not used, and of simulated people."""
+"""Motion, body and masses refined at once: in-sample, held-out and of simulated people."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ T = TypeVar("T")
 
 
 def measure_regressor(folder: Path) -> Iterator[Row]:
-    """Largest differences of the rows of the regressor, relative to the largest of each comparison."""
+    """Largest differences of regressor rows, relative to the largest entry of each comparison."""
     floating = [floating_tree(seed) for seed in range(TREES)]
     yield _worst("columns against Pinocchio", floating, _against_pinocchio)
     yield _worst("base wrench against MuJoCo", floating, _against_mujoco)
@@ -169,7 +169,7 @@ def _opened(folder: Path, name: str) -> mm.Model | None:
 
 
 def measure_base_parameters(folder: Path) -> Iterator[Row]:
-    """Base parameters by the tree and by random states, and how clearly the latter tell them apart."""
+    """Base parameters by the tree and by random states, and how clearly the latter separate."""
     for name in (*MODELS, "MyoFullBody"):
         model = load("MyoFullBody", None)[1] if name == "MyoFullBody" else _opened(folder, name)
         if model is None:
@@ -218,7 +218,7 @@ def measure_figaroh() -> Iterator[Row]:
 
 
 def measure_sequential(folder: Path) -> Iterator[Row]:
-    """The recursion against the batch on recordings, in units of the larger of estimate and size."""
+    """Compare the recursion with the batch, in units of the larger of estimate and size."""
     for case in FORCE_CASES:
         if not case.loads or not (folder / case.model).exists():
             continue

@@ -1,4 +1,4 @@
-"""Body shape: measurements reached, shares of segments in the mass, and models posed in the skin."""
+"""Body shape: measurements reached, mass fractions of segments, models posed in the skin."""
 
 from __future__ import annotations
 

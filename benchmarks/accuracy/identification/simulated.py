@@ -235,7 +235,7 @@ def _marker_facts(model: mm.Model, person: mm.Model, shift: tuple[Array, Array])
 
 
 def fitted(model: mm.Model, got: Trials) -> tuple[base.BaseFit, list[Usable]]:
-    """Base parameters from both noises, and both motions with their forces through the same filter."""
+    """Base parameters from both noises; both motions and their forces are filtered alike."""
     seen = []
     for one in (got.exciting, got.held_out):
         motion = mm.inverse_kinematics(model, one.markers).motion

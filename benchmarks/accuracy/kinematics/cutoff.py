@@ -221,7 +221,7 @@ def _poses(folder: Path, recording: str) -> tuple[mm.Model, mm.Motion]:
 def _recorded(
     model: mm.Model, truth: mm.Motion, movement: Movement, rate: float, white: float, skin: float
 ) -> tuple[mm.Motion, mm.Motion]:
-    """The truth at a rate with its exact derivatives, and the motion that markers with errors give."""
+    """Truth at a sampling rate with exact derivatives, and the motion that noisy markers give."""
     spline = natural_spline(truth.time, truth.values)
     faster = movement.faster
     at = np.arange(truth.time[0], truth.time[-1], faster / rate)

@@ -151,7 +151,7 @@ def _right_foot(folder: Path) -> np.ndarray:
 
 
 def _people() -> Iterator[tuple[str, list[np.ndarray], list[np.ndarray], list[str]]]:
-    """Each person's name, five steps that are known, five that are not, and the names of columns."""
+    """Each person's name, five known steps, five held-out steps, and the column names."""
     folder = outside("steps")
     if folder is None:
         return

@@ -44,7 +44,7 @@ class _Kept:
 
 
 def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wrenches]]:
-    """A walk where its plates catch every step, and two runs on a treadmill with the generic model."""
+    """A walk with a plate under every step, and two treadmill runs with the generic model."""
     walk = folder / RAJAGOPAL
     model = mm.read_model(walk / "subject_walk_scaled.osim")
     markers, wrenches = open_recording(model, walk / "markers_walk.trc", walk / "grf_walk.xml")
@@ -63,7 +63,7 @@ def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wre
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Angles, torques and activations of every recording by live cutoffs, against zero-lag filters."""
+    """Angles, torques and activations by live cutoffs, compared with zero-lag filters."""
     for name, model, markers, wrenches in recordings(folder):
         poses = mm.inverse_kinematics(model, markers).motion
         ahead = AHEAD if name == "walk" else 2.0 * AHEAD

@@ -409,7 +409,7 @@ time range.
 
 
 def measure_tools(data: Path) -> Iterator[dict[str, object]]:
-    """Rows of `TOOL_CASES`, and inverse dynamics against OpenSim 4.6's own run of the same setup."""
+    """Rows of `TOOL_CASES`, and inverse dynamics against OpenSim 4.6 on the same setup."""
     for case in TOOL_CASES:
         with tempfile.TemporaryDirectory() as work:
             setup = copy_folder(data, case.setup, case.files, Path(work) / "ours")

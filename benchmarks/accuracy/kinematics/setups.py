@@ -134,7 +134,7 @@ def setups(data: Path) -> list[tuple[str, str]]:
 
 
 def copied(data: Path, name: str, needs: Needs, room: Path) -> Path:
-    """A copy of a setup's folder, with the files that it needs from elsewhere; returns the setup."""
+    """Copy a setup's folder and the files it needs from elsewhere; return the setup."""
     folder = room / ROOM
     shutil.copytree(data / Path(name).parent, folder, copy_function=shutil.copyfile)
     for source, target in needs.files:

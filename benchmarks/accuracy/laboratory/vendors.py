@@ -35,7 +35,7 @@ OPTION = re.compile(r"--[a-z][a-z-]*|: give |; give |expected ")
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a file: what the command ends with, and whether that is one line that says what helps."""
+    """Exit status of the command for each file, and whether its one line says what helps."""
     for name in SETS:
         home = folder / name
         for path in sorted(

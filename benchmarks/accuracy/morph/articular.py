@@ -152,7 +152,7 @@ def measure_persons() -> Iterator[Row]:
 
 
 def _condyles(femur: mm.Surface, head: SphereFit) -> CylinderFit:
-    """The cylinder of a femur's condyles: the two largest round patches far from the head start it."""
+    """Fit a femur's condyle cylinder from the two largest round patches far from the head."""
     length = float(np.linalg.norm(np.ptp(femur.vertices, axis=0)))
     far = [
         one

@@ -225,7 +225,7 @@ def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
-    """A row a person: muscles that run through bone, before and after, and what the checks warn of."""
+    """Muscles that run through bone before and after, and what the checks warn of, per person."""
     for person in persons(folder):
         deep = [one for one in person.checks.penetrations if one.body in BONES[person.name]]
         worst = max(deep, key=lambda one: one.increase)

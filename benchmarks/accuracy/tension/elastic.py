@@ -202,7 +202,7 @@ def between_frames(activations: Array) -> Array:
 
 
 def moco_rows(folder: Path) -> Iterator[dict[str, object]]:
-    """Ours against MocoInverse, the same muscles, motion and loads; its paths are fitted functions."""
+    """Compare with MocoInverse on the same muscles, motion and loads, with fitted paths."""
     recording = folder / WALK
     yield compare_moco(recording, moco_inverse(recording, *SPAN))
 

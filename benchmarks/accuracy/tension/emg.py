@@ -201,7 +201,7 @@ def raw_emg(path: Path) -> mm.Series:
 
 
 class Recorded(NamedTuple):
-    """What a user gives `myomorph tension`; `mass`: of the walker where the model has another [kg]."""
+    """Options a user gives `myomorph tension`; `mass` of the walker if not the model's [kg]."""
 
     name: str
     files: str

@@ -275,7 +275,7 @@ def write_emg(folder: Path, stride: str, work: Path) -> Path:
 
 
 def raw_emg(folder: Path, stride: str) -> mm.Series:
-    """Raw EMG by channel, on the clock of the study's coordinates, which starts at the foot strike."""
+    """Raw EMG by channel on the study's clock, which starts at the foot strike."""
     analog = read_trial(folder / STUDY / f"{stride}.c3d").analog
     assert analog is not None
     with open(folder / STUDY / f"{stride}.trc", encoding="utf-8") as lines:

@@ -112,7 +112,7 @@ def solved(
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
-    """A row for every trial and variant: how tensions differ from those without passive dynamics."""
+    """Difference of tensions with and without passive dynamics, one row per trial and variant."""
     if not (folder / FOLDER).exists():
         return
     for trial, weight in TRIALS:

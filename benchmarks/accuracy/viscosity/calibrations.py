@@ -35,7 +35,7 @@ CENTER = np.array([0.4, -0.2, 0.01])
 
 
 def measure_plates() -> Iterator[Row]:
-    """Poses of a made plate from made placements, and what its deviations and its check are worth."""
+    """Plate poses from simulated placements, and the worth of their deviations and their check."""
     for name, pushed, places in (
         ("20 kg weight, 9 places", False, NINE),
         ("20 kg weight, 4 places", False, [NINE[k] for k in (0, 2, 6, 8)]),

@@ -67,7 +67,7 @@ def _reachable(values: Array) -> tuple[tuple[float, float], tuple[float, float]]
 
 
 def _verdict(printed: float, ours: float, reachable: tuple[float, float]) -> str:
-    """To the printed digits; else whether inputs rounded to three digits can make the difference."""
+    """To the printed digits, or whether inputs rounded to three digits explain the difference."""
     half = _half_unit(printed)
     off = abs(printed - ours) / half
     if abs(off - 1.0) < 1e-6:

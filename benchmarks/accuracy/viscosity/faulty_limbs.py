@@ -151,7 +151,7 @@ class FaultyLimb:
 
 
 def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
-    """A limb of one of the six published sizes; viscosities are drawn unless the joint's is given."""
+    """A limb of one of the six published sizes; viscosities are drawn unless the joint's is set."""
     random = np.random.default_rng(seed)
     row = SPECIMENS[seed % len(SPECIMENS)]
     specimen = arm_specimen()

@@ -136,7 +136,7 @@ def _recording(folder: Path) -> tuple[Array, Array]:
 
 
 def _their_part(time: Array, signal: Array) -> tuple[Array, Array]:
-    """From the largest deviation to the last above a tenth of it, as the authors cut their signals."""
+    """Signal from its largest deviation to the last above 10 % of it, as the authors cut it."""
     size = signal - signal.mean()
     first = int(np.abs(size).argmax())
     last = int(np.flatnonzero(size > 0.1 * np.abs(size).max())[-1])
@@ -195,7 +195,7 @@ def _geometry(x: Mapping[str, float]) -> dict[str, float]:
 
 
 def _parts(x: Mapping[str, float]) -> dict[str, float]:
-    """Every parameter of the benchmark bicycle: mass centers of planar parts, inertias about them."""
+    """Parameters of the benchmark bicycle: planar mass centers and the inertias about them."""
     par = _geometry(x)
     tube = x["mP"] / 12.0 * (0.75 * x["dP"] ** 2 + x["lP"] ** 2)
 
@@ -225,7 +225,7 @@ def _parts(x: Mapping[str, float]) -> dict[str, float]:
 
 
 def _mass_center(beta: Array, offsets: Array, level: float, height: float) -> Array:
-    """(2,) mean of where the lines below a hanging part's axis, drawn on the part, meet two by two."""
+    """(2,) mean intersection of the lines drawn on a hanging part below its axis."""
     slopes = -np.tan(beta)
     intercepts = -offsets / np.cos(beta) - height + level * np.tan(beta)
     first, second = np.triu_indices(len(beta), 1)

@@ -23,7 +23,7 @@ SLIP = {"elbow_flexion_r": np.deg2rad(5.0)}
 
 @lru_cache(maxsize=1)
 def _virtual() -> Any:
-    """Specimen 1 of [S], three releases without muscles, its plate exact and on the markers' clock."""
+    """Specimen 1 of [S]: three releases without muscles, an exact plate on the markers' clock."""
     from myomorph.swings.simulate.laboratory import Noise
     from myomorph.swings.simulate.shoulder import virtual_specimen
 
@@ -147,7 +147,7 @@ FAULTS: dict[str, Callable[[np.ndarray, dict[str, int], np.ndarray], None] | Non
 
 
 def measure_faults() -> Iterable[Row]:
-    """A row a fault, made in the first of three trials: the worst frame's error, and what is said."""
+    """Worst frame's error and the warning for each fault, made in the first of three trials."""
     from myomorph.swings.viscosity.tracking.track import track
     from myomorph.swings.viscosity.tracking.tracked import TrackingOptions
 

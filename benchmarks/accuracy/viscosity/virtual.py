@@ -130,7 +130,7 @@ class SpecimenRun(NamedTuple):
 
 
 def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
-    """One virtual specimen of tables I and II through tracking, clocks, cutoff and identification."""
+    """One virtual specimen of tables I and II through tracking, cutoff and identification."""
     from myomorph.swings.demo import truth_of
     from myomorph.swings.simulate.shoulder import virtual_specimen
     from myomorph.swings.viscosity.cohort import specimen_row

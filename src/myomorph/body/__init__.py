@@ -1,1 +1,1 @@
-"""The body of one person: link lengths and marker places, masses, muscles, sensors as mounted. Stands on `core`."""
+"""The body of one person: link lengths, marker positions, masses, muscles and sensors."""

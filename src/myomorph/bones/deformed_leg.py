@@ -75,7 +75,7 @@ class Deformation:
 
 @read_only
 class BodyTruth:
-    """The deformation as one body sees it: from its frame in the source to its frame in the target."""
+    """The deformation in a body's frames, from its frame in the source to that in the target."""
 
     field: Deformation
     pose: Transform  # of the body in the source's default pose

@@ -154,7 +154,7 @@ def _joint_errors(morph: Morph, truth: Mapping[str, PointMap]) -> dict[str, floa
 def _arm_errors(
     morph: Morph, truth: Mapping[str, PointMap], others: Mapping[str, Mapping[str, PointMap]]
 ) -> tuple[dict[str, Array], tuple[tuple[str, str], ...]]:
-    """Errors of moment arms against the model that the truth itself carries, and what they are of."""
+    """Errors of moment arms against the model that the truth itself carries, and their kind."""
     exact = MorphOptions(surface_within=0.0, joints="mapped")
     true = morph_model(morph.source, _bones(morph, truth), exact).model
     models = {

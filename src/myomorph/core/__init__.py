@@ -1,1 +1,1 @@
-"""The main job: a model, a recording, coordinates, torques, muscles, contacts and tensions. Knows no other wing."""
+"""The main job: a model, a recording, coordinates, torques, muscles, contacts, tensions."""

@@ -1,1 +1,1 @@
-"""The laboratory: recordings analyzed, studies run, results stored, reported and viewed; the program `myomorph`."""
+"""The laboratory: recordings analyzed, studies run, results stored, reported and viewed."""

@@ -57,7 +57,7 @@ class Steps(Protocol[FrameOut]):
 
     @property
     def newest_force(self) -> float:
-        """Time of the newest sample of force, which a frame waits for; inf where it needs none [s]."""
+        """Time of the newest force sample, which a frame waits for; inf if it needs none [s]."""
 
     @property
     def filter_delay(self) -> float:

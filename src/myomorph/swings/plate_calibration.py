@@ -87,7 +87,7 @@ class _Lines:
         self.contacts = np.array(contacts).reshape(-1, 3)
 
     def residuals(self, rotation: Array, center: Array) -> tuple[Array, Array, Array]:
-        """Residuals (placements, 4) [rad], [m], turned forces and their sides (placements, 2, 3)."""
+        """Residuals (placements, 4) [rad], [m], rotated forces and sides (placements, 2, 3)."""
         turned = self.forces @ rotation.T
         sides = across(turned)
         away = self.points - center - self.nearest @ rotation.T

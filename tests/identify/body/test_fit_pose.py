@@ -1,4 +1,4 @@
-"""A skeleton posed in a skin: known poses come back, joint centers land inside, misfits are named."""
+"""A skeleton posed in a skin: known poses return, joint centers are inside, misfits named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shape of a person from measurements: reached, closed, bones inside, the same as anny's own."""
+"""The shape of a person from measurements: reached, closed, bones inside, equal to anny's."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def test_w_b_is_by_the_distance_to_the_nearest_piece_of_bone():
 
 
 def test_a_long_segment_keeps_its_ends_by_bone_but_not_by_center():
-    """A thigh of 0.4 m between a pelvis and a shank, each with its center 0.1 m beyond the joint."""
+    """A thigh of 0.4 m between a pelvis and a shank, with centers 0.1 m beyond the joint."""
     thigh = np.array([[0.0, 0.4, 0.0], [0.0, 0.0, 0.0]])
     bones = np.array([[[0.0, 0.6, 0.0], thigh[0]], thigh, [thigh[1], [0.0, -0.2, 0.0]]])
     links = Links(

@@ -169,7 +169,7 @@ def test_loops_are_kept_as_loops():
 
 
 def test_muscle_parameters_are_mujocos():
-    """MuJoCo's active force at length L0 + LT and full activation is -F0 (plus its passive force)."""
+    """MuJoCo's active force at length L0 + LT and full activation is -F0, plus passive force."""
     m = compiled("myolegs")
     model = model_from_mujoco(m)
     assert len(model.muscles) == m.nu == 80

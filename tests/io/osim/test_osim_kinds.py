@@ -1,4 +1,4 @@
-"""Every kind of joint, frame, function and constraint, each in a small document, against OpenSim."""
+"""Each joint, frame, function and constraint in a small document, compared with OpenSim."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _joint(kind: str, name: str, parent: str, child: str, random, inside: str = 
 
 
 def all_joints(path: Path) -> None:
-    """A chain of every joint class, its end between nested offset frames, with a muscle along it."""
+    """A chain of all joint classes, ending between nested offset frames, with a muscle."""
     random = np.random.default_rng(3)
     settings = {
         "Ellipsoid": "<radii_x_y_z>0.1 0.2 0.3</radii_x_y_z>",

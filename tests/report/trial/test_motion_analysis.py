@@ -45,7 +45,7 @@ WEIGHT = 60.0 * GRAVITY
 
 
 def contact_forces(time: np.ndarray) -> ContactForces:
-    """Two sites of one foot and a grip on another body, half a body weight up at each of the soles."""
+    """Two sites of one foot and a grip on another body, half a body weight up at each sole."""
     sites = (
         Site("heel_r", "tibia_r", np.zeros((1, 3)), group="foot_r"),
         Site("toe_r", "femur_r", np.zeros((1, 3)), group="foot_r"),

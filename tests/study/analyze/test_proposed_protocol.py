@@ -41,7 +41,7 @@ def test_numbered_markers_of_the_model_itself_are_found_again(size: float, turn:
 
 
 def test_landmarks_of_a_person_are_offered_on_the_right_side(data) -> None:
-    """Rajagopal's standing trial: most landmarks right, and no side or segment of a leg confused."""
+    """Rajagopal's standing trial: most landmarks right, no side or leg segment confused."""
     markers = read_trc(data("rajagopal-walk-emg/raw/static_walk_1.trc")).markers
     assert markers is not None
     truth = recognize(markers.names).sites

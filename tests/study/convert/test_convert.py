@@ -1,4 +1,4 @@
-"""A recording in other files is the same recording: there and back, to the digits that files hold."""
+"""A recording in other files is the same recording, to the digits that files hold."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_units_names_and_time(walk, tmp_path):
 
 
 def test_the_walk_goes_where_it_is_told(data):
-    """Each of the four directions is reached, by turns about the vertical that keep all distances."""
+    """All four directions are reached, by rotations about the vertical that keep distances."""
     found = read_parts([data("c3d-gait-plugingait/HC002D/Straight/HC002D06.c3d")])
     for forward in ("x", "-x", "z", "-z"):
         made = turned(found, "y", forward, "")

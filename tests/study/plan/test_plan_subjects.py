@@ -1,4 +1,4 @@
-"""Subjects by pattern and list, their measures, conditions, what is left out, and names that clash."""
+"""Subjects by pattern and list: measures, conditions, what is left out, name clashes."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ def study(arm, steps='["ik", "emg", "id", "tension"]', options="emg_delay = 0.0"
 
 
 def test_trials_of_a_subject_take_the_gains_of_all(arm, command):
-    """Two halves of one motion, the EMG of one half as loud in the same counts: one gain for both."""
+    """Two halves of one motion, one with half the EMG in the same counts: one gain for both."""
     whole = read_sto(arm.emg)
     write_sto(Table(whole.time, whole.names, 10.0 * whole.values), arm.folder / "quiet_emg.sto")
     write_sto(Table(whole.time, whole.names, 20.0 * whole.values), arm.emg)

@@ -18,7 +18,7 @@ NONE = Sources(**{name: 0.0 for names in GROUPS.values() for name in names})
 
 
 def test_errors_of_drawn_parameters_come_out_as_they_were_drawn(arm):
-    """Parameters of many drawn bodies, their standard deviations, and from these the sizes again."""
+    """Parameters of many drawn bodies, their standard deviations, and the sizes from these."""
     model = read_model(arm.model)
     # Of the whole mass nothing is known here: no body's error is another's.
     sizes = replace(NONE, body_mass=0.04, mass_center=0.1, inertia=0.06)

@@ -1,4 +1,4 @@
-"""Steps on a subject: its trials use the model that they make, and what has not changed is reused."""
+"""Steps on a subject: trials use the model that they make; unchanged results are reused."""
 
 from __future__ import annotations
 

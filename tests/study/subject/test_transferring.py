@@ -1,4 +1,4 @@
-"""The step `transfer`: trials go on with the motion that was carried to the model with more joints."""
+"""The step `transfer`: trials go on with the motion transferred to the detailed model."""
 
 from __future__ import annotations
 

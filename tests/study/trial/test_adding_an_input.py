@@ -1,4 +1,4 @@
-"""A new input is one file (`heart_input.py`) and one line in the table of inputs; all else follows."""
+"""A new input is one file (`heart_input.py`) and one line in the table of inputs."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ intervals = "file"
 
 
 def drum(path):
-    """A drum that is heard 2 ms late, its pressure in proportion to the impulse, in a little noise."""
+    """A drum heard 2 ms late, its pressure in proportion to the impulse, with some noise."""
     random = np.random.default_rng(8)
     sound = 1e-4 * random.normal(size=int(0.6 * RATE))
     for time, impulse in STROKES:

@@ -69,7 +69,7 @@ def test_a_plate_that_nobody_steps_on_is_left_out(walk, tmp_path) -> None:
 
 
 def test_feet_that_step_on_one_plate_in_turn_each_get_their_part(walk, tmp_path) -> None:
-    """One belt carries both feet in single support: what each foot gets is what its own file says."""
+    """One belt carries both feet in single support: each foot gets what its file says."""
     model, motion, named = walk
     alone = (named.forces[:, :, 1] > 30.0).sum(axis=1) == 1
     keep = alone[:, None, None]

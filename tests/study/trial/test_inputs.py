@@ -22,7 +22,7 @@ def walker(data):
 
 
 def test_c3d_with_z_up_is_turned(data):
-    """The same static trial as C3D, whose z axis points up, and as TRC, which was turned by hand."""
+    """The same static trial as C3D, with z up, and as TRC, which was rotated by hand."""
     model = open_model(data("c3d-functional-joints/models/scaled.osim"))
     turned = fitted_to(model, reading.read_recording(data("c3d-functional-joints/static.c3d")))
     plain = reading.read_recording(data("c3d-functional-joints/static.trc"))

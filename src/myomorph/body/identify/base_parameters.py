@@ -188,7 +188,7 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
 
 
 def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, float]:
-    """Level of every body, the mean over base parameters named after it; without any, its parent's."""
+    """Level of every body, the mean over base parameters named after it, or its parent's."""
     parents = {joint.child: joint.parent for joint in model.joints}
     result: dict[str, float] = {}
     for b, name in enumerate(model.body_names):

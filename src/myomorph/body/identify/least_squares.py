@@ -398,7 +398,7 @@ def residuals(
     reference: tuple[float, float, float] | None,
     block: int,
 ) -> list[Array]:
-    """(frames, 6) what base parameters leave of each recording's wrench, NaN where it is not used."""
+    """(frames, 6) wrench of each recording that base parameters leave; NaN where not used."""
     parameters = np.zeros(base.combination.shape[1])
     parameters[base.columns] = estimate
     left = []
@@ -450,7 +450,7 @@ def _about(total: Array, points: Array) -> Array:
 
 
 def _constants(points: Array) -> Array:
-    """(frames, 6, 6) rows about points (frames, 3) of a constant wrench about the ground's origin."""
+    """(frames, 6, 6) rows about points (frames, 3) of a constant wrench about the origin."""
     rows = np.tile(np.eye(6), (len(points), 1, 1))
     for i, a, b in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         rows[:, i, 3 + b], rows[:, i, 3 + a] = -points[:, a], points[:, b]

@@ -98,7 +98,7 @@ class Optimality:
 
 @read_only
 class MassPointFit:
-    """Masses of points, the inertial parameters they make, and the proof that they are the optimum."""
+    """Masses of points, their inertial parameters, and the certificate of the optimum."""
 
     masses: Array  # (points,) rho [kg]
     parameters: Array  # (links, 10) W rho, in [D] order
@@ -315,7 +315,7 @@ class _Problem:
         raise BadData("the mass-point problem has no Newton direction: A is too badly scaled")
 
     def _step(self, y: Array, s: Array, soft: Array, direction: Array, ds: Array) -> float:
-        """Step length that maximises the dual along a direction, to a tenth of the initial slope."""
+        """Step length that maximises the dual along a direction, to 10 % of the initial slope."""
         constant = float(self.target @ direction - (soft * y) @ direction)
         linear = float((soft * direction) @ direction)
         t = 0.0

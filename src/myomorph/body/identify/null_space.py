@@ -166,7 +166,7 @@ def random_states(model: Model, held: Mapping[str, float], frames: int, seed: in
 
 
 def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
-    """The bodies of a model in clusters, each hanging on one body, that share no moving coordinate."""
+    """Clusters of bodies that hang on one body and share no moving coordinate."""
     parent = tree.arrays.parent
     moved_by = _moving_coordinates(tree, held)
     groups: list[tuple[set[int], set[int]]] = []
@@ -186,7 +186,7 @@ def clusters(tree: Tree, held: Mapping[str, float]) -> list[Cluster]:
 
 
 def _hanging(bodies: set[int], parent: np.ndarray) -> tuple[set[int], int]:
-    """The bodies between those given and the nearest body that all of them hang on, and that body."""
+    """Bodies between those named and the nearest body that all of them hang on, and that body."""
 
     def above(b: int) -> list[int]:
         chain = []

@@ -101,7 +101,7 @@ class Parts:
         return np.flatnonzero((self.folds != fold) & (self.folds != BORDER))
 
     def only(self, parts: Sequence[int] | np.ndarray) -> Parts:
-        """Some of the parts; where they are all of one recording, its pieces of time are the folds."""
+        """Select parts; if all are of one recording, its pieces of time are the folds."""
         chosen = np.asarray(parts)
         folds = self.folds[chosen]
         folds = self.pieces[chosen] if len(np.unique(folds[folds != BORDER])) < 2 else folds

@@ -317,7 +317,7 @@ def _step(time: Array) -> float:
 
 
 def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> None:
-    """The signs of a plate set to zero under the load: most of the weight lacks, always the same."""
+    """Signs of a plate zeroed under load: most of the weight is missing, always the same."""
     lacking = needed - measured
     if lacking.mean() < 0.5 * weight or lacking.std() > MISSING_WEIGHT * weight:
         return

@@ -237,7 +237,7 @@ def _scaled(
 def _with_masses(
     lower: Standing, higher: Standing, rotation: Array
 ) -> tuple[Model, tuple[MassMatch, ...]]:
-    """The higher model with each region's mass, mass center and inertia of the lower, and how well."""
+    """The higher model with the lower one's mass, mass center and inertia of each region."""
     turn = np.eye(4)
     model = higher.model
     turn[:3, :3] = rotation

@@ -299,7 +299,7 @@ def path_ends(windows: Sequence[Windows]) -> Array:
 def _outside(
     prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array
 ) -> tuple[Array, Array]:
-    """Rows that pull muscles into physiological lengths, (2 muscles, parameters) and (2 muscles,)."""
+    """Rows that pull muscles into physiological lengths, (2 muscles, parameters), (2 muscles,)."""
     muscles = len(prior.names)
     ends = path_ends(windows)
     sizes = prior.sizes(p)

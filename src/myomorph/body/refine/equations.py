@@ -229,7 +229,7 @@ def slopes(
     rates: Rates,
     nearby: list[tuple[TreeArrays, Array]],
 ) -> _Slopes:
-    """Derivatives of markers and residuals of every frame in all unknowns; `rates` are consistent."""
+    """Derivatives of markers and residuals of all frames in all unknowns, at consistent `rates`."""
     free = problem.pose.free
     frames = len(trial.time)
     m = len(problem.locations)
@@ -388,7 +388,7 @@ def _trial_equations(
 def _shared_rows(
     problem: Problem, of: _Slopes, frames: Ints, marker_root: Array, residual_root: Array
 ) -> tuple[Array, Array]:
-    """Weighted rows of markers (frames, 3 m, shared but masses) and residuals (6 frames, shared)."""
+    """Weighted rows of markers (frames, 3 m, shared less masses), residuals (6 frames, shared)."""
     lengths, places, masses = problem.columns()
     m = len(problem.locations)
     markers = np.zeros((len(frames), 3 * m, masses.start))

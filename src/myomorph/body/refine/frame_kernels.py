@@ -145,7 +145,7 @@ def restore(c, cdot, cddot, x, v, a):
 
 @bare
 def differ(c, seen):
-    """Whether markers show other coordinates than the mass has, so that poses of both are needed."""
+    """Whether markers depend on coordinates that the mass does not, so both poses are needed."""
     apart = 0.0
     for j in range(c.shape[0]):
         apart += abs(c[j] - seen[j])

@@ -236,7 +236,7 @@ def _prediction(
 
 
 def worse(predictions: Sequence[Prediction]) -> bool:
-    """Whether the refined body predicts forces worse than the given one, or lets go of the markers."""
+    """Whether the refined body predicts forces worse or no longer fits the markers."""
     if not predictions:
         return False
     forces = float(np.mean([prediction.ratio for prediction in predictions]))

@@ -1,4 +1,4 @@
-"""The stretch and the pose that bring a model's joint centers to places that another model gives."""
+"""Segment scaling and pose that bring a model's joint centers to given positions."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class LengthMatch:
 
 
 def first_frame(pose: Motion | None, model: Model) -> Motion:
-    """The first frame of a pose, or the model's default pose where none is given; raises `BadData`."""
+    """The first frame of a pose, by default the model's default pose; raises `BadData`."""
     if pose is None:
         return DEFAULT_POSE
     if len(pose) == 0 or not np.isfinite(pose.values[0]).all():
@@ -234,7 +234,7 @@ class CenterFit:
         return Standing(model, pose, self._regions).places
 
     def factors(self, logs: Array) -> dict[str, Array]:
-        """(3,) factors of every body from the logarithms (unknowns,) of the free regions' factors."""
+        """(3,) factors of every body from the log factors (unknowns,) of the free regions."""
         of_region: dict[Region, Array] = {}
         start = 0
         for region, count in self.free.items():

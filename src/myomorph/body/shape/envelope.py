@@ -128,7 +128,7 @@ def own_points(
     spacing: float = SPACING,
     surfaces: Mapping[str, Surface] | None = None,
 ) -> MassPoints:
-    """Points of `envelope_points`, each of the link whose envelope it fills, of a whole mass [kg]."""
+    """Points of `envelope_points`, each of the link it fills, of a total mass [kg]."""
     links = links_of(model, pose)
     points, owners, masses, words = envelope_points(model, pose, spacing, surfaces)
     entries = (np.ones(len(owners)), (np.arange(len(owners)), owners))
@@ -219,7 +219,7 @@ def _along_bones(body: Body, i: int, links: Links) -> Solid:
 
 
 def _grid(solid: Solid, rotation: Array, origin: Array, spacing: float) -> Array:
-    """Grid points in ground inside a solid; the grid is finer in bodies that would have hardly any."""
+    """Grid points in ground inside a solid; the grid is finer in bodies with few points."""
     spacing = min(spacing, (solid.volume / (2 * MIN_POINTS)) ** (1.0 / 3.0))
     if solid.surface is not None:
         placed = Surface(solid.surface.vertices @ rotation.T + origin, solid.surface.faces)

@@ -235,7 +235,7 @@ def _share(body: StatisticalBody, starts: tuple[str, ...], side: str = "") -> Ar
 
 
 def _trunk(body: StatisticalBody) -> np.ndarray:
-    """(edges, 2) of faces that are no part of the arms; each edge once for the two faces beside it."""
+    """(edges, 2) of faces outside the arms; one edge for the two faces beside it."""
     arms = _share(body, _ARMS) > 0.5
     faces = body.faces[~arms[body.faces].any(axis=1)]
     edges = edges_of(faces)

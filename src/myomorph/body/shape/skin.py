@@ -1,4 +1,4 @@
-"""The skin of a body as a closed surface: its faults named, holes filled, and what is inside of it."""
+"""The skin of a body as a closed surface: faults named, holes filled, points inside it."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def _positive(exponent: float) -> float:
 def _inverse_distance(
     points: Array, links: Links, pieces: Array, owners: np.ndarray, exponent: float, smallest: float
 ) -> scipy.sparse.csr_array:
-    """(points, links) shares by the distance to straight pieces (pieces, 2, 3) of links `owners`."""
+    """(points, links) shares by the distance to segments (pieces, 2, 3) of links `owners`."""
     x = np.array(points, dtype=np.float64).reshape(-1, 3)
     if not np.isfinite(x).all():
         raise BadData("a mass point is not finite")

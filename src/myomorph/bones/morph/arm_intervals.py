@@ -177,7 +177,7 @@ def with_arm_intervals(
 
 
 def _matched(morph: Morph) -> dict[str, _Known]:
-    """By body of the target, of bones whose points have radii; where several became one, the first."""
+    """Radii by target body, of bones whose points have them; the first of those joined into one."""
     result: dict[str, _Known] = {}
     for bone in morph.bones.values():
         features = bone.features

@@ -1,4 +1,4 @@
-"""The page on a morphed model: warnings, source beside target, bones, moment arms, muscles, joints."""
+"""The page on a morphed model: warnings, bones, moment arms, muscles and joints."""
 
 from __future__ import annotations
 

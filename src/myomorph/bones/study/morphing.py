@@ -243,7 +243,7 @@ def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
 
 
 def summary(morphed: Morphed) -> Iterable[str]:
-    """What was found, as lines of text; all measures of a bone are in the report and in bones.csv."""
+    """Findings as lines of text; all measures of a bone are in the report and in bones.csv."""
     morph = morphed.morph
     for body, bone in morph.bones.items():
         text = f"size {bone.whole.scale:.3f}"

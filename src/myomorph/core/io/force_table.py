@@ -224,7 +224,7 @@ def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
 
 
 def _plate(group: str) -> str:
-    """A plate's name in a line of groups, without what its columns are, which their own names say."""
+    """A plate's name in a line of groups, without the quantity that columns name themselves."""
     return re.sub(
         r"force[\s_]*(plate|platform)", r"\1", PART_OF_PLATE.sub("", group), flags=re.IGNORECASE
     ).strip()
@@ -297,7 +297,7 @@ def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], p
 
 
 def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
-    """Points and moments in m and N m where the table names no unit and their size leaves no other."""
+    """Points and moments in m and N m if the table names no unit and their size allows no other."""
     notes = list(wrenches.notes)
     points = wrenches.points.copy()
     torques = wrenches.torques.copy()

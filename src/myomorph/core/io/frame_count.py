@@ -34,7 +34,7 @@ class FrameCount:
     start: float | None = None  # time of the first frame [s], None where they do not show it
 
     def within(self, time: tuple[float, float] | None) -> int | None:
-        """Frames of a part of the recording, from start to end [s]; at most those that there are."""
+        """Frames of a part of the recording, from start to end [s], within those recorded."""
         if self.frames is None or time is None or self.rate is None:
             return self.frames
         asked = round((time[1] - time[0]) * self.rate) + 1

@@ -1,4 +1,4 @@
-"""STO and MOT files: OpenSim's tables, and SIMM's older header, to and from `Table` and `Motion`."""
+"""STO and MOT files: OpenSim's tables, and SIMM's older header, as `Table` and `Motion`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cutoff of the low-pass filter where nobody gives one: what accelerations lose and gain by it."""
+"""The default cutoff of the low-pass filter: what accelerations lose and gain by it."""
 
 from __future__ import annotations
 

@@ -255,7 +255,7 @@ def orthonormal(design: Array) -> Array:
 
 
 def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
-    """Lag (2,) through those of pieces, each found to a fraction of a frame; outliers are left out."""
+    """Lag (2,) through those of pieces, found to a fraction of a frame, without outliers."""
     predicted = _predicted(compared, lag)
     weights = (
         1.0

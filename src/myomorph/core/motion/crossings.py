@@ -1,4 +1,4 @@
-"""Parts of a long recording that are worth using: an animal crosses the cameras' view now and then."""
+"""Passes of an animal through the capture volume: parts of a recording worth using."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ def length_unit(tree: Tree) -> float:
 
 
 def coordinate_units(tree: Tree) -> Array:
-    """(coordinates,) by what a change of each is measured: 1 rad, or `length_unit` where it slides."""
+    """(coordinates,) scale of a change of each: 1 rad, or `length_unit` for a slide."""
     slides = np.array(
         [coordinate.motion == "translational" for coordinate in tree.model.coordinates]
     )

@@ -197,7 +197,7 @@ def _bridged(markers: Markers, name: str, parts: Sequence[tuple[int, int]]) -> M
 
 
 def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
-    """(stop - start, 3) a cubic from the frames before to those after; NaN where these are missing."""
+    """(stop - start, 3) cubic from the frames before to those after; NaN if they are missing."""
     if start < 2 or stop > len(path) - 2:
         return np.full((stop - start, 3), np.nan)
     t0 = time[start - 1]
@@ -247,7 +247,7 @@ def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
 
 
 def _only_adds(short: str, long: str) -> bool:
-    """Whether a name is another one with more letters put in, and the same first letter and digits."""
+    """Whether a name is another with more letters inserted, and the same start and digits."""
     if short[:1] != long[:1] or re.findall(r"\d", short) != re.findall(r"\d", long):
         return False
     rest = iter(long)
@@ -303,7 +303,7 @@ class Excursion:
 
 @dataclass(frozen=True)
 class Exchange:
-    """Frames [start, stop) whose labels of two markers are exchanged against those before or after."""
+    """Frames [start, stop) whose labels of two markers are exchanged against their neighbors."""
 
     first: int
     second: int

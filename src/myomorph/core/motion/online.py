@@ -165,7 +165,7 @@ class MovingWindow:
 
     @property
     def filtered(self) -> Array:
-        """(3, width) value, velocity and acceleration in the middle; NaN where a sample is missing."""
+        """(3, width) value, velocity and acceleration in the middle; NaN if a sample is missing."""
         start = self._count % self._length
         return self._weights @ self._rows[start : start + self._length]
 

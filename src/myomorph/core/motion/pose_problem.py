@@ -182,7 +182,7 @@ def gather_rows(rows, gradient, body, parent):
 
 @bare
 def axis_fields(T, c, work):
-    """Velocity field (w, v) of every axis about `work.origin`, and the curvature of its function."""
+    """Velocity field (w, v) of every axis about `work.origin`, and its function's curvature."""
     fields = work.fields
     curvature = work.curvature
     z = work.origin

@@ -1,4 +1,4 @@
-"""Marker protocols: which body segment and anatomical landmark each label of a recording lies on."""
+"""Marker protocols: the segment and the anatomical landmark of each label of a recording."""
 
 from __future__ import annotations
 

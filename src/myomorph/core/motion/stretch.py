@@ -203,7 +203,7 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
 
 @bare
 def add_offset(column, slopes, h, b, r, grown):
-    """Add what an offset between a parent h and its child b, turned by r, gains with their factors."""
+    """Add the gain of an offset between parent h and child b, rotated by r, with their factors."""
     for t in range(6):
         at = column[h, t] if t < 3 else column[b, t - 3]
         if at >= 0:

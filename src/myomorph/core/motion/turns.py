@@ -140,7 +140,7 @@ def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
 
 
 def other_branch(angles: Array) -> Array:
-    """(3,) the other angles of the same rotation, about axes each perpendicular to the next [rad]."""
+    """(3,) other angles of the same rotation, about axes each perpendicular to the next [rad]."""
     return np.array([angles[0] + np.pi, np.pi - angles[1], angles[2] + np.pi])
 
 

@@ -214,7 +214,7 @@ class _Curve:
         ]
 
     def _spread(self) -> Array:
-        """Centers over the leader's range: evenly, and where the curve's pieces meet and between."""
+        """Centers over the leader's range: evenly spaced, and where the curve's pieces meet."""
         margin = (self.high - self.low) / CENTERS
         centers = np.linspace(self.low - margin, self.high + margin, CENTERS)
         function = self.coupler.function

@@ -91,7 +91,7 @@ class Analyzed:
     def table(
         self, names: Sequence[str], values: Array, title: str, in_degrees: bool = False
     ) -> Table:
-        """Values (frames, columns) of the motion's frames under the title that OpenSim gives them."""
+        """Values (frames, columns) of the motion's frames under OpenSim's column titles."""
         facts = FrozenMap({"name": title})
         return Table(self.motion.time, tuple(names), values, in_degrees=in_degrees, facts=facts)
 
@@ -295,7 +295,7 @@ def with_twins(motion: Motion, everything: Motion, kept: np.ndarray) -> Motion:
 
 
 def stored_states(table: Table, model: Model, frames: slice) -> dict[tuple[str, str], Array]:
-    """States of muscles that a table of states holds, as OpenSim 4 or 3 names them, at some frames."""
+    """States of muscles in a table of states, as OpenSim 4 or 3 names them, at some frames."""
     columns = {name: index for index, name in enumerate(table.names)}
     result = {}
     for muscle in model.muscles:
@@ -340,7 +340,7 @@ def indexed_frames(motion: Motion, span: tuple[float, float], path: Path) -> Mot
 
 
 def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, float]:
-    """The part of a span [s] that the times of a file cover; raises `BadData` where it covers none."""
+    """The part of a span [s] within the times of a file; raises `BadData` if there is none."""
     start = max(span[0], float(time[0]))
     end = min(span[1], float(time[-1]))
     if start > end:

@@ -237,7 +237,7 @@ LIFTS = ("foot off", "toe off", "foot lift")
 def on_events(
     track: FootTrack, limb: Limb, events: Sequence[Event], source: str = "events"
 ) -> FootTrack:
-    """Events of a recording in place of the nearest ones of the points: those of the limb's side."""
+    """Events of a recording in place of the nearest ones of the points on the limb's side."""
     side = split_side(limb.name)[1]
     sided = [event for event in events if side and event.side.lower() == side]
     strikes = [

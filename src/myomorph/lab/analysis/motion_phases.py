@@ -1,4 +1,4 @@
-"""Phases of a motion: how it is cut, and what the center of mass, muscles and contacts do in each."""
+"""Phases of a motion: how it is cut, and center of mass, muscles and contacts in each."""
 
 from __future__ import annotations
 

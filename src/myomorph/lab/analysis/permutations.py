@@ -249,7 +249,7 @@ def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, 
 
 
 def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[Array, Array]:
-    """Interval of Hedges' g along a curve in large groups (Hedges and Olkin 1985); as `g_interval`."""
+    """Interval of Hedges' g along a curve in large groups (Hedges and Olkin 1985)."""
     if min(sizes) < 2:
         return np.full_like(g, np.nan), np.full_like(g, np.nan)
     error = np.sqrt(sum(1.0 / size for size in sizes) + g**2 / (2.0 * sum(sizes)))

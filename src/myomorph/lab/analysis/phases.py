@@ -1,4 +1,4 @@
-"""Events and phases of a movement, from what presses on the ground: gait, jumps, single contacts."""
+"""Events and phases of a movement from ground contact: gait, jumps, single contacts."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def with_right(members: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]
 
 
 def spelled(bare: Mapping[str, tuple[str, str]], pattern: str) -> dict[str, tuple[str, ...]]:
-    """By side, the names whose bases, of `bare` names to bases and sides, a pattern matches whole."""
+    """Names by side whose bases, of `bare` names to bases and sides, a pattern fully matches."""
     members: dict[str, tuple[str, ...]] = {}
     for name, (base, side) in bare.items():
         if re.fullmatch(pattern, base, re.IGNORECASE):
@@ -300,7 +300,7 @@ def _prefix(names: tuple[str, ...]) -> str:
 
 
 def centroids(model: Model, motion: Motion, who: tuple[Subject, ...]) -> tuple[Series, ...]:
-    """Center of mass of every subject in ground, each a series of (frames, 3) [m]; see `centroid`."""
+    """Center of mass of every subject in ground, each a series of (frames, 3) [m]."""
     return tuple(centroid(model, motion, subject.bodies if len(who) > 1 else ()) for subject in who)
 
 

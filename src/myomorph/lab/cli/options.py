@@ -1,4 +1,4 @@
-"""Command-line options made of the steps' option dataclasses, and those that many commands share."""
+"""Command-line options from the steps' option dataclasses, and those shared by commands."""
 
 from __future__ import annotations
 

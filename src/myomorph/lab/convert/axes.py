@@ -92,7 +92,7 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
 
 
 def _facing(recording: Recording, forward: Forward) -> Recording:
-    """The recording turned about the vertical by right angles, so that the walk goes along an axis."""
+    """The recording rotated about the vertical by right angles, so that it walks along an axis."""
     up = vertical(recording)
     if not up or up == forward[-1]:
         raise BadData(

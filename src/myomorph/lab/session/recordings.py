@@ -93,7 +93,7 @@ class Recording:
     sensor_files: tuple[Path, ...] = ()
 
     def shown_still(self, time: tuple[float, float] | None) -> bool:
-        """Whether its markers show somebody who stands still, in a part of it [s] or in all of it."""
+        """Whether markers show somebody standing still, in a part of it [s] or throughout."""
         markers = self.trial.markers
         if markers is None:
             return False
@@ -331,7 +331,7 @@ def static_beside(recording: Recording, table: ProtocolTable | None = None) -> R
 
 
 def same_body(recording: Recording, other: Recording) -> bool:
-    """Whether two recordings share most of their markers, and distances on pelvis and shanks agree."""
+    """Whether two recordings share most markers and agree in lengths on pelvis and shanks."""
     mine = {site: label for label, site in recording.found.sites.items()}
     theirs = {site: label for label, site in other.found.sites.items()}
     shared = mine.keys() & theirs.keys()

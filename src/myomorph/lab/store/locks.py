@@ -1,4 +1,4 @@
-"""Who may write where: one run at a time in a study's folder, one process at a time in a trial's."""
+"""Locks: one run at a time in a study's folder, one process at a time in a trial's."""
 
 from __future__ import annotations
 

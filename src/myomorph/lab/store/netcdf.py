@@ -199,7 +199,7 @@ class NetcdfVariable:
 
 
 class NetcdfSource:
-    """An open file whose variables are read by name, as `new_netcdf` wrote it or another library."""
+    """An open file with variables by name, written by `new_netcdf` or by another library."""
 
     def __init__(self, file: Any):
         self._file = file
@@ -301,7 +301,7 @@ class HeldFile:
         values: Any = None,
         chunks: tuple[int, ...] | None = None,
     ) -> HeldVariable:
-        """Make a variable; its values may also come later, part by part. Chunks are for the disk."""
+        """Make a variable; values may follow later, part by part. Chunks are those on the disk."""
         kind = np.dtype(kind)
         if values is None:
             shape = tuple(self.dimensions[dimension] for dimension in dimensions)

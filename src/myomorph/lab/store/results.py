@@ -52,7 +52,7 @@ _HASHES: dict[tuple[int, ...], str] = {}
 
 
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
-    """A file as an input of a step, by the hash of its bytes; a model of `myo-sim` by its version."""
+    """A file as input of a step, by the hash of its bytes; a `myo-sim` model by its version."""
     if is_composed(path):
         # It takes long to import, and few models are of `myo-sim`.
         from importlib.metadata import version
@@ -321,7 +321,7 @@ class Stored:
 
 
 def result_files(folder: Path) -> list[Path]:
-    """The result files in a folder, or the one that is given; raises `BadFile` where there is none."""
+    """The result files in a folder, or the file itself; raises `BadFile` if there are none."""
     if not folder.exists():
         raise BadFile(
             folder, "does not exist", "give a folder that run, tension, muscles or demo wrote"

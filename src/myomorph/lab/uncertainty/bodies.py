@@ -1,4 +1,4 @@
-"""A model drawn around the one that was given: masses, joints, markers, muscle paths and muscles."""
+"""A model drawn around the given one: masses, joints, markers, muscle paths and muscles."""
 
 from __future__ import annotations
 

@@ -229,7 +229,7 @@ class ValueErrors:
     errors: Array
 
     def limits(self) -> tuple[Array, Array, Array]:
-        """How far the limits of 90 % lie from the value, and the standard deviation, (names,) each."""
+        """Distances of the 90 % interval bounds from the value, and the sd, (names,) each."""
         known = self.errors[np.isfinite(self.errors).all(axis=1)]
         if len(known) < 2:
             none = np.full(len(self.names), np.nan)
@@ -239,7 +239,7 @@ class ValueErrors:
 
 
 def widened_errors(errors: Array, factors: Array) -> Array:
-    """Errors (draws, names) further from their middle by a factor of each, as limits are widened."""
+    """Errors (draws, names) moved away from their middle by a factor of each, as intervals are."""
     known = np.isfinite(errors).all(axis=1)
     if not known.any():
         return errors

@@ -1,4 +1,4 @@
-"""What plays on a page of results: bodies, the clock that all of them share, and what stands out."""
+"""What plays on a page of results: bodies, the clock that they share, and findings."""
 
 from __future__ import annotations
 
@@ -93,12 +93,12 @@ class Player(Page):
         self.redraw()
 
     def look_from(self, ahead: float, right: float, up: float) -> None:
-        """Turn every browser's camera to the bodies, from a direction in the first one's own axes."""
+        """Turn every browser's camera to the bodies, in the axes of the first one."""
         for client in self._server.get_clients().values():
             self._aim(client, (ahead, right, up))
 
     def part(self, distance: float) -> None:
-        """Move every body to the right of the one before it, by a distance beyond where it was [m]."""
+        """Place every body to the right of the one before it, by a distance from its path [m]."""
         with self.lock:
             self.spacing = distance
             for i, shown in enumerate(self.shown):

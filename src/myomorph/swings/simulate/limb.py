@@ -1,4 +1,4 @@
-"""The limb of a virtual specimen: what it weighs, where its muscles run, and the specimen as MJCF."""
+"""The limb of a virtual specimen: its mass, its muscle paths, and the specimen as MJCF."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class HeldLimb:
         return self.poses[body]
 
     def markers(self) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Places (3,) of the markers on the base and on the limb, in the frames of `centered` [m]."""
+        """Positions (3,) of the markers on base and limb, in the frames of `centered` [m]."""
         on_base: dict[str, Array] = {}
         on_limb: dict[str, Array] = {}
         for marker in self.specimen.model.markers:

@@ -172,7 +172,7 @@ class MomentArms:
 
 
 def swept(model: Model) -> tuple[Coordinate, ...]:
-    """Coordinates that move a muscle and have a range to be looked at: free, unlocked and bounded."""
+    """Coordinates that move a muscle and have a range: free, unlocked and bounded."""
     if not model.muscles:
         return ()
     moving = set(compile_paths(model).arm_coordinate.tolist())

@@ -251,7 +251,7 @@ def order_warnings(
 
 
 def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Finding]:
-    """Attachments further from their surface than in the source; `longest` bone of the target [m]."""
+    """Attachments further from their surface than in the source; `longest` target bone [m]."""
     for point in morph.points:
         if not np.isfinite(point.depth_source + point.depth_target):
             continue

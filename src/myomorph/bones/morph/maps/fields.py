@@ -41,7 +41,7 @@ class PointMap(Protocol):
         ...
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the mapped points: row by target axis, column by source axis."""
+        """Derivatives (..., 3, 3) of mapped points: row by target axis, column by source axis."""
         ...
 
 

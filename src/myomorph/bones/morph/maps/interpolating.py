@@ -189,7 +189,7 @@ class SubspaceMap:
         return result
 
     def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3): the A_i by their weights, and what the weights' own change adds."""
+        """Derivatives (..., 3, 3): the weighted A_i and the change of the weights themselves."""
         array = np.asarray(points, dtype=np.float64)
         flat = array.reshape(-1, 3)
         result = np.empty((len(flat), 3, 3))

@@ -64,7 +64,7 @@ class Reflection:
         return array - 2.0 * (array @ self.normal)[..., None] * self.normal
 
     def turns(self, turns: ArrayLike) -> Array:
-        """Axes of rotation (..., 3), moments among them: by the same angle they turn the other way."""
+        """Axes of rotation (..., 3), as moments: the same angle turns the other way."""
         return -self.vectors(turns)
 
     def pose(self, pose: Transform, inner: Reflection) -> Transform:

@@ -87,7 +87,7 @@ class Way:
 
 
 def hull_moments(points: Array) -> tuple[Array, Array]:
-    """Middle (3,) and second central moments (3, 3) per volume of the convex hull of points (n, 3)."""
+    """Centroid (3,) and second central moments (3, 3) per volume of the hull of points (n, 3)."""
     center = points.mean(axis=0)
     corners = (points - center)[scipy.spatial.ConvexHull(points).simplices]
     volumes = np.abs(np.linalg.det(corners)) / 6.0

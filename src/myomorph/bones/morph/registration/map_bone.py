@@ -222,7 +222,7 @@ def _unfolded(
     source: Surface | None,
     options: MapOptions | None,
 ) -> tuple[FeaturePoints, PointMap]:
-    """The map, and the features that it needs: without the dense ones around which it would fold."""
+    """The map and the features it needs, without the dense ones around which it would fold."""
     mapping = fit_map(features, options)
     first = 0 if landmarks is None else len(landmarks)
     if source is None or len(features) == first:

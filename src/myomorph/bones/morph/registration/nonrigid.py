@@ -99,7 +99,7 @@ class MatchQuality:
 def match_quality(
     ours: Shape, deformed: Shape, goal: Shape, samples: Samples, tolerance: float
 ) -> MatchQuality:
-    """Judge a match: the source, the same deformed, the target, and where the vertices are on it."""
+    """Judge a match from source, deformed source, target and the vertices' positions on it."""
     # A third of every face for each of its corners.
     corners = sum(np.bincount(corner, ours.areas, len(ours.vertices)) for corner in ours.faces.T)
     share = np.asarray(corners) / (3.0 * ours.area)

@@ -169,7 +169,7 @@ class SmoothFit:
         return float(np.sum(self.coefficients**2))
 
     def spread(self, points: Array) -> Array:
-        """Standard deviation (n,) of where points (n, 3) of the source belong, all axes together."""
+        """Standard deviation (n,) of the targets of source points (n, 3), all axes together."""
         rows = self.basis(points)
         inverse = np.linalg.inv(self.information).reshape(3, rows.shape[1], 3, rows.shape[1])
         return np.sqrt(

@@ -250,7 +250,7 @@ def _values(
 
 
 def _told_apart(muscles: Sequence[str], tables: Sequence[ArchitectureTable]) -> Mapping[str, float]:
-    """Strengths of muscles by the first table that has a row of each alone; empty where none has."""
+    """Strengths of muscles by the first table with a row for each alone; empty if there is none."""
     for table in tables:
         alone = {row.sources[0]: row.strength for row in table.rows if len(row.sources) == 1}
         if len(muscles) > 1 and all(name in alone for name in muscles):

@@ -284,7 +284,7 @@ class Posed:
 
 
 def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]:
-    """The map of the first body, and those of the bodies that are one bone with it or ride on it."""
+    """Map of the first body, and of the bodies that are one bone with it or move with it."""
     result = {bone.body: bone}
     for name in (*pair.sources[1:], *pair.transferred):
         if name in here.model.body_names:

@@ -63,7 +63,7 @@ class Parts:
         return named
 
     def of(self, rule: LandmarkRule) -> tuple[Array, Ints]:
-        """Points (n, 3) in the directions of the anatomy, and faces, of the parts a rule looks at."""
+        """Points (n, 3) along the anatomical directions, and faces, of the parts of a rule."""
         wanted = self._names.get(rule.part, [])
         faces = self._faces[np.isin(self._label, wanted)]
         if not len(faces):

@@ -1,4 +1,4 @@
-"""Maps between the bones of two species, and the muscles of one put on the skeleton of the other."""
+"""Maps between the bones of two species, and muscles of one on the skeleton of the other."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class CenterFinder:
 
 
 def furthest_gap(parent: Transfer, child: Transfer) -> float:
-    """How far the centers that two bones in one frame give their joint may be from each other [m]."""
+    """Allowed distance of the joint centers that two bones in one frame give [m]."""
     return APART * max(transfer.length * transfer.size for transfer in (parent, child))
 
 

@@ -307,7 +307,7 @@ def combined(functions: list[Function], factors: Array, offset: float) -> Functi
 
 
 def _all_breaks(functions: list[PiecewisePolynomial]) -> Array:
-    """Breaks of all, the first twice where a function has a piece of its own to the left of them."""
+    """Breaks of all, the first twice if a function has a piece of its own to their left."""
     if all(np.array_equal(f.breaks, functions[0].breaks) for f in functions):
         return functions[0].breaks
     breaks = np.unique(np.concatenate([f.breaks for f in functions]))

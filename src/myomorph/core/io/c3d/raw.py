@@ -48,7 +48,7 @@ class RawC3d:
     remarks: tuple[str, ...] = ()  # what had to be mended or left out
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
-        """Texts of a parameter and of its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
+        """Texts of a parameter and its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
         values = self._continued(group, name)
         texts = [text for value in values if isinstance(value, tuple) for text in value]
         return tuple(text.partition("\0")[0].strip() for text in texts)
@@ -234,7 +234,7 @@ def _signed(byte: int) -> int:
 
 
 def _value(data: bytes, at: int, order: _Order) -> Value | None:
-    """Value of a parameter that begins at its type byte, or None if the file ends before it does."""
+    """Value of a parameter that begins at its type byte; None if the file ends before it."""
     if at + 2 > len(data) or data[at + 1] > MAX_DIMENSIONS:
         return None
     kind = _signed(data[at])

@@ -46,7 +46,7 @@ class Channel:
 def write_c3d(
     path: str | os.PathLike[str], markers: Markers, plate: PlateRecording | None = None
 ) -> None:
-    """Write markers, and a force plate with a whole number of samples a frame; see `write_trial`."""
+    """Write markers, and force plates with a whole number of samples a frame; see `write_trial`."""
     if plate is None:
         write_trial(path, Trial(markers=markers))
         return
@@ -105,7 +105,7 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
 def _plate_channels(
     trial: Trial,
 ) -> tuple[list[Channel], list[tuple[PlateRecording, int, list[int]]]]:
-    """Channels of the plates, and of each plate its type and the numbers of its channels, from 1."""
+    """Channels of the plates, with the type and channel numbers (from 1) of each plate."""
     channels: list[Channel] = []
     plates = []
     for number, plate in enumerate(trial.plate_recordings, start=1):

@@ -179,7 +179,7 @@ def _axes(kind: str) -> str:
 
 
 def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> float:
-    """Factor to the units of `InertialSensors`; of what has no unit that fits it is judged by size."""
+    """Factor to the units of `InertialSensors`; where no unit is stated, judged by size."""
     if kind not in ("accelerations", "angular_velocities"):
         return 1.0
     known = ACCELERATION_UNITS if kind == "accelerations" else RATE_UNITS

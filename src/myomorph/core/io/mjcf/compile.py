@@ -250,7 +250,7 @@ def _compile(job: str, binary: str, answer: str) -> None:
 
 
 def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:
-    """Take out the meshes whose files are missing, with their geoms; bodies that lose mass by it."""
+    """Take out geoms whose mesh files are missing; return bodies that lose mass by it."""
     absent = {_plain(name) for name in missing}
     gone = {_name(mesh) for mesh in spec.meshes if _plain(mesh.file) in absent}
     fields = {_name(field) for field in spec.hfields if _plain(field.file) in absent}

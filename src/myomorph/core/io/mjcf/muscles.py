@@ -54,7 +54,7 @@ def is_muscle(m: Any, i: int) -> bool:
 
 
 def _tendon_of(m: Any, i: int) -> int | None:
-    """Spatial tendon that actuator `i` pulls, None where it acts otherwise or pushes (gear <= 0)."""
+    """Spatial tendon that actuator `i` pulls; None if it acts otherwise or pushes (gear <= 0)."""
     if (
         int(m.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_TENDON)
         or m.actuator_gear[i, 0] <= 0.0

@@ -67,7 +67,7 @@ def kept_force(node: Node) -> Kept:
 
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
-    """Controllers, probes, contact geometry and further components, of the model and of its bodies."""
+    """Controllers, probes, contact geometry and further components of the model and its bodies."""
     result = [
         keep(child, "Model", HARMLESS) for tag in WORDS if (child := model.child(tag)) is not None
     ]

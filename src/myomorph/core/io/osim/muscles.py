@@ -175,7 +175,7 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
 
 
 def _parameters(node: Node) -> dict[str, float]:
-    """Every other number of the muscle and of its curves, where the file or its defaults give it."""
+    """Other numbers of the muscle and of its curves that the file or its defaults state."""
     result: dict[str, float] = {}
     for owner, prefix in ((node, ""), *((node.child(curve), f"{curve}/") for curve in CURVES)):
         if owner is None:
@@ -210,7 +210,7 @@ def _value(node: Node, tag: str) -> float | None:
 def write_muscle(
     parent: etree._Element, muscle: Muscle, joints: dict[str, str], warnings: list[str]
 ) -> None:
-    """A muscle object; one of a class that OpenSim lacks becomes a Millard muscle, with a warning."""
+    """A muscle object; a class that OpenSim lacks becomes a Millard muscle, with a warning."""
     kind = muscle.kind
     if kind not in DEFAULTS:
         warnings.append(

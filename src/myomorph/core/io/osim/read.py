@@ -277,7 +277,7 @@ def _cut(node: Node, joint: Joint, tree: Tree) -> None:
 def _wraps(
     node: Node, ground: Node | None, bodies: list[Node], tree: list[str], frames: Frames
 ) -> tuple[tuple[WrapObject, ...], dict[str, str]]:
-    """All wrap objects in tree order, and the one that each name in a path means: the file's first."""
+    """All wrap objects in tree order, and the object of each name in a path: the file's first."""
     holders = [] if ground is None else [ground]
     for body in bodies:
         holders += [

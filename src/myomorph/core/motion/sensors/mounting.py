@@ -1,4 +1,4 @@
-"""Where inertial sensors are mounted on a model's bodies, their orientations, and what these count."""
+"""Mounting of inertial sensors on a model's bodies: position, orientation and weight."""
 
 from __future__ import annotations
 

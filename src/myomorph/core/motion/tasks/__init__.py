@@ -1,1 +1,1 @@
-"""What inverse kinematics minimises, as a sum of tasks: each kind is one file, `table` names them."""
+"""What inverse kinematics minimises, as a sum of tasks: one file per kind, see `table`."""

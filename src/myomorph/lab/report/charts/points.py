@@ -36,7 +36,7 @@ def xy_plot(
     height: int = 230,
     zero: bool = True,
 ) -> str:
-    """Clouds of points and lines over common axes, which begin at or pass zero where `zero` is set."""
+    """Point clouds and lines over common axes, which begin at or pass 0 where `zero` is set."""
     x = [cloud.x[np.isfinite(cloud.y)] for cloud in clouds]
     y = [cloud.y[np.isfinite(cloud.y)] for cloud in clouds]
     area = svg.frame(

@@ -1,4 +1,4 @@
-"""Rows over one time axis: lines, bands, contacts and pictures under each other, read at one time."""
+"""Rows over one time axis: lines, bands, contacts and pictures, read at one time."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """What all rows of a stack share: the time shown, phases as stripes and events as thin lines."""
+    """What all rows of a stack share: the time shown, phases as stripes, events as thin lines."""
 
     span: tuple[float, float]
     phases: Sequence[Phase] = ()

@@ -111,7 +111,7 @@ def _axes(scene: Scene, view: str) -> Array:
 
 
 def plain_color(scene: Scene) -> tuple[float, float, float]:
-    """Color of a muscle without an activation: a muscle's own, but grey among others that have one."""
+    """Color of a muscle without activation: its own, but grey among others that have one."""
     known = any(np.isfinite(muscle.activation).any() for muscle in scene.muscles)
     return UNKNOWN if known else MUSCLE
 
@@ -127,7 +127,7 @@ def _corners(scene: Scene) -> Array:
 
 
 def _framing(scene: Scene, corners: Array, axes: Array) -> tuple[Array, float, float]:
-    """Middle of every picture (frames, 3), and the width and the height that hold all of them [m]."""
+    """Middle of every picture (frames, 3), and the width and height that hold all of them [m]."""
     across = corners @ axes[0]
     upward = corners @ axes[1]
     middle = (np.nanmin(across, axis=1) + np.nanmax(across, axis=1)) / 2

@@ -1,4 +1,4 @@
-"""The body in space at chosen instants: bones, muscle paths and ground forces, ready to be drawn."""
+"""The body in space at chosen instants: bones, muscle paths and ground forces, to be drawn."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from myomorph.lab.report.scene.shapes import box_corners, primitive, stand_ins, 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A surface that moves with a body: its number (0 is the ground) and the surface in its frame."""
+    """A surface that moves with a body: its number (0 is the ground) and its local surface."""
 
     body: int
     surface: Surface

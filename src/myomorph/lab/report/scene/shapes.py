@@ -71,7 +71,7 @@ def _ring(sides: int) -> Array:
 
 
 def tube(sides: int = 6) -> Surface:
-    """Side of a unit cylinder along z, from -1 to 1: open, for the ends of a muscle lie in bones."""
+    """Side of a unit cylinder along z from -1 to 1, open because muscles end in bones."""
     ring = _ring(sides)
     up = np.array([0.0, 0.0, 1.0])
     return Surface(np.concatenate([ring + up, ring - up]), _quads(2, sides))

@@ -31,7 +31,7 @@ MAX_OPEN = 24  # Curves of a family that are shown at once; the rest is folded a
 
 
 def group_page(comparison: Comparison, page_head: PageHead) -> str:
-    """One self-contained HTML page, as text. `page_head`: title, notes, sources, date and version."""
+    """One self-contained HTML page, as text; `page_head` has title, notes, sources and date."""
     notes = tuple(Note("warning", note) for note in comparison.notes)
     page = replace(page_head, notes=(*page_head.notes, *notes))
     parts = [

@@ -321,7 +321,7 @@ def activation_panel(
 
 
 def weighted(series: Series, names: Sequence[str], strengths: Mapping[str, float]) -> Array | None:
-    """Mean of columns (frames,), weighted by the strength of each muscle; None where none exists."""
+    """Mean of columns (frames,), weighted by muscle strength; None if none of them exists."""
     known = [name for name in names if name in series.names]
     if not known:
         return None

@@ -184,7 +184,7 @@ def _notes(
     note: str,
     scores: GaitScores | None,
 ) -> list[str]:
-    """What the page is to be read with: who the norm is, what is missing, what the report warns of."""
+    """Context of the page: who the norm is, what is missing, and the report's warnings."""
     notes = (
         []
         if norm is None

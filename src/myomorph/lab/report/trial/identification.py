@@ -143,7 +143,7 @@ def body_picture(model: Model, share: Array | None, surfaces: Mapping[str, Surfa
 
 
 def mass_section(identification: Identification) -> Section:
-    """Masses per link by method, their spread along the spine, and whether each link is possible."""
+    """Masses per link by method, their spread along the spine, and whether links are possible."""
     masses = identification.masses
     bodies = identification.model.body_names
     heavy = np.argsort(-next(iter(masses.values())), kind="stable")

@@ -1,4 +1,4 @@
-"""The tables of an identified body as numbers: those of [D] chapter 3, and what stands behind them."""
+"""Tables of an identified body as numbers: those of [D] chapter 3, and their background."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
 
 
 def segment_share(model: Model, masses: Array, row: str, side: str) -> float | None:
-    """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link."""
+    """Percent of body mass in a row of [D] table 3.4; None if the model has no such link."""
     segments = named_segments(model)
     known = [(i, segments[body]) for i, body in enumerate(model.body_names) if body in segments]
     members = [
@@ -187,7 +187,7 @@ def segment_sheet(identification: Identification) -> Sheet:
 
 
 def link_sheet(identification: Identification) -> Sheet:
-    """Segment of every link ([D] table 3.5), and how well it is known and whether it is possible."""
+    """Segment of every link ([D] table 3.5), how well it is known, and whether it is possible."""
     segments = named_segments(identification.model)
     from_shape = identification.from_shape
     rows: list[tuple[Cell, ...]] = []

@@ -48,7 +48,7 @@ def personalized_page(head: PageHead, person: Personalized) -> str:
 
 
 def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
-    """Ranges of normalized fiber lengths before and after, one row a muscle, as an `<svg>` element."""
+    """Ranges of normalized fiber lengths before and after, one row per muscle, as `<svg>`."""
     height = ROW * len(names)
     low = min(0.4, float(np.min([before, after])))
     high = max(1.6, float(np.max([before, after])))

@@ -1,4 +1,4 @@
-"""The parts of the page in order: each a heading, figures and tables, or a word on what is missing."""
+"""The parts of the page in order: heading, figures, tables, or a note on what is missing."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
 
 
 def tension_line(model: Model, tension: Tension) -> str:
-    """Frames that are optimal, and the largest reserve with its unit, time and share of the torque."""
+    """Optimal frames, and the largest reserve with its unit, time and share of the torque."""
     optimal = int(tension.optimal.sum())
     count = (
         "all frames optimal"
@@ -254,7 +254,7 @@ def calibration_line(calibration: Calibration) -> str:
 
 
 def plain(value: float) -> str:
-    """A number of three digits, or whole where it has more, without an exponent: 0.264, 15.5, 1012."""
+    """A number of three digits, or whole if it has more, without exponent: 0.264, 15.5, 1012."""
     return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:.3g}"
 
 

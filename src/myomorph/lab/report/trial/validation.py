@@ -127,7 +127,7 @@ def _grids(check: CrossValidation) -> tuple[Grid, ...]:
 
 
 def _busiest(check: CrossValidation) -> tuple[float, float]:
-    """The whole time, or of a long motion the part in which the measured wrench changes most [s]."""
+    """The whole time, or of a long motion the part whose measured wrench changes most [s]."""
     time = check.time
     if time[-1] - time[0] <= 2.0 * MAX_TIME:
         return float(time[0]), float(time[-1])

@@ -1,4 +1,4 @@
-"""Points that share a joint's force: `auto`, a folder of bone meshes, or a file (.toml) of points."""
+"""Points that share a joint's force: `auto`, a folder of bone meshes, or a TOML file."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class KeyKind:
         return ()
 
     def parts(self, value: Any) -> Iterator[tuple[str, str]]:
-        """Names that must be the model's, each with the kind of part: "body", "marker" or "muscle"."""
+        """Names that must be the model's, each with its kind: "body", "marker" or "muscle"."""
         return iter(())
 
 

@@ -196,7 +196,7 @@ def _with_legal_labels(trial: Trial, model: Model) -> Trial:
 
 
 def _check_size(source: str, own: Array, recorded: Array) -> None:
-    """Refuse markers a hundred times too large or small: their unit cannot be what the file says."""
+    """Refuse markers a hundred times too large or small: the stated unit must be wrong."""
     size = _spread(recorded)
     expected = float(np.linalg.norm(np.ptp(own, axis=0)))
     if len(own) < 3 or expected <= 0.0 or not np.isfinite(size) or size <= 0.0:
@@ -299,7 +299,7 @@ def read_motion(path: str | Path, model: Model) -> Motion:
 
 
 def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
+    """The motion with all coordinates of the model, and those missing that no coupler gives."""
     if set(motion.names) == set(model.coordinate_names):
         return motion, ()
     from myomorph.core.rigid.tree import compile_tree
@@ -340,7 +340,7 @@ def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...
 
 
 class PosesBy:
-    """Poses of bodies in ground at any time of a motion, for loads that are given in moving frames."""
+    """Poses of bodies in ground at any time of a motion, for loads given in moving frames."""
 
     def __init__(self, model: Model, motion: Motion):
         self.model = model

@@ -1,4 +1,4 @@
-"""How much more a subject's markers move than the body's mass, as `identify` or `refine` found it."""
+"""Soft-tissue motion of a subject's markers relative to the mass, from `identify` or `refine`."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def input_of(name: str) -> Input:
 
 
 def inputs_of(settings: ByType) -> dict[str, Any]:
-    """Settings by the names of their inputs, in the order of `INPUTS`; no other module is imported."""
+    """Settings by the names of their inputs, in the order of `INPUTS`; imports nothing else."""
     by_module = {type(value).__module__: value for value in settings}
     modules = {name: place.partition(":")[0] for name, place in INPUTS.items()}
     return {name: by_module[module] for name, module in modules.items() if module in by_module}

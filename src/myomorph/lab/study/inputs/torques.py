@@ -114,7 +114,7 @@ def _coordinate(column: str, model: Model, path: Path) -> str | None:
 
 
 def _open(settings: TorquesFile, opening: Opening) -> Opened:
-    """Torques of a trial. Raises `BadData` where something is given beside them that they exclude."""
+    """Torques of a trial. Raises `BadData` if inputs are present that they exclude."""
     path = settings.torques
     others = opening.settings
     if path is None:

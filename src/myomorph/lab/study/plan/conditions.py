@@ -13,7 +13,7 @@ from myomorph.lab.study.trial.trial_inputs import TrialFiles
 
 
 class Exclusions:
-    """What a study file leaves out (`found`, so far), while its subjects and trials are looked for."""
+    """What a study file leaves out (`found`, so far) while its subjects and trials are sought."""
 
     def __init__(self, tables: Sequence[ExcludeTable], problems: list[str]):
         self.tables = tables

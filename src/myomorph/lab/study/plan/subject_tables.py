@@ -1,4 +1,4 @@
-"""The tables of a study file: subjects, trials, their names and patterns, and the options of steps."""
+"""Tables of a study file: subjects, trials, their names and patterns, options of steps."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ def given_options(table: Any) -> dict[str, dict[str, Any]]:
 
 
 def lacking(raw: Mapping[str, Any]) -> list[str]:
-    """What must be in a table or in another place, so that the tables themselves cannot ask for it."""
+    """Keys required in a table or elsewhere, which the tables themselves cannot require."""
     study = raw.get("study")
     tables = raw.get("subject")
     elsewhere = isinstance(study, dict) and "measures" in study

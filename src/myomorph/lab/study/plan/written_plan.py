@@ -108,7 +108,7 @@ def _values(trial: TrialFiles) -> dict[str, Any]:
 def _put_options(
     table: dict[str, Any], settings: Mapping[str, Any], values: Mapping[str, Any], folder: Path
 ) -> None:
-    """Put settings of steps, and keys of inputs that stand among them, into the options of a table."""
+    """Put settings of steps, and keys of inputs among them, into the options of a table."""
     by_step = {step: dict(said) for step, said in settings.items()}
     for name, value in values.items():
         kind = all_keys()[name][1].kind

@@ -46,7 +46,7 @@ class FolderOutput:
         return self.home / self.step.leaves[use]
 
     def whole(self, notes: Sequence[str] = ()) -> AbstractContextManager[Path]:
-        """A folder to fill with the step's tables, all there in the end or not at all, and notes."""
+        """A folder for the step's tables, complete in the end or absent, and notes."""
         return result_folder(self.tables, self.made, notes, self.step)
 
 
@@ -122,7 +122,7 @@ Inputs = TypeVar("Inputs", bound=ScopeInputs)
 
 
 class FolderSteps(JobSteps, Generic[Inputs]):
-    """The steps of one subject, specimen or study, whose results go into the folder of the outcome."""
+    """The steps of one subject, specimen or study, with results in the outcome's folder."""
 
     linked = True
 

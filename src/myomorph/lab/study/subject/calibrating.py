@@ -95,7 +95,7 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
 
 
 def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Markers, list[str]]:
-    """Markers of a subject who stands still, in the model's ground under its names, and warnings."""
+    """Markers of a subject standing still, in the model's ground and names, and warnings."""
     recorded = files.static_laboratory.trial(reading.read_recording(path))
     standing = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
     assert standing.markers is not None

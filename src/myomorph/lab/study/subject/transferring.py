@@ -132,7 +132,7 @@ def mass_rows(transfer: Transfer) -> Rows:
 
 
 def summary(transferred: Transferred) -> list[str]:
-    """What the command prints: joint centers, masses, what has no counterpart, and carried motions."""
+    """Text that the command prints: joint centers, masses, missing counterparts, motions."""
     transfer = transferred.found
     errors = np.array(list(transfer.joint_errors.values()))
     lines = [

@@ -269,7 +269,7 @@ def shown_quantities(quantities: Sequence[str]) -> set[str]:
 
 
 class OutlierSearch:
-    """Values of all trials, by condition and quantity; of each trial a few dozen numbers are kept."""
+    """Values of all trials by condition and quantity, a few dozen numbers per trial."""
 
     def __init__(self) -> None:
         self._values: dict[_Key, list[tuple[str, str, float]]] = {}

@@ -119,7 +119,7 @@ class SignSearch:
                 self._below.setdefault(name, {})[subject] = None
 
     def notes(self) -> list[str]:
-        """One line for all angles that bend one way in some subjects and the other way in others."""
+        """One line for all angles that bend one way in some subjects, the other in others."""
         both = self._above.keys() & self._below.keys()
         sides = grouped(
             ((tuple(above), tuple(self._below[name])), name)

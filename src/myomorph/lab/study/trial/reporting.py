@@ -378,7 +378,7 @@ def _shown_step(step: str, stored: Stored) -> PageStep:
 
 
 def _mass_warning(mass: str, model: Model) -> list[str]:
-    """A sentence where the subject's mass is not the model's: masses are not scaled by these steps."""
+    """A sentence if the subject's mass is not the model's: these steps scale no masses."""
     if not mass or abs(float(mass) - model.mass) <= 0.02 * model.mass:
         return []
     return [

@@ -252,7 +252,7 @@ def join_trials(
 
 
 def _emg(parts: Mapping[str, Part]) -> RecordedEmg | None:
-    """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
+    """EMG of all parts that have any, at the times of the first, and its channels' muscles."""
     recorded = {
         name: emg
         for name, part in parts.items()

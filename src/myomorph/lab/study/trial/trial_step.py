@@ -1,4 +1,4 @@
-"""One step of a trial: what its result is made from, and how it is run with the results before it."""
+"""One step of a trial: the sources of its result, and its run on the results before it."""
 
 from __future__ import annotations
 

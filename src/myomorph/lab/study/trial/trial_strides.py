@@ -83,7 +83,7 @@ class TrialStrides:
         return max((len(self.of(limb)) for limb in self.limbs), default=0)
 
     def numbers(self, step: str) -> Iterator[Value]:
-        """How many there are of each limb, and the means of their parameters, as found by a step."""
+        """Number of strides of each limb, and the means of their parameters, from a step."""
         for limb in self.limbs:
             strides = self.of(limb)
             yield Value(step=step, quantity=f"strides, {limb}", value=float(len(strides)), unit="1")
@@ -187,7 +187,7 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
 
 
 def _by_feet(model: Model, plan: StridePlan) -> bool:
-    """Whether limbs are the bodies that are feet by their names, since the study tells no others."""
+    """Whether limbs are the bodies named as feet, because the study names no others."""
     return not plan.limbs and not plan.trunk and bool(walking_limbs(model))
 
 

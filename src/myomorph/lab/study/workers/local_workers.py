@@ -1,4 +1,4 @@
-"""Workers of this machine: this process itself, or others beside it, within its cores and memory."""
+"""Workers of this machine, within its cores and memory: this process or others beside it."""
 
 from __future__ import annotations
 

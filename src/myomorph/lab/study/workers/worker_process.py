@@ -25,7 +25,7 @@ from myomorph.lab.study.workers.jobs import Do, Done, Stop, send
 
 
 class _Stopping:
-    """Ends the process: at once where nobody waits for it, else after what it does has tidied up."""
+    """End the process: at once if nobody waits for it, else after its work has tidied up."""
 
     def __init__(self) -> None:
         self.asked = False

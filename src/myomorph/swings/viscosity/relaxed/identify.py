@@ -362,7 +362,7 @@ def _least_squares(
 
 
 def state_at(drop: Drop, frame: int) -> tuple[float, float]:
-    """Angle and rate at a frame, by a parabola through what was measured about it [rad], [rad/s]."""
+    """Angle and rate at a frame, by a parabola through its neighborhood [rad], [rad/s]."""
     time = drop.equation.time - drop.equation.time[frame]
     near = (np.abs(time) <= NEAR) & np.isfinite(drop.measured)
     if frame in drop.turns[:1]:

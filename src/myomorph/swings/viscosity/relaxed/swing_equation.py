@@ -41,7 +41,7 @@ class SwingEquation:
     terms: Array
 
     def torque(self, angles: Array, rates: Array, accelerations: Array) -> Array:
-        """(frames,) torque that the joint supplies in a motion of the coordinate (frames,) [N m]."""
+        """(frames,) torque of the joint in a motion (frames,) of the coordinate [N m]."""
         x = (angles - self.middle) / self.half
         M, c0, c1, c2 = np.einsum("ftd,fd->tf", self.terms, x[:, None] ** np.arange(DEGREE + 1))
         return M * accelerations + c0 + (c1 + c2 * rates) * rates

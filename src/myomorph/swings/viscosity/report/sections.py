@@ -132,7 +132,7 @@ def _span(time: np.ndarray) -> tuple[float, float]:
 
 
 def torque_plot(shown_condition: specimen_report.ShownCondition, axis: int, title: str) -> str:
-    """Torque by inverse dynamics against velocity about one axis, the one value and the axis' own."""
+    """Torque by inverse dynamics against velocity about one axis, with both estimates."""
     curves = shown_condition.curves
     used = curves.swing >= 0
     rates = curves.rates[used, axis]
@@ -315,7 +315,7 @@ def _scans(specimen: SpecimenReport, order: int) -> Section | None:
 
 
 def held_out_plots(held: specimen_report.HeldOutSwing) -> list[str]:
-    """Angles of a swing that was not used, measured and integrated forward by each model [degrees]."""
+    """Angles of a held-out swing, measured and integrated forward by each model [degrees]."""
     span = (float(held.time[0]), float(held.time[-1]))
     result = []
     for column, axis in enumerate(held.axes):

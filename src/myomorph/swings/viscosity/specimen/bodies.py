@@ -150,7 +150,7 @@ def lumped_bodies(source: Anatomy) -> tuple[Body, ...]:
 
 
 def moved_parameters(parameters: Array, pose: Transform) -> Array:
-    """(10,) inertial parameters of a body seen from a frame in which it has this pose, [D] order."""
+    """(10,) inertial parameters of a body in a frame in which it has this pose, [D] order."""
     return parameters_in_parent(pose.rotation, pose.translation) @ parameters
 
 

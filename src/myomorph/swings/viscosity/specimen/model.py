@@ -170,7 +170,7 @@ class Specimen:
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
     def centered(self, in_base: Array, in_limb: Array) -> Specimen:
-        """The same specimen whose joint has its center at these points of base and limb (3,) [m]."""
+        """The same specimen with its joint center at these points of base and limb (3,) [m]."""
         joint = self._joint(self.first)
         parent = Transform(joint.parent_frame.rotation, in_base)
         child = Transform(joint.child_frame.rotation, in_limb)

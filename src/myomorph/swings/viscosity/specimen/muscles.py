@@ -1,4 +1,4 @@
-"""The muscles of a specimen: those of [S] figure 1 by name, and paths on the bones that are left."""
+"""Muscles of a specimen: those of [S] figure 1 by name, and paths on the remaining bones."""
 
 from __future__ import annotations
 

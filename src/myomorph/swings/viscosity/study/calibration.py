@@ -191,7 +191,7 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
 def _picks(
     model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float
 ) -> register.Picks | None:
-    """Points of the scan beside those of the model's bone; None where fewer than three were picked."""
+    """Points of the scan and of the model's bone; None if fewer than three were picked."""
     locations = {
         marker.name: marker.location for marker in model.markers if marker.body == scan.bone
     }

@@ -116,7 +116,7 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
 
 
 def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]:
-    """Write the model with spring and damper of the coordinate; returns what it does not express."""
+    """Write the model with the coordinate's spring and damper; return what it cannot express."""
     d, k, s, c = result.fit.law.coefficients[:4]
     name = files.coordinate
     model = open_model(files.model)

@@ -95,7 +95,7 @@ def carrying(
 
 @dataclass(frozen=True, eq=False)
 class OpenedSpecimen:
-    """A specimen out of its files, what was said of them, and how well a CT fits the model's bones."""
+    """A specimen from its files, what was said of them, and how well a CT fits the bones."""
 
     specimen: Specimen
     notes: tuple[str, ...] = ()

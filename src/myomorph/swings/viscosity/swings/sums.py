@@ -177,7 +177,7 @@ class SwingSums:
         return len(self.trial)
 
     def wrench_total(self, counts: Array) -> Array:
-        """(trials, 6, 22, 22) sums of each trial with every block taken `counts` (blocks,) times."""
+        """(trials, 6, 22, 22) sums of each trial with each block taken `counts` (blocks,) times."""
         weight = (self.trial == np.arange(len(self.names))[:, None]) * counts
         flat = weight @ self.wrench.reshape(len(self), -1)
         return flat.reshape(len(self.names), *self.wrench.shape[1:])
@@ -270,7 +270,7 @@ def _swings(swing_recording: SwingRecording) -> list[np.ndarray]:
 
 @read_only
 class _Block:
-    """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
+    """Frames of a trial and their weights in the block; `own` are those before blocks fade."""
 
     trial: int
     own: np.ndarray

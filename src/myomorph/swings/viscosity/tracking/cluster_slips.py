@@ -84,7 +84,7 @@ def _gap(joint: Joint, poses: dict[str, Poses]) -> Array:
 
 
 def _step(values: Array, least: int) -> tuple[int, float]:
-    """The frame at which the mean of values (frames, 3) changes most surely, and by how much [m]."""
+    """Frame at which the mean of values (frames, 3) changes most surely, and the change [m]."""
     seen = np.asarray(np.isfinite(values).all(axis=1))
     filled = np.where(seen[:, None], values, 0.0)
     before = np.cumsum(filled, axis=0)[:-1]

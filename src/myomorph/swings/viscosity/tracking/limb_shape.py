@@ -1,4 +1,4 @@
-"""Places of the limb's markers and the point that stays still, from the motion of one rigid limb."""
+"""Positions of the limb's markers and the fixed point, from the motion of one rigid limb."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion of a specimen's bones from the clusters on them, and the wrench on its base beside it."""
+"""Motion of a specimen's bones from the clusters on them, and the wrench on its base."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def _held_still(
 
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
-    """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
+    """The specimen with coordinates zero in its hanging pose, far from singular angles."""
     rotations, origins = bone_poses(specimen.model, specimen.base, trials)
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():

@@ -158,7 +158,7 @@ def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> 
 
 
 def swung_limb(specimen: Specimen, motion: Motion, sway: Array, cutoff: float | None) -> LimbMotion:
-    """The limb in a motion with derivatives, on a base that goes to and fro where there is `sway`."""
+    """The limb in a motion with derivatives, on a base that moves to and fro with `sway`."""
     limb = limb_motion(specimen, motion)
     if not len(sway):
         return limb

@@ -220,7 +220,7 @@ class FreedProblem:
         )
 
     def _errors(self, products: Array) -> Array:
-        """(directions, 10) of what the inertia may be off by, at right angles to `phi` in torque."""
+        """(directions, 10) possible errors of the inertia, perpendicular to `phi` in torque."""
         scale = np.sqrt(np.einsum("aii->i", products)[:PARAMETERS])
         scale[0] = 0.0  # Mass makes no torque.
         seen = scale > 0.0
@@ -231,7 +231,7 @@ class FreedProblem:
 
 
 def law_rows(recording: SwingRecording) -> Array:
-    """(frames, axes, 3 axes + 8) `resistances` in a recording, then those of `FRICTIONS` of 1 N m."""
+    """(frames, axes, 3 axes + 8) `resistances` in a recording, then `FRICTIONS` of 1 N m."""
     law = laws.resistances(
         recording.angles, recording.rates, recording.lengthening, WIDTH, laws.slopes_of(recording)
     )

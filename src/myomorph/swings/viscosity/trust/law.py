@@ -228,7 +228,7 @@ class PassiveProblem:
 
 
 def term_places(term: str, axes: Sequence[str]) -> dict[str, list[int]]:
-    """Coefficients of a term by name, and where each stands among the 3 axes + 6 of `PassiveLaw`."""
+    """Coefficients of a term by name, and their columns among the 3 axes + 6 of `PassiveLaw`."""
     kind, _, by_axis = term.partition(" by ")
     if kind in LAST:
         return {kind: [LAST[kind]]}

@@ -204,7 +204,7 @@ def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
 
 
 def shown_torques(trial: TrialInputs, result: Torques) -> Series:
-    """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
+    """The torques that the table of inverse dynamics shows: all, or those its options leave."""
     torques = result.torques
     options = trial.options[TorqueTable]
     if options.net:
