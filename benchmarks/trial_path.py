@@ -50,7 +50,8 @@ import myomorph as mm
 
 carried, starts, report, folder = json.loads(sys.argv[1])
 root = str(Path(mm.__file__).parent)
-phase_of = {name: phase for phase, names in starts.items() for name in names} | dict.fromkeys(report, "report")
+phase_of = {name: phase for phase, names in starts.items() for name in names}
+phase_of |= dict.fromkeys(report, "report")
 files, phases = {(phase, way): set() for phase in starts for way in ("all", "trial")}, []
 
 def watch(frame, event, value):
@@ -74,14 +75,16 @@ folder = Path(folder)
 if not (folder / "study.toml").exists():
     example = mm.example_files(folder)
     (folder / "study.toml").write_text(
-        f'[study]\\nname = "example"\\n[[subject]]\\nname = "s01"\\nmodel = "{example.model.name}"\\nmass = 4.0\\n'
+        f'[study]\\nname = "example"\\n[[subject]]\\nname = "s01"\\n'
+        f'model = "{example.model.name}"\\nmass = 4.0\\n'
         f'trials = ["{example.markers.name}"]\\nsteps = ["ik", "id", "muscles", "tension"]\\n')
 plan = mm.read_plan(folder / "study.toml")
 sys.setprofile(watch)
 threading.setprofile(watch)
 mm.run_study(plan, folder / "out")
 sys.setprofile(None)
-print("WATCHED" + json.dumps([[*key, sorted(name[len(root) + 1 :] for name in names)] for key, names in files.items()]))
+watched = [[*key, sorted(name[len(root) + 1 :] for name in names)] for key, names in files.items()]
+print("WATCHED" + json.dumps(watched))
 """
 
 

@@ -35,7 +35,8 @@ from pathlib import Path
 
 if not Path("{name}").exists():
     if "MYOMORPH_DATA" not in os.environ:
-        raise FileNotFoundError("put the folder '{name}' beside this notebook, or set MYOMORPH_DATA")
+        missing = "put the folder '{name}' beside this notebook, or set MYOMORPH_DATA"
+        raise FileNotFoundError(missing)
     shutil.copytree(Path(os.environ["MYOMORPH_DATA"], "{name}"), "{name}")
 """
 

@@ -187,9 +187,8 @@ def wait(told: Callable[[], Any], seconds: float, what: str) -> Any:
 def _told(details: dict[str, Any]) -> str:
     """What an exception says and where it was thrown, the message first."""
     said = details.get("exception", {})
-    return f"{said.get('description') or said.get('value') or details.get('text')} {json.dumps(details)}"[
-        :2000
-    ]
+    message = said.get("description") or said.get("value") or details.get("text")
+    return f"{message} {json.dumps(details)}"[:2000]
 
 
 def _page_address(port: int) -> str:

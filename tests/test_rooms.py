@@ -51,8 +51,8 @@ def test_commands_begin_without_what_few_of_them_need():
     there.
     """
     program = (
-        "import sys, myomorph.lab.cli.step_command, myomorph.lab.study.run.run, myomorph.lab.study.plan.plan;"
-        " print(*sys.modules)"
+        "import sys, myomorph.lab.cli.step_command, myomorph.lab.study.run.run,"
+        " myomorph.lab.study.plan.plan; print(*sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

@@ -32,7 +32,10 @@ WATCH = """
 window.bodyFrames = 0; let draws = 0;
 for (const name of ['drawElements', 'drawElementsInstanced', 'drawArrays', 'drawArraysInstanced']) {
     const draw = WebGL2RenderingContext.prototype[name];
-    WebGL2RenderingContext.prototype[name] = function (...given) { draws += 1; return draw.apply(this, given); };
+    WebGL2RenderingContext.prototype[name] = function (...given) {
+        draws += 1;
+        return draw.apply(this, given);
+    };
 }
 (function count() {
     if (draws >= DRAWS) window.bodyFrames += 1;

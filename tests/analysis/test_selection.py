@@ -11,12 +11,15 @@ from myomorph.lab.analysis.selection import (
 )
 from walker import model
 
-_RAJAGOPAL = """addbrev addlong addmagDist addmagIsch addmagMid addmagProx bflh bfsh edl ehl fdl fhl gaslat gasmed
-glmax1 glmax2 glmax3 glmed1 glmed2 glmed3 glmin1 glmin2 glmin3 grac iliacus perbrev perlong piri psoas recfem sart
-semimem semiten soleus tfl tibant tibpost vasint vaslat vasmed"""
-_GAIT2392 = """glut_med1 glut_med2 glut_med3 glut_min1 semimem semiten bifemlh bifemsh sar add_long add_brev add_mag1
-add_mag2 add_mag3 tfl pect grac glut_max1 glut_max2 glut_max3 iliacus psoas quad_fem gem peri rect_fem vas_med vas_int
-vas_lat med_gas lat_gas soleus tib_post flex_dig flex_hal tib_ant per_brev per_long per_tert ext_dig ext_hal"""
+_RAJAGOPAL = """
+addbrev addlong addmagDist addmagIsch addmagMid addmagProx bflh bfsh edl ehl fdl fhl gaslat
+gasmed glmax1 glmax2 glmax3 glmed1 glmed2 glmed3 glmin1 glmin2 glmin3 grac iliacus perbrev
+perlong piri psoas recfem sart semimem semiten soleus tfl tibant tibpost vasint vaslat vasmed"""
+_GAIT2392 = """
+glut_med1 glut_med2 glut_med3 glut_min1 semimem semiten bifemlh bifemsh sar add_long add_brev
+add_mag1 add_mag2 add_mag3 tfl pect grac glut_max1 glut_max2 glut_max3 iliacus psoas quad_fem
+gem peri rect_fem vas_med vas_int vas_lat med_gas lat_gas soleus tib_post flex_dig flex_hal
+tib_ant per_brev per_long per_tert ext_dig ext_hal"""
 RAJAGOPAL = _RAJAGOPAL.split()
 GAIT2392 = _GAIT2392.split()
 LARGE = [

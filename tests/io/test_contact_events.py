@@ -16,8 +16,8 @@ def written(folder, text):
 
 def test_spans(tmp_path):
     text = (
-        "# tap"
-        " dance\nsite,start,stop,surface,confidence\nheel_r,0.10,0.25,,0.5\ntoe_r,0.05,0.2,ground,\n"
+        "# tap dance\nsite,start,stop,surface,confidence\n"
+        "heel_r,0.10,0.25,,0.5\ntoe_r,0.05,0.2,ground,\n"
     )
     found = read_events(written(tmp_path, text), start=1.0)
     assert found.sites == ("heel_r", "toe_r")

@@ -79,10 +79,11 @@ def test_mvnx(tmp_path, sensors):
         f"<sensorMagneticField>{words(sensors.magnetic_fields[index])}</sensorMagneticField></frame>"
         for index, time in enumerate(sensors.time)
     )
+    labels = "".join(f'<sensor label="{name}"/>' for name in NAMES)
     text = (
         '<?xml version="1.0"?><mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">'
         '<subject label="s" frameRate="100"><segments><segment id="1" label="Pelvis"/></segments>'
-        f"<sensors>{''.join(f'<sensor label={chr(34)}{name}{chr(34)}/>' for name in NAMES)}</sensors><frames>"
+        f"<sensors>{labels}</sensors><frames>"
         '<frame time="0" index="" type="npose"><orientation>1 0 0 0</orientation></frame>'
         f"{frames}</frames></subject></mvnx>"
     )

@@ -95,7 +95,10 @@ def test_a_torque_may_come_alone(loads):
 
 
 def test_frames_of_bodies_are_turned_into_ground_where_their_motion_is_known(loads):
-    frames = "<force_expressed_in_body>foot</force_expressed_in_body><point_expressed_in_body>foot</point_expressed_in_body>"
+    frames = (
+        "<force_expressed_in_body>foot</force_expressed_in_body>"
+        "<point_expressed_in_body>foot</point_expressed_in_body>"
+    )
     path = loads(WHOLE + frames)
     with pytest.raises(BadModel, match=r"'plate' is given in the frame .* of body 'foot'"):
         read_external_loads(path)

@@ -90,7 +90,10 @@ def trc(
     values: str = "100\t100\t3\t2\tmm\t100\t1\t3",
     end: str = "\n",
 ) -> str:
-    keys = "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
+    keys = (
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
+        "OrigDataStartFrame\tOrigNumFrames"
+    )
     axes = "\t\tX1\tY1\tZ1\tX2\tY2\tZ2"
     return end.join(
         ["PathFileType\t4\t(X/Y/Z)\tx.trc", keys, values, f"Frame#\tTime\t{names}", axes, "", rows]

@@ -17,7 +17,8 @@ from myomorph.exchange.opensim.run import run_tool
 from myomorph.exchange.opensim.states import stepped
 from myomorph.lab.cli.program import main
 
-ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>arm26.osim</model_file>
+ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm">
+<model_file>arm26.osim</model_file>
 <results_directory>Results</results_directory><initial_time>0.25</initial_time><final_time>0.3</final_time>
 <AnalysisSet><objects>{analyses}</objects></AnalysisSet>
 <coordinates_file>arm26_InverseKinematics.mot</coordinates_file>
@@ -253,8 +254,8 @@ def test_passive_forces_are_taken_off_unless_excluded(data, tmp_path, monkeypatc
 def test_muscle_analysis_writes_what_it_names(arm, tmp_path):
     analysis = (
         '<MuscleAnalysis name="MuscleAnalysis"><on>true</on><step_interval>2</step_interval>'
-        "<muscle_list>BRA"
-        " TRIlong</muscle_list><moment_arm_coordinate_list>r_elbow_flex</moment_arm_coordinate_list>"
+        "<muscle_list>BRA TRIlong</muscle_list>"
+        "<moment_arm_coordinate_list>r_elbow_flex</moment_arm_coordinate_list>"
         "<compute_moments>true</compute_moments></MuscleAnalysis><ProbeReporter/>"
     )
     result = run_tool(arm(analysis))

@@ -40,9 +40,11 @@ print(sum(double.dispatcher.stats.cache_hits.values()))
 IMPORT = """
 import os
 from numba.core import caching
-before = {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
+def classes():
+    return {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
+before = classes()
 import myomorph.core.tension.solve, myomorph.core.motion.ik
-assert before == {name: dict(vars(one)) for name, one in vars(caching).items() if isinstance(one, type)}
+assert before == classes()
 assert not os.path.exists(os.environ["NUMBA_CACHE_DIR"])
 """
 

@@ -21,8 +21,9 @@ model, markers, folder = sys.argv[2:]
 out = str(Path(folder) / "walk" / "coordinates.mot")
 Path(out).parent.mkdir()
 assert main(["ik", "--model", model, "--markers", markers, "--out", out]) == 0
-assert main(["tension", "--model", model, "--motion", out, "--out", str(Path(folder) / "walk")]) == 0
-assert main(["report", str(Path(folder) / "walk")]) == 0
+walk = str(Path(folder) / "walk")
+assert main(["tension", "--model", model, "--motion", out, "--out", walk]) == 0
+assert main(["report", walk]) == 0
 result = next(one for one in mm.load(Path(folder) / "walk").values() if one.tension is not None)
 print(len(result.tension), *result.tension.muscles)
 for value in (result, result.motion, result.tension):

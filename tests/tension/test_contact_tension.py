@@ -110,7 +110,7 @@ def test_the_forces_given_back_as_known_loads_bring_the_same_tensions(walker, fo
 
 
 @pytest.mark.parametrize("contact_passive", [True, False])
-def test_contact_forces_are_those_of_muscles_with_or_without_passive_force_and_tensions_follow_their_own(
+def test_contact_forces_do_not_depend_on_passive_force_and_tensions_follow_their_own(
     walker, contact_passive
 ):
     model, motion, _, tau = walker

@@ -407,7 +407,8 @@ def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array
       <site name="plate"/>
       {"".join(sites[0])}
       <body name="limb">
-        <joint name="joint" type="{truth.kind}" damping="{truth.damping!r}" stiffness="{truth.stiffness!r}" {hinge}/>
+        <joint name="joint" type="{truth.kind}" damping="{truth.damping!r}"
+          stiffness="{truth.stiffness!r}" {hinge}/>
         {inertial(truth.parameters)}
         <site name="center"/>
         {"".join(sites[1])}

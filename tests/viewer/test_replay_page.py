@@ -130,7 +130,8 @@ def other(browser: Browser, before: np.ndarray, pixels: int = 100) -> None:
 def focus(browser: Browser, label: str) -> None:
     """Put the cursor into the field with a label, and empty it."""
     told = browser.run(f"""(() => {{
-            const label = [...document.querySelectorAll('label')].find(one => one.textContent.trim() === {label!r});
+            const labels = [...document.querySelectorAll('label')];
+            const label = labels.find(one => one.textContent.trim() === {label!r});
             const field = label.closest('.mantine-Flex-root').querySelector('input');
             field.focus(); field.select(); return true;
         }})()""")

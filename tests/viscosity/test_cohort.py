@@ -67,7 +67,7 @@ def test_unknown_intervals_stay_unknown():
     assert np.isnan(line.high)
 
 
-def test_the_estimated_muscles_are_the_difference_of_the_printed_masses_as_far_as_these_are_rounded():
+def test_the_estimated_muscles_are_the_difference_of_the_printed_masses_as_rounded():
     for one in SPECIMENS:
         assert (
             abs(one.mass_intact - one.mass_muscles_removed - one.estimated_muscle_mass)

@@ -335,10 +335,13 @@ class LiveRecord:
     def _write_delays(self, session: LiveSession, rows: Array) -> None:
         delays = session.delays
         markers = rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
-        head = "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,remaining_jump"
+        head = (
+            "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,"
+            "remaining_jump"
+        )
         lines = (
-            f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
-            f"{1e3 * error:.3f},{remaining:.3g}"
+            f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},"
+            f"{STATES[int(state)]},{seen:.0f},{1e3 * error:.3f},{remaining:.3g}"
             for (time, waiting, age, busy, state), (seen, error, remaining) in zip(
                 delays.table, markers, strict=True
             )

@@ -150,7 +150,8 @@ bones = [{bones}]
 removed = ["{place.name}/without_*.{ending}"]
 intact = ["{place.name}/with_*.{ending}"]
 {more}measured_muscle_mass = {made.published.measured_muscle_mass}
-base_mass = {{ removed = {SCAPULA}, intact = [{SCAPULA}, {SCAPULA + made.published.measured_muscle_mass:.3f}] }}
+base_mass = {{ removed = {SCAPULA}, \
+intact = [{SCAPULA}, {SCAPULA + made.published.measured_muscle_mass:.3f}] }}
 truth = {{ {_pairs(truth_of(made))} }}
 paper = {{ {_pairs(made.published.values)} }}
 """

@@ -95,7 +95,8 @@ def _joint(kind: str, name: str, parent: str, child: str, random, inside: str = 
     return (
         f'<{kind}Joint name="{name}"><socket_parent_frame>outboard</socket_parent_frame>'
         f"<socket_child_frame>inboard</socket_child_frame><coordinates>{coordinates}</coordinates>"
-        f"<frames>{_frame('outboard', parent, random)}{_frame('inboard', child, random)}</frames>{inside}</{kind}Joint>"
+        f"<frames>{_frame('outboard', parent, random)}{_frame('inboard', child, random)}</frames>"
+        f"{inside}</{kind}Joint>"
     )
 
 
@@ -186,8 +187,8 @@ def all_functions(path: Path) -> None:
             inside = f"<coordinates>{kind}</coordinates>" if name == "rotation1" else ""
             amount = "<LinearFunction/>" if inside else "<Constant><value>0.2</value></Constant>"
             axes += (
-                "<TransformAxis"
-                f' name="{name}">{inside}<axis>{axis}</axis><function>{amount}</function></TransformAxis>'
+                f'<TransformAxis name="{name}">{inside}<axis>{axis}</axis>'
+                f"<function>{amount}</function></TransformAxis>"
             )
         axes += (
             f'<TransformAxis name="translation2"><coordinates>{kind}</coordinates><axis>0 1'
@@ -243,7 +244,8 @@ OLD = """<?xml version="1.0" encoding="UTF-8"?>
 <Body name="rod"><mass>1</mass><mass_center>0 0.1 0</mass_center>
  <inertia_xx>0.1</inertia_xx><inertia_yy>0.1</inertia_yy><inertia_zz>0.1</inertia_zz>
  <Joint><CustomJoint name="turned"><parent_body>ground</parent_body>
-  <location_in_parent>0.1 0.2 0.3</location_in_parent><orientation_in_parent>0.2 0 0.4</orientation_in_parent>
+  <location_in_parent>0.1 0.2 0.3</location_in_parent>
+<orientation_in_parent>0.2 0 0.4</orientation_in_parent>
   <location>0 0.5 0</location><orientation>0 0.25 0</orientation>
   <CoordinateSet><objects>
    <Coordinate name="turn"><motion_type>rotational</motion_type><range>-3 3</range></Coordinate>
@@ -253,13 +255,16 @@ OLD = """<?xml version="1.0" encoding="UTF-8"?>
   <reverse>true</reverse>
   <SpatialTransform>
    <TransformAxis name="rotation1"><coordinates>turn</coordinates><axis>0 0 1</axis>
-    <function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function></TransformAxis>
+    <function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function>
+</TransformAxis>
    <TransformAxis name="rotation2"><coordinates>bend</coordinates><axis>0 1 0</axis>
-    <function><LinearFunction><coefficients>-1 0</coefficients></LinearFunction></function></TransformAxis>
+    <function><LinearFunction><coefficients>-1 0</coefficients></LinearFunction></function>
+</TransformAxis>
    <TransformAxis name="rotation3"><axis>1 0 0</axis>
     <function><Constant><value>0.3</value></Constant></function></TransformAxis>
    <TransformAxis name="translation1"><coordinates>slide</coordinates><axis>1 0 0</axis>
-    <function><NaturalCubicSpline><x>-1 0 1 2</x><y>0.2 0 0.1 0.4</y></NaturalCubicSpline></function></TransformAxis>
+    <function><NaturalCubicSpline><x>-1 0 1 2</x><y>0.2 0 0.1 0.4</y></NaturalCubicSpline>
+</function></TransformAxis>
    <TransformAxis name="translation2"><axis>0 1 0</axis>
     <function><Constant><value>0</value></Constant></function></TransformAxis>
    <TransformAxis name="translation3"><axis>0 0 1</axis>
@@ -270,9 +275,11 @@ OLD = """<?xml version="1.0" encoding="UTF-8"?>
 <Body name="bob"><mass>1</mass><mass_center>0 0 0</mass_center>
  <inertia_xx>0.1</inertia_xx><inertia_yy>0.1</inertia_yy><inertia_zz>0.1</inertia_zz>
  <Joint><PinJoint name="hook"><parent_body>rod</parent_body>
-  <location_in_parent>0 -0.5 0</location_in_parent><orientation_in_parent>0 0 0</orientation_in_parent>
+  <location_in_parent>0 -0.5 0</location_in_parent>
+<orientation_in_parent>0 0 0</orientation_in_parent>
   <location>0 0.2 0</location><orientation>0.1 0.2 0.3</orientation><reverse>true</reverse>
-  <CoordinateSet><objects><Coordinate name="swing"><range>-3 3</range></Coordinate></objects></CoordinateSet>
+  <CoordinateSet><objects><Coordinate name="swing"><range>-3 3</range></Coordinate></objects>
+</CoordinateSet>
  </PinJoint></Joint>
 </Body>
 </objects></BodySet></Model></OpenSimDocument>

@@ -97,8 +97,8 @@ def test_a_mass_of_zero_and_switched_off_parts(data):
             (
                 '<MeasurementSet><objects><Measurement name="a"><BodyScaleSet><objects><BodyScale'
                 ' name="b">'
-                "<axes>X"
-                " Q</axes></BodyScale></objects></BodyScaleSet></Measurement></objects></MeasurementSet>"
+                "<axes>X Q</axes></BodyScale></objects></BodyScaleSet>"
+                "</Measurement></objects></MeasurementSet>"
             ),
             "'axes' is 'xq'; expected some of X, Y and Z",
         ),

@@ -106,15 +106,16 @@ def test_static_optimization_setup(data):
 
 TOOL = """<OpenSimDocument Version="{version}"><IKTool name="old"><model_file>m.osim</model_file>
 <IKTaskSet><objects>{tasks}</objects></IKTaskSet>
-<IKTrialSet><objects><IKTrial name="t"><marker_file>C:\\data\\walk.trc</marker_file><time_range>1 2</time_range>
+<IKTrialSet><objects><IKTrial name="t"><marker_file>C:\\data\\walk.trc</marker_file>
+<time_range>1 2</time_range>
 </IKTrial>{more}</objects></IKTrialSet></IKTool></OpenSimDocument>"""
 
 
 def test_tools_with_trials_from_before_2_3(tmp_path):
     path = tmp_path / "ik.xml"
     task = (
-        "<IKCoordinateTask"
-        ' name="k"><weight>2</weight><value_type>{}</value_type><value>0.5</value></IKCoordinateTask>'
+        '<IKCoordinateTask name="k"><weight>2</weight><value_type>{}</value_type>'
+        "<value>0.5</value></IKCoordinateTask>"
     )
     tasks = task.format("manual_value") + task.format("from_file")
     path.write_text(TOOL.format(version=20000, tasks=tasks, more=""))

@@ -27,7 +27,10 @@ cutoff = 30
 name = "s02"
 model_of = "s01"
 mass = 4.0
-trials = ["again.trc", {markers = "reach.trc", options = {id = {cutoff = 12}, ik = {tolerance = 1e-6}}}]
+trials = [
+    "again.trc",
+    {markers = "reach.trc", options = {id = {cutoff = 12}, ik = {tolerance = 1e-6}}},
+]
 steps = ["ik", "id"]
 [options.identify]
 spacing = 0.02

@@ -277,8 +277,12 @@ def test_what_the_command_cannot_do_ends_in_one_line(leg, tmp_path, capsys, told
 
 def test_a_study_begins_with_the_subject_s_bones(leg, tmp_path, capsys):
     rows = "\n".join(f"{k + 1}\t{0.01 * k}\t0\t{-400 + k}\t50" for k in range(20))
-    header = "PathFileType\t4\t(X/Y/Z)\tw.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
-    header += "OrigDataStartFrame\tOrigNumFrames\n100\t100\t20\t1\tmm\t100\t1\t20\nFrame#\tTime\tKNEE\n\t\tX1\tY1\tZ1\n\n"
+    header = (
+        "PathFileType\t4\t(X/Y/Z)\tw.trc\n"
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
+        "OrigDataStartFrame\tOrigNumFrames\n100\t100\t20\t1\tmm\t100\t1\t20\n"
+        "Frame#\tTime\tKNEE\n\t\tX1\tY1\tZ1\n\n"
+    )
     (tmp_path / "w.trc").write_text(header + rows + "\n", encoding="utf-8")
     (tmp_path / "scan").mkdir()
     (tmp_path / "scan" / "tibia_r.stl").write_bytes((leg / "bones" / "tibia_r.stl").read_bytes())

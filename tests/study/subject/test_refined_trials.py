@@ -27,7 +27,8 @@ name = "s4"
 model = "{folder}/models/manually_scaled.osim"
 mass = 62.6
 time = [0.3, 1.0]
-trials = [{{ markers = "{folder}/markers/walking1.trc", loads = "{folder}/grf/walking1_external_forces.xml" }}]
+trials = [{{ markers = "{folder}/markers/walking1.trc", \
+loads = "{folder}/grf/walking1_external_forces.xml" }}]
 steps = ["ik", "refine", "id"]
 [options.refine]
 check = false
@@ -40,7 +41,8 @@ name = "again"
 model_of = "s4"
 mass = 62.6
 time = [0.35, 0.95]
-trials = [{{ markers = "{folder}/markers/walking1.trc", loads = "{folder}/grf/walking1_external_forces.xml" }}]
+trials = [{{ markers = "{folder}/markers/walking1.trc", \
+loads = "{folder}/grf/walking1_external_forces.xml" }}]
 steps = ["ik", "refine", "id"]
 options = {{ refine = {{ body = false, masses = false, iterations = 3 }} }}
 """

@@ -270,9 +270,11 @@ def identify(
     >>> model, time = mm.read_model("arm.osim"), np.arange(0.0, 2.0, 0.01)
     >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
     >>> motion = mm.Motion(time, model.coordinate_names, angles)
-    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["shoulder"], frame="ground")
+    >>> moved = mm.differentiate(motion)
+    >>> at = mm.joint_reactions(model, moved, None, joints=["shoulder"], frame="ground")
     >>> wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
-    >>> points, _, _ = mm.body_points(model, mm.BodyShape(), model.mass, mm.BodyOptions(spacing=0.05))
+    >>> coarse = mm.BodyOptions(spacing=0.05)
+    >>> points, _, _ = mm.body_points(model, mm.BodyShape(), model.mass, coarse)
     >>> options = mm.IdentificationOptions(compare=False)
     >>> found = mm.identify(model, [mm.usable(model, motion, wrenches)], points, options=options)
     >>> [round(float(body.mass), 1) for body in found.model.bodies]

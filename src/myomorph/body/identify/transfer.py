@@ -147,10 +147,13 @@ def transfer(
     ...     parts = {"pelvis": ("ground", 1.0, 0.0), "femur_r": ("pelvis", -0.1, 0.1)}
     ...     parts |= {"femur_l": ("pelvis", -0.1, -0.1), "tibia_r": ("femur_r", -thigh, 0.0)}
     ...     parts |= {"calcn_r": ("tibia_r", -0.4, 0.0)}
-    ...     bodies = [mm.model.Body(name, 5.0, [0.0, -0.1, 0.0], 0.05 * np.eye(3)) for name in parts]
-    ...     at = {name: mm.model.Transform(np.eye(3), np.array([0.0, y, z])) for name, (_, y, z) in parts.items()}
+    ...     bodies = []
+    ...     joints = []
     ...     no = mm.model.Transform(np.eye(3), np.zeros(3))
-    ...     joints = [mm.model.Joint(f"to_{name}", "WeldJoint", parts[name][0], name, at[name], no) for name in parts]
+    ...     for name, (parent, y, z) in parts.items():
+    ...         at = mm.model.Transform(np.eye(3), np.array([0.0, y, z]))
+    ...         bodies.append(mm.model.Body(name, 5.0, [0.0, -0.1, 0.0], 0.05 * np.eye(3)))
+    ...         joints.append(mm.model.Joint(f"to_{name}", "WeldJoint", parent, name, at, no))
     ...     return mm.Model("leg", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
     >>> found = mm.transfer(leg(thigh=0.44), leg(thigh=0.4), path_lengths=None)
     >>> round(float(found.model.joints[3].parent_frame.translation[1]), 3)

@@ -225,7 +225,8 @@ def refine(
     >>> text = '''<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint name="root"/>
     ... <geom type="box" size=".1 .15 .3" mass="30"/><body name="arm" pos="0 .2 .3">
     ... <joint name="shoulder" axis="1 0 0"/>
-    ... <geom type="box" pos="0 0 -.3" size=".05 .05 .3" mass="8"/></body></body></worldbody></mujoco>'''
+    ... <geom type="box" pos="0 0 -.3" size=".05 .05 .3" mass="8"/></body></body></worldbody>
+    ... </mujoco>'''
     >>> _ = Path("body.xml").write_text(text)
     >>> model, time = mm.read_model("body.xml"), np.arange(0.0, 2.0, 0.02)
     >>> corners = 0.1 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, -1]])
@@ -238,7 +239,8 @@ def refine(
     >>> middle = np.array([coordinate.default for coordinate in model.coordinates])
     >>> values = middle + np.array([0.1] * 6 + [0.8]) * np.sin(np.outer(time, np.arange(2.0, 9.0)))
     >>> motion = mm.Motion(time, model.coordinate_names, values)
-    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["root"], frame="ground")
+    >>> moved = mm.differentiate(motion)
+    >>> at = mm.joint_reactions(model, moved, None, joints=["root"], frame="ground")
     >>> wrenches = mm.Wrenches(time, ("plate",), ("trunk",), at.forces, at.points, at.moments)
     >>> trial = mm.SubjectTrial("swing", mm.marker_positions(model, motion), wrenches)
     >>> trunk, arm = model.bodies

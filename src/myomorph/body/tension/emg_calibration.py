@@ -64,10 +64,11 @@ def calibrate_emg(
 ) -> EmgCalibration:
     """Delay, gain and shape of each channel with which the muscles under EMG bear the torques of
     all trials. Effort has no part in it: co-contraction costs nothing. Where torques say nothing of
-    a gain it is the usual one, and a warning names the channel. See `myomorph.core.tension.emg_tracking`
-    and docs/emg-and-sound.md. Source: Lloyd and Besier 2003; Pizzolato et al. 2015; Ao et al. 2020
-    for unmeasured muscles. `channels`: channel to muscles of the model; `tension`, `actuators`: as
-    for `solve_tension`; `maxima`: envelope of channels in a maximum voluntary contraction, which no
+    a gain it is the usual one, and a warning names the channel. See
+    `myomorph.core.tension.emg_tracking` and docs/emg-and-sound.md. Source: Lloyd and Besier 2003;
+    Pizzolato et al. 2015; Ao et al. 2020 for unmeasured muscles. `channels`: channel to muscles of
+    the model; `tension`, `actuators`: as for `solve_tension`; `maxima`: envelope of channels in a
+    maximum voluntary contraction, which no
     activation above 1 may have made.
     """
     options = options or EmgOptions()

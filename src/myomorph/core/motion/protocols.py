@@ -180,9 +180,7 @@ def protocols() -> ProtocolTable:
 
 
 def protocol_table(text: str, source: str, base: ProtocolTable | None = None) -> ProtocolTable:
-    """Protocols of a TOML table, as `core/motion/data/protocols.toml` says, added to those of `base` or
-    in their place.
-    """
+    """Add protocols of a TOML table to those of `base`, or put them in their place."""
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

@@ -65,10 +65,14 @@ README = """{name}
 
 Recordings and results of a study, written by Myomorph {version}.
 
-sub-*/motion holds markers (tracksys-markers) and forces (tracksys-forces), sub-*/emg EMG as it was recorded.
-derivatives/myomorph holds what was computed of them; its JSON files state the step, its settings, and the hashes of the
-files it was made from. Times count from the first frame; StartTime in JSON files is the time of that on the recording's
-clock. Authors, licence, devices and how electrodes were placed are not known to the program: add them before sharing.
+sub-*/motion holds markers (tracksys-markers) and forces (tracksys-forces), sub-*/emg EMG as it \
+was recorded.
+derivatives/myomorph holds what was computed of them; its JSON files state the step, its \
+settings, and the hashes of the
+files it was made from. Times count from the first frame; StartTime in JSON files is the time of \
+that on the recording's
+clock. Authors, licence, devices and how electrodes were placed are not known to the program: \
+add them before sharing.
 """
 
 

@@ -8,7 +8,8 @@ they are few, else random ones with the observed among them.
 
 Of a single number the statistic is Student's t. Along a curve it is
 
-    t(s) = (difference of means at s) / (its standard error at s + median of the standard errors along the curve):
+    t(s) = (difference of means at s)
+           / (its standard error at s + median of the standard errors along the curve):
 
 without the constant, after Tusher et al. (2001), a few animals that happen to agree somewhere in
 the cycle would set the largest t there, and hide what is different elsewhere. The test is exact

@@ -157,7 +157,8 @@ def find_strides(
     >>> foot = time + np.sin(2.0 * np.pi * time) / 7.0
     >>> values = np.stack([np.stack([x, 0.0 * x, 0.0 * x], axis=1) for x in (foot, time)], axis=1)
     >>> points = mm.Series(time, ("heel", "trunk"), values)
-    >>> found = mm.find_strides(points, [mm.Limb("leg", ("heel",))], ["trunk"], np.array([0.0, 1.0, 0.0]))
+    >>> leg = mm.Limb("leg", ("heel",))
+    >>> found = mm.find_strides(points, [leg], ["trunk"], np.array([0.0, 1.0, 0.0]))
     >>> [round(one.length, 2) for one in found.of("leg")]
     [1.0, 1.0, 1.0, 1.0, 1.0]
     """

@@ -131,7 +131,9 @@ def prepare_study(
     >>> squat = mm.demo_recording()
     >>> mm.write_trc(squat.markers, "squat.trc")
     >>> notes = mm.write_osim(squat.model, "squat.osim")
-    >>> prepared = mm.prepare_study(["squat.trc"], "squat", mass=squat.model.mass, model="squat.osim")
+    >>> prepared = mm.prepare_study(
+    ...     ["squat.trc"], "squat", mass=squat.model.mass, model="squat.osim"
+    ... )
     >>> mm.read_plan(prepared.study).steps[0]
     ('calibrate', 'ik', 'id', 'muscles', 'tension', 'report')
     """

@@ -53,7 +53,10 @@ OWN_COMMANDS = {
     "calibrate": CommandEntry(
         function="myomorph.lab.cli.calibrate:calibrate_command",
         help="Link lengths and marker positions of the body that recordings show.",
-        example="myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static static.trc --mass 72.6 --out subject.osim",
+        example=(
+            "myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static"
+            " static.trc --mass 72.6 --out subject.osim"
+        ),
         panel="The body",
         first_options=(
             "markers",
@@ -90,7 +93,10 @@ OWN_COMMANDS = {
     "id": CommandEntry(
         function="myomorph.lab.cli.step_command:id_command",
         help="Inverse dynamics: the generalized force of every coordinate.",
-        example="myomorph id --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_torques.sto",
+        example=(
+            "myomorph id --model subject.osim --motion walk1.mot --loads walk1_grf.xml"
+            " --cutoff 6 --out walk1_torques.sto"
+        ),
         panel="The movement and its forces",
         first_options=(
             "loads",
@@ -112,7 +118,10 @@ OWN_COMMANDS = {
     "tension": CommandEntry(
         function="myomorph.lab.cli.step_command:tension_command",
         help="Muscle tensions that make the joint torques with the least effort.",
-        example="myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
+        example=(
+            "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml"
+            " --cutoff 6 --out walk1_tension"
+        ),
         panel="The movement and its forces",
         first_options=(
             "loads",
@@ -130,7 +139,10 @@ OWN_COMMANDS = {
     "uncertainty": CommandEntry(
         function="myomorph.lab.cli.step_command:uncertainty_command",
         help="How far errors in markers, plates, model and muscles move the results.",
-        example="myomorph uncertainty --model subject.osim --motion walk1.mot --loads walk1_grf.xml --draws 200 --out walk1",
+        example=(
+            "myomorph uncertainty --model subject.osim --motion walk1.mot --loads"
+            " walk1_grf.xml --draws 200 --out walk1"
+        ),
         panel="The movement and its forces",
         first_options=(
             "loads",
@@ -147,8 +159,14 @@ OWN_COMMANDS = {
     ),
     "refine": CommandEntry(
         function="myomorph.lab.cli.refine:refine_command",
-        help="Motions, link lengths, marker positions and masses that agree with markers and force plates at once.",
-        example="myomorph refine --model subject.osim --markers walk1.trc jump1.trc --loads walk1_grf.xml jump1_grf.xml --mass 72.6 --out refined.osim",
+        help=(
+            "Motions, link lengths, marker positions and masses that agree with markers and"
+            " force plates at once."
+        ),
+        example=(
+            "myomorph refine --model subject.osim --markers walk1.trc jump1.trc --loads"
+            " walk1_grf.xml jump1_grf.xml --mass 72.6 --out refined.osim"
+        ),
         panel="The body",
         first_options=(
             "loads",
@@ -165,8 +183,14 @@ OWN_COMMANDS = {
     ),
     "identify": CommandEntry(
         function="myomorph.lab.cli.identify:identify_command",
-        help="Masses, mass centers and inertias of every body from motions, their forces and the body's shape.",
-        example="myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads walk1.xml jump1.xml --mass 72.6 --cutoff 6 --out identified.osim",
+        help=(
+            "Masses, mass centers and inertias of every body from motions, their forces and"
+            " the body's shape."
+        ),
+        example=(
+            "myomorph identify --model subject.osim --motion walk1.mot jump1.mot --loads"
+            " walk1.xml jump1.xml --mass 72.6 --cutoff 6 --out identified.osim"
+        ),
         panel="The body",
         first_options=(
             "loads",
@@ -184,13 +208,21 @@ OWN_COMMANDS = {
     "transfer": CommandEntry(
         function="myomorph.lab.cli.transfer:transfer_command",
         help="A subject's lengths, marker positions and masses for a model with more joints.",
-        example="myomorph transfer --model subject.osim --to detailed.osim --out detailed_subject.osim",
+        example=(
+            "myomorph transfer --model subject.osim --to detailed.osim --out detailed_subject.osim"
+        ),
         panel="The body",
     ),
     "personalize": CommandEntry(
         function="myomorph.lab.cli.personalize:personalize_command",
-        help="Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG.",
-        example="myomorph personalize --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out personalized.osim",
+        help=(
+            "Fiber lengths, tendon slack lengths and strengths of a person's muscles, from"
+            " torques and EMG."
+        ),
+        example=(
+            "myomorph personalize --model subject.osim --motion walk1.mot --loads"
+            " walk1_grf.xml --cutoff 6 --out personalized.osim"
+        ),
         panel="The body",
         first_options=(
             "loads",
@@ -224,8 +256,10 @@ COMMANDS = with_extensions(OWN_COMMANDS, "command", lambda extension: extension.
 
 HELP = """From markers, force plates and EMG to the forces inside one body.
 
-Start with `myomorph demo`. Exit status: 0 done, 2 bad input, 1 a fault of Myomorph. `--debug` with any command shows
-where an error came from. `--help` with a command shows what most users need, `--help-all` every option.
+Start with `myomorph demo`. Exit status: 0 done, 2 bad input, 1 a fault of Myomorph. \
+`--debug` with any command shows
+where an error came from. `--help` with a command shows what most users need, \
+`--help-all` every option.
 """
 
 

@@ -2,8 +2,8 @@
 of what comes out.
 
 Here live how large each source is taken to be, random inputs (a model, markers, forces) around
-those that were given, and the statistics of draws. Never a step of the chain itself: `lab/study/trial`
-runs it on what is drawn here.
+those that were given, and the statistics of draws. Never a step of the chain itself:
+`lab/study/trial` runs it on what is drawn here.
 """
 
 from myomorph.lazy_names import lazy_names

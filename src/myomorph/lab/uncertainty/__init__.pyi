@@ -1,4 +1,4 @@
-# The public names of `mm.uncertainty`: sources of error, inputs drawn with them, and what draws come to.
+# The public names of `mm.uncertainty`: sources of error, drawn inputs, and results of draws.
 from .bodies import Draw as Draw
 from .bodies import drawn_subject as drawn_subject
 from .drawn_inputs import drawn_angles as drawn_angles

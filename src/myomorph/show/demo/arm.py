@@ -18,18 +18,22 @@ BODY = """<Body name="{name}"><mass>{mass}</mass><mass_center>0 -0.15 0</mass_ce
 <inertia>0.02 0.002 0.02 0 0 0</inertia></Body>"""
 PIN = """<PinJoint name="{name}"><socket_parent_frame>{name}_parent</socket_parent_frame>
 <socket_child_frame>{name}_child</socket_child_frame>
-<coordinates><Coordinate name="{coordinate}"><default_value>0.2</default_value><range>-3 3</range></Coordinate>
+<coordinates><Coordinate name="{coordinate}"><default_value>0.2</default_value><range>-3 3</range>\
+</Coordinate>
 </coordinates>
 <frames>
-<PhysicalOffsetFrame name="{name}_parent"><socket_parent>{parent}</socket_parent><translation>{at}</translation>
+<PhysicalOffsetFrame name="{name}_parent"><socket_parent>{parent}</socket_parent>\
+<translation>{at}</translation>
 </PhysicalOffsetFrame>
-<PhysicalOffsetFrame name="{name}_child"><socket_parent>/bodyset/{child}</socket_parent></PhysicalOffsetFrame>
+<PhysicalOffsetFrame name="{name}_child"><socket_parent>/bodyset/{child}</socket_parent>\
+</PhysicalOffsetFrame>
 </frames></PinJoint>"""
 MARKER = """<Marker name="{name}"><socket_parent_frame>/bodyset/{body}</socket_parent_frame>
 <location>{at}</location></Marker>"""
 POINT = """<PathPoint name="{name}"><socket_parent_frame>{body}</socket_parent_frame>
 <location>{at}</location></PathPoint>"""
-MUSCLE = """<Millard2012EquilibriumMuscle name="{name}"><max_isometric_force>800</max_isometric_force>
+MUSCLE = """<Millard2012EquilibriumMuscle name="{name}">\
+<max_isometric_force>800</max_isometric_force>
 <optimal_fiber_length>0.12</optimal_fiber_length><tendon_slack_length>{slack}</tendon_slack_length>
 <GeometryPath name="path"><PathPointSet><objects>{points}</objects></PathPointSet></GeometryPath>
 </Millard2012EquilibriumMuscle>"""
@@ -98,7 +102,10 @@ def osim_text(mass: float = 2.0) -> str:
 def table_text(columns: dict[str, np.ndarray], degrees: str = "no") -> str:
     """A MOT file of columns, the first of them the time."""
     rows = np.column_stack(list(columns.values()))
-    head = f"table\nversion=1\nnRows={len(rows)}\nnColumns={len(columns)}\ninDegrees={degrees}\nendheader\n"
+    head = (
+        f"table\nversion=1\nnRows={len(rows)}\nnColumns={len(columns)}\n"
+        f"inDegrees={degrees}\nendheader\n"
+    )
     return (
         head
         + "\t".join(columns)

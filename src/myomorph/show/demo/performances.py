@@ -57,7 +57,8 @@ HEAD = """
 name = "{name}"
 [options.report]
 preset = "{name}"
-muscles = ["Deltoid, anterior", "Rectus femoris", "Biceps femoris, long head", "Tibialis anterior", "glut_med"]
+muscles = ["Deltoid, anterior", "Rectus femoris", "Biceps femoris, long head", \
+"Tibialis anterior", "glut_med"]
 """
 SUBJECT = """
 [[subject]]

@@ -5,7 +5,8 @@ Each fighter chooses its muscles' activations for the movement and the pull it i
 is no copy of the criterion that the estimate uses. At every instant the activations a, the forces f
 under the soles and the force g of the lapel minimise
 
-    |qdd - wanted|^2 + |feet and lapel stay|^2 + |g - intended|^2 + |sleeve - intended|^2 + sum_m w_m |a_m - a0_m|^3
+    |qdd - wanted|^2 + |feet and lapel stay|^2 + |g - intended|^2 + |sleeve - intended|^2
+    + sum_m w_m |a_m - a0_m|^3
 
 over a in 0..1 and f in a friction pyramid, with qdd of the equations of motion of both bodies.
 Weights w differ from muscle to muscle by a random factor, a0 is a random tone, the cube is taken as

@@ -424,13 +424,17 @@ SLEEVE_DAMPING = 30.0
 SETUP = f"""
 <mujoco>
   <compiler angle="radian" autolimits="false"><lengthrange mode="none"/></compiler>
-  <option gravity="0 -9.80665 0" timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="20"
+  <option gravity="0 -9.80665 0" timestep="{STEP}" integrator="implicitfast" \
+cone="elliptic" impratio="20"
     jacobian="dense" solver="Newton" iterations="50" tolerance="1e-10"/>
   <default>
-    <default class="sole"><geom type="sphere" size="0.01" mass="0" contype="1" conaffinity="2" friction="1 0 0"
+    <default class="sole">\
+<geom type="sphere" size="0.01" mass="0" contype="1" conaffinity="2" friction="1 0 0"
       condim="3" solref="0.006 1" solimp="0.95 0.99 0.001"/></default>
-    <default class="shown"><geom type="ellipsoid" mass="0" contype="0" conaffinity="0" group="1"/></default>
-    <default class="muscle"><general gaintype="muscle" biastype="muscle" dyntype="none" ctrllimited="true"
+    <default class="shown"><geom type="ellipsoid" mass="0" contype="0" conaffinity="0" group="1"/>\
+</default>
+    <default class="muscle">\
+<general gaintype="muscle" biastype="muscle" dyntype="none" ctrllimited="true"
       ctrlrange="0 1"/></default>
   </default>
 """

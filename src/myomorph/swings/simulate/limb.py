@@ -226,7 +226,8 @@ def swing_mjcf(
     speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
     return f"""<mujoco model="virtual specimen">
   <option gravity="{text(specimen.model.gravity)}"/>
-  <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
+  <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/>\
+</default>
   <worldbody>
     <body name="base" pos="{text(center)}">
       <site name="plate"/>
@@ -241,7 +242,8 @@ def swing_mjcf(
       {"</body>" if clamp else ""}
     </body>
   </worldbody>
-  {f"<tendon>{tendons}</tendon>" if tendons else ""}{SENSORS.format(body="limb").replace("</sensor>", speeds)}
+  {f"<tendon>{tendons}</tendon>" if tendons else ""}\
+{SENSORS.format(body="limb").replace("</sensor>", speeds)}
 </mujoco>"""
 
 
@@ -273,7 +275,8 @@ def _muscles_mjcf(
             for wrap in (wrap for wrap in tendon_wraps(muscle) if wrap.after == i):
                 side = ""
                 if wrap.side is not None:
-                    side = f' sidesite="{site(wrap.side_body, f"{muscle.name}-side-{wrap.wrap_object}", wrap.side)}"'
+                    side_name = f"{muscle.name}-side-{wrap.wrap_object}"
+                    side = f' sidesite="{site(wrap.side_body, side_name, wrap.side)}"'
                 path.append(f'<geom geom="{wrap.wrap_object}"{side}/>')
         paths[muscle.name] = "".join(path)
     return inside, paths

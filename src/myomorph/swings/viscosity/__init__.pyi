@@ -1,4 +1,4 @@
-# The public names of `mm.viscosity`: recordings of swinging limbs, what they show, and studies of them.
+# The public names of `mm.viscosity`: recordings of swinging limbs, estimates and studies.
 from .identification.base_load import BaseLoad as BaseLoad
 from .identification.identify import Condition as Condition
 from .identification.identify import MuscleViscosity as MuscleViscosity

@@ -77,7 +77,8 @@ def check_morph(
     >>> model = mm.read_model("arm.osim")
     >>> import numpy as np
     >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
-    >>> fore = mm.map_bone("fore", None, None, mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> pairs = mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places)
+    >>> fore = mm.map_bone("fore", None, None, pairs)
     >>> checks = mm.morph.check_morph(mm.morph_model(model, {"fore": fore}, mass=4.0))
     >>> [warning.kind for warning in checks.warnings], len(checks.arms)
     ([], 2)

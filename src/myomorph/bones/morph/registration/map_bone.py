@@ -95,7 +95,8 @@ def map_bone(
     >>> import numpy as np
     >>> import myomorph as mm
     >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
-    >>> found = mm.map_bone("fore", None, None, mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> pairs = mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places)
+    >>> found = mm.map_bone("fore", None, None, pairs)
     >>> found.basis, round(float(found.whole.scale), 3)
     ('landmarks', 1.2)
     >>> found.map.apply(np.array([[0.1, 0.1, 0.0]])).round(3)

@@ -8,7 +8,8 @@ three Gaussian processes over the source,
 wide and large to narrow and small. Surfaces tell of it what planes (y_i, n_i) at nearest points
 tell, found both ways anew in each step,
 
-    min  sum_i w (n_i . (x_i + u(x_i) - y_i))^2 + |c|^2 ,   u = sum_j c_j phi_j ,   w = N / (n s^2) ,
+    min  sum_i w (n_i . (x_i + u(x_i) - y_i))^2 + |c|^2 ,
+    u = sum_j c_j phi_j ,   w = N / (n s^2) ,
 
 with s going from coarse to fine. Points may slide along the surface at little cost; where they go
 along it is what is likeliest of the displacement, and how sure that is the matrix of the last step

@@ -199,10 +199,8 @@ def articular_cylinder(
         if apart > radius:
             reason = reason or f"its axis lies {mm(apart)} away, past its radius"
         elif abs(fit.axis @ line) < LEANING:
-            reason = (
-                reason
-                or f"its axis is {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees off the given"
-            )
+            angle = np.degrees(np.arccos(abs(fit.axis @ line)))
+            reason = reason or f"its axis is {angle:.0f} degrees off the given"
         elif not 1.0 / GROWTH < fit.radius / radius < GROWTH:
             reason = reason or f"its radius is {mm(fit.radius)}, but {mm(radius)} was expected"
         else:

@@ -93,7 +93,8 @@ def morph_model(
     >>> import numpy as np
     >>> import myomorph as mm
     >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
-    >>> fore = mm.map_bone("fore", None, None, mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> pairs = mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places)
+    >>> fore = mm.map_bone("fore", None, None, pairs)
     >>> found = mm.morph_model(mm.read_model("arm.osim"), {"fore": fore}, mass=4.0)
     >>> found.model.markers[2].location[:2].round(3).tolist()
     [0.048, -0.12]

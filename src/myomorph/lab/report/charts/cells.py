@@ -194,4 +194,5 @@ def _cell(cell: Cell, x: float, y: float, wide: float) -> str:
     depth = 0.0 if unknown else 0.06 + 0.68 * min(abs(cell.value), 1.0) ** 0.85
     box = rect(f"cell {kind}", x, y + 1.0, wide, ROW - 2.0, fill_opacity=f"{depth:.2f}")
     under = f"<title>{escape(cell.under)}</title>" if cell.under else ""
-    return f"<g>{box}{text(x + wide / 2, y + 13, cell.text, 'tick x' if unknown else 'tick x ink')}{under}</g>"
+    label = text(x + wide / 2, y + 13, cell.text, "tick x" if unknown else "tick x ink")
+    return f"<g>{box}{label}{under}</g>"

@@ -1,5 +1,6 @@
-"""Which inputs a trial has: one line each, and those of extensions. This table imports none of them,
-so that the command line starts fast.
+"""The inputs of a trial: one line each, and those of extensions.
+
+This table imports none of them, so that the command line starts fast.
 """
 
 from __future__ import annotations

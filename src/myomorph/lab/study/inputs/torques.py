@@ -127,9 +127,10 @@ def _open(settings: TorquesFile, opening: Opening) -> Opened:
         "contacts: forces of contacts are found with inverse dynamics, so leave the torques out": (
             others.or_default(ContactsFile).contacts
         ),
-        "joint reactions or contact points: loads of joints need the external forces, so give loads instead": (
-            reactions or others.or_default(ContactPointsFile).contact_points
-        ),
+        (
+            "joint reactions or contact points: loads of joints need the external forces, so give"
+            " loads instead"
+        ): (reactions or others.or_default(ContactPointsFile).contact_points),
     }
     for what, value in excluded.items():
         if value:

@@ -72,7 +72,8 @@ def body_points(
     --------
     >>> import myomorph as mm
     >>> model = mm.read_model("arm.osim")
-    >>> points, inside, notes = mm.body_points(model, mm.BodyShape(), 4.0, mm.BodyOptions(spacing=0.05))
+    >>> coarse = mm.BodyOptions(spacing=0.05)
+    >>> points, inside, notes = mm.body_points(model, mm.BodyShape(), 4.0, coarse)
     >>> list(points), round(float(points["own"].reference.sum()), 3), inside
     (['own'], 4.0, None)
     """

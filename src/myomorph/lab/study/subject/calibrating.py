@@ -284,8 +284,8 @@ def with_marker_set(model: Model, path: str | Path) -> Model:
     >>> import myomorph as mm
     >>> _ = Path("set.xml").write_text(
     ...     "<OpenSimDocument Version='40000'><MarkerSet name='set'><objects><Marker name='wrist'>"
-    ...     "<socket_parent_frame>/bodyset/fore</socket_parent_frame><location>0 -0.3 0</location></Marker></objects>"
-    ...     "</MarkerSet></OpenSimDocument>"
+    ...     "<socket_parent_frame>/bodyset/fore</socket_parent_frame><location>0 -0.3 0</location>"
+    ...     "</Marker></objects></MarkerSet></OpenSimDocument>"
     ... )
     >>> mm.with_marker_set(mm.read_model("arm.osim"), "set.xml").markers[-1].name
     'wrist'

@@ -1,8 +1,8 @@
 """A process that does jobs for another: models and jobs come in on its input, outcomes go out on
 its output.
 
-It is started with `python -m myomorph.lab.study.workers.worker_process` and ends at once when the other
-process does, because its input then ends.
+It is started with `python -m myomorph.lab.study.workers.worker_process` and ends at once when the
+other process does, because its input then ends.
 """
 
 from __future__ import annotations

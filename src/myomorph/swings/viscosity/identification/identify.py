@@ -284,8 +284,10 @@ def identify_specimen(
     >>> from pathlib import Path
     >>> import myomorph as mm
     >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
-    >>> swings = mm.viscosity.read_swings(mm.viscosity.read_viscosity_plan(study).specimens[0], cutoff=6.0)
-    >>> found = mm.viscosity.identify_specimen("03", **swings, options=mm.viscosity.ViscosityOptions(draws=20))
+    >>> plan = mm.viscosity.read_viscosity_plan(study)
+    >>> swings = mm.viscosity.read_swings(plan.specimens[0], cutoff=6.0)
+    >>> options = mm.viscosity.ViscosityOptions(draws=20)
+    >>> found = mm.viscosity.identify_specimen("03", **swings, options=options)
     >>> 0.04 < found.without.viscosity.value < 0.08 < found.intact.viscosity.value
     True
     """

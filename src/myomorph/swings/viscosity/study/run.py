@@ -139,7 +139,8 @@ def run_viscosity(
     >>> plan = mm.viscosity.read_viscosity_plan(
     ...     mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
     ... )
-    >>> outcomes = mm.viscosity.run_viscosity(replace(plan, settings={"identification": {"draws": 20}}), Path("swung"))
+    >>> plan = replace(plan, settings={"identification": {"draws": 20}})
+    >>> outcomes = mm.viscosity.run_viscosity(plan, Path("swung"))
     >>> [outcome.error for outcome in outcomes], Path("swung/cohort.csv").exists()
     ([''], True)
     """

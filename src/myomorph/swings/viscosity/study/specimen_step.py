@@ -93,7 +93,8 @@ def read_estimates(folder: str | Path) -> Mapping[str, Interval]:
     >>> from pathlib import Path
     >>> import myomorph as mm
     >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
-    >>> plan = replace(mm.viscosity.read_viscosity_plan(study), settings={"identification": {"draws": 20}})
+    >>> plan = mm.viscosity.read_viscosity_plan(study)
+    >>> plan = replace(plan, settings={"identification": {"draws": 20}})
     >>> _ = mm.viscosity.run_viscosity(plan, Path("swung"))
     >>> joint = mm.viscosity.read_estimates("swung/03")["joint_viscosity"]
     >>> 0.04 < joint.value < 0.08, joint.low < joint.value < joint.high

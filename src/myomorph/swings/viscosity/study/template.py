@@ -24,7 +24,8 @@ name = "shoulder"
 [[specimen]]               # once for each specimen
 name = "01"
 model = "arm.osim"         # OpenSim or MuJoCo model, its markers named as the recorded ones
-removed = ["bare*.trc"]    # recordings with muscles removed; forces beside them by name, or in the C3D file
+removed = ["bare*.trc"]    # recordings with muscles removed; forces beside them by name, \
+or in the C3D file
 intact = ["full*.trc"]     # recordings with muscles intact
 # measured_muscle_mass = 0.74  # of the removed muscles on a scale [kg]
 # base = "scapula"  # body that is fixed to the plate; by default the one so named
@@ -37,19 +38,23 @@ intact = ["full*.trc"]     # recordings with muscles intact
 # tare = "empty.mot"  # forces of the plate with the fixture alone
 # base_mass = { removed = 0.25, intact = [0.25, 0.6] }  \
 # what the base carries beyond that and does not swing [kg]: a number, or the least and the most
-# plate = { placements = ["rod.c3d"], markers = ["top", "low"], axis = ["top", "low"], tip = 0.1 }  \
+# plate = { placements = ["rod.c3d"], markers = ["top", "low"], axis = ["top", "low"], \
+tip = 0.1 }  \
 # calibrate the plate from a marked weight (mass, shares) or rod (axis, tip)
-# ct = [{ bone = "humerus", surface = "humerus.stl", cluster = "cluster.stl", markers = ["h1", "h2", "h3"] }]  \
+# ct = [{ bone = "humerus", surface = "humerus.stl", cluster = "cluster.stl", \
+markers = ["h1", "h2", "h3"] }]  \
 # scanned bones and clusters, from which the markers come
 # time = [0.0, 20.0]  # part of every recording that is used [s]
 # truth = { joint_viscosity = 0.055 }  # values known from elsewhere, shown beside
 # paper = { joint_viscosity = 0.0761 }  # printed values, shown beside
 
-# [[limb]]                 # a relaxed living limb that is dropped, beside specimens or in their place
+# [[limb]]                 # a relaxed living limb that is dropped, \
+beside specimens or in their place
 # name = "p01"
 # model = "p01.osim"       # scaled to the person: its masses count
 # coordinate = "knee_angle_r"  # that swings
-# drops = ["drop*.trc"]    # markers (.trc, .c3d) or coordinates (.mot, .sto); raw EMG beside them as drop1_emg.sto
+# drops = ["drop*.trc"]    # markers (.trc, .c3d) or coordinates (.mot, .sto); \
+raw EMG beside them as drop1_emg.sto
 # muscles = ["rectus_femoris"]  # channels of EMG that must be silent; by default all
 # time = [0.0, 12.0]  # part of every recording that is used [s]
 # truth = { viscosity = 0.2 }  # values known from elsewhere, shown beside

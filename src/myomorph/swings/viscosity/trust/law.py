@@ -53,7 +53,8 @@ class PassiveLaw:
     """Torque of a joint from its angles and rates, the letters those of the fields' first words in
     their order.
 
-        tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w - S^-T d_h S^-1 w
+        tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w
+              - d_M J_M^T J_M w - S^-T d_h S^-1 w
 
     For a ball w and theta have three components and friction acts against the direction of w; d [N
     m s/rad] and k [N m/rad] may differ by axis; s = k theta_0 [N m], theta_0 the angle where the
