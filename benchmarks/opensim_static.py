@@ -126,7 +126,7 @@ REACTION_SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><Analy
 <model_file>{model}</model_file><replace_force_set>false</replace_force_set><force_set_files></force_set_files>
 <results_directory>{folder}</results_directory><initial_time>{start}</initial_time><final_time>{end}</final_time>
 <solve_for_equilibrium_for_auxiliary_states>false</solve_for_equilibrium_for_auxiliary_states>
-<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on>
+<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on>\
 <step_interval>1</step_interval>
 <forces_file>{forces}</forces_file><joint_names>{joint}</joint_names><apply_on_bodies>child</apply_on_bodies>
 <express_in_frame>child</express_in_frame></JointReaction></objects></AnalysisSet>

@@ -178,10 +178,10 @@ STATIC = """<?xml version="1.0" encoding="UTF-8"?>
 </objects></AnalysisSet></AnalyzeTool></OpenSimDocument>
 """
 RESERVES = """<?xml version="1.0" encoding="UTF-8"?>
-<OpenSimDocument Version="40000"><ForceSet name="reserves"><objects>{all}</objects></ForceSet>
+<OpenSimDocument Version="40000"><ForceSet name="reserves"><objects>{all}</objects></ForceSet>\
 </OpenSimDocument>
 """
-RESERVE = """<CoordinateActuator name="r_{name}"><coordinate>{name}</coordinate>
+RESERVE = """<CoordinateActuator name="r_{name}"><coordinate>{name}</coordinate>\
 <optimal_force>10</optimal_force>
 <min_control>-Inf</min_control><max_control>Inf</max_control></CoordinateActuator>"""
 

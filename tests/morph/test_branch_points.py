@@ -128,7 +128,7 @@ def in_mujoco(load: BranchLoad) -> np.ndarray:
         f'<joint type="slide" axis="{axis}" damping="200"/>' for axis in ("1 0 0", "0 1 0", "0 0 1")
     )
     model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option gravity="0 0 0" timestep="0.002" integrator="implicitfast"/>
+        f"""<mujoco><option gravity="0 0 0" timestep="0.002" integrator="implicitfast"/>\
 <worldbody>{"".join(worlds)}
         <body pos="{" ".join(map(str, AT))}">{sliders}
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>

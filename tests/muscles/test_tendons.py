@@ -17,10 +17,10 @@ PULLEYS = """
   <worldbody>
     <site name="o" pos="0 0.1 0.5"/><site name="q" pos="0.1 0 0.5"/>
     <geom name="ball" type="sphere" size="0.12" pos="0 0 0.2" contype="0" conaffinity="0"/>
-    <body name="one" pos="0 0 0.1"><joint name="j1" axis="1 0 0" range="-1 1"/>
+    <body name="one" pos="0 0 0.1"><joint name="j1" axis="1 0 0" range="-1 1"/>\
 <geom size="0.05" pos="0 0 -0.2"/>
       <site name="i" pos="0 0.02 -0.1"/><site name="k" pos="0.05 0.1 -0.2"/>
-      <body name="two" pos="0 0 -0.3"><joint name="j2" axis="0 1 0" range="-1 1"/>
+      <body name="two" pos="0 0 -0.3"><joint name="j2" axis="0 1 0" range="-1 1"/>\
 <geom size="0.05"/>
         <site name="l" pos="0.1 0 -0.1"/><site name="m" pos="-0.1 0.02 -0.2"/></body></body>
   </worldbody>

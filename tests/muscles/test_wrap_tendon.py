@@ -26,17 +26,17 @@ SCENE = """
   <default><geom contype="0" conaffinity="0" density="1000"/></default>
   <worldbody>
     <geom name="wrap" type="{kind}" size="{radius} 1" pos="0.1 -0.2 0.3" euler="0.4 -0.7 0.9"/>
-    <body name="a"><joint name="ax" type="slide" axis="1 0 0"/>
+    <body name="a"><joint name="ax" type="slide" axis="1 0 0"/>\
 <joint name="ay" type="slide" axis="0 1 0"/>
       <joint name="az" type="slide" axis="0 0 1"/><geom size="0.01"/><site name="a"/></body>
-    <body name="b"><joint name="bx" type="slide" axis="1 0 0"/>
+    <body name="b"><joint name="bx" type="slide" axis="1 0 0"/>\
 <joint name="by" type="slide" axis="0 1 0"/>
       <joint name="bz" type="slide" axis="0 0 1"/><geom size="0.01"/><site name="b"/></body>
-    <body name="s"><joint name="sx" type="slide" axis="1 0 0"/>
+    <body name="s"><joint name="sx" type="slide" axis="1 0 0"/>\
 <joint name="sy" type="slide" axis="0 1 0"/>
       <joint name="sz" type="slide" axis="0 0 1"/><geom size="0.01"/><site name="s"/></body>
   </worldbody>
-  <tendon><spatial name="t"><site site="a"/><geom geom="wrap" {side}/><site site="b"/></spatial>
+  <tendon><spatial name="t"><site site="a"/><geom geom="wrap" {side}/><site site="b"/></spatial>\
 </tendon>
 </mujoco>
 """

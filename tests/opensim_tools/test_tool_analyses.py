@@ -25,11 +25,11 @@ SETUP = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm"><model_file>
 <solve_for_equilibrium_for_auxiliary_states>{balanced}</solve_for_equilibrium_for_auxiliary_states>
 <AnalysisSet><objects>{analyses}</objects></AnalysisSet><{kind}_file>{motion}</{kind}_file>
 <lowpass_cutoff_frequency_for_coordinates>6</lowpass_cutoff_frequency_for_coordinates></AnalyzeTool></OpenSimDocument>"""
-EVERY = """<MuscleAnalysis name="MA"/><BodyKinematics name="BK"/><Kinematics name="K"/>
+EVERY = """<MuscleAnalysis name="MA"/><BodyKinematics name="BK"/><Kinematics name="K"/>\
 <Actuation name="A"/>
-<BodyKinematics name="own">
+<BodyKinematics name="own">\
 <express_results_in_body_local_frame>true</express_results_in_body_local_frame>
-</BodyKinematics><PointKinematics name="PK"><body_name>r_ulna_radius_hand</body_name>
+</BodyKinematics><PointKinematics name="PK"><body_name>r_ulna_radius_hand</body_name>\
 <point_name>hand</point_name>
 <point>0 -0.2 0.01</point><relative_to_body_name>none</relative_to_body_name></PointKinematics>
 <ForceReporter name="FR"/><StatesReporter name="SR"/><JointReaction name="JR"/>"""

@@ -22,20 +22,20 @@ CASES = (
     ("DoublePendulum3D", "", "DoublePendulum3D", ""),
     ("DoublePendulum3D", "_FrameKeyword", "DoublePendulum3D_FrameKeyword", "_FrameKeyword"),
 )
-ACTUATOR = """<CoordinateActuator name="{name}"><coordinate>{coordinate}</coordinate>
+ACTUATOR = """<CoordinateActuator name="{name}"><coordinate>{coordinate}</coordinate>\
 <optimal_force>1</optimal_force>
 </CoordinateActuator>"""
-FORCE = """<ExternalForce name="{body}_force"><applied_to_body>{body}</applied_to_body>
+FORCE = """<ExternalForce name="{body}_force"><applied_to_body>{body}</applied_to_body>\
 <force_expressed_in_body>ground
 </force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>{side}ground_force_v
 </force_identifier><point_identifier>{side}ground_force_p</point_identifier><torque_identifier>{side}ground_torque_
 </torque_identifier></ExternalForce>"""
-SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="so">
+SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="so">\
 <model_file>{model}</model_file>
 <replace_force_set>false</replace_force_set><force_set_files>actuators.xml</force_set_files>
 <results_directory>{results}</results_directory><initial_time>11.1</initial_time><final_time>11.3</final_time>
 <solve_for_equilibrium_for_auxiliary_states>false</solve_for_equilibrium_for_auxiliary_states>
-<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on>
+<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on>\
 <step_interval>1</step_interval>
 <forces_file>forces.sto</forces_file><joint_names>ALL</joint_names><apply_on_bodies>{on}</apply_on_bodies>
 <express_in_frame>{frame}</express_in_frame></JointReaction></objects></AnalysisSet>

@@ -17,7 +17,7 @@ from myomorph.exchange.opensim.run import run_tool
 from myomorph.exchange.opensim.states import stepped
 from myomorph.lab.cli.program import main
 
-ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm">
+ANALYZE = """<OpenSimDocument Version="40000"><AnalyzeTool name="arm">\
 <model_file>arm26.osim</model_file>
 <results_directory>Results</results_directory><initial_time>0.25</initial_time><final_time>0.3</final_time>
 <AnalysisSet><objects>{analyses}</objects></AnalysisSet>

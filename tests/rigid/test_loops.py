@@ -314,7 +314,7 @@ def test_gaps_of_a_read_model_are_mujocos():
         <body name="two" pos="0.3 0 0"><joint name="b" axis="0 0 1"/><joint name="c" axis="0 1 0"/>
           <geom size="0.1"/></body>
       </body>
-      <body name="three" pos="0.8 0.1 0"><joint name="d" axis="0 0 1"/>
+      <body name="three" pos="0.8 0.1 0"><joint name="d" axis="0 0 1"/>\
 <joint name="e" axis="1 0 0"/>
         <geom size="0.1"/></body>
     </worldbody><equality>

@@ -28,16 +28,16 @@ opensim.Logger.setLevelString("Off")
 
 KNEE = "knee-implant-walk"
 LENHART = "lenhart-knee-contact-walk"
-SETUP = """<OpenSimDocument Version="40000"><ScaleTool name="subject"><mass>-1</mass>
+SETUP = """<OpenSimDocument Version="40000"><ScaleTool name="subject"><mass>-1</mass>\
 <GenericModelMaker>
 <model_file>{model}</model_file><marker_set_file>set.xml</marker_set_file></GenericModelMaker>
 <ModelScaler><apply>true</apply><scaling_order>measurements</scaling_order>
 <MeasurementSet><objects>{measurements}</objects></MeasurementSet><marker_file>static.trc</marker_file>
-<time_range>{first} {last}</time_range>
+<time_range>{first} {last}</time_range>\
 <preserve_mass_distribution>false</preserve_mass_distribution>
 <output_model_file>scaled.osim</output_model_file></ModelScaler>
 <MarkerPlacer><apply>true</apply><IKTaskSet><objects>{tasks}</objects></IKTaskSet><marker_file>static.trc</marker_file>
-<time_range>{first} {last}</time_range><output_model_file>placed.osim</output_model_file>
+<time_range>{first} {last}</time_range><output_model_file>placed.osim</output_model_file>\
 </MarkerPlacer>
 </ScaleTool></OpenSimDocument>
 """

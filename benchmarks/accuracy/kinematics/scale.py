@@ -23,13 +23,13 @@ from myomorph.exchange.opensim.run import run_tool
 
 opensim.Logger.setLevelString("Off")
 
-SCALER = """<OpenSimDocument Version="40000"><ScaleTool name="walker"><mass>74.5</mass>
+SCALER = """<OpenSimDocument Version="40000"><ScaleTool name="walker"><mass>74.5</mass>\
 <GenericModelMaker>
 <model_file>Rajagopal2016.osim</model_file><marker_set_file>markerset_walk_preScale.xml</marker_set_file>
-</GenericModelMaker><ModelScaler><apply>true</apply>
+</GenericModelMaker><ModelScaler><apply>true</apply>\
 <scaling_order>manualScale measurements</scaling_order>
 <MeasurementSet><objects>{measurements}</objects></MeasurementSet>
-<ScaleSet><objects><Scale><scales>1.21 1.178 1.21</scales><segment>torso</segment>
+<ScaleSet><objects><Scale><scales>1.21 1.178 1.21</scales><segment>torso</segment>\
 <apply>true</apply></Scale></objects>
 </ScaleSet><marker_file>static_walk_2.trc</marker_file><time_range>0.02 0.113</time_range>
 <preserve_mass_distribution>false</preserve_mass_distribution>
@@ -39,7 +39,7 @@ SCALER = """<OpenSimDocument Version="40000"><ScaleTool name="walker"><mass>74.5
 <output_model_file>walker_placed.osim</output_model_file><output_motion_file>walker_pose.mot</output_motion_file>
 </MarkerPlacer></ScaleTool></OpenSimDocument>
 """
-MEASUREMENT = """<Measurement name="{name}"><apply>true</apply><MarkerPairSet>
+MEASUREMENT = """<Measurement name="{name}"><apply>true</apply><MarkerPairSet>\
 <objects>{pairs}</objects></MarkerPairSet>
 <BodyScaleSet><objects>{bodies}</objects></BodyScaleSet></Measurement>"""
 PAIR = "<MarkerPair><markers>{} {}</markers></MarkerPair>"

@@ -23,14 +23,14 @@ SPRING = f"{GAIT}ref_so_10dof18musc/"
 SHOULDER = "shoulder-thoracoscapular/"
 POINT = "<body_name>{body}</body_name><point_name>tip</point_name><point>0.01 -0.2 0.03</point>"
 ANALYSES = """<MuscleAnalysis name="MuscleAnalysis"/><BodyKinematics name="BodyKinematics"/>
-<BodyKinematics name="BodyAxes">
+<BodyKinematics name="BodyAxes">\
 <express_results_in_body_local_frame>true</express_results_in_body_local_frame>
-</BodyKinematics><PointKinematics name="PointKinematics">{point}</PointKinematics>
+</BodyKinematics><PointKinematics name="PointKinematics">{point}</PointKinematics>\
 <Kinematics name="Kinematics"/>
-<Actuation name="Actuation"/><ForceReporter name="ForceReporter"/>
+<Actuation name="Actuation"/><ForceReporter name="ForceReporter"/>\
 <StatesReporter name="StatesReporter"/>
 <JointReaction name="JointReaction"/>"""
-SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="a">
+SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="a">\
 <model_file>{model}</model_file>
 <results_directory>{results}</results_directory><output_precision>12</output_precision>
 <initial_time>{start}</initial_time><final_time>{end}</final_time>
@@ -39,7 +39,7 @@ SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool na
 <{kind}_file>{motion}</{kind}_file>
 <lowpass_cutoff_frequency_for_coordinates>{cutoff}</lowpass_cutoff_frequency_for_coordinates></AnalyzeTool>
 </OpenSimDocument>"""
-LOAD = """<ExternalForce name="{body}_force"><applied_to_body>{body}</applied_to_body>
+LOAD = """<ExternalForce name="{body}_force"><applied_to_body>{body}</applied_to_body>\
 <force_expressed_in_body>ground
 </force_expressed_in_body><point_expressed_in_body>ground</point_expressed_in_body><force_identifier>{side}ground_force_v
 </force_identifier><point_identifier>{side}ground_force_p</point_identifier><torque_identifier>{side}ground_torque_

@@ -51,12 +51,12 @@ JOINTS = (
     "ankle_r",
 )
 OWN = ("lumbar_ext", "lumbar_bend", "lumbar_rot")
-SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="so">
+SETUP = """<?xml version="1.0"?><OpenSimDocument Version="40000"><AnalyzeTool name="so">\
 <model_file>{model}</model_file>
 <replace_force_set>false</replace_force_set><force_set_files>{actuators}</force_set_files>
 <results_directory>{results}</results_directory><initial_time>{start}</initial_time><final_time>{stop}</final_time>
 <solve_for_equilibrium_for_auxiliary_states>false</solve_for_equilibrium_for_auxiliary_states>
-<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on>
+<AnalysisSet name="Analyses"><objects><JointReaction name="JR"><on>true</on>\
 <step_interval>{step}</step_interval>
 <forces_file>forces.sto</forces_file><joint_names>ALL</joint_names><apply_on_bodies>child</apply_on_bodies>
 <express_in_frame>child</express_in_frame></JointReaction></objects></AnalysisSet>

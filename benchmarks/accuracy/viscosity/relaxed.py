@@ -167,7 +167,7 @@ FIRST_PART = 3.0
 CHILD = """<mujoco model="child"><option gravity="0 0 -9.81"/><worldbody><body name="thigh">
   <inertial pos="-0.1 0 0" mass="3" diaginertia="0.03 0.03 0.03"/>
   <body name="shank"><joint name="knee" axis="0 -1 0"/>
-  <inertial pos="{distance} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/></body>
+  <inertial pos="{distance} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/></body>\
 </body></worldbody>
   </mujoco>"""
 """The knee's angle is 0 where the shank is level, as in the recording."""

@@ -135,7 +135,7 @@ def test_ranges_and_locks():
         <body><joint name="b"/><geom size="1"/>
           <body><joint name="c" ref="0.5"/><geom size="1"/></body></body></body>
     </worldbody><equality>
-      <joint joint1="c" polycoef="0.2 0 0 0 0"/>
+      <joint joint1="c" polycoef="0.2 0 0 0 0"/>\
 <joint joint1="b" joint2="a" polycoef="0.1 2 3 0 0"/>
       <joint joint1="a" joint2="b" active="false"/>
     </equality></mujoco>"""

@@ -12,9 +12,9 @@ from myomorph.core.model.errors import BadFile, UnknownName
 TWO = """<OpenSimDocument Version="40000"><ForceSet name="set"><objects>
  <CoordinateActuator name="a"><min_control>-Inf</min_control><max_control>2</max_control>
   <coordinate>{coordinate}</coordinate><optimal_force>50</optimal_force></CoordinateActuator>
- <TorqueActuator name="b"><bodyA>{body}</bodyA><bodyB>ground</bodyB><axis>0 1 0</axis>
+ <TorqueActuator name="b"><bodyA>{body}</bodyA><bodyB>ground</bodyB><axis>0 1 0</axis>\
 </TorqueActuator>
- <PointToPointActuator name="c"><bodyA>{body}</bodyA><bodyB>ground</bodyB><pointA>1 0 0</pointA>
+ <PointToPointActuator name="c"><bodyA>{body}</bodyA><bodyB>ground</bodyB><pointA>1 0 0</pointA>\
 <pointB>0 0 2</pointB>
  </PointToPointActuator>
  <PointActuator name="d"><appliesForce>false</appliesForce><body>{body}</body></PointActuator>

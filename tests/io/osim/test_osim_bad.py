@@ -16,10 +16,10 @@ from myomorph.core.model.errors import BadFile, BadModel, MyomorphError, Unknown
 ROD = """<?xml version="1.0" encoding="UTF-8"?>
 <OpenSimDocument Version="40000">
  <Model name="rod">
-  <defaults><Thelen2003Muscle name="default"><min_control>0.02</min_control><Af>0.4</Af>
+  <defaults><Thelen2003Muscle name="default"><min_control>0.02</min_control><Af>0.4</Af>\
 </Thelen2003Muscle></defaults>
   <BodySet name="bodyset"><objects>
-   <Body name="rod"><mass>1.5</mass><mass_center>0 0.5 0</mass_center>
+   <Body name="rod"><mass>1.5</mass><mass_center>0 0.5 0</mass_center>\
 <inertia>1 1 1 0 0 0</inertia></Body>
   </objects></BodySet>
   <JointSet name="jointset"><objects>
@@ -32,11 +32,11 @@ ROD = """<?xml version="1.0" encoding="UTF-8"?>
    <Thelen2003Muscle name="pull">
     <GeometryPath name="path">
      <PathPointSet><objects>
-      <PathPoint name="a"><socket_parent_frame>/ground</socket_parent_frame>
+      <PathPoint name="a"><socket_parent_frame>/ground</socket_parent_frame>\
 <location>0 1 0</location></PathPoint>
-      <ConditionalPathPoint name="b"><socket_parent_frame>/bodyset/rod</socket_parent_frame>
+      <ConditionalPathPoint name="b"><socket_parent_frame>/bodyset/rod</socket_parent_frame>\
 <location>0 0 0</location>
-       <socket_coordinate>/jointset/pin/angle</socket_coordinate><range>-1 1</range>
+       <socket_coordinate>/jointset/pin/angle</socket_coordinate><range>-1 1</range>\
 </ConditionalPathPoint>
      </objects></PathPointSet>
     </GeometryPath>
@@ -166,9 +166,9 @@ def test_two_wrap_objects_of_one_name_the_first_is_meant(rod):
 
 def test_a_frame_that_stands_on_itself_is_refused(rod):
     frames = """<components>
-     <PhysicalOffsetFrame name="f"><socket_parent>/bodyset/rod/g</socket_parent>
+     <PhysicalOffsetFrame name="f"><socket_parent>/bodyset/rod/g</socket_parent>\
 </PhysicalOffsetFrame>
-     <PhysicalOffsetFrame name="g"><socket_parent>/bodyset/rod/f</socket_parent>
+     <PhysicalOffsetFrame name="g"><socket_parent>/bodyset/rod/f</socket_parent>\
 </PhysicalOffsetFrame></components>"""
     with pytest.raises(BadFile, match="its own parent"):
         rod(('<Body name="rod">', f'<Body name="rod">{frames}'))

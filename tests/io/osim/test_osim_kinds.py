@@ -244,7 +244,7 @@ OLD = """<?xml version="1.0" encoding="UTF-8"?>
 <Body name="rod"><mass>1</mass><mass_center>0 0.1 0</mass_center>
  <inertia_xx>0.1</inertia_xx><inertia_yy>0.1</inertia_yy><inertia_zz>0.1</inertia_zz>
  <Joint><CustomJoint name="turned"><parent_body>ground</parent_body>
-  <location_in_parent>0.1 0.2 0.3</location_in_parent>
+  <location_in_parent>0.1 0.2 0.3</location_in_parent>\
 <orientation_in_parent>0.2 0 0.4</orientation_in_parent>
   <location>0 0.5 0</location><orientation>0 0.25 0</orientation>
   <CoordinateSet><objects>
@@ -255,15 +255,15 @@ OLD = """<?xml version="1.0" encoding="UTF-8"?>
   <reverse>true</reverse>
   <SpatialTransform>
    <TransformAxis name="rotation1"><coordinates>turn</coordinates><axis>0 0 1</axis>
-    <function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function>
+    <function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function>\
 </TransformAxis>
    <TransformAxis name="rotation2"><coordinates>bend</coordinates><axis>0 1 0</axis>
-    <function><LinearFunction><coefficients>-1 0</coefficients></LinearFunction></function>
+    <function><LinearFunction><coefficients>-1 0</coefficients></LinearFunction></function>\
 </TransformAxis>
    <TransformAxis name="rotation3"><axis>1 0 0</axis>
     <function><Constant><value>0.3</value></Constant></function></TransformAxis>
    <TransformAxis name="translation1"><coordinates>slide</coordinates><axis>1 0 0</axis>
-    <function><NaturalCubicSpline><x>-1 0 1 2</x><y>0.2 0 0.1 0.4</y></NaturalCubicSpline>
+    <function><NaturalCubicSpline><x>-1 0 1 2</x><y>0.2 0 0.1 0.4</y></NaturalCubicSpline>\
 </function></TransformAxis>
    <TransformAxis name="translation2"><axis>0 1 0</axis>
     <function><Constant><value>0</value></Constant></function></TransformAxis>
@@ -275,10 +275,10 @@ OLD = """<?xml version="1.0" encoding="UTF-8"?>
 <Body name="bob"><mass>1</mass><mass_center>0 0 0</mass_center>
  <inertia_xx>0.1</inertia_xx><inertia_yy>0.1</inertia_yy><inertia_zz>0.1</inertia_zz>
  <Joint><PinJoint name="hook"><parent_body>rod</parent_body>
-  <location_in_parent>0 -0.5 0</location_in_parent>
+  <location_in_parent>0 -0.5 0</location_in_parent>\
 <orientation_in_parent>0 0 0</orientation_in_parent>
   <location>0 0.2 0</location><orientation>0.1 0.2 0.3</orientation><reverse>true</reverse>
-  <CoordinateSet><objects><Coordinate name="swing"><range>-3 3</range></Coordinate></objects>
+  <CoordinateSet><objects><Coordinate name="swing"><range>-3 3</range></Coordinate></objects>\
 </CoordinateSet>
  </PinJoint></Joint>
 </Body>

@@ -106,7 +106,7 @@ def test_static_optimization_setup(data):
 
 TOOL = """<OpenSimDocument Version="{version}"><IKTool name="old"><model_file>m.osim</model_file>
 <IKTaskSet><objects>{tasks}</objects></IKTaskSet>
-<IKTrialSet><objects><IKTrial name="t"><marker_file>C:\\data\\walk.trc</marker_file>
+<IKTrialSet><objects><IKTrial name="t"><marker_file>C:\\data\\walk.trc</marker_file>\
 <time_range>1 2</time_range>
 </IKTrial>{more}</objects></IKTrialSet></IKTool></OpenSimDocument>"""
 
