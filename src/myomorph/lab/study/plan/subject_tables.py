@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field, create_model
 
 from myomorph.core.model.errors import MyomorphError
+from myomorph.core.model.registry import remark
 from myomorph.lab.store.named_files import globbed, is_pattern
 from myomorph.lab.store.settings import Differentiation, Setting, with_settings
 from myomorph.lab.store.study_file import Strict, StudyTable, options_table
@@ -35,9 +36,20 @@ def study_steps() -> tuple[str, ...]:
 
 
 def own_tables() -> dict[str, OwnTable]:
-    """Tables of a subject that steps bring, by step."""
-    steps = (step_of(name, "subject") for name in STEPS["subject"])
-    return {step.name: step.own_table for step in steps if step.own_table is not None}
+    """Return the tables of a subject that steps bring, by step; none takes the place of a key."""
+    taken = {*SubjectTable.model_fields, *all_keys()}
+    tables = {}
+    for step in (step_of(name, "subject") for name in STEPS["subject"]):
+        if step.own_table is None:
+            continue
+        key = step.own_table.key
+        if key in taken:
+            remark(
+                f"step '{step.name}': subjects have a key '{key}' already: its table is left out"
+            )
+        else:
+            tables[step.name] = step.own_table
+    return tables
 
 
 def filtered_steps() -> tuple[str, ...]:
@@ -174,6 +186,11 @@ def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
     }
 
 
+def _own_keys() -> dict[str, Any]:
+    """Tables of steps as pydantic makes fields."""
+    return {own.key: (own.table | None, None) for own in own_tables().values()}
+
+
 @cache
 def _tables(
     steps: tuple[str, ...], inputs: tuple[str, ...]
@@ -190,7 +207,7 @@ def _tables(
         options=own,
         trials=(list[str | trial], ...),  # type: ignore[valid-type]
         **input_keys("subject", SubjectTable),
-        **{own.key: (own.table | None, None) for own in own_tables().values()},
+        **_own_keys(),
     )
     file = create_model(
         "StudyFile",
