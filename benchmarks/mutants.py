@@ -1,7 +1,7 @@
 """Mutation run: how many small wrong changes of the science rooms their own tests notice, with
 cosmic-ray.
 
-`python -m benchmarks mutants [--count N] [--seed S] [--rooms morph ...] [--work FOLDER] [--save]`.
+`python -m benchmarks mutants [--count N] [--seed S] [--rooms bones/morph ...] [--work FOLDER] [--save]`.
 A mutant is a change of one line in a copy of the tree; the tests of its room that import the module
 run, nearest first, within `--budget` seconds. FOLDER keeps what a stopped run goes on from. An hour
 for forty; not for Windows; extra `mutants`. Not drawn: constants, defaults, annotations,
@@ -35,7 +35,25 @@ from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkerOutcome, WorkI
 from data_collection import data_folder
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("rigid", "motion", "muscles", "contact", "identify", "morph", "tension", "analysis")
+ROOMS = {
+    "core/rigid": "rigid",
+    "core/motion": "motion",
+    "core/muscles": "muscles",
+    "core/contact": "contact",
+    "core/surfaces": "morph",
+    "core/fit": "fit",
+    "core/tension": "tension",
+    "body/calibrate": "motion",
+    "body/sensors": "motion",
+    "body/identify": "identify",
+    "body/shape": "identify",
+    "body/refine": "identify",
+    "body/personalize": "tension",
+    "body/tension": "tension",
+    "bones/morph": "morph",
+    "lab/analysis": "analysis",
+}
+"""Rooms by wing, and the folder of their tests."""
 KINDS = {
     "sign": (
         "ReplaceBinaryOperator_Add_Sub",
@@ -197,7 +215,8 @@ def nearest_tests(graph: grimp.ImportGraph, path: Path) -> list[str]:
     """
     module = ".".join(path.relative_to("src").with_suffix("").parts).removesuffix(".__init__")
     steps = {}
-    for file in sorted(Path("tests", path.parts[2]).rglob("test_*.py")):
+    room = "/".join(path.parts[2:4])
+    for file in sorted(Path("tests", ROOMS[room]).rglob("test_*.py")):
         names = _imported(file, graph.modules)
         chains = [graph.find_shortest_chain(name, module) or () for name in names - {module}]
         if counts := [len(chain) for chain in chains if chain] + [1] * (module in names):

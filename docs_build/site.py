@@ -99,7 +99,7 @@ def _equation(found: re.Match[str]) -> str:
 
 
 def modules(room: str) -> list[Path]:
-    """Modules of a room and of the rooms in it by name, without those that a program alone uses."""
+    """Modules of a wing and of the rooms in it by name, without those that a program alone uses."""
     return sorted(path for path in (PACKAGE / room).rglob("*.py") if not path.stem.startswith("_"))
 
 
@@ -131,18 +131,18 @@ def room_index(room: str) -> str:
 
 
 def reference_index() -> str:
-    """The rooms, from the top of the map down."""
+    """The wings, from the main job outwards."""
     lines = [
         "# Reference",
         "",
         (
-            "What every module offers, taken from its docstrings. A room imports only from rooms"
-            " below it; [Architecture](../architecture.md) has the map and the values that pass"
-            " between rooms."
+            "What every module offers, taken from its docstrings. The laboratory stands on the"
+            " body, the body on the core, and the other wings on these; [Architecture]"
+            "(../architecture.md) has the map and the values that pass between rooms."
         ),
         "Names that begin with an underscore are nobody else's business and are left out.",
         "",
-        "| room | what it is for | modules |",
+        "| wing | what it is for | modules |",
         "|---|---|---|",
     ]
     for room in WINGS:

@@ -27,7 +27,7 @@ def area(width: float, height: float = 2.0 * 1) -> float:
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
-    path = tmp_path / "src/myomorph/morph/area.py"
+    path = tmp_path / "src/myomorph/bones/morph/area.py"
     path.parent.mkdir(parents=True)
     path.write_text(TEXT, "utf-8")
     monkeypatch.chdir(tmp_path)
@@ -35,8 +35,8 @@ def tree(tmp_path, monkeypatch):
 
 
 def test_places_inside_functions_are_drawn_one_a_line(tree):
-    first = list(mutants.sample(["morph"], 2, 3))
-    again = list(mutants.sample(["morph"], 2, 3))
+    first = list(mutants.sample(["bones/morph"], 2, 3))
+    again = list(mutants.sample(["bones/morph"], 2, 3))
     assert first == again
     specs = [item.mutations[0] for item in first]
     assert {spec.start_pos[0] for spec in specs} == {8, 10}
