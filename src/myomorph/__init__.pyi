@@ -115,8 +115,11 @@ from .lab.analysis.strides import Strides as Strides
 from .lab.analysis.strides import find_strides as find_strides
 from .lab.analyze.analyze import PreparedStudy as PreparedStudy
 from .lab.analyze.analyze import prepare_study as prepare_study
+from .lab.session.body_measures import BodyMeasures as BodyMeasures
+from .lab.session.body_measures import Measured as Measured
 from .lab.session.read import read_session as read_session
 from .lab.session.session import Person as Person
+from .lab.session.session import RecordedClock as RecordedClock
 from .lab.session.session import Session as Session
 from .lab.session.session import SessionTrial as SessionTrial
 from .lab.store.outcome import Conditions as Conditions

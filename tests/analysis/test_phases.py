@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from myomorph.core.model.series import Series, Wrenches
-from myomorph.lab.analysis.phases import contacts, find_movement, side_of
+from myomorph.lab.analysis.phases import contacts, ground_phases, side_of
 from walker import steps
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -67,7 +67,7 @@ def jump(
 @pytest.mark.parametrize("with_weight", [True, False])
 def test_a_jump_has_the_phases_it_was_made_with(with_com: bool, with_weight: bool) -> None:
     wrenches, com, known = jump()
-    found = find_movement(
+    found = ground_phases(
         wrenches, UP, 75.0 * G if with_weight else None, com if with_com else None
     )
     assert found.kind == "jump"
@@ -86,7 +86,7 @@ def test_a_jump_has_the_phases_it_was_made_with(with_com: bool, with_weight: boo
 
 def test_steps_become_strikes_and_offs_on_their_sides() -> None:
     time = np.arange(0.0, 1.6, 0.001)
-    found = find_movement(steps(time, 600.0), UP, 600.0)
+    found = ground_phases(steps(time, 600.0), UP, 600.0)
     assert found.kind == "gait"
     told = [(event.side, event.label) for event in found.events]
     assert told == [
@@ -101,8 +101,8 @@ def test_steps_become_strikes_and_offs_on_their_sides() -> None:
 def test_a_mouse_walks_like_a_man() -> None:
     """Events do not depend on the size of the forces."""
     time = np.arange(0.0, 1.6, 0.001)
-    large = find_movement(steps(time, 600.0), UP, 600.0)
-    small = find_movement(steps(time, 0.3), UP, 0.3)
+    large = ground_phases(steps(time, 600.0), UP, 600.0)
+    small = ground_phases(steps(time, 0.3), UP, 0.3)
     assert [event.time for event in small.events] == [event.time for event in large.events]
 
 
@@ -121,7 +121,7 @@ def test_running_is_no_jump() -> None:
         points=0 * forces,
         torques=0 * forces,
     )
-    assert find_movement(wrenches, UP, 700.0).kind == "gait"
+    assert ground_phases(wrenches, UP, 700.0).kind == "gait"
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_nothing_is_found_where_nothing_presses(forces: np.ndarray) -> None:
         points=0 * forces,
         torques=0 * forces,
     )
-    assert find_movement(wrenches, UP, 700.0).events == ()
+    assert ground_phases(wrenches, UP, 700.0).events == ()
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 0.5), st.floats(0.1, 0.5)), min_size=1, max_size=5))
@@ -185,7 +185,7 @@ def test_feet_of_one_who_sits_and_rises_make_no_jump() -> None:
         points=np.zeros_like(forces),
         torques=np.zeros_like(forces),
     )
-    assert find_movement(wrenches, UP, 700.0).kind != "jump"
+    assert ground_phases(wrenches, UP, 700.0).kind != "jump"
 
 
 @pytest.mark.parametrize("begin", [0.0, -3.0, 100.0])

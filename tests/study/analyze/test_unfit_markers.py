@@ -15,9 +15,9 @@ from myomorph.core.io.trc import write_trc
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.protocols import recognize
+from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analyze.analyze import prepare_request
 from myomorph.lab.analyze.recorded_trial import AnalyzeRequest
-from myomorph.lab.session.arm_labels import is_arm
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.loads import LoadsFile
 from myomorph.lab.study.inputs.time_span import TimeSpan

@@ -27,7 +27,8 @@ MIN_REACH = 0.2  # An arm moves that goes so far.
 MIN_STEP = 0.12  # A foot is ahead of the other that is by so much, ...
 MIN_STEPPED = 0.3  # ... and both go so far over the ground or a belt, ...
 MIN_SPREAD = 0.5  # ... as far apart, from one behind to one ahead, where they pass only once.
-MIN_DESCENT = 0.2  # A pelvis that goes down so far over feet that stay, squats or rises.
+MIN_DESCENT = 0.12  # A pelvis that goes down so far over feet that stay, squats or rises; ...
+MAX_BEND = 2.2  # ... the trunk of somebody who stoops goes down so many times as far.
 MIN_CLIMB = 0.12  # The lower foot of somebody on stairs ends so much higher or lower.
 MAX_FLIGHT = 0.25  # Of the weight: force on the ground under somebody who flies.
 MIN_LIFT = 0.02  # Both feet leave the ground in a flight by so much at least.
@@ -120,8 +121,15 @@ class SeenMotion:
     @cached_property
     def descent(self) -> float:
         """How far the pelvis goes up and down."""
-        low, high = np.percentile(self.root[:, 1], (2.0, 98.0))
-        return float(high - low)
+        return _range(self.root[:, 1])
+
+    @cached_property
+    def bend(self) -> float:
+        """How far the trunk goes up and down, times the way of the pelvis; nan where it is unseen."""
+        trunk = self.body.mean("trunk")
+        if trunk is None:
+            return float("nan")
+        return _range(self.body.smooth(trunk)[:, 1]) / self.body.leg / self.descent
 
     @cached_property
     def behind(self) -> float:
@@ -152,6 +160,11 @@ class SeenMotion:
             return float("nan")
         thigh = hip - knee
         return float(np.nanmedian(thigh[:, 1] / np.linalg.norm(thigh, axis=1)))
+
+
+def _range(heights: Array) -> float:
+    low, high = np.percentile(heights, (2.0, 98.0))
+    return float(high - low)
 
 
 def found_movement(body: SeenBody, arm_alone: bool = False) -> Known[Movement]:
@@ -230,7 +243,8 @@ def _in_place(motion: SeenMotion) -> Known[Movement]:
         if motion.behind > MAX_BALANCE:
             apart = 100.0 * motion.behind * body.leg
             return _by_markers("rising", f"{way}, and its weight is {apart:.0f} cm behind them")
-        return _by_markers("squatting", way)
+        if not motion.bend > MAX_BEND:
+            return _by_markers("squatting", way)
     if max(extent(motion.root), moved) > MAX_STILL:
         return _by_markers("other", "the body moves over feet that stay")
     return _of_a_pose(motion)

@@ -38,8 +38,8 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Movement:
-    """What a recording shows."""
+class GroundPhases:
+    """What ground forces show."""
 
     kind: str = ""  # "gait", "jump", "contact" or "" where no force shows it
     events: tuple[Event, ...] = ()  # in order of time
@@ -57,9 +57,9 @@ def side_of(name: str, body: str = "") -> str:
     return ""
 
 
-def find_movement(
+def ground_phases(
     wrenches: Wrenches, up: Array, weight: float | None = None, height: Series | None = None
-) -> Movement:
+) -> GroundPhases:
     """Events of a walk, a run or a jump from the ground forces.
     A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon
     et al. 2018: onset, start of braking, lowest point, take-off, landing. Otherwise every side that
@@ -70,7 +70,7 @@ def find_movement(
     """
     vertical = np.nan_to_num(wrenches.forces @ up)
     if len(wrenches) < 3 or not vertical.size or np.max(vertical) <= 0.0:
-        return Movement()
+        return GroundPhases()
     total = vertical.sum(axis=1)
     scale = weight or float(np.max(total)) / 3.0
     com = None
@@ -110,7 +110,7 @@ def contacts(
     return tuple((start, stop) for start, stop in joined if time[stop] - time[start] >= shortest)
 
 
-def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> Movement:
+def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> GroundPhases:
     events: list[Event] = []
     measures: list[Measure] = []
     known = [side for side in ("Right", "Left") if side in sides]
@@ -141,12 +141,12 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> 
                     )
                 )
     kind = "" if not events else "gait" if known else "contact"
-    return Movement(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+    return GroundPhases(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
 
 
 def _jump(
     time: Array, total: Array, weight: float, com: Array | None, weighed: bool
-) -> Movement | None:
+) -> GroundPhases | None:
     """Phases of the first jump that starts from standing, None where there is none."""
     grounded = contacts(time, total, THRESHOLD * weight, SHORTEST_CONTACT)
     for (start, off), (land, last) in itertools.pairwise(grounded):
@@ -200,7 +200,7 @@ def _quiet(
 
 def _jump_phases(
     time: Array, total: Array, marks: tuple[int, int, int, int], weight: float, com: Array | None
-) -> Movement:
+) -> GroundPhases:
     onset, off, land, last = marks
     gravity = 9.80665
     push = slice(onset, off + 1)
@@ -256,7 +256,9 @@ def _jump_phases(
                 source=f"{peak / weight:.2f} body weights",
             )
         )
-    return Movement("jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+    return GroundPhases(
+        "jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures)
+    )
 
 
 @dataclass(frozen=True)

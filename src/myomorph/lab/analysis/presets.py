@@ -11,6 +11,7 @@ from typing import Literal
 
 from myomorph.core.model.errors import check_name
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.movement import Movement
 from myomorph.core.model.segments import Segment
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis.selection import MAJOR_MUSCLES, SIDES, Pair, spelled, with_right
@@ -186,11 +187,18 @@ def preset_of(name: str) -> Preset:
     return PRESETS[name]
 
 
-def fitting_preset(walks: bool, sources: tuple[str, ...], persons: int, holds: bool) -> Preset:
+def fitting_preset(
+    walks: bool,
+    sources: tuple[str, ...],
+    persons: int,
+    holds: bool,
+    movement: Movement | None = None,
+) -> Preset:
     """The preset that a recording asks for by itself.
     `walks`: whether feet strike the ground one after the other; `sources`: where the contacts come
     from; `persons`: subjects with muscles; `holds`: whether an object without muscles is in the
-    recording.
+    recording; `movement`: of the recording, None where it is not known: a walk needs no plates to
+    be one, and what is known to be no gait is none, whatever feet do.
     """
     if persons > 1:
         return PRESETS["judo"]
@@ -198,4 +206,7 @@ def fitting_preset(walks: bool, sources: tuple[str, ...], persons: int, holds: b
         return PRESETS["drum"]
     if holds:
         return PRESETS["lift"]
-    return PRESETS["gait" if walks else "motion"]
+    if movement == "walking":
+        return PRESETS["gait"]
+    steps = movement in (None, "running", "stairs")
+    return PRESETS["gait" if walks and steps else "motion"]

@@ -18,6 +18,7 @@ from myomorph.core.model.series import Markers
 from myomorph.core.motion.protocols import labels_between
 from myomorph.core.motion.sync import cut
 from myomorph.core.muscles.published_arms import arm_warnings
+from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analyze.arms import have_arms
 from myomorph.lab.analyze.generic_model import generic_model
 from myomorph.lab.analyze.proposed_protocol import proposed_sites, proposed_table
@@ -35,7 +36,6 @@ from myomorph.lab.analyze.sensor_trials import (
     with_pose,
 )
 from myomorph.lab.analyze.unfit_markers import unfit_markers
-from myomorph.lab.session.arm_labels import is_arm
 from myomorph.lab.session.plate_cover import weighed
 from myomorph.lab.session.recordings import (
     Recording,

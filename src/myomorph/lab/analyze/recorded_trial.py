@@ -15,7 +15,7 @@ from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of
 from myomorph.core.motion.protocols import ProtocolTable, protocol_table, protocols
-from myomorph.lab.session.arm_labels import is_arm
+from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.session.plate_cover import LASTS, SHARED, shared_time, uncovered_share
 from myomorph.lab.session.recordings import Recording, bare
 from myomorph.lab.session.sensor_recordings import placed_sensors

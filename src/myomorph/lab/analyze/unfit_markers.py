@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 
 from myomorph.core.motion.protocols import Recognized
-from myomorph.lab.session.arm_labels import is_arm
+from myomorph.lab.analysis.arm_labels import is_arm
 
 TABLE = (
     "say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers"

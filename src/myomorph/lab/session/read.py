@@ -15,10 +15,9 @@ from myomorph.core.model.errors import BadFile, MyomorphError
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Series
-from myomorph.core.motion.protocols import ProtocolTable
+from myomorph.lab.analysis.arm_labels import is_arm
 from myomorph.lab.analysis.found_movement import found_movement
 from myomorph.lab.analysis.seen_body import SeenBody
-from myomorph.lab.session.arm_labels import is_arm
 from myomorph.lab.session.body_measures import BodyMeasures, measures_of
 from myomorph.lab.session.names import header_name, named_movement, stated_date, subject_code
 from myomorph.lab.session.people import Evidence, Group, people_of
@@ -34,7 +33,6 @@ NO_MARKERS = BodyMeasures(lengths={})
 
 def read_session(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    table: ProtocolTable | None = None,
 ) -> Session:
     """Who was recorded, when, and in which movement, by files, names, segment lengths and weight.
 
@@ -43,7 +41,6 @@ def read_session(
     Parameters
     ----------
     paths : recordings (.c3d, .trc, .mat, .sto of sensors, ...), or folders of them
-    table : marker protocols, None for those of the package
 
     Returns
     -------
@@ -70,7 +67,7 @@ def read_session(
     recordings = []
     for path in files:
         try:
-            recordings.append(look_at(path, table=table))
+            recordings.append(look_at(path))
         except MyomorphError as error:
             passed_over.append(" ".join(str(error).split()))
     if not recordings:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Literal
 
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.lab.session.body_measures import BodyMeasures
@@ -115,17 +113,20 @@ class Session:
     people : persons and animals, in the order in which they come
     trials : recordings, in the order of their files
     passed_over : files that are no recordings, and recordings that cannot be read, one line each
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> squat = mm.demo_recording()
+    >>> mm.write_trc(squat.markers, "squat.trc")
+    >>> [str(person.name) for person in mm.read_session("squat.trc").people]
+    ['subject']
     """
 
     source: str
     people: tuple[Person, ...]
     trials: tuple[SessionTrial, ...]
     passed_over: tuple[str, ...] = ()
-    _by_path: Mapping[Path, SessionTrial] = field(default_factory=lambda: FrozenMap({}), repr=False)
-
-    def __post_init__(self) -> None:
-        by_path = FrozenMap({trial.path: trial for trial in self.trials})
-        object.__setattr__(self, "_by_path", by_path)
 
     def of(self, person: str) -> tuple[SessionTrial, ...]:
         """Trials of a person, by name."""
@@ -133,7 +134,7 @@ class Session:
 
     def trial(self, path: Path) -> SessionTrial | None:
         """The trial of a file, None where it is none of the session."""
-        return self._by_path.get(path)
+        return next((trial for trial in self.trials if trial.path == path), None)
 
     @property
     def date(self) -> Known[date]:

@@ -103,11 +103,11 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     people = sum(1 for subject in who if subject.muscles)
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
-    walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
+    walks = prepared.ground.kind == "gait" and _steps(limbs, touching, clock)
     named = results.analysis.preset
-    preset = (
-        preset_of(named) if named else fitting_preset(walks, sources, people, len(who) > people > 0)
-    )
+    holds = len(who) > people > 0
+    movement = results.recorded.movement.value
+    preset = preset_of(named) if named else fitting_preset(walks, sources, people, holds, movement)
     persons = _persons(prepared, who, results.analysis.muscles or preset.muscles)
     # The clearest of the longest periods of the first person's center of gravity.
     periodic = [period for period in persons[0].periods if period.periodic] if persons else []

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Event, Motion, Series
 from myomorph.lab.analysis.center_of_mass import centroid
 from myomorph.lab.analysis.gait_curves import GaitCurves, gait_curves
 from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
-from myomorph.lab.analysis.phases import Movement, find_movement
+from myomorph.lab.analysis.phases import GroundPhases, ground_phases
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.analysis.walking import walking_strides
 from myomorph.lab.report.page.parts import Quantity, Verdict
@@ -24,6 +25,8 @@ MAX_CENTER_FRAMES = 40000
 MAX_PLAYED = 7.5
 MAX_WHOLE = 20.0
 GAITS = ("", "gait")  # Presets in which strides are looked for.
+STEPPING: tuple[Movement, ...] = ("walking", "running", "stairs")
+"""Movements with strides; only of walking there are norms."""
 
 
 @read_only
@@ -33,7 +36,7 @@ class Prepared:
     results: ReportInput
     up: Array  # against gravity, (3,)
     span: tuple[float, float]  # first and last time of the report [s]
-    movement: Movement  # kind, events and measures
+    ground: GroundPhases  # kind, events and measures that forces show
     centroid: Series | None  # center of mass over time, or None
     floor: float  # height of the ground along `up` [m]
     weight: float | None  # of the body [N], None if unknown
@@ -44,7 +47,7 @@ class Prepared:
     def events(self) -> tuple[Event, ...]:
         """Events within the span."""
         return tuple(
-            event for event in self.movement.events if self.span[0] <= event.time <= self.span[1]
+            event for event in self.ground.events if self.span[0] <= event.time <= self.span[1]
         )
 
     @property
@@ -92,8 +95,10 @@ class Prepared:
     @cached_property
     def gait(self) -> GaitCurves | None:
         """Curves of clinical gait analysis over the strides; None where the motion is no walk of
-        two legs.
+        two legs, or the recording is of another movement.
         """
+        if self.results.recorded.movement.value not in (None, "walking"):
+            return None
         model = self.results.model
         motion = self.results.kinematics.motion
         if (
@@ -110,9 +115,11 @@ class Prepared:
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:
-        """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not
-        there.
+        """Muscle lengths over the strides of a walk or a run; None where lengths, feet or strides
+        are not there.
         """
+        if self.results.recorded.movement.value not in (None, *STEPPING):
+            return None
         model = self.results.model
         muscles = self.results.muscles
         preset = self.results.analysis.preset
@@ -147,7 +154,7 @@ def prepare(results: ReportInput) -> Prepared:
         weight = results.model.weight
     # A model of part of a body does not weigh what stands on the plates.
     whole = weight if not results.dynamics.root_note else None
-    movement = Movement()
+    ground = GroundPhases()
     pressing = results.dynamics.wrenches
     # A plate that feet share is on the nearest one among the measured forces.
     if (
@@ -155,17 +162,17 @@ def prepare(results: ReportInput) -> Prepared:
     ) and results.contacts.forces is not None:
         pressing = results.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
-        movement = find_movement(pressing, up, whole, com)
+        ground = ground_phases(pressing, up, whole, com)
     if results.recorded.events is not None:
-        kind = movement.kind if not results.recorded.events else movement.kind or "movement"
+        kind = ground.kind if not results.recorded.events else ground.kind or "movement"
         events = tuple(sorted(results.recorded.events, key=lambda event: event.time))
-        movement = Movement(kind, events, movement.measures)
+        ground = GroundPhases(kind, events, ground.measures)
     scale = tables.body_scale(results.kinematics.markers)
     prepared = Prepared(
         results=results,
         up=up,
         span=span,
-        movement=movement,
+        ground=ground,
         centroid=com,
         floor=_floor(results, up),
         weight=whole,

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Literal
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces, Contacts
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.known import Known
 from myomorph.core.model.model import Model
+from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.core.model.surface import Surface
 from myomorph.lab.report.page.parts import PageHead, Section
@@ -74,6 +76,8 @@ class Recorded:
     # known events; None lets the report find them in the forces
     events: tuple[Event, ...] | None = None
     truth: Truth | None = None  # of a simulated capture
+    movement: Known[Movement] = field(default_factory=Known)  # which movement it is of
+    date: str = ""  # day of the recording, as 2026-03-05
 
 
 @dataclass(frozen=True, eq=False)

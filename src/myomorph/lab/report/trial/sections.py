@@ -145,7 +145,7 @@ def force_section(prepared: Prepared) -> Section | None:
     ]
     if not figures:
         return None
-    measures = prepared.movement.measures
+    measures = prepared.ground.measures
     rows = tuple((each.name, f"{number(each.value)} {each.unit}", each.source) for each in measures)
     grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
     title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"

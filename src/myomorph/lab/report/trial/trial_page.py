@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from myomorph.core.model.known import Known
+from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.pictures import nearest_frames
@@ -50,7 +52,7 @@ def prepared_page(prepared: Prepared) -> str:
         if results.identification is not None
         else set()
     )
-    cited |= {"owen2014", "mcmahon2018"} if prepared.movement.kind == "jump" else set()
+    cited |= {"owen2014", "mcmahon2018"} if prepared.ground.kind == "jump" else set()
     cited |= ANALYSIS if any(part.key == "analysis" for part in parts) else set()
     return rendered(
         results.head,
@@ -72,6 +74,8 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
     """Lines of the heading: name and text."""
     results = prepared.results
     rows = [("Subject", results.recorded.subject)] if results.recorded.subject else []
+    rows += [("Recorded", results.recorded.date)] if results.recorded.date else []
+    rows += _movement(prepared)
     rows += list(results.recorded.facts.items())
     if results.model is not None:
         model = results.model
@@ -94,15 +98,29 @@ def _facts(prepared: Prepared) -> list[tuple[str, str]]:
                 f" {number((len(series.time) - 1) / (last - first))} Hz, "
             )
             rows.append((name, f"{text}{number(first, 0.01)} to {number(last, 0.01)}\u00a0s"))
-    if prepared.movement.kind:
-        kind = {
+    return rows
+
+
+def _movement(prepared: Prepared) -> list[tuple[str, str]]:
+    """Which movement it is, how that is known, and what forces show of it."""
+    movement = prepared.results.recorded.movement
+    texts = [] if movement.value is None else [_by_whom(movement)]
+    kind = prepared.ground.kind
+    if kind:
+        words = {
             "gait": "gait",
             "jump": "countermovement jump",
             "contact": "contacts with the ground",
         }
-        text = kind.get(prepared.movement.kind, prepared.movement.kind)
-        rows.append(("Movement", f"{text}, {len(prepared.events)} events"))
-    return rows
+        texts.append(f"{words.get(kind, kind)}, {len(prepared.events)} events")
+    return [("Movement", "; ".join(texts))] if texts else []
+
+
+def _by_whom(movement: Known[Movement]) -> str:
+    """The movement with what shows it, or that the study file states it."""
+    if movement.origin == "user":
+        return f"{movement} (study file)"
+    return f"{movement} ({movement.sentence})" if movement.sentence else str(movement)
 
 
 def _tiles(prepared: Prepared) -> list[Tile]:

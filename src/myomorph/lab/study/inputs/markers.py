@@ -54,5 +54,9 @@ def _open(settings: MarkersFile, opening: Opening) -> Opened:
 
 
 INPUT = Input(
-    name="markers", settings=MarkersFile, open=_open, main="markers", holds=("loads", "error sizes")
+    name="markers",
+    settings=MarkersFile,
+    open=_open,
+    main="markers",
+    holds=("loads", "error sizes", "session"),
 )

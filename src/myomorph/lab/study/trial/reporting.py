@@ -37,6 +37,7 @@ from myomorph.lab.report.trial.trial_page import prepared_page
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.results import STORED, Stored, file_source, read_result, result_files
 from myomorph.lab.study.inputs.reading import open_model
+from myomorph.lab.study.inputs.session import recorded_movement
 from myomorph.lab.study.step.step import large_variables, step_of
 from myomorph.lab.study.step.step_table import STEPS
 from myomorph.lab.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm_of
@@ -308,6 +309,8 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
             if truth
             else None
         ),
+        movement=recorded_movement(facts),
+        date=facts.get("date", ""),
     )
     phases = tuple(
         Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items()
