@@ -35,8 +35,10 @@ from myomorph.lab.analyze.sensor_trials import (
     unmarked_request,
     with_pose,
 )
+from myomorph.lab.analyze.session_sentences import people_sentences, stated_session
 from myomorph.lab.analyze.unfit_markers import unfit_markers
 from myomorph.lab.session.plate_cover import weighed
+from myomorph.lab.session.read import session_of
 from myomorph.lab.session.recordings import (
     Recording,
     bare,
@@ -48,6 +50,8 @@ from myomorph.lab.session.recordings import (
     stands_still,
     static_beside,
 )
+from myomorph.lab.session.session import Person, Session, SessionTrial
+from myomorph.lab.store.results import file_name
 from myomorph.lab.study.inputs.assumed import Assumed
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.keys import Notes, Place, flag_of
@@ -56,6 +60,7 @@ from myomorph.lab.study.inputs.laboratory import AS_RECORDED
 from myomorph.lab.study.inputs.loads import LoadsFile
 from myomorph.lab.study.inputs.mass import BodyMass
 from myomorph.lab.study.inputs.reading import cut_to, open_model
+from myomorph.lab.study.inputs.session import TrialSession
 from myomorph.lab.study.inputs.table import all_keys, settings_of_keys
 from myomorph.lab.study.plan.plan import Plan
 from myomorph.lab.study.plan.written_plan import is_unchanged, study_text
@@ -65,7 +70,6 @@ from myomorph.lab.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 STUDY = "study.toml"
 GENERIC = "generic.osim"
-SUBJECT = "subject"
 PROPOSED = "protocol.toml"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
 MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
@@ -206,12 +210,10 @@ class RecordingSentences:
     Attributes
     ----------
     worth : what results of sensors alone are worth
-    passed_over : files that are no recordings
     static, pose : the static trial, and the sensors' calibration pose
     """
 
     worth: Sequence[str] = ()
-    passed_over: Sequence[str] = ()
     static: Sequence[str] = ()
     pose: Sequence[str] = ()
 
@@ -253,7 +255,68 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
     """
     study = out / STUDY
     _refuse_changed(study)
-    request, recordings, of_recordings = _sorted_recordings(request)
+    paths, passed_over = files_of(request.recordings)
+    looked_at = [look_at(path, table=request.table) for path in paths]
+    session = session_of(looked_at)
+    _check_one_person(session, request)
+    out.mkdir(parents=True, exist_ok=True)
+    subjects = [
+        _prepared_subject(person, session, looked_at, request, out) for person in session.people
+    ]
+    of_people = people_sentences(session)
+    plan = _plan(study, subjects, request, (*of_people, *passed_over))
+    head = (
+        f"Written by: {' '.join(request.command.split())}",
+        "Change it as you like; these words run it again:",
+        f"myomorph run {_shell(study)} --out {_shell(out)}",
+    )
+    study.write_text(study_text(plan, out, head), encoding="utf-8")
+    return PreparedStudy(study=study, assumed=_all_assumed(subjects, of_people, passed_over))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreparedSubject:
+    """A subject of the study that is written.
+
+    Attributes
+    ----------
+    files : of the subject
+    steps : of its trials
+    assumed : sentences on the subject
+    of_trials : sentences on single trials, which begin with their names
+    """
+
+    files: SubjectFiles
+    steps: tuple[str, ...]
+    assumed: Sequence[str]
+    of_trials: Sequence[str]
+
+
+def _check_one_person(session: Session, request: AnalyzeRequest) -> None:
+    """Refuse what belongs to one person where the recordings are of several."""
+    given = (("--mass", request.mass), ("--height", request.height), ("--static", request.static))
+    flags = [flag for flag, value in given if value is not None]
+    if len(session.people) > 1 and flags:
+        names = " and ".join(str(person.name) for person in session.people)
+        raise BadData(
+            f"{flags[0]}: it belongs to one person, and the recordings are of {names}"
+            f" ({session.people[1].why}); analyze one at a time, or leave it out and write it to"
+            " each subject of the study file (--prepare)"
+        )
+
+
+def _prepared_subject(
+    person: Person,
+    session: Session,
+    looked_at: Sequence[Recording],
+    request: AnalyzeRequest,
+    out: Path,
+) -> PreparedSubject:
+    """One person's recordings checked, the model chosen, and the trials."""
+    name = str(person.name)
+    of_person = {trial.path: trial for trial in session.of(name)}
+    own = [recording for recording in looked_at if recording.path in of_person]
+    request, recordings, of_recordings = _sorted_recordings(request, own, of_person)
     _check_inputs(request.inputs, recordings.moving)
     _check_recordings(recordings, request, out)
     moving = _with_given_loads(recordings.moving, request.inputs)
@@ -263,15 +326,15 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
         mass, sentence = weighed(recordings.static, moving, request.forces)
         request = replace(request, mass=mass)
         of_mass.append(sentence)
-    out.mkdir(parents=True, exist_ok=True)
-    chosen = _chosen_model(recordings, request, out)
+    alone = len(session.people) == 1
+    generic = out / (GENERIC if alone else f"{file_name(name)}_{GENERIC}")
+    chosen = _chosen_model(recordings, request, generic)
 
     own_markers = () if request.model is None else chosen.model.marker_names
     assumed = [
         *of_recordings.worth,
         *of_mass,
         *chosen.of_height,
-        *of_recordings.passed_over,
         *of_recordings.static,
         *of_recordings.pose,
         *protocol_sentences(recordings.marked, (*own_markers, *chosen.labels)),
@@ -281,35 +344,45 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
         assumed.append(
             f"{chosen.path.name} has no muscles: the report ends with joint angles and torques."
         )
-    trials, of_trials = _trials(moving, chosen, request, assumed)
-    plan = _plan(study, trials, recordings, chosen, request)
-    head = (
-        f"Written by: {' '.join(request.command.split())}",
-        "Change it as you like; these words run it again:",
-        f"myomorph run {_shell(study)} --out {_shell(out)}",
+    trials, of_trials = _trials(moving, of_person, chosen, request, name)
+    return PreparedSubject(
+        files=_subject_files(name, trials, recordings, chosen, request),
+        steps=_steps(recordings, chosen, request),
+        assumed=assumed,
+        of_trials=of_trials,
     )
-    study.write_text(study_text(plan, out, head), encoding="utf-8")
-    return PreparedStudy(study=study, assumed=(*assumed, *of_trials))
+
+
+def _all_assumed(
+    subjects: Sequence[PreparedSubject], of_people: Sequence[str], passed_over: Sequence[str]
+) -> tuple[str, ...]:
+    """What a study assumes; where it is of several, each line says of whom."""
+    texts = [*of_people]
+    for subject in subjects:
+        who = f"{subject.files.name}: " if len(subjects) > 1 else ""
+        texts += [f"{who}{text}" for text in (*subject.assumed, *subject.of_trials)]
+    return (*texts, *passed_over)
 
 
 def _sorted_recordings(
     request: AnalyzeRequest,
+    recordings: Sequence[Recording],
+    of_person: Mapping[Path, SessionTrial],
 ) -> tuple[AnalyzeRequest, SortedRecordings, RecordingSentences]:
-    """Read the recordings of a request; the request gets what sensors alone need."""
-    paths, passed_over = files_of(request.recordings)
-    looked_at, sensed = by_what_shows(look_at(path, table=request.table) for path in paths)
+    """Recordings of one person by what they are for; the request gets what sensors alone need."""
+    looked_at, sensed = by_what_shows(recordings)
     static: Recording | None = None
     marked = looked_at
-    sentences = RecordingSentences(passed_over=passed_over)
+    sentences = RecordingSentences()
     if looked_at:
-        static, marked, of_static = _static(looked_at, request)
+        static, marked, of_static = _static(looked_at, of_person, request)
         sentences = replace(sentences, static=[of_static])
     else:
         request, worth = unmarked_request(request)
         sentences = replace(sentences, worth=[worth])
     request, sensed, of_pose = with_pose(request, sensed, alone=not marked)
-    recordings = SortedRecordings(marked=marked, sensed=sensed, static=static, looked_at=looked_at)
-    return request, recordings, replace(sentences, pose=of_pose)
+    sorted_ = SortedRecordings(marked=marked, sensed=sensed, static=static, looked_at=looked_at)
+    return request, sorted_, replace(sentences, pose=of_pose)
 
 
 def _check_recordings(recordings: SortedRecordings, request: AnalyzeRequest, out: Path) -> None:
@@ -335,13 +408,15 @@ def _with_given_loads(moving: list[Recording], inputs: ByType) -> list[Recording
     return [replace(moving[0], near=near)]
 
 
-def _chosen_model(recordings: SortedRecordings, request: AnalyzeRequest, out: Path) -> ChosenModel:
+def _chosen_model(
+    recordings: SortedRecordings, request: AnalyzeRequest, generic: Path
+) -> ChosenModel:
     """The model that was given, or the generic one fitted to the recordings and written."""
     if not recordings.marked:
-        model, path, of_model = unmarked_model(request, out / GENERIC)
+        model, path, of_model = unmarked_model(request, generic)
         return ChosenModel(model=model, path=path, labels={}, of_height=(), of_model=of_model)
     height, of_height = _height(recordings.static or recordings.marked[0], request.height)
-    model, path, labels, of_model = _model(recordings.of_body, request, height, out)
+    model, path, labels, of_model = _model(recordings.of_body, request, height, generic)
     return ChosenModel(
         model=model, path=path, labels=labels, of_height=of_height, of_model=of_model
     )
@@ -349,9 +424,10 @@ def _chosen_model(recordings: SortedRecordings, request: AnalyzeRequest, out: Pa
 
 def _trials(
     moving: Sequence[Recording],
+    of_person: Mapping[Path, SessionTrial],
     chosen: ChosenModel,
     request: AnalyzeRequest,
-    assumed: Sequence[str],
+    subject: str,
 ) -> tuple[tuple[TrialFiles, ...], list[str]]:
     """A trial of each recording of motion, and sentences on single trials."""
     labels = Labels(FrozenMap(chosen.labels))
@@ -359,24 +435,26 @@ def _trials(
     trials = []
     sentences = []
     for recording, name in zip(moving, _names(moving), strict=True):
-        files = TrialFiles(model=chosen.path, name=name, subject=SUBJECT, inputs=request.inputs)
+        files = TrialFiles(model=chosen.path, name=name, subject=subject, inputs=request.inputs)
         trial, of_trial = recorded_trial(recording, files, chosen.model, request)
-        trials.append(trial.having(labels, mass, Assumed((*assumed, *of_trial))))
-        sentences += [f"{name}: {sentence}" for sentence in of_trial]
+        stated, of_session = stated_session(of_person[recording.path], files.get(TrialSession))
+        # Those on the session are not written, for its keys can be corrected.
+        trials.append(trial.having(labels, mass, stated, Assumed(tuple(of_trial))))
+        sentences += [f"{name}: {sentence}" for sentence in (*of_session, *of_trial)]
     return tuple(trials), sentences
 
 
-def _plan(
-    study: Path,
+def _subject_files(
+    name: str,
     trials: tuple[TrialFiles, ...],
     recordings: SortedRecordings,
     chosen: ChosenModel,
     request: AnalyzeRequest,
-) -> Plan:
-    """The study: one subject, all of whose trials take the same steps."""
+) -> SubjectFiles:
+    """The subject with its trials."""
     static = recordings.static
-    subject = SubjectFiles(
-        name=SUBJECT,
+    return SubjectFiles(
+        name=name,
         model=chosen.path,
         mass=request.mass,
         static=None if static is None else static.path,
@@ -386,20 +464,47 @@ def _plan(
             AS_RECORDED if static is None else laboratory_of(static, chosen.model, request)
         ),
     )
+
+
+def _steps(
+    recordings: SortedRecordings, chosen: ChosenModel, request: AnalyzeRequest
+) -> tuple[str, ...]:
+    """Steps of a subject's trials, all alike."""
     steps = [step for step in STEPS if chosen.model.muscles or step not in OF_MUSCLES]
     if not recordings.marked:
         steps.remove("calibrate")
     if UNCERTAINTY in request.options:
         steps.append(UNCERTAINTY)
+    return tuple(steps)
+
+
+def _plan(
+    study: Path,
+    subjects: Sequence[PreparedSubject],
+    request: AnalyzeRequest,
+    of_all: Sequence[str],
+) -> Plan:
+    """The study; what is assumed of all recordings and of a subject stands with each trial."""
+    files = [_with_assumed(subject, of_all) for subject in subjects]
     return Plan(
         name=study.parent.resolve().name,
         path=study,
-        trials=trials,
-        steps=(tuple(steps),) * len(trials),
+        trials=tuple(trial for subject in files for trial in subject.trials),
+        steps=tuple(subject.steps for subject in subjects for _ in subject.files.trials),
         settings=request.options,
-        subjects=FrozenMap({SUBJECT: subject}),
-        flat=True,
+        subjects=FrozenMap({subject.name: subject for subject in files}),
+        flat=len(subjects) == 1,
     )
+
+
+def _with_assumed(subject: PreparedSubject, of_all: Sequence[str]) -> SubjectFiles:
+    """The subject, its trials with all that is assumed of them."""
+    shared = (*of_all, *subject.assumed)
+    trials = tuple(
+        trial.having(Assumed((*shared, *trial.get(Assumed).assumed)))
+        for trial in subject.files.trials
+    )
+    return replace(subject.files, trials=trials)
 
 
 def _check_inputs(inputs: ByType, moving: Sequence[Recording]) -> None:
@@ -436,15 +541,21 @@ def _refuse_changed(path: Path) -> None:
 
 
 def _static(
-    looked: list[Recording], request: AnalyzeRequest
+    looked: list[Recording], of_person: Mapping[Path, SessionTrial], request: AnalyzeRequest
 ) -> tuple[Recording | None, list[Recording], str]:
-    """The recording of standing still, the others, and a sentence on it."""
+    """The recording of standing still, the others, and a sentence on it.
+
+    Somebody who sways stands too: recordings in which the session sees standing come after those in
+    which nothing moves.
+    """
     if request.static is not None:
         static = look_at(request.static, table=request.table)
         moved = "" if static.still else ", although markers move in it by more than 3 cm"
         return static, looked, f"{static.path.name} is the static trial, as --static says{moved}."
     still = [one for one in looked if one.still]
-    moving = [one for one in looked if not one.still]
+    if not still:
+        still = [one for one in looked if of_person[one.path].movement.value == "standing"]
+    moving = [one for one in looked if one not in still]
     if still and moving:
         static = max(still, key=lambda one: len(one.found.sites))
         return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
@@ -534,7 +645,7 @@ def _check_time(
 
 
 def _model(
-    everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, out: Path
+    everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, generic: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
     """The model, its file, what it calls markers that recordings call otherwise, and sentences on
     it.
@@ -547,7 +658,7 @@ def _model(
         alone = any(is_arm(one.found) for one in everyone)
         arms = alone or (request.arms and seen)
         model, without = generic_model(sites, height, request.mass, arms, alone)
-        path = out / GENERIC
+        path = generic
         write_osim(model, path)
         text = (
             "No model was given (--model FILE): myo-sim's"

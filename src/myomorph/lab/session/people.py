@@ -146,12 +146,12 @@ def _why(first: Evidence, second: Evidence, comparison: Comparison) -> str:
         return ""
     codes = (first.code, second.code)
     other_code = all(code.text for code in codes) and codes[0].text != codes[1].text
-    if other_code and all(code.sure for code in codes):
-        return f"{codes[1].origin} {codes[1].text}, not {codes[0].text}"
     headers = bool(first.header) and bool(second.header)
     same_header = headers and first.header.value == second.header.value
     if headers and not same_header:
         return f"its header names {second.header}, not {first.header}"
+    if other_code and all(code.sure for code in codes):
+        return f"its {codes[1].origin} begins with {codes[1].text}, not {codes[0].text}"
     if other_code:
         limit = OTHER_CODE
     elif same_header:

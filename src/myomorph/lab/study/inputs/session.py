@@ -21,7 +21,6 @@ from myomorph.lab.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.lab.study.inputs.keys import KeyKind, Place
 from myomorph.lab.study.inputs.markers import Recording
 
-FIND = ""  # The movement is found from the recording.
 NOT_KNOWN = "not known"
 
 
@@ -52,7 +51,7 @@ class TrialSession:
     date : day of the recording, as 2026-03-05
     """
 
-    movement: Annotated[Literal[Movement, "", "not known"], KeyKind()] = FIND
+    movement: Annotated[Literal[Movement, "", "not known"], KeyKind()] = ""
     date: Annotated[str, Day()] = ""
 
 
@@ -92,11 +91,13 @@ def recorded_movement(facts: Mapping[str, str]) -> Known[Movement]:
 
 
 def _open(settings: TrialSession, opening: Opening) -> Opened:
-    """The movement as stated, else as the markers show."""
+    """The movement as stated, else as the markers show; where both say the same, these are why."""
+    movement = _found(opening)
     stated = next((name for name in MOVEMENTS if name == settings.movement), None)
-    movement: Known[Movement] = Known(value=stated, origin="user") if stated else Known()
-    if settings.movement == FIND:
-        movement = _found(opening)
+    if stated is not None and stated != movement.value:
+        movement = Known(value=stated, origin="user")
+    if settings.movement == NOT_KNOWN:
+        movement = Known(origin="user")
     return Opened((RecordedSession(movement=movement, date=settings.date),))
 
 

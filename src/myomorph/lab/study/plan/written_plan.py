@@ -22,20 +22,23 @@ MARK = "# As it was written: "
 
 
 def study_text(plan: Plan, folder: Path, head: Sequence[str] = ()) -> str:
-    """The study file of one subject that begins with a model in a file; conditions are not written.
-    What an input says of all trials stands once, else in their tables. `folder`: that the file will
-    lie in; paths are relative to it; `head`: lines of comment at the top.
+    """The study file of subjects that begin with models in files; conditions are not written.
+    What an input says of all trials of a subject stands once, else in their tables. `folder`: that
+    the file will lie in; paths are relative to it; `head`: lines of comment at the top.
     """
-    (files,) = plan.subjects.values()
-    shared = _shared(files, plan.trials)
     document: dict[str, Any] = {
         "study": {"name": plan.name} | ({"flat": True} if plan.flat else {})
     }
     settings = {step: dict(values) for step, values in plan.settings.items() if values}
     if UNCERTAINTY in settings:
         document[UNCERTAINTY] = settings.pop(UNCERTAINTY)
-    _put_options(document, settings, shared, folder)
-    document["subject"] = [_subject(plan, files, shared, folder)]
+    shared = {name: _shared(files, files.trials) for name, files in plan.subjects.items()}
+    # Keys among options hold for all where there is one subject.
+    only = next(iter(shared.values())) if len(shared) == 1 else {}
+    _put_options(document, settings, only, folder)
+    document["subject"] = [
+        _subject(plan, files, shared[name], folder) for name, files in plan.subjects.items()
+    ]
     text = toml_text(document, head)
     return f"{text}{MARK}{_digest(text)}\n"
 
@@ -63,8 +66,10 @@ def _subject(
         if files.static_laboratory.turn != shared.get("turn", 0.0):
             table["static_turn"] = files.static_laboratory.turn
     _put_inputs(table, shared, folder)
+    if len(plan.subjects) > 1:
+        _put_options(table, {}, shared, folder)
     trials = []
-    for trial in plan.trials:
+    for trial in files.trials:
         usual = {name: key.default for name, (_, key) in all_keys().items()} | dict(shared)
         own = {name: value for name, value in _values(trial).items() if value != usual[name]}
         for name in [name for name in own if all_keys()[name][1].kind.adds]:

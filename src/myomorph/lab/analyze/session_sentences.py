@@ -1,0 +1,42 @@
+"""What a study assumes of its session: who, and which movement each trial is, with how it is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from myomorph.lab.session.session import Session, SessionTrial
+from myomorph.lab.study.inputs.session import TrialSession
+
+
+def people_sentences(session: Session) -> list[str]:
+    """Sentences on who was recorded; none on the only one, whom nothing names."""
+    if len(session.people) == 1:
+        (person,) = session.people
+        if person.name.origin == "not known":
+            return []
+        return [f"Recorded was {person.name}, by the {person.name.origin}."]
+    texts = [
+        f"{person.name} ({person.why})" if person.why else str(person.name)
+        for person in session.people
+    ]
+    return [f"The recordings are of {len(texts)} people: {'; '.join(texts)}."]
+
+
+def stated_session(trial: SessionTrial, stated: TrialSession) -> tuple[TrialSession, list[str]]:
+    """Movement and day of a trial as a study file has them, and sentences on them.
+
+    Parameters
+    ----------
+    trial : of the session
+    stated : by the user, which goes before what was found
+    """
+    movement = stated.movement or trial.movement.value or ""
+    day = stated.date or (str(trial.date) if trial.date else "")
+    texts = []
+    if not stated.movement and trial.movement:
+        texts.append(
+            f"{str(trial.movement).capitalize()}, by {trial.movement.origin}"
+            f" ({trial.movement.sentence})."
+        )
+    texts += [f"WARNING: {text}." for text in trial.warnings]
+    return replace(stated, movement=movement, date=day), texts
