@@ -55,6 +55,9 @@ PAGES: dict[str, dict[str, str]] = {
         "vendors": "accuracy.laboratory.vendors:measure",
         "laboratories": "accuracy.laboratory.laboratories:measure",
         "weighing": "accuracy.laboratory.analyze:measure_weighing",
+        "session": "accuracy.laboratory.sessions:measure",
+        "session_movements": "accuracy.laboratory.sessions:measure_movements",
+        "session_people": "accuracy.laboratory.sessions:measure_people",
     },
     "opensim-setups": {
         "scale": "accuracy.kinematics.scale:measure",

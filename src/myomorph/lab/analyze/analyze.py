@@ -259,10 +259,12 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
     looked_at = [look_at(path, table=request.table) for path in paths]
     session = session_of(looked_at)
     _check_one_person(session, request)
-    out.mkdir(parents=True, exist_ok=True)
-    subjects = [
-        _prepared_subject(person, session, looked_at, request, out) for person in session.people
+    # All are checked before anything is written.
+    checked = [
+        _checked_person(person, session, looked_at, request, out) for person in session.people
     ]
+    out.mkdir(parents=True, exist_ok=True)
+    subjects = [_prepared_subject(person, out, len(checked) == 1) for person in checked]
     of_people = people_sentences(session)
     plan = _plan(study, subjects, request, (*of_people, *passed_over))
     head = (
@@ -305,38 +307,81 @@ def _check_one_person(session: Session, request: AnalyzeRequest) -> None:
         )
 
 
-def _prepared_subject(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckedPerson:
+    """A person whose recordings can be analyzed.
+
+    Attributes
+    ----------
+    name : of the subject
+    request : for this person, with the mass
+    recordings : by what they are for
+    moving : recordings of motion, each with the files that belong to it
+    trials : of the session, by file
+    sentences : on the recordings
+    of_mass : a sentence on the mass, where plates weigh it
+    """
+
+    name: str
+    request: AnalyzeRequest
+    recordings: SortedRecordings
+    moving: Sequence[Recording]
+    trials: Mapping[Path, SessionTrial]
+    sentences: RecordingSentences
+    of_mass: Sequence[str]
+
+
+def _checked_person(
     person: Person,
     session: Session,
     looked_at: Sequence[Recording],
     request: AnalyzeRequest,
     out: Path,
-) -> PreparedSubject:
-    """One person's recordings checked, the model chosen, and the trials."""
+) -> CheckedPerson:
+    """One person's recordings sorted, checked, and weighed; raises `BadData`."""
     name = str(person.name)
-    of_person = {trial.path: trial for trial in session.of(name)}
-    own = [recording for recording in looked_at if recording.path in of_person]
-    request, recordings, of_recordings = _sorted_recordings(request, own, of_person)
+    trials = {trial.path: trial for trial in session.of(name)}
+    own = [recording for recording in looked_at if recording.path in trials]
+    request, recordings, sentences = _sorted_recordings(request, own, trials)
     _check_inputs(request.inputs, recordings.moving)
     _check_recordings(recordings, request, out)
     moving = _with_given_loads(recordings.moving, request.inputs)
-
     of_mass: list[str] = []
     if request.mass is None:
         mass, sentence = weighed(recordings.static, moving, request.forces)
         request = replace(request, mass=mass)
         of_mass.append(sentence)
-    alone = len(session.people) == 1
-    generic = out / (GENERIC if alone else f"{file_name(name)}_{GENERIC}")
+    return CheckedPerson(
+        name=name,
+        request=request,
+        recordings=recordings,
+        moving=moving,
+        trials=trials,
+        sentences=sentences,
+        of_mass=of_mass,
+    )
+
+
+def _prepared_subject(person: CheckedPerson, out: Path, alone: bool) -> PreparedSubject:
+    """The model of a person, written where it is the generic one, and the trials.
+
+    Parameters
+    ----------
+    out : folder of the study
+    alone : it is the study's only subject
+    """
+    request = person.request
+    recordings = person.recordings
+    generic = out / (GENERIC if alone else f"{file_name(person.name)}_{GENERIC}")
     chosen = _chosen_model(recordings, request, generic)
 
     own_markers = () if request.model is None else chosen.model.marker_names
     assumed = [
-        *of_recordings.worth,
-        *of_mass,
+        *person.sentences.worth,
+        *person.of_mass,
         *chosen.of_height,
-        *of_recordings.static,
-        *of_recordings.pose,
+        *person.sentences.static,
+        *person.sentences.pose,
         *protocol_sentences(recordings.marked, (*own_markers, *chosen.labels)),
         *chosen.of_model,
     ]
@@ -344,9 +389,9 @@ def _prepared_subject(
         assumed.append(
             f"{chosen.path.name} has no muscles: the report ends with joint angles and torques."
         )
-    trials, of_trials = _trials(moving, of_person, chosen, request, name)
+    trials, of_trials = _trials(person, chosen)
     return PreparedSubject(
-        files=_subject_files(name, trials, recordings, chosen, request),
+        files=_subject_files(person.name, trials, recordings, chosen, request),
         steps=_steps(recordings, chosen, request),
         assumed=assumed,
         of_trials=of_trials,
@@ -422,22 +467,17 @@ def _chosen_model(
     )
 
 
-def _trials(
-    moving: Sequence[Recording],
-    of_person: Mapping[Path, SessionTrial],
-    chosen: ChosenModel,
-    request: AnalyzeRequest,
-    subject: str,
-) -> tuple[tuple[TrialFiles, ...], list[str]]:
+def _trials(person: CheckedPerson, chosen: ChosenModel) -> tuple[tuple[TrialFiles, ...], list[str]]:
     """A trial of each recording of motion, and sentences on single trials."""
+    request = person.request
     labels = Labels(FrozenMap(chosen.labels))
     mass = BodyMass(request.mass)
     trials = []
     sentences = []
-    for recording, name in zip(moving, _names(moving), strict=True):
-        files = TrialFiles(model=chosen.path, name=name, subject=subject, inputs=request.inputs)
+    for recording, name in zip(person.moving, _names(person.moving), strict=True):
+        files = TrialFiles(model=chosen.path, name=name, subject=person.name, inputs=request.inputs)
         trial, of_trial = recorded_trial(recording, files, chosen.model, request)
-        stated, of_session = stated_session(of_person[recording.path], files.get(TrialSession))
+        stated, of_session = stated_session(person.trials[recording.path], files.get(TrialSession))
         # Those on the session are not written, for its keys can be corrected.
         trials.append(trial.having(labels, mass, stated, Assumed(tuple(of_trial))))
         sentences += [f"{name}: {sentence}" for sentence in (*of_session, *of_trial)]

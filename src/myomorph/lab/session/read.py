@@ -80,15 +80,9 @@ def session_of(
     recordings: Sequence[Recording], source: str = "", passed_over: Iterable[str] = ()
 ) -> Session:
     """The session of recordings that were looked at."""
-    trials = [_trial(recording) for recording in recordings]
+    trials = [trial_of(recording) for recording in recordings]
     evidence = [
-        Evidence(
-            path=recording.path,
-            header=header_name(recording.trial),
-            code=subject_code(recording.path),
-            measures=trial.measures,
-        )
-        for recording, trial in zip(recordings, trials, strict=True)
+        evidence_of(recording, trial) for recording, trial in zip(recordings, trials, strict=True)
     ]
     groups = people_of(evidence)
     people = _people(groups, trials, evidence)
@@ -105,7 +99,7 @@ def session_of(
     )
 
 
-def _trial(recording: Recording) -> SessionTrial:
+def trial_of(recording: Recording) -> SessionTrial:
     """A recording as a trial, of nobody yet."""
     trial = recording.trial
     body = _body(recording)
@@ -136,6 +130,16 @@ def _trial(recording: Recording) -> SessionTrial:
         unit=_unit(recording),
         measures=NO_MARKERS if body is None else measures_of(body, _standing_mass(recording)),
         warnings=tuple(warnings),
+    )
+
+
+def evidence_of(recording: Recording, trial: SessionTrial) -> Evidence:
+    """What a recording says of who it is of."""
+    return Evidence(
+        path=recording.path,
+        header=header_name(recording.trial),
+        code=subject_code(recording.path),
+        measures=trial.measures,
     )
 
 
