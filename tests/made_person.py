@@ -1,6 +1,4 @@
-"""A stick figure with Plug-in Gait's labels that stands, walks, runs, jumps, squats, rises, climbs or
-moves an arm.
-"""
+"""A stick figure with Plug-in Gait's labels that does one of the movements of a session."""
 
 from __future__ import annotations
 

@@ -258,7 +258,8 @@ def test_unknown_command_and_missing_options(arm, command):
         command("ik", "--model", arm.model, "--out", arm.folder / "out.mot"), "--markers", "--imu"
     )
     refused(command("info", arm.folder / "nothing.trc"), "nothing.trc")
-    refused(command("info", arm.folder), arm.folder.name)
+    (arm.folder / "empty").mkdir()
+    refused(command("info", arm.folder / "empty"), "empty")
 
 
 def test_output_that_cannot_be_written(arm, command):

@@ -1,4 +1,4 @@
-"""The movement that markers show: laws on a made figure, and on recordings whose movement is known."""
+"""The movement that markers show: laws on a made figure, and recordings whose movement is known."""
 
 from __future__ import annotations
 

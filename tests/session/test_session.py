@@ -1,6 +1,4 @@
-"""Who was recorded, when, and which movement: by headers, names, folders and bodies; corrected by the
-study file.
-"""
+"""Who was recorded, when, and which movement, as found and as the study file corrects it."""
 
 from __future__ import annotations
 

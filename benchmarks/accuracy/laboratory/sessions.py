@@ -1,4 +1,4 @@
-"""Who was recorded and which movement, as a session finds it, on recordings of which both are known.
+"""Who was recorded, and which movement: a session on recordings of which both are known.
 
 `movements.csv` names them: those of the data collection, and of public repositories in the folder
 that MYOMORPH_LABORATORIES names (see `laboratories.py`). "seen": it was looked at while thresholds

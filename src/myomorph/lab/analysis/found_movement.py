@@ -125,7 +125,7 @@ class SeenMotion:
 
     @cached_property
     def bend(self) -> float:
-        """How far the trunk goes up and down, times the way of the pelvis; nan where it is unseen."""
+        """How far the trunk goes up and down over the way of the pelvis; nan where it is unseen."""
         trunk = self.body.mean("trunk")
         if trunk is None:
             return float("nan")

@@ -1,4 +1,4 @@
-"""What a study assumes of its session: who, and which movement each trial is, with how it is known."""
+"""What a study assumes of its session: who was recorded, and which movement each trial is of."""
 
 from __future__ import annotations
 
