@@ -13,7 +13,10 @@ import hypothesis
 import pytest
 
 from data_collection import data_folder
+from shape_checks import check_shapes
 
+# Before the package is imported.
+check_shapes()
 # The matrices of tests are small: threads of BLAS get into each other's way, and into that of what
 # runs beside.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,5 +1,4 @@
-"""Muscle paths compiled to flat arrays: points, surfaces, and which coordinates can move which
-muscle.
+"""Muscle paths compiled to flat arrays: points, surfaces, and coordinates that move muscles.
 
 The tables hold many columns in few arrays, because every array of a bundle costs compilation time
 in every kernel that takes it.
@@ -26,8 +25,9 @@ from myomorph.core.model.paths import (
 from myomorph.core.muscles.wrap_ellipsoid import AXIAL, HYBRID, MIDPOINT
 from myomorph.core.muscles.wrap_tendon import BEFORE_FOUR, FOUR
 from myomorph.core.rigid.coordinates import FunctionArrays, Ints, compile_functions
-from myomorph.core.rigid.tree import Tree
+from myomorph.core.rigid.tree import ROTATION, Tree
 
+# Columns of the tables of `PathArrays`
 POINTS, WRAPS, BODIES, AXES, ARMS, FOLLOWS = range(6)
 BODY, LOCAL, MOVING, COORDINATE = range(4)
 X, Y, Z, LOW, HIGH, WEIGHT = range(6)
@@ -39,49 +39,74 @@ METHODS = {"hybrid": HYBRID, "midpoint": MIDPOINT, "axial": AXIAL}
 
 
 class PathArrays(NamedTuple):
-    """What the path kernels read."""
+    """Muscle paths as the kernels read them.
 
-    # (muscles + 1, 6) columns POINTS ... FOLLOWS: what belongs to muscle m lies in rows start[m,
-    # column] ... start[m + 1, column] - 1 of `point`, `wrap`, the bodies of muscles (numbered from
-    # 0 in each muscle), `axis`, `arm`, `follow`
+    Attributes
+    ----------
+    start : (muscles + 1, 6) columns POINTS ... FOLLOWS: what belongs to muscle m lies in rows
+        start[m, column] ... start[m + 1, column] - 1 of `point`, `wrap`, the bodies of muscles
+        (numbered from 0 in each muscle), `axis`, `arm`, `follow`
+    point : (points, 4) columns BODY (in the tree), LOCAL (among the muscle's bodies), MOVING (row
+        of `moving`), COORDINATE (the path has the point only while that is in its range); -1 for
+        none
+    place : (points, 6) columns X, Y, Z in the body [m], LOW, HIGH of the coordinate, WEIGHT: share
+        in the length of what lies between the point and the next one
+    moving : (moving points, 9) functions of x, y, z; their coordinates; the positions of those
+        among the muscle's moment arms; -1 for none
+    moving_range : (moving points, 6) low and high of each coordinate, to which it is clamped
+    functions : of the moving points, then of the couplers
+    wrap : (wraps, 7) columns OBJECT, OBJECT_LOCAL (its body among the muscle's), METHOD, FIRST and
+        LAST point between which the path may touch it (OpenSim), AFTER: the point before it
+        (MuJoCo; -1 for OpenSim's rules), SIDE_BODY (-1 for no side point)
+    wrap_side : (wraps, 3) side point in its body [m]
+    object : (surfaces, 5) columns KIND (index in `KINDS`), OBJECT_BODY, AXIS and SIDE of the
+        constrained half (SIDE 0 for all), ACTIVE
+    object_pose : (surfaces, 12) rotation row by row and position in the body [m]
+    object_size : (surfaces, 3) [m]
+    axis : (muscle axes, 6) columns TREE_AXIS: a moving axis of the tree on which some of the
+        muscle's bodies hang and some do not, ROTATES, SLOT_1, SLOT_2: positions of its coordinates
+        among the moment arms (-1 for none), SUPPORT, SUPPORT_STOP: range in `support`
+    support : numbers, among the muscle's, of the bodies that hang on the axes
+    arm : (moment arms, 2) the pattern: a coordinate that can move the muscle; 1 if it is
+        independent
+    follow : (follows, 4) coupler, position of the dependent's moment arm, positions of those it
+        follows
+    coupler : (couplers, 3) function, and the coordinates it follows
+    sizes : (3,) most points (with those on surfaces), wraps and bodies of a muscle
+    """
+
     start: Ints
-    # (points, 4) columns BODY (in the tree), LOCAL (among the muscle's bodies), MOVING (row of
-    # `moving`), COORDINATE (through the point only while that is in its range); -1 for none
     point: Ints
-    # (points, 6) columns X, Y, Z in the body [m], LOW, HIGH of the coordinate, WEIGHT: share in the
-    # length of what lies between the point and the next one
     place: Array
-    # (moving points, 9) functions of x, y, z; their coordinates; the places of those among the
-    # muscle's moment arms; -1 for none
     moving: Ints
-    # (moving points, 6) low and high of each coordinate, to which it is clamped
     moving_range: Array
-    functions: FunctionArrays  # of the moving points, then of the couplers
-    # (wraps, 7) columns OBJECT, OBJECT_LOCAL (its body among the muscle's), METHOD, FIRST and LAST
-    # point between which the path may touch it (OpenSim), AFTER: the point before it (MuJoCo; -1
-    # for OpenSim's rules), SIDE_BODY (-1 for no side point)
+    functions: FunctionArrays
     wrap: Ints
-    wrap_side: Array  # (wraps, 3) side point in its body [m]
-    # (surfaces, 5) columns KIND (index in `KINDS`), OBJECT_BODY, AXIS and SIDE of the constrained
-    # half (SIDE 0 for all), ACTIVE
+    wrap_side: Array
     object: Ints
-    object_pose: Array  # (surfaces, 12) rotation row by row and place in the body [m]
-    object_size: Array  # (surfaces, 3) [m]
-    # (muscle axes, 6) columns TREE_AXIS: a moving axis of the tree on which some of the muscle's
-    # bodies hang and some do not, ROTATES, SLOT_1, SLOT_2: places of its coordinates among the
-    # moment arms (-1 for none), SUPPORT, SUPPORT_STOP: range in `support`
+    object_pose: Array
+    object_size: Array
     axis: Ints
-    support: Ints  # numbers, among the muscle's, of the bodies that hang on the axes
-    # (moment arms, 2) the pattern: a coordinate that can move the muscle; 1 if it follows no other
+    support: Ints
     arm: Ints
-    # (follows, 4) coupler, place of the dependent's moment arm, places of those it follows
     follow: Ints
-    coupler: Ints  # (couplers, 3) function, and the coordinates it follows
-    sizes: Ints  # (3,) most points (with those on surfaces), wraps and bodies of a muscle
+    coupler: Ints
+    sizes: Ints
 
 
 def path_arrays(model: Model, tree: Tree) -> PathArrays:
-    """The paths of a model's muscles as flat arrays."""
+    """Compile the paths of a model's muscles.
+
+    Parameters
+    ----------
+    model : with muscles
+    tree : of the model
+
+    Raises
+    ------
+    BadModel : a path has fewer than two points or a wrap that cannot be built
+    UnknownName : a path names a body, coordinate or surface that the model does not have
+    """
     builder = _Builder(model, tree)
     for muscle in model.muscles:
         builder.add(muscle)
@@ -89,8 +114,12 @@ def path_arrays(model: Model, tree: Tree) -> PathArrays:
 
 
 def moved_paths(arrays: PathArrays, model: Model) -> PathArrays:
-    """Arrays of paths whose points lie elsewhere and whose surfaces have other sizes: all else is
-    as it was.
+    """Move the points of compiled paths and resize their surfaces.
+
+    Parameters
+    ----------
+    arrays : of a model with the same parts in the same order
+    model : whose points and sizes are taken
     """
     points = (point for muscle in model.muscles for point in muscle.path.points)
     place = arrays.place.copy()
@@ -129,6 +158,7 @@ class _Builder:
         self.follow: list[list[int]] = []
 
     def add(self, muscle: Muscle) -> None:
+        """Add the path of a muscle: bodies, axes between them, points, then wraps."""
         path = muscle.path
         if len(path.points) < 2:
             raise BadModel(
@@ -144,13 +174,7 @@ class _Builder:
         objects = [self._object(wrap.wrap_object) for wrap in wraps]
         wrap_bodies = [self.tree.body_number(self.model.wrap_objects[i].body) for i in objects]
         bodies = sorted({*point_bodies, *wrap_bodies})
-        moved = {
-            name
-            for point in path.points
-            if isinstance(point, MovingPathPoint)
-            for name in point.coordinates
-        }
-        slots = self._add_axes(bodies, {self._coordinate(name) for name in moved} - {-1})
+        slots = self._add_axes(bodies, self._moving_coordinates(muscle))
         for index, (point, body) in enumerate(zip(path.points, point_bodies, strict=True)):
             self._add_point(point, body, bodies.index(body), _weight(path.divisors, index), slots)
         for wrap, i, body in zip(wraps, objects, wrap_bodies, strict=True):
@@ -170,11 +194,21 @@ class _Builder:
         here = (len(path.points) + 2 * len(path.wraps), len(path.wraps), len(bodies))
         self.most = [max(have, new) for have, new in zip(self.most, here, strict=True)]
 
+    def _moving_coordinates(self, muscle: Muscle) -> set[int]:
+        """Numbers of the coordinates that move points of a path in their bodies."""
+        numbers = set()
+        for point in muscle.path.points:
+            if isinstance(point, MovingPathPoint):
+                numbers |= {self._coordinate(name) for name in point.coordinates}
+        return numbers - {-1}
+
     def _object(self, name: str) -> int:
+        """Look up the number of a surface."""
         check_name("wrap object", name, self.objects)
         return self.objects[name]
 
     def _coordinate(self, name: str) -> int:
+        """Look up the number of a coordinate, -1 for ""."""
         return index_of("coordinate", name, self.model.coordinate_names) if name else -1
 
     def _add_point(
@@ -185,6 +219,14 @@ class _Builder:
         weight: float,
         slots: dict[int, int],
     ) -> None:
+        """Add a point of a path.
+
+        Parameters
+        ----------
+        body, local : number of the point's body in the tree, and among the muscle's bodies
+        weight : share in the length of what lies between the point and the next one
+        slots : positions of coordinates among the muscle's moment arms
+        """
         if isinstance(point, PathPoint):
             self.point.append([body, local, -1, self._coordinate(point.coordinate)])
             self.place.append([*point.location, *point.range, weight])
@@ -218,34 +260,42 @@ class _Builder:
         return [METHODS[wrap.method], max(wrap.first, 1) - 1, last - 1, -1, -1]
 
     def _add_axes(self, bodies: list[int], moving: set[int]) -> dict[int, int]:
-        """Axes between the bodies and the pattern of moment arms; returns each coordinate's place
-        in it.
+        """Add the axes between bodies, and the pattern of a muscle's moment arms.
+
+        Parameters
+        ----------
+        bodies : numbers of the muscle's bodies
+        moving : numbers of the coordinates that move its points
+
+        Returns
+        -------
+        position of each coordinate in the pattern
         """
         arrays = self.tree.arrays
         supports = self.tree.supports[bodies]
         between = np.flatnonzero(supports.any(axis=0) & ~supports.all(axis=0))
-        used = moving | {
-            int(j) for number in between for j in arrays.axis_coordinate[number] if j >= 0
-        }
+        used = moving | {int(j) for j in arrays.axis_coordinate[between].ravel() if j >= 0}
         couplers = list(enumerate(arrays.coupler_coordinate.tolist()))[::-1]
-        for index, dependent in couplers:
+        for coupler, dependent in couplers:
             if dependent in used:
-                used |= {int(j) for j in arrays.coupler_source[index] if j >= 0}
-        slots = {j: place for place, j in enumerate(sorted(used))}
-        for index in between.tolist():
-            hanging = np.flatnonzero(supports[:, index]).tolist()
-            places = [slots[int(j)] if j >= 0 else -1 for j in arrays.axis_coordinate[index]]
-            range_ = (len(self.support), len(self.support) + len(hanging))
-            self.axis.append([index, int(arrays.axis_kind[index] == 0), *places, *range_])
+                used |= {int(j) for j in arrays.coupler_source[coupler] if j >= 0}
+        slots = {j: position for position, j in enumerate(sorted(used))}
+        for axis in between.tolist():
+            hanging = np.flatnonzero(supports[:, axis]).tolist()
+            positions = [slots.get(int(j), -1) for j in arrays.axis_coordinate[axis]]
+            stop = len(self.support) + len(hanging)
+            rotates = int(arrays.axis_kind[axis] == ROTATION)
+            self.axis.append([axis, rotates, *positions, len(self.support), stop])
             self.support += hanging
-        for index, dependent in couplers:
+        for coupler, dependent in couplers:
             if dependent in slots:
-                sources = [slots[int(j)] if j >= 0 else -1 for j in arrays.coupler_source[index]]
-                self.follow.append([index, slots[dependent], *sources])
+                sources = [slots.get(int(j), -1) for j in arrays.coupler_source[coupler]]
+                self.follow.append([coupler, slots[dependent], *sources])
         self.arm += [[j, int(j in self.free)] for j in slots]
         return slots
 
     def arrays(self) -> PathArrays:
+        """Arrays of all paths that were added."""
         couplers = self.model.couplers
         names = self.model.coordinate_names
         tree = self.tree.arrays
@@ -280,7 +330,10 @@ class _Builder:
         )
 
     def _object_row(self, wrap_object: WrapObject) -> list[int]:
-        side = 0 if not wrap_object.quadrant else -1 if wrap_object.quadrant.startswith("-") else 1
+        """Row of a surface in `PathArrays.object`."""
+        side = 0
+        if wrap_object.quadrant:
+            side = -1 if wrap_object.quadrant.startswith("-") else 1
         return [
             KINDS.index(wrap_object.kind),
             self.tree.body_number(wrap_object.body),
@@ -291,14 +344,17 @@ class _Builder:
 
 
 def _weight(divisors: tuple[float, ...], index: int) -> float:
+    """Share in the length of what follows a point: 1 / MuJoCo's divisor, 0 for one of 0."""
     if index >= len(divisors):
         return 1.0
     return 1.0 / divisors[index] if divisors[index] else 0.0
 
 
 def _ints(rows: list, columns: int) -> Ints:
+    """Rows as an array (rows, columns), also of no row."""
     return np.array(rows, dtype=np.int64).reshape(len(rows), columns)
 
 
 def _floats(rows: list, columns: int) -> Array:
+    """Rows as an array (rows, columns), also of no row."""
     return np.array(rows, dtype=np.float64).reshape(len(rows), columns)

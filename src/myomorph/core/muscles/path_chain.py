@@ -38,18 +38,32 @@ from myomorph.core.rigid.kernels import bare, inner
 from myomorph.core.rigid.vectors import minus, norm, plus, turned, turned_back, vector
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
+# Columns of `node` and `x`, see `path_scratch`
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)
 NODE_WEIGHT = 3
 NODE_ARC = 4
 SEEN = 5
+# OpenSim's: passes over several surfaces, and change of length that ends them [m]
 MAX_PASSES = 8
-SETTLED = 0.0005
+TOLERANCE = 0.0005
 
 
 @inner
 def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
-    """Put both ends of an arc into the chain after node `at`; `end` is the first one's row of
-    `seen`.
+    """Put both ends of an arc into the chain.
+
+    Parameters
+    ----------
+    x, node, seen : of `path_scratch`
+    at, count : node after which they go, and number of nodes before
+    local, surface, wrap : body among the muscle's, surface and row of `wrap`
+    end : row of `seen` of the first end; the second has the next
+    r, s : both ends in ground [m]
+    arc : length between them [m]
+
+    Returns
+    -------
+    number of nodes after
     """
     for index in range(count - 1, at, -1):
         for i in range(8):
@@ -57,7 +71,8 @@ def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
         for i in range(5):
             node[index + 2, i] = node[index, i]
     for i in range(3):
-        x[at + 1, i], x[at + 2, i] = r[i], s[i]
+        x[at + 1, i] = r[i]
+        x[at + 2, i] = s[i]
     for index in range(at + 1, at + 3):
         row = end + index - at - 1
         x[index, NODE_WEIGHT] = x[at, NODE_WEIGHT]
@@ -75,7 +90,7 @@ def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
 
 @inner
 def _without(x, node, count, wrap):
-    """Take the nodes of a wrap out of the chain."""
+    """Take the nodes of a wrap out of the chain; returns how many are left."""
     for index in range(count - 1):
         if node[index, NODE_WRAP] == wrap:
             for n in range(index, count - 2):
@@ -108,8 +123,20 @@ def tendon_nodes(
     count,
 ):
     """Wrap the chain in the way of MuJoCo: each surface between the two points around it.
-    `rotation` (3, 3), `rows` (4 of (3,)) and `out` (2, 3) are room for the arguments of
-    `wrap_tendon`.
+
+    Parameters
+    ----------
+    wrap, wrap_side, surface, size : see `PathArrays`
+    start, stop : rows of the muscle's wraps
+    points : row of its first point
+    R, p : of `body_poses`
+    x, node, seen, pose : of `path_scratch`
+    rotation, rows, out : (3, 3), 4 of (3,) and (2, 3), scratch for the arguments of `wrap_tendon`
+    count : number of nodes before
+
+    Returns
+    -------
+    number of nodes after
     """
     before, after, center, side = rows
     for index in range(start, stop):
@@ -119,7 +146,9 @@ def tendon_nodes(
         b = wrap[index, SIDE_BODY]
         g = wrap[index, OBJECT]
         for i in range(3):
-            before[i], after[i], center[i] = x[at, i], x[at + 1, i], pose[g, 9 + i]
+            before[i] = x[at, i]
+            after[i] = x[at + 1, i]
+            center[i] = pose[g, 9 + i]
             for j in range(3):
                 rotation[i, j] = pose[g, 3 * i + j]
             if b >= 0:
@@ -151,7 +180,20 @@ def tendon_nodes(
 
 @inner
 def wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns, pose, count):
-    """Wrap the chain in the way of OpenSim: surface after surface, until the length settles."""
+    """Wrap the chain in the way of OpenSim: surface after surface, until the length settles.
+
+    Parameters
+    ----------
+    wrap, surface, size : see `PathArrays`
+    start, stop : rows of the muscle's wraps
+    points : row of its first point
+    x, node, seen, turns, pose : of `path_scratch`
+    count : number of nodes before
+
+    Returns
+    -------
+    number of nodes after
+    """
     wraps = stop - start
     for i in range(wraps):
         turns[0, i] = i
@@ -195,7 +237,7 @@ def wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns
             for n in range(count):
                 _look_at(x, node, seen, n)
             length = chain_length(x, node, count)
-            if abs(length - before) < SETTLED:
+            if abs(length - before) < TOLERANCE:
                 left = 0
             elif turn == 0 and turns[1, 0] == NO_WRAP and turns[1, 1] == INSIDE:
                 turns[0, 0] = 1
@@ -221,8 +263,22 @@ def _between_points(node, count, low, high):
 
 @inner
 def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps):
-    """The segment on which a surface lengthens the path least, or the first that runs through it.
-    Returns the last code, the node before the segment (-1 for none), arc, and both ends in ground.
+    """Find the segment on which a surface lengthens the path least, or the first through it.
+
+    Parameters
+    ----------
+    surface, size : see `PathArrays`
+    g, method : row of the surface, and method of the wrap
+    x, node, seen, pose : of `path_scratch`
+    first, last : nodes between which the path may touch the surface
+    wraps : number of the muscle's wraps
+
+    Returns
+    -------
+    code : of the last segment, as of `wrap_cylinder`
+    at : node before the segment, -1 for none
+    arc : length on the surface [m]
+    r, s : both ends in ground [m]
     """
     none = (0.0, 0.0, 0.0)
     least = math.inf
@@ -277,27 +333,30 @@ def between(a, b):
 
 @inner
 def _look_at(x, node, seen, i):
-    """Ask for node i's place in ground: for the rest of the frame OpenSim takes it to stay there."""
+    """Ask for node i's position: for the rest of the frame OpenSim takes it to stay there."""
     end = node[i, NODE_END]
     if end >= 0 and seen[end, 3] == 0.0:
-        seen[end, 0], seen[end, 1], seen[end, 2], seen[end, 3] = x[i, 0], x[i, 1], x[i, 2], 1.0
+        seen[end, 0] = x[i, 0]
+        seen[end, 1] = x[i, 1]
+        seen[end, 2] = x[i, 2]
+        seen[end, 3] = 1.0
 
 
 @inner
 def seen_at(x, i):
-    """Where OpenSim takes node i to be in ground."""
+    """Position at which OpenSim takes node i to be in ground."""
     return x[i, SEEN], x[i, SEEN + 1], x[i, SEEN + 2]
 
 
 @bare
 def _into(pose, g, a):
-    """A point in ground, in the frame of surface g."""
+    """Express a point in ground in the frame of surface g."""
     return turned_back(pose[g], minus(a, (pose[g, 9], pose[g, 10], pose[g, 11])))
 
 
 @bare
 def _out_of(pose, g, a):
-    """A point in the frame of surface g, in ground."""
+    """Express a point in the frame of surface g in ground."""
     return plus(turned(pose[g], a), (pose[g, 9], pose[g, 10], pose[g, 11]))
 
 

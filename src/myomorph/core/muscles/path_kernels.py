@@ -21,23 +21,28 @@ from myomorph.core.rigid.vectors import (
     vector,
 )
 
-COINCIDENT = 1e-14
-SLACK = 1e-5
+MIN_PART = 1e-14  # Length of a straight part that pulls [m]
+SLACK = 1e-5  # Beyond its range in which a coordinate still gives the path a point [rad or m]
 
 
 @inner
 def path_scratch(P):
-    """Room for `path_frames`, one per thread: x, node, seen, turns, pull, pose, slopes, moved,
-    ends. `x` (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the
-    node, NODE_ARC: length on the surface up to a node that leaves it [m], SEEN ...: place at which
-    OpenSim takes the node to be in ground [m]; `node` (nodes, 5) NODE_LOCAL: number of the body
-    among the muscle's, NODE_OBJECT: surface, NODE_POINT: row of `point`, NODE_WRAP: row of `wrap`,
-    NODE_END: row of `seen`, -1 for none; `seen` (2 wraps, 4) places first seen of the points on
-    surfaces [m], and 1 once they are; `turns` (2, wraps) order of the wraps, and their latest
-    results; `pull` (muscle's bodies, 6) force of unit tension and its moment about the ground's
-    origin; `pose` (surfaces, 12) rotation row by row and place in ground; `slopes` (couplers, 2);
-    `moved` (moving points, 6) place in the body [m], and its derivative in the coordinates; `ends`
-    (9, 3) the arguments of `wrap_tendon`.
+    """Make scratch arrays for `path_frames`, one set per thread.
+
+    Returns
+    -------
+    x : (nodes, 8) position in ground [m], NODE_WEIGHT: share in the length of what follows the
+        node, NODE_ARC: length on the surface up to a node that leaves it [m], SEEN ...: position at
+        which OpenSim takes the node to be in ground [m]
+    node : (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface,
+        NODE_POINT: row of `point`, NODE_WRAP: row of `wrap`, NODE_END: row of `seen`, -1 for none
+    seen : (2 wraps, 4) positions first seen of the points on surfaces [m], and 1 once they are
+    turns : (2, wraps) order of the wraps, and their latest results
+    pull : (muscle's bodies, 6) force of unit tension and its moment about the ground's origin
+    pose : (surfaces, 12) rotation row by row and position in ground
+    slopes : (couplers, 2)
+    moved : (moving points, 6) position in the body [m], and its derivative in the coordinates
+    ends : (9, 3) arguments of `wrap_tendon`
     """
     nodes = P.sizes[0] + 2
     wraps = P.sizes[1]
@@ -58,18 +63,30 @@ def path_scratch(P):
 @kernel
 def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
-    `T`, `P`: `TreeArrays`, `PathArrays`; `surfaces`, `tendons`: 1 where a path wraps by the rules
-    of OpenSim or of MuJoCo, else None, for which they are not compiled: they are half of this
-    kernel; `c`, `cdot` (frames, coordinates) values, of which dependent ones are set here, and
-    speeds, of which dependent ones are not read; `lengths`, `velocities` (frames, muscles) filled
-    [m, m/s]; `arms` (frames, moment arms) filled in the order of the pattern; a coordinate that
-    others follow has what reaches the muscle through them included, one that follows has its own
-    share [m/rad or m/m]; `pulls` (frames, muscles' bodies, 6) filled with what unit tension does to
-    each body of each muscle, a force and its moment about the ground's origin [1, m], and `arms`
-    then holds only the work of points that move in their bodies; with 0 bodies where not wanted;
-    `nodes` (frames, muscles, nodes, 4) filled with the places of each path's points and of both
-    ends of its arcs in ground, and the length of the arc that ends there, 0 for a straight part
-    [m]; what is beyond the path's last point is left; with 0 muscles where not wanted.
+
+    Moment arms by virtual work: unit tension pulls with (f, m) on each body, and
+
+        r_j = sum over axes of dphi/dc_j (w . (m - o x f) or w . f),   ldot = -sum r_j cdot_j
+
+    with the sums of f and m over the muscle's bodies that hang on the axis.
+
+    Parameters
+    ----------
+    T, P : `TreeArrays`, `PathArrays`
+    surfaces, tendons : 1 where a path wraps by the rules of OpenSim or of MuJoCo, else None, for
+        which they are not compiled: they are half of this kernel
+    c, cdot : (frames, coordinates) values, of which dependent ones are set here, and speeds, of
+        which dependent ones are not read
+    lengths, velocities : (frames, muscles) filled [m], [m/s]
+    arms : (frames, moment arms) filled in the order of the pattern; a coordinate that others follow
+        has what reaches the muscle through them included, a dependent one its own share [m/rad or
+        m/m]
+    pulls : (frames, muscles' bodies, 6) filled with what unit tension does to each body of each
+        muscle, a force and its moment about the ground's origin [1, m], and `arms` then holds only
+        the work of points that move in their bodies; with 0 bodies where not requested
+    nodes : (frames, muscles, nodes, 4) filled with the positions of each path's points and of both
+        ends of its arcs in ground, and the length of the arc that ends there, 0 for a straight part
+        [m]; what is beyond the path's last point is left; with 0 muscles where not requested
     """
     # Taken out of the bundles once: taking them out in a loop counts references each time, which
     # cost more than the arithmetic.
@@ -152,7 +169,7 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
                         )
             lengths[f, m] = chain.chain_length(x, node, count)
             if nodes.shape[1] > 0:
-                _tell_nodes(x, node, count, nodes[f, m])
+                _put_nodes(x, node, count, nodes[f, m])
             begin = start[m, columns.ARMS]
             end = start[m + 1, columns.ARMS]
             for index in range(begin, end):
@@ -189,30 +206,28 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
 
 
 @in_place
-def _tell_nodes(x, node, count, told):
-    """Fill told (nodes, 4) with the places of a path's points, and the length of the arc that ends
-    in each.
-    """
+def _put_nodes(x, node, count, table):
+    """Fill `table` (nodes, 4) with positions of a path's points and arcs that end there."""
     for n in range(count):
         for i in range(3):
-            told[n, i] = x[n, i]
+            table[n, i] = x[n, i]
         arc = (
             n > 0
             and node[n, chain.NODE_OBJECT] >= 0
             and node[n, chain.NODE_OBJECT] == node[n - 1, chain.NODE_OBJECT]
         )
-        told[n, 3] = x[n, chain.NODE_ARC] if arc else 0.0
+        table[n, 3] = x[n, chain.NODE_ARC] if arc else 0.0
 
 
 @in_place
 def _hand_on(follow, slopes, start, stop, arm, arms):
-    """Add what reaches coordinates through those that follow them."""
-    for q in range(start, stop):
-        index = follow[q, 0]
-        own = arms[arm + follow[q, 1]]
+    """Add what reaches coordinates through those that follow them: r_i += g_i r_d."""
+    for row in range(start, stop):
+        coupler = follow[row, 0]
+        dependent_arm = arms[arm + follow[row, 1]]
         for i in range(2):
-            if follow[q, 2 + i] >= 0:
-                arms[arm + follow[q, 2 + i]] += slopes[index, i] * own
+            if follow[row, 2 + i] >= 0:
+                arms[arm + follow[row, 2 + i]] += slopes[coupler, i] * dependent_arm
 
 
 @inner
@@ -227,7 +242,7 @@ def coupler_slopes(P, c, slopes):
 
 @inner
 def _place_objects(rows, poses, R, p, placed):
-    """Poses of all surfaces in ground."""
+    """Fill `placed` (surfaces, 12) with the poses of all surfaces in ground."""
     for index in range(rows.shape[0]):
         b = rows[index, columns.OBJECT_BODY]
         for i in range(3):
@@ -286,20 +301,28 @@ def _move_points(P, c, moved):
 
 @inner
 def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
-    """Add force and moment of unit tension to each body of the muscle; what moves points goes into
-    `arms`.
+    """Add force and moment of unit tension to each body of the muscle.
+
+    Each straight part pulls its ends towards each other, with its weight; parts within one body do
+    nothing, unless their points move in it.
+
+    Parameters
+    ----------
+    pull : (muscle's bodies, 6) added to
+    arm : column of the muscle's first moment arm in `arms`, to which the work of moving points is
+        added
     """
     for n in range(count - 1):
-        index = node[n, chain.NODE_POINT]
+        i = node[n, chain.NODE_POINT]
         j = node[n + 1, chain.NODE_POINT]
-        v = point[index, columns.MOVING] if index >= 0 else -1
+        v = point[i, columns.MOVING] if i >= 0 else -1
         u = point[j, columns.MOVING] if j >= 0 else -1
         if node[n, chain.NODE_LOCAL] == node[n + 1, chain.NODE_LOCAL] and v < 0 and u < 0:
             continue
         start = chain.seen_at(x, n)
         stop = chain.seen_at(x, n + 1)
         length = chain.between(start, stop)
-        if length < COINCIDENT:
+        if length < MIN_PART:
             continue
         scale = x[n, chain.NODE_WEIGHT] / length
         force = times(scale, minus(stop, start))
@@ -307,7 +330,7 @@ def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
         _pull(pull, node[n, chain.NODE_LOCAL], x, n, force)
         _pull(pull, node[n + 1, chain.NODE_LOCAL], x, n + 1, back)
         if v >= 0:
-            _work(moving, moved, v, R, point[index, columns.BODY], force, arm, arms)
+            _work(moving, moved, v, R, point[i, columns.BODY], force, arm, arms)
         if u >= 0:
             _work(moving, moved, u, R, point[j, columns.BODY], back, arm, arms)
 
@@ -323,9 +346,7 @@ def _pull(pull, b, x, n, force):
 
 @inner
 def _work(moving, moved, v, R, b, force, arm, arms):
-    """Add the work of a force on moving point v of body b, per unit of the coordinates that move
-    it.
-    """
+    """Add the work of a force on moving point v of body b, per unit of its coordinates."""
     for i in range(3):
         if moving[v, 6 + i] >= 0:
             share = R[b, 0, i] * force[0] + R[b, 1, i] * force[1] + R[b, 2, i] * force[2]
