@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from operator import is_
 from typing import Any, TypeVar, dataclass_transform
@@ -16,48 +16,78 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 
 Array = NDArray[np.float64]
+# Types of fields that hold no array, as they are written
 PLAIN = re.compile(r"(tuple\[)?(str|int|float|bool)(, \.\.\.\])?( \| None)?")
-"""Types of fields that hold no array, as they are written."""
 _Class = TypeVar("_Class", bound=type)
 _Value = TypeVar("_Value")
 
 
 def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str) -> Array:
-    """`values` as a contiguous float64 array, copied only where it has to be.
-    `shape`: wanted size of each dimension; a word, e.g. "frames", stands for any size; `name`: for
-    the message.
+    """Make a contiguous float64 array of a shape, copied only where it has to be.
+
+    Parameters
+    ----------
+    values : of any kind of number
+    shape : length of each dimension; a word, e.g. "frames", stands for any length
+    name : of the values, for the message
+
+    Returns
+    -------
+    the array
+
+    Raises
+    ------
+    BadData : the shape is another one
     """
     array = np.ascontiguousarray(values, dtype=np.float64)
-    fits = np.ndim(values) == len(shape) and all(
-        isinstance(want, str) or want == have for want, have in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        wanted = f"({', '.join(str(length) for length in shape)}{',' if len(shape) == 1 else ''})"
-        raise BadData(f"expected {name} of shape {wanted}, but got {np.shape(values)}")
-    return array
+    lengths = [None if isinstance(length, str) else length for length in shape]
+    if np.ndim(values) == len(shape) and _fits(array.shape, lengths):
+        return array
+    listed = ", ".join(str(length) for length in shape)
+    expected = f"({listed},)" if len(shape) == 1 else f"({listed})"
+    raise BadData(f"expected {name} of shape {expected}, but got {np.shape(values)}")
+
+
+def _fits(shape: tuple[int, ...], lengths: Sequence[int | None]) -> bool:
+    """Whether an array's shape has some lengths; None stands for any."""
+    pairs = zip(shape, lengths, strict=True)
+    return all(expected in (None, length) for length, expected in pairs)
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Read-only float64 copy of `values`, checked against `shape` (-1 matches anything)."""
+    """Make a read-only float64 copy.
+
+    Parameters
+    ----------
+    values : of any kind of number
+    shape : that is expected; -1 stands for any length, None for any shape
+
+    Returns
+    -------
+    the copy
+
+    Raises
+    ------
+    ValueError : the shape is another one
+    """
     array = np.array(values, dtype=np.float64)
-    # Most often the shape is the one wanted, to the letter: thousands of small transforms are made
+    # Most often the shape is the expected one to the letter: thousands of small transforms are made
     # for every model.
-    if (
-        shape is not None
-        and array.shape != shape
-        and (
-            array.ndim != len(shape)
-            or any(want not in (-1, have) for want, have in zip(shape, array.shape, strict=True))
-        )
-    ):
-        raise ValueError(f"expected an array of shape {shape}, but got {array.shape}")
+    if shape is not None and array.shape != shape:
+        lengths = [None if length == -1 else length for length in shape]
+        if array.ndim != len(shape) or not _fits(array.shape, lengths):
+            raise ValueError(f"expected an array of shape {shape}, but got {array.shape}")
     array.setflags(write=False)
     return array
 
 
 def freeze(value: object, **shapes: tuple[int, ...] | None) -> None:
-    """Fields of a frozen value as read-only arrays of some shape, in its `__post_init__`; what is
-    None stays so.
+    """Make fields of a frozen value read-only arrays of some shape, in its `__post_init__`.
+
+    Parameters
+    ----------
+    value : whose fields are changed; what is None stays so
+    shapes : by field, as of `frozen_array`
     """
     for name, shape in shapes.items():
         field = getattr(value, name)
@@ -66,7 +96,21 @@ def freeze(value: object, **shapes: tuple[int, ...] | None) -> None:
 
 
 def unit_vector(values: ArrayLike, what: str, of: str) -> Array:
-    """Read-only (3,) vector of length 1 along `values`."""
+    """Scale a vector to length 1.
+
+    Parameters
+    ----------
+    values : (3,)
+    what, of : names of the vector and of what has it, for the message
+
+    Returns
+    -------
+    (3,) read-only
+
+    Raises
+    ------
+    BadData : the vector has no length
+    """
     vector = frozen_array(values, (3,))
     length = float(np.linalg.norm(vector))
     if not (np.isfinite(length) and length > 0.0):
@@ -75,15 +119,23 @@ def unit_vector(values: ArrayLike, what: str, of: str) -> Array:
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """(start, stop) of the unbroken runs of True."""
+    """Find the unbroken runs of True.
+
+    Parameters
+    ----------
+    flags : (n,)
+
+    Returns
+    -------
+    (start, stop) of each run, the stop not included
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 @dataclass_transform(eq_default=False, frozen_default=True, field_specifiers=(dataclasses.field,))
 def read_only(cls: _Class) -> _Class:
-    """Class decorator: a frozen dataclass, compared by identity, the arrays of whose fields are
-    read-only, too.
+    """Make a class a frozen dataclass, compared by identity, with read-only arrays.
 
     What is a dataclass already (`@read_only` above `@dataclass(...)` with other options) stays as
     it is otherwise. Each array, also in tuples and mappings, becomes a read-only view of itself,
@@ -96,12 +148,12 @@ def read_only(cls: _Class) -> _Class:
         if "__dataclass_fields__" in vars(cls)
         else dataclasses.dataclass(frozen=True, eq=False)(cls)
     )
-    made = kind.__init__
+    plain_init = kind.__init__
     restored = getattr(cls, "__setstate__", None)
 
-    @wraps(made)
+    @wraps(plain_init)
     def initialize(self: Any, *args: Any, **options: Any) -> None:
-        made(self, *args, **options)
+        plain_init(self, *args, **options)
         _lock(self)
 
     def restore(self: Any, state: Any) -> None:
@@ -122,27 +174,35 @@ def read_only(cls: _Class) -> _Class:
 
 
 def changed(value: _Value, **fields: Any) -> _Value:
-    """`dataclasses.replace` without the checks of the class, where fields are surely right: ten
-    times as fast. `fields`: arrays among them have been made for this alone; they become read-only.
+    """`dataclasses.replace` without the checks of the class: ten times as fast.
+
+    For fields that are right for certain.
+
+    Parameters
+    ----------
+    value : of a class with `read_only`
+    fields : new values; arrays among them belong to this value alone, and become read-only
     """
-    made = object.__new__(type(value))
+    result = object.__new__(type(value))
     for field in fields.values():
         if isinstance(field, np.ndarray):
             field.setflags(write=False)
-    made.__dict__.update(value.__dict__, **fields)
-    return made
+    result.__dict__.update(value.__dict__, **fields)
+    return result
 
 
 @cache
 def _may_hold_arrays(kind: Any) -> tuple[str, ...]:
-    """Fields of a class but for names and plain numbers: of these, what is made for every frame may
-    have hundreds.
+    """Fields of a class but for names and plain numbers.
+
+    What is made for every frame may have hundreds of these.
     """
     fields: dict[str, Any] = kind.__dataclass_fields__
     return tuple(name for name, field in fields.items() if not PLAIN.fullmatch(str(field.type)))
 
 
 def _lock(value: Any) -> None:
+    """Make the arrays of a value's fields read-only, in place."""
     kind: Any = type(value)
     for name in _may_hold_arrays(kind):
         # Where a derived class calls this one's __init__ first, its own fields come later.
@@ -154,13 +214,14 @@ def _lock(value: Any) -> None:
 
 
 def _locked(value: Any) -> Any:
-    """The value with read-only arrays; itself where it has none that can be written."""
+    """Replace writable arrays by read-only views; the value itself where it has none."""
     kind: Any = type(value)
     change = _change_of(kind)
     return value if change is None else change(value)
 
 
 def _locked_array(value: np.ndarray) -> np.ndarray:
+    """Make a read-only view of an array, itself where it is read-only."""
     if value.flags.writeable:
         value = value.view()
         value.setflags(write=False)
@@ -168,6 +229,7 @@ def _locked_array(value: np.ndarray) -> np.ndarray:
 
 
 def _locked_tuple(value: tuple[Any, ...]) -> tuple[Any, ...]:
+    """`_locked` for each item."""
     parts = [_locked(item) for item in value]
     if all(map(is_, parts, value)):
         return value
@@ -175,16 +237,17 @@ def _locked_tuple(value: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _locked_mapping(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
+    """`_locked` for each entry."""
     entries = {key: _locked(item) for key, item in value.items()}
-    return (
-        value if all(entry is value[key] for key, entry in entries.items()) else FrozenMap(entries)
-    )
+    unchanged = all(entry is value[key] for key, entry in entries.items())
+    return value if unchanged else FrozenMap(entries)
 
 
 @cache
 def _change_of(kind: type) -> Callable[[Any], Any] | None:
-    """What makes values of a type read-only, None for types that hold no arrays of their own: found
-    once a type.
+    """Find the function that makes values of a type read-only, once a type.
+
+    None for types that hold no arrays of their own.
     """
     for base, change in (
         (np.ndarray, _locked_array),

@@ -12,7 +12,10 @@ Value_co = TypeVar("Value_co", covariant=True)
 
 class FrozenMap(Mapping[Key, Value_co]):
     """A read-only copy of a mapping; unlike `types.MappingProxyType` it can be pickled and copied.
-    `entries`: what it holds from now on, in this order.
+
+    Parameters
+    ----------
+    entries : that it holds from now on, in this order
 
     Examples
     --------
@@ -47,7 +50,7 @@ class FrozenMap(Mapping[Key, Value_co]):
 
 
 def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
-    """Values by their keys, both in the order in which they come first."""
+    """Gather values by their keys, both in the order in which they come first."""
     groups: dict[Key, list[Value]] = {}
     for key, value in pairs:
         groups.setdefault(key, []).append(value)

@@ -1,4 +1,4 @@
-"""Scalar functions of coordinates: what joints, couplers and moving points are made of.
+"""Scalar functions of coordinates, of which joints, couplers and moving points consist.
 
 Every function a model file can hold is one of two kinds, so the kernels know only these two:
 piecewise polynomials of one coordinate (constants, lines, splines, couplers) and products of
@@ -19,12 +19,18 @@ from myomorph.core.model.arrays import Array, freeze, read_only
 @read_only
 class PiecewisePolynomial:
     """f(x) = sum_j coefficients[i, j] (x - breaks[i])^j on piece i, the last break <= x.
-    Left of the first break the first piece holds. A single piece at break 0 is a polynomial; a
-    first break given twice makes its first piece the continuation to the left.
+
+    Left of the first break the first piece holds. A single piece at break 0 is a polynomial. A
+    first break that is there twice makes its first piece the continuation to the left.
+
+    Attributes
+    ----------
+    breaks : (pieces,) ascending
+    coefficients : (pieces, degree + 1), the constant term first
     """
 
-    breaks: Array  # (pieces,) ascending
-    coefficients: Array  # (pieces, degree + 1), the constant term first
+    breaks: Array
+    coefficients: Array
 
     def __post_init__(self) -> None:
         freeze(self, breaks=(-1,), coefficients=(len(self.breaks), -1))
@@ -35,7 +41,17 @@ class PiecewisePolynomial:
         return 0 if self.coefficients.shape == (1, 1) else 1
 
     def __call__(self, x: ArrayLike, order: int = 0) -> Array:
-        """Value (or the derivative of `order`) at x, any shape."""
+        """Evaluate the function or a derivative.
+
+        Parameters
+        ----------
+        x : of any shape
+        order : of the derivative, 0 for the value
+
+        Returns
+        -------
+        values of the same shape
+        """
         x = np.asarray(x, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, None)
         h = x - self.breaks[piece]
@@ -46,19 +62,26 @@ class PiecewisePolynomial:
         return total
 
     def scaled(self, factor: float) -> PiecewisePolynomial:
-        """The function times a factor (OpenSim's `MultiplierFunction`)."""
+        """Multiply the function by a factor (OpenSim's `MultiplierFunction`)."""
         return replace(self, coefficients=self.coefficients * factor)
 
     def raised(self, by: float) -> PiecewisePolynomial:
-        """The function f(x) + by."""
-        return replace(
-            self, coefficients=self.coefficients + by * np.eye(1, self.coefficients.shape[1])
-        )
+        """Add a number to the function: f(x) + by."""
+        constant_term = by * np.eye(1, self.coefficients.shape[1])
+        return replace(self, coefficients=self.coefficients + constant_term)
 
 
 @read_only
 class SineProduct:
-    """f(x_1, ..., x_n) = offset + factor * prod_i sin(frequencies[i] x_i + phases[i]), n = 1 or 2."""
+    """Product of sines of one or two coordinates.
+
+        f(x_1, ..., x_n) = offset + factor * prod_i sin(frequencies[i] x_i + phases[i])
+
+    Attributes
+    ----------
+    factor, offset : see above
+    frequencies, phases : (n,)
+    """
 
     factor: float
     frequencies: Array
@@ -74,18 +97,27 @@ class SineProduct:
         return len(self.frequencies)
 
     def __call__(self, *x: ArrayLike) -> Array:
-        """Value at the coordinates x_1, ..., x_n, any common shape."""
+        """Evaluate the function.
+
+        Parameters
+        ----------
+        x : x_1, ..., x_n, of any common shape
+
+        Returns
+        -------
+        values of that shape
+        """
         total: Array = np.asarray(self.factor, dtype=np.float64)
         for argument, frequency, phase in zip(x, self.frequencies, self.phases, strict=True):
             total = total * np.sin(frequency * np.asarray(argument, dtype=np.float64) + phase)
         return total + self.offset
 
     def scaled(self, factor: float) -> SineProduct:
-        """The function times a factor."""
+        """Multiply the function by a factor."""
         return replace(self, factor=self.factor * factor, offset=self.offset * factor)
 
     def raised(self, by: float) -> SineProduct:
-        """The function f(x) + by."""
+        """Add a number to the function: f(x) + by."""
         return replace(self, offset=self.offset + by)
 
 
@@ -93,39 +125,63 @@ Function = PiecewisePolynomial | SineProduct
 
 
 def value_at(function: Function, coordinates: Sequence[str], values: Mapping[str, float]) -> float:
-    """The value of a function of some coordinates."""
+    """Evaluate a function of some coordinates.
+
+    Parameters
+    ----------
+    function : of the coordinates
+    coordinates : names that it takes, in order
+    values : by coordinate [rad or m]
+    """
     if isinstance(function, PiecewisePolynomial):
         return float(function(values[coordinates[0]] if function.arity else 0.0))
     return float(function(*(values[name] for name in coordinates[: function.arity])))
 
 
 def substituted(coefficients: Array, start: float, slope: float = 1.0) -> Array:
-    """Coefficients of the polynomial p(start + slope x) for those of p(x), as many of them, the
-    constant term first.
+    """Substitute start + slope x in a polynomial p(x).
+
+    Parameters
+    ----------
+    coefficients : (n,) of p, the constant term first
+    start, slope : of the line
+
+    Returns
+    -------
+    (n,) coefficients of p(start + slope x)
     """
     turned = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([start, slope])).coef
     return np.pad(turned, (0, len(coefficients) - len(turned)))
 
 
 def constant(value: float) -> PiecewisePolynomial:
-    """The function that is `value` everywhere."""
+    """Make the function that is `value` everywhere."""
     return PiecewisePolynomial(np.zeros(1), np.array([[value]]))
 
 
 def linear(slope: float, intercept: float = 0.0) -> PiecewisePolynomial:
-    """The line slope x + intercept."""
+    """Make the line slope x + intercept."""
     return PiecewisePolynomial(np.zeros(1), np.array([[intercept, slope]]))
 
 
 def polynomial(coefficients: ArrayLike) -> PiecewisePolynomial:
-    """The polynomial sum_j coefficients[j] x^j, the constant term first."""
-    return PiecewisePolynomial(
-        np.zeros(1), np.atleast_2d(np.asarray(coefficients, dtype=np.float64))
-    )
+    """Make the polynomial sum_j coefficients[j] x^j.
+
+    Parameters
+    ----------
+    coefficients : (n,) the constant term first
+    """
+    row = np.atleast_2d(np.asarray(coefficients, dtype=np.float64))
+    return PiecewisePolynomial(np.zeros(1), row)
 
 
 def piecewise_linear(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
-    """Straight lines through the points (x, y), continued with the end slopes."""
+    """Make straight lines through points, continued with the end slopes.
+
+    Parameters
+    ----------
+    x, y : (points,), x ascending
+    """
     x = np.asarray(x, dtype=np.float64)
     y = np.asarray(y, dtype=np.float64)
     slopes = np.diff(y) / np.diff(x)
@@ -133,10 +189,20 @@ def piecewise_linear(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
 
 
 def simm_spline(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
-    """Cubic spline with OpenSim's `SimmSpline` end conditions, continued by straight lines.
+    """Make a cubic spline with OpenSim's `SimmSpline` end conditions, continued by straight lines.
+
     The third derivative at each end equals that of the cubic through the four end points (Forsythe,
-    Malcolm and Moler 1977); with two points it is a line, with three a parabola-like cubic with
-    equal second derivatives. `x` (points,) strictly ascending abscissae; `y` (points,) ordinates.
+    Malcolm and Moler 1977). With two points it is a line, with three a parabola-like cubic with
+    equal second derivatives.
+
+    With widths h_i and slopes s_i of the intervals, sigma_i = f''(x_i) / 6 solves, inside,
+
+        h_(i-1) sigma_(i-1) + 2 (h_(i-1) + h_i) sigma_i + h_i sigma_(i+1) = s_i - s_(i-1)
+
+    Parameters
+    ----------
+    x : (points,) strictly ascending
+    y : (points,)
     """
     x = np.asarray(x, dtype=np.float64)
     y = np.asarray(y, dtype=np.float64)

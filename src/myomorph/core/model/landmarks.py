@@ -13,13 +13,24 @@ from myomorph.core.model.errors import BadData
 
 @read_only
 class LandmarkPairs:
-    """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes
-    maps of them.
+    """Landmarks of one body and the same of another's bone.
+
+    `FeaturePoints(names, source, target)` makes maps of them.
+
+    Attributes
+    ----------
+    names : of the landmarks, none twice
+    source : (n, 3) in the source body's frame [m]
+    target : (n, 3) in the frame of the target's bone [m]
+
+    Raises
+    ------
+    BadData : a name is there twice, or points are missing or not finite
     """
 
-    names: tuple[str, ...]  # of the landmarks, none twice
-    source: Array  # (n, 3) in the source body's frame [m]
-    target: Array  # (n, 3) in the frame of the target's bone [m]
+    names: tuple[str, ...]
+    source: Array
+    target: Array
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -40,12 +51,17 @@ class LandmarkPairs:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Distances between markers of a model and of a person, whose ratio scales bodies."""
+    """Distances between markers of a model and of a person, whose ratio scales bodies.
+
+    Attributes
+    ----------
+    name : of the measurement
+    pairs : the two markers of each distance; the ratios of several are averaged
+    bodies : axes along which each body is stretched, some of "x", "y" and "z", by body
+    """
 
     name: str
-    # the two markers of each distance; the ratios of several are averaged
     pairs: tuple[tuple[str, str], ...]
-    # the axes along which each body is stretched: some of "x", "y" and "z"
     bodies: Mapping[str, str]
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What was made of the last few models, so that steps ask for it freely."""
+"""Results of the last few models, so that steps ask for them freely."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ Made = TypeVar("Made")
 
 
 class Latest(Generic[Made]):
-    """A function of a model whose last few results are kept. `make`: the function; `kept`: results."""
+    """A function of a model whose last few results are stored.
+
+    Parameters
+    ----------
+    make : the function
+    kept : number of results
+    """
 
     def __init__(self, make: Callable[[Model], Made], kept: int = 8):
         self._make = make
@@ -22,7 +28,7 @@ class Latest(Generic[Made]):
         self._lock = Lock()
 
     def __call__(self, model: Model) -> Made:
-        """The function's result."""
+        """Compute the function, or look its result up."""
         with self._lock:
             if model in self._made:
                 self._made.move_to_end(model)
@@ -32,7 +38,7 @@ class Latest(Generic[Made]):
         return made
 
     def put(self, model: Model, made: Made) -> None:
-        """Keep a result that was found in another way."""
+        """Store a result that was computed in another way."""
         with self._lock:
             self._made[model] = made
             self._made.move_to_end(model)

@@ -9,7 +9,19 @@ from myomorph.core.model.arrays import Array, freeze, read_only
 
 
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
-    """Rotation matrix (3, 3) by `angle` [rad] about the unit vector `axis` (Rodrigues)."""
+    """Rotation matrix about an axis (Rodrigues).
+
+        R = 1 + sin(angle) [axis]x + (1 - cos(angle)) [axis]x^2
+
+    Parameters
+    ----------
+    axis : (3,) unit vector
+    angle : [rad]
+
+    Returns
+    -------
+    (3, 3)
+    """
     x, y, z = np.asarray(axis, dtype=np.float64)
     c = np.cos(angle)
     s = np.sin(angle)
@@ -18,7 +30,16 @@ def axis_rotation(axis: ArrayLike, angle: float) -> Array:
 
 
 def least_rotation(source: Array, target: Array) -> Array:
-    """The least rotation (3, 3) that brings one unit vector (3,) onto another."""
+    """Find the least rotation that brings one unit vector onto another.
+
+    Parameters
+    ----------
+    source, target : (3,) unit vectors
+
+    Returns
+    -------
+    (3, 3)
+    """
     axis = np.cross(source, target)
     cosine = float(source @ target)
     sine = float(np.linalg.norm(axis))
@@ -31,27 +52,50 @@ def least_rotation(source: Array, target: Array) -> Array:
 
 
 def rotation_from_euler_xyz(angles: ArrayLike) -> Array:
-    """Rotation matrix of body-fixed X, Y, Z rotations [rad], as OpenSim writes orientations."""
+    """Rotation matrix of body-fixed X, Y, Z rotations, as OpenSim writes orientations.
+
+    Parameters
+    ----------
+    angles : (3,) [rad]
+
+    Returns
+    -------
+    (3, 3)
+    """
     a, b, c = np.asarray(angles, dtype=np.float64)
     return axis_rotation((1, 0, 0), a) @ axis_rotation((0, 1, 0), b) @ axis_rotation((0, 0, 1), c)
 
 
 def euler_xyz_from_rotation(rotation: ArrayLike) -> Array:
-    """Body-fixed X, Y, Z angles (..., 3) [rad] of rotation matrices; Z is 0 where X and Z cannot be
-    separated.
+    """Body-fixed X, Y, Z angles of rotation matrices.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3)
+
+    Returns
+    -------
+    (..., 3) [rad]; Z is 0 where X and Z cannot be separated
     """
     r = np.asarray(rotation, dtype=np.float64)
-    apart = np.abs(r[..., 0, 2]) < 1.0 - 1e-14
-    first = np.where(
-        apart, np.arctan2(-r[..., 1, 2], r[..., 2, 2]), np.arctan2(r[..., 2, 1], r[..., 1, 1])
-    )
-    last = np.where(apart, np.arctan2(-r[..., 0, 1], r[..., 0, 0]), 0.0)
-    return np.stack([first, np.arcsin(np.clip(r[..., 0, 2], -1.0, 1.0)), last], axis=-1)
+    separable = np.abs(r[..., 0, 2]) < 1.0 - 1e-14
+    x = np.arctan2(-r[..., 1, 2], r[..., 2, 2])
+    x_and_z = np.arctan2(r[..., 2, 1], r[..., 1, 1])
+    y = np.arcsin(np.clip(r[..., 0, 2], -1.0, 1.0))
+    z = np.where(separable, np.arctan2(-r[..., 0, 1], r[..., 0, 0]), 0.0)
+    return np.stack([np.where(separable, x, x_and_z), y, z], axis=-1)
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4) in the order w, x, y, z, normalised
-    here.
+    """Rotation matrices of quaternions.
+
+    Parameters
+    ----------
+    quaternion : (..., 4) in the order w, x, y, z, of any norm above 0
+
+    Returns
+    -------
+    (..., 3, 3)
     """
     q = np.asarray(quaternion, dtype=np.float64)
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
@@ -64,7 +108,16 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def rotation_from_vector(vector: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
+    """Rotation matrices of rotation vectors.
+
+    Parameters
+    ----------
+    vector : (..., 3) axis times angle [rad]
+
+    Returns
+    -------
+    (..., 3, 3)
+    """
     v = np.asarray(vector, dtype=np.float64)
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     half = 0.5 * np.sinc(0.5 * angle / np.pi) * v
@@ -72,18 +125,38 @@ def rotation_from_vector(vector: ArrayLike) -> Array:
 
 
 def vector_from_rotation(rotation: ArrayLike) -> Array:
-    """Rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3)."""
+    """Rotation vectors of rotation matrices.
+
+    With the quaternion (w, u) and s = |u| = sin(angle / 2), the vector is 2 atan2(s, w) / s u; the
+    factor tends to 2 where s does to 0.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3)
+
+    Returns
+    -------
+    (..., 3) axis times angle [rad]
+    """
     q = quaternion_from_rotation(rotation)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    stretch = np.where(
-        sine > 1e-12, 2.0 * np.arctan2(sine, q[..., :1]) / np.where(sine > 1e-12, sine, 1.0), 2.0
-    )
-    return np.asarray(stretch * q[..., 1:])
+    turns = sine > 1e-12
+    factor = 2.0 * np.arctan2(sine, q[..., :1]) / np.where(turns, sine, 1.0)
+    return np.asarray(np.where(turns, factor, 2.0) * q[..., 1:])
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Array:
-    """Quaternions (..., 4) in the order w, x, y, z, w not negative, of rotation matrices (..., 3,
-    3). Of the four ways to compute one, that with the largest divisor.
+    """Quaternions of rotation matrices.
+
+    Of the four ways to compute one, that with the largest divisor.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3)
+
+    Returns
+    -------
+    (..., 4) in the order w, x, y, z; w is not negative
     """
     r = np.asarray(rotation, dtype=np.float64)
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
@@ -103,7 +176,16 @@ def quaternion_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def spread_directions(count: int) -> Array:
-    """Unit vectors (count, 3) evenly over the sphere, along a spiral."""
+    """Spread unit vectors evenly over the sphere, along a spiral.
+
+    Parameters
+    ----------
+    count : of vectors
+
+    Returns
+    -------
+    (count, 3)
+    """
     step = np.arange(count) + 0.5
     height = 1.0 - 2.0 * step / count
     turn = np.pi * (1.0 + np.sqrt(5.0)) * step
@@ -129,12 +211,18 @@ class Transform:
 
     @staticmethod
     def identity() -> Transform:
-        """The transform that changes nothing."""
+        """Make the transform that changes nothing."""
         return Transform(np.eye(3), np.zeros(3))
 
     @staticmethod
     def from_euler_xyz(angles: ArrayLike, translation: ArrayLike) -> Transform:
-        """Transform of body-fixed X, Y, Z angles [rad] and a translation [m]."""
+        """Make a transform of angles and a translation.
+
+        Parameters
+        ----------
+        angles : (3,) body-fixed X, Y, Z [rad]
+        translation : (3,) [m]
+        """
         return Transform(rotation_from_euler_xyz(angles), np.asarray(translation, dtype=np.float64))
 
     def __matmul__(self, other: Transform) -> Transform:
@@ -144,9 +232,18 @@ class Transform:
         )
 
     def inverse(self) -> Transform:
-        """The transform back."""
+        """Invert: the pose of A in B."""
         return Transform(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of B expressed in A."""
+        """Express points of B in A.
+
+        Parameters
+        ----------
+        points : (..., 3) in B [m]
+
+        Returns
+        -------
+        (..., 3) in A [m]
+        """
         return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation

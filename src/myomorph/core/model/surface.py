@@ -25,7 +25,7 @@ class Surface:
 
     Raises
     ------
-    BadData : where a face names a vertex that does not exist, or a vertex is not finite
+    BadData : a face names a vertex that does not exist, or a vertex is not finite
     """
 
     vertices: Array
@@ -45,28 +45,63 @@ class Surface:
 
 
 def face_crosses(vertices: Array, faces: np.ndarray) -> Array:
-    """(m, 3) along the normals of faces, twice as long as their areas [m^2]."""
-    a, b, c = (vertices[faces[:, index]] for index in range(3))
+    """Cross products (b - a) x (c - a) of faces with the corners a, b and c.
+
+    Parameters
+    ----------
+    vertices : (n, 3) [m]
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    (m, 3) along the normals of faces, twice as long as their areas [m^2]
+    """
+    a = vertices[faces[:, 0]]
+    b = vertices[faces[:, 1]]
+    c = vertices[faces[:, 2]]
     return np.cross(b - a, c - a)
 
 
 def hull_faces(hull: Any) -> np.ndarray:
-    """(m, 3) faces of a hull of scipy's `ConvexHull`, which look outward; indices of its points."""
-    inward = (
-        np.einsum("ij,ij->i", face_crosses(hull.points, hull.simplices), hull.equations[:, :3])
-        < 0.0
-    )
+    """Faces of a convex hull, which look outward.
+
+    Parameters
+    ----------
+    hull : scipy's `ConvexHull`
+
+    Returns
+    -------
+    (m, 3) indices of its points
+    """
+    crosses = face_crosses(hull.points, hull.simplices)
+    inward = np.einsum("ij,ij->i", crosses, hull.equations[:, :3]) < 0.0
     return np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
 
 
 def used_part(vertices: Array, faces: np.ndarray) -> Surface:
-    """Faces with the vertices that they name and no others."""
+    """Drop the vertices that no face names.
+
+    Parameters
+    ----------
+    vertices : (n, 3) [m]
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    the faces with the vertices that they name and no others
+    """
     used, compact = np.unique(faces, return_inverse=True)
     return Surface(vertices[used], compact.reshape(-1, 3))
 
 
 def body_meshes(body: Body, surfaces: Mapping[str, Surface]) -> list[Surface]:
-    """A body's meshes in its frame, as far as they are known. `surfaces`: by `Mesh.file`."""
+    """Place a body's meshes in its frame, as far as they are known.
+
+    Parameters
+    ----------
+    body : with meshes
+    surfaces : by `Mesh.file`
+    """
     result = []
     for mesh in body.meshes:
         if mesh.shape == "mesh" and mesh.file in surfaces:
@@ -78,29 +113,59 @@ def body_meshes(body: Body, surfaces: Mapping[str, Surface]) -> list[Surface]:
 
 
 def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
-    """Several surfaces as one."""
+    """Join several surfaces to one."""
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
+    faces = [surface.faces + start for surface, start in zip(surfaces, starts, strict=True)]
     return Surface(
-        np.concatenate([surface.vertices for surface in surfaces]),
-        np.concatenate(
-            [surface.faces + start for surface, start in zip(surfaces, starts, strict=True)]
-        ),
+        vertices=np.concatenate([surface.vertices for surface in surfaces]),
+        faces=np.concatenate(faces),
     )
 
 
 def signed_volume(vertices: Array, faces: np.ndarray) -> float:
-    """Volume that faces enclose, negative where they look inward [m^3]."""
-    a, b, c = (vertices[faces[:, index]] for index in range(3))
+    """Volume that faces enclose, the sum of a . (b x c) / 6 over faces.
+
+    Parameters
+    ----------
+    vertices : (n, 3) [m]
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    negative where the faces look inward [m^3]
+    """
+    a = vertices[faces[:, 0]]
+    b = vertices[faces[:, 1]]
+    c = vertices[faces[:, 2]]
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def area_of(vertices: Array, faces: np.ndarray) -> float:
-    """Area of faces [m^2]."""
+    """Area of faces.
+
+    Parameters
+    ----------
+    vertices : (n, 3) [m]
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    [m^2]
+    """
     return float(np.linalg.norm(face_crosses(vertices, faces), axis=1).sum() / 2.0)
 
 
 def distinct_faces(faces: np.ndarray) -> np.ndarray:
-    """Faces (m, 3) without those that name a vertex twice, and each once."""
+    """Drop faces that name a vertex twice, and those that another one repeats.
+
+    Parameters
+    ----------
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    (distinct, 3) in their order
+    """
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     kept = faces[~repeated]
     _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
@@ -108,22 +173,48 @@ def distinct_faces(faces: np.ndarray) -> np.ndarray:
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
-    """(3 m, 2) directed edges of faces (m, 3): their first sides, then the second ones, then the
-    third.
+    """List the directed edges of faces.
+
+    Parameters
+    ----------
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    (3 m, 2) their first sides, then the second ones, then the third
     """
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
 def connected(count: int, edges: np.ndarray) -> np.ndarray:
-    """(count,) number of the connected piece that each of so many vertices is in, by edges (n, 2)."""
-    graph = scipy.sparse.coo_array(
-        (np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count)
-    )
+    """Find the connected pieces of vertices.
+
+    Parameters
+    ----------
+    count : of vertices
+    edges : (n, 2) indices
+
+    Returns
+    -------
+    (count,) number of the piece that each vertex is in
+    """
+    entries = (np.ones(len(edges)), (edges[:, 0], edges[:, 1]))
+    graph = scipy.sparse.coo_array(entries, shape=(count, count))
     return scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
 
 
 def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:
-    """Faces of each piece that hangs together by its vertices, of which there are `count`."""
+    """Split faces into pieces that are connected by their vertices.
+
+    Parameters
+    ----------
+    count : of vertices
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    (faces, 3) of each piece
+    """
     label = connected(count, edges_of(faces))[faces[:, 0]]
     order = np.argsort(label, kind="stable")
     starts = np.flatnonzero(np.diff(label[order])) + 1
@@ -131,9 +222,19 @@ def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:
 
 
 def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
-    """Faces of one piece turned to one side and outward, in their order.
+    """Turn the faces of one piece to one side and outward, in their order.
+
     Where no turning makes neighbors look to the same side, as where a surface touches itself, they
     stay as they are.
+
+    Parameters
+    ----------
+    vertices : (n, 3) [m]
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    (m, 3)
     """
     result = faces
     before = _conflicts(faces)
@@ -150,20 +251,31 @@ def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
 
 
 def _conflicts(faces: np.ndarray) -> int:
-    """Edges that two faces run along in the same direction, as neighbors that look to different
-    sides do.
+    """Count the edges of neighbors that look to different sides.
+
+    Two such faces run along their common edge in the same direction.
     """
     directed = edges_of(faces)
     return len(directed) - len(np.unique(directed, axis=0))
 
 
 def _inward(vertices: Array, faces: np.ndarray) -> bool:
+    """Whether the faces (m, 3) of one piece look inward."""
     # About a point amid the piece, so that an open one has a volume of the right sign too.
     return signed_volume(vertices - vertices[np.unique(faces)].mean(axis=0), faces) < 0.0
 
 
 def border_of(faces: np.ndarray) -> np.ndarray:
-    """(edges, 2) directed edges without a face on their other side."""
+    """Find the border of faces.
+
+    Parameters
+    ----------
+    faces : (m, 3) indices
+
+    Returns
+    -------
+    (edges, 2) directed edges without a face on their other side
+    """
     directed = edges_of(faces).astype(np.int64)
     count = int(faces.max()) + 1
     keys = directed[:, 0] * count + directed[:, 1]
