@@ -87,7 +87,9 @@ def measure_kernels() -> Iterator[dict[str, object]]:
         compiled = to_mujoco(model)
         state = mujoco.MjData(compiled)
         order = [compiled.joint(joint.name).dofadr[0] for joint in model.joints]
-        state.qpos[order], state.qvel[order], state.qacc[order] = q[0], v[0], a[0]
+        state.qpos[order] = q[0]
+        state.qvel[order] = v[0]
+        state.qacc[order] = a[0]
         mujoco.mj_inverse(compiled, state)
         differences["inverse dynamics against MuJoCo [N m, N]"].append(
             np.abs(tau - state.qfrc_inverse[order]).max()

@@ -88,9 +88,11 @@ def _rows() -> Iterator[Row]:
 def doubled(markers: mm.Markers) -> mm.Markers:
     """Twice as many frames, those between halfway between their neighbours."""
     values = np.empty((2 * len(markers) - 1, *markers.values.shape[1:]))
-    values[::2], values[1::2] = markers.values, 0.5 * (markers.values[1:] + markers.values[:-1])
+    values[::2] = markers.values
+    values[1::2] = 0.5 * (markers.values[1:] + markers.values[:-1])
     clock = np.empty(len(values))
-    clock[::2], clock[1::2] = markers.time, 0.5 * (markers.time[1:] + markers.time[:-1])
+    clock[::2] = markers.time
+    clock[1::2] = 0.5 * (markers.time[1:] + markers.time[:-1])
     return mm.Markers(clock, markers.names, values)
 
 

@@ -106,7 +106,9 @@ def played(result: Path, browser: Browser | None) -> Row:
         replay.play(True)
         time.sleep(1.0)
         before = _state(browser)
-        sent, used, began = replay.drawn, time.process_time(), time.perf_counter()
+        sent = replay.drawn
+        used = time.process_time()
+        began = time.perf_counter()
         time.sleep(SECONDS)
         passed, used, sent = (
             time.perf_counter() - began,

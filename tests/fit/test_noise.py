@@ -31,7 +31,8 @@ def test_correlation_times_are_those_of_an_autoregression(keep):
 
 def test_the_noise_of_a_recording_is_what_was_put_in():
     random = np.random.default_rng(1)
-    frames, rate = 4000, 100.0
+    frames = 4000
+    rate = 100.0
     time = np.arange(frames) / rate
     movement = np.sin(2.0 * np.pi * time)[:, None, None] * np.ones((1, 2, 3))
     noise = np.stack(

@@ -38,7 +38,9 @@ def test_masses_of_points_are_bodies(body, parameters):
 
 def test_principal_moments_are_those_of_a_box():
     m = 2.0
-    (x, y, z) = (0.1, 0.2, 0.4)
+    x = 0.1
+    y = 0.2
+    z = 0.4
     c = np.array([0.5, -0.3, 0.2])
     about = m / 12 * np.array([y**2 + z**2, z**2 + x**2, x**2 + y**2])
     inertia = np.diag(about) + m * (c @ c * np.eye(3) - np.outer(c, c))

@@ -130,7 +130,8 @@ def test_standing_still_excites_nothing(opencap):
     weight = np.zeros((frames, 1, 3))
     weight[:, 0, 1] = 9.81 * model.mass
     point = np.zeros((frames, 1, 3))
-    point[:, 0, 0], point[:, 0, 2] = still["pelvis_tx"][0], still["pelvis_tz"][0]
+    point[:, 0, 0] = still["pelvis_tx"][0]
+    point[:, 0, 2] = still["pelvis_tz"][0]
     standing = replace(
         wrenches,
         time=motion.time,

@@ -228,7 +228,8 @@ def test_masses_that_are_hard_to_believe_are_told(walk):
     thigh = model.body_names.index("femur_r")
     shank = model.body_names.index("tibia_l")
     masses = shape.copy()
-    masses[thigh], masses[shank] = 1.8 * shape[thigh], 0.1 * shape[shank]
+    masses[thigh] = 1.8 * shape[thigh]
+    masses[shank] = 0.1 * shape[shank]
     (note,) = _far_from_shape(model, masses, shape, 0.5)
     assert f"2 of {len(shape)} links" in note
     assert (

@@ -197,7 +197,8 @@ def test_a_fold_is_found(options: MapOptions) -> None:
         [[x, y, z] for x in (0.0, 0.1, 0.2, 0.3) for y in (0.0, 0.05) for z in (0.0, 0.05)]
     )
     target = source.copy()
-    target[4:8], target[8:12] = source[8:12], source[4:8]
+    target[4:8] = source[8:12]
+    target[8:12] = source[4:8]
     found = fit_map(features(source, target), options)
     between = np.array([[0.15, 0.025, 0.025]])
     assert inverted(found, between)[0]

@@ -64,7 +64,8 @@ def recorded(model, turn: float, x: float) -> tuple[Markers, Motion]:
     tree = compile_tree(model)
     values = np.tile(tree.defaults, (10, 1))
     names = model.coordinate_names
-    values[:, names.index("root_ry")], values[:, names.index("root_tx")] = turn, x
+    values[:, names.index("root_ry")] = turn
+    values[:, names.index("root_tx")] = x
     values[:, names.index("hip_z_r")] = np.linspace(0.0, 0.5, 10)
     values[:, names.index("knee_l")] = np.linspace(-0.5, -0.1, 10)
     motion = Motion(np.arange(10) * 0.01, names, values)

@@ -127,9 +127,12 @@ def test_active_force_is_that_of_opensims_static_optimization(kind, pennation):
         # Beyond the maximum velocity OpenSim's curve goes below zero; a muscle does not push.
         theirs = np.maximum(theirs, 0.0)
     # OpenSim stops its own iterations at 0.01 N (deprecated classes) and 1e-6 (Thelen's velocity).
-    tolerance = (
-        0.05 if kind.endswith("Deprecated") else 1e-2 if kind == "Thelen2003Muscle" else 1e-7
-    )
+    if kind.endswith("Deprecated"):
+        tolerance = 0.05
+    elif kind == "Thelen2003Muscle":
+        tolerance = 1e-2
+    else:
+        tolerance = 1e-7
     np.testing.assert_allclose(ours.active[:, 0], theirs, rtol=0, atol=tolerance)
     assert np.ptp(theirs) > 500.0
 

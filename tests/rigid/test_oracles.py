@@ -104,7 +104,8 @@ def test_poses_and_inverse_dynamics_agree_with_mujoco(seed):
     poses = forward_kinematics(tree, motion.values)
     tau = inverse_dynamics(model, motion)
     for frame in range(len(motion)):
-        data.qpos[order], data.qvel[order] = motion.values[frame], motion.velocities[frame]
+        data.qpos[order] = motion.values[frame]
+        data.qvel[order] = motion.velocities[frame]
         data.qacc[order] = motion.accelerations[frame]
         mujoco.mj_inverse(theirs, data)
         np.testing.assert_allclose(tau.values[frame], data.qfrc_inverse[order], atol=TOLERANCE)

@@ -45,7 +45,10 @@ def test_the_first_step_is_newtons_for_all_unknowns_at_once():
     """
     E = arrays("Thelen2003Muscle", 3)
     rng = np.random.default_rng(1)
-    (frames, count, rows, others) = (4, 3, 3, 2)
+    frames = 4
+    count = 3
+    rows = 3
+    others = 2
     sizes = [
         (frames, count),
         (frames - 1, count),

@@ -18,7 +18,8 @@ def polytope(seed, rows=9, n=40):
     x = np.clip(rng.normal(size=n), lower, upper)
     lower[:3] = -np.inf
     upper[3:6] = np.inf
-    lower[6], upper[6] = x[6], x[6]
+    lower[6] = x[6]
+    upper[6] = x[6]
     return A, x, lower, upper, rng.normal(size=(6, n))
 
 

@@ -215,7 +215,8 @@ def solve_program(
     push = one.reserves * (scale**-0.5 if p > 4.0 else 1.0)
     A = np.zeros((rows, made.size))
     A[:, :n] = unit * turns.T
-    A[:, u : u + rows], A[:, u + rows : t] = np.diag(push), -np.diag(push)
+    A[:, u : u + rows] = np.diag(push)
+    A[:, u + rows : t] = -np.diag(push)
     made.equal(A, one.tau[frame])
     made.at_least(eye, np.zeros(made.size))
     made.at_least(-eye[:n], np.full(n, -1.0 / unit))

@@ -98,9 +98,12 @@ def many_coordinates(model: mm.Model, free: bool = False) -> mm.Model:
     for one in model.coordinates:
         moves = free or one.name in used or one.name not in inside
         if one.name in inside:
-            reach = (
-                0.12 if one.name in used else 0.08 if "vertebra" in inside[one.name].child else 0.05
-            )
+            if one.name in used:
+                reach = 0.12
+            elif "vertebra" in inside[one.name].child:
+                reach = 0.08
+            else:
+                reach = 0.05
             reach = 0.004 if one.name in SLIDING else reach
             one = replace(one, range=(one.default - reach, one.default + reach), clamped=True)
         if one.name.startswith(("wrist_", "mtp_")):

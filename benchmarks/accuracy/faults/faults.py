@@ -296,7 +296,11 @@ FORCE_FAULTS = (
 def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
     """Whether a fault is mended, found or missed."""
     named = [one for one in findings if one.kind in fault.kinds]
-    return "missed" if not named else "mended" if all(one.mended for one in named) else "found"
+    if not named:
+        return "missed"
+    if all(one.mended for one in named):
+        return "mended"
+    return "found"
 
 
 def torque_error(

@@ -280,7 +280,12 @@ def verdict(kinds: Sequence[str], findings: Sequence[Finding], before: Sequence[
     ]
     named = [one for one in new if one.kind in kinds]
     besides = sorted({one.kind for one in new if one.kind not in kinds})
-    word = "missed" if not named else "mended" if all(one.mended for one in named) else "found"
+    if not named:
+        word = "missed"
+    elif all(one.mended for one in named):
+        word = "mended"
+    else:
+        word = "found"
     return word + (f" ({', '.join(besides)})" if besides else "")
 
 

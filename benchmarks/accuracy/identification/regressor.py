@@ -124,7 +124,8 @@ def _against_mujoco(model: mm.Model) -> tuple[float, float]:
         state.qpos[root.qposadr[0] : root.qposadr[0] + 7] = q
         state.qvel[root.dofadr[0] : root.dofadr[0] + 6] = v
         state.qacc[root.dofadr[0] : root.dofadr[0] + 6] = a
-        state.qpos[position], state.qvel[at] = motion.values[f, 6:], motion.velocities[f, 6:]
+        state.qpos[position] = motion.values[f, 6:]
+        state.qvel[at] = motion.velocities[f, 6:]
         state.qacc[at] = motion.accelerations[f, 6:]
         mujoco.mj_inverse(theirs, state)
         force = state.qfrc_inverse[root.dofadr[0] : root.dofadr[0] + 6]

@@ -116,7 +116,12 @@ def _row(recording: Recording, folder: Path) -> Row:
     findings = [
         line for line in said.partition("study file, ")[2].splitlines() if line.startswith("  ")
     ]
-    row["mass"] = "guessed" if guessed else "of the set" if recording.mass else "of the plates"
+    if guessed:
+        row["mass"] = "guessed"
+    elif recording.mass:
+        row["mass"] = "of the set"
+    else:
+        row["mass"] = "of the plates"
     row["warnings"] = len(findings)
     parts = [line for line in lines if "marker protocol" in line or "Nobody moves" in line]
     row["says"] = " ".join(lines[-1:] if status else parts).removeprefix("error: ")[:300]

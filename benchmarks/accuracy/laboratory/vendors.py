@@ -66,10 +66,8 @@ def _row(path: Path, folder: Path) -> Row:
                 text=True,
                 timeout=LIMIT,
             )
-            status, lines = (
-                ended.returncode,
-                [*ended.stdout.splitlines(), *ended.stderr.splitlines()],
-            )
+            status = ended.returncode
+            lines = [*ended.stdout.splitlines(), *ended.stderr.splitlines()]
         except subprocess.TimeoutExpired:
             status = None
             lines = [f"still running after {LIMIT:.0f} s"]

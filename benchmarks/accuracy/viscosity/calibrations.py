@@ -257,7 +257,9 @@ def _recorded(
     frames = rotations[1000:61000:10]
     turns = angle * random.normal(size=(len(frames), 3))
     cross = np.zeros((len(frames), 3, 3))
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -turns[:, 2], turns[:, 1], -turns[:, 0]
+    cross[:, 0, 1] = -turns[:, 2]
+    cross[:, 0, 2] = turns[:, 1]
+    cross[:, 1, 2] = -turns[:, 0]
     time = 0.005 * np.arange(len(frames))
     return time, _base_rows(time, frames + (cross - np.swapaxes(cross, 1, 2)) @ frames), own, there
 

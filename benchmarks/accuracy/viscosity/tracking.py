@@ -98,10 +98,8 @@ def measure_noise() -> Iterable[Row]:
             rate = np.sqrt(np.mean(rate**2, axis=0))
             row[f"twist, {word} [deg]"] = float(turn[1])
             row[f"other axes, {word} [deg]"] = float(turn[[0, 2]].max())
-        row["rates at 8 Hz: twist [rad/s]"], row["others [rad/s]"] = (
-            float(rate[1]),
-            float(rate[[0, 2]].max()),
-        )
+        row["rates at 8 Hz: twist [rad/s]"] = float(rate[1])
+        row["others [rad/s]"] = float(rate[[0, 2]].max())
         held = [tracked.held[name] - HELD.get(name, 0.0) for name in tracked.held]
         row["held angles, largest [deg]"] = float(np.degrees(np.abs(held).max()))
         center = tracked.specimen.center_in_ground - specimen.center_in_ground

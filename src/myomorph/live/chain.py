@@ -182,7 +182,8 @@ class LiveChain:
         self.model = model
         self.options = options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
-        self.filter_delay, self.max_age = self.filter.delay, self.options.max_age
+        self.filter_delay = self.filter.delay
+        self.max_age = self.options.max_age
         self.poses = Poses(model=model, source=source, blend=self.options.blend, mounting=mounting)
         self.feet = OnlineFeet(model, source.plates, source.bodies)
         self.bodies = self.feet.bodies

@@ -103,7 +103,8 @@ class MarkerErrors:
         self._skin = SlowNoise(
             width=sources.skin_time, count=int(np.prod(self._shape)), seed=seed, rate=rate
         )
-        self._squares, self._seen = np.zeros(len(self._names)), np.zeros(len(self._names))
+        self._squares = np.zeros(len(self._names))
+        self._seen = np.zeros(len(self._names))
 
     def forget(self) -> None:
         """Begin anew with the next frame."""

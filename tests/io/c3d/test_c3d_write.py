@@ -48,10 +48,8 @@ def test_moments_in_newton_millimeters_are_told_by_where_they_put_the_force(reco
     """
     markers, plate = recording
     channels = np.zeros((200, 6))
-    channels[:, 2], channels[:, 3:5] = (
-        -700.0,
-        np.random.default_rng(1).uniform(-100.0, 100.0, (200, 2)),
-    )
+    channels[:, 2] = -700.0
+    channels[:, 3:5] = np.random.default_rng(1).uniform(-100.0, 100.0, (200, 2))
     path = tmp_path / "one.c3d"
     write_c3d(path, markers, replace(plate, channels=channels))
     right = read_c3d(path)

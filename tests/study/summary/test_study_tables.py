@@ -260,7 +260,12 @@ def test_running_means_are_those_of_numpy():
     whole = []
     names = [("angle", "a"), ("angle", "b"), ("torque", "a")]
     for k in range(12):
-        own = [0, 1] if k < 3 else [2, 0] if k % 2 else [0, 1, 2]
+        if k < 3:
+            own = [0, 1]
+        elif k % 2:
+            own = [2, 0]
+        else:
+            own = [0, 1, 2]
         values = 1e3 + rng.standard_normal((101, len(own)))
         values[rng.random(values.shape) < 0.1] = np.nan
         running.add(tuple(names[j] for j in own), values)

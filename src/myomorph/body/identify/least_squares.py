@@ -453,7 +453,8 @@ def _constants(points: Array) -> Array:
     """(frames, 6, 6) rows about points (frames, 3) of a constant wrench about the origin."""
     rows = np.tile(np.eye(6), (len(points), 1, 1))
     for i, a, b in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rows[:, i, 3 + b], rows[:, i, 3 + a] = -points[:, a], points[:, b]
+        rows[:, i, 3 + b] = -points[:, a]
+        rows[:, i, 3 + a] = points[:, b]
     return rows
 
 

@@ -335,7 +335,12 @@ class _Problem:
             low, high = (t, high) if slope > 0.0 else (low, t)
             newton = t + slope / curvature if curvature > 0.0 else np.inf
             inside = low < newton < high and newton < 1e3 * max(t, 1.0)
-            t = newton if inside else (4.0 * t if high == np.inf else 0.5 * (low + high))
+            if inside:
+                t = newton
+            elif high == np.inf:
+                t = 4.0 * t
+            else:
+                t = 0.5 * (low + high)
         return t
 
     def result(self, y: Array, iterations: int) -> MassPointFit:

@@ -309,5 +309,6 @@ def momentum_rows(twist: Array) -> Array:
         rows[..., axis, 4 + axis] = w[..., axis]
     rows[..., 3:, 0] = v
     for i, a, b in ((7, 1, 2), (8, 2, 0), (9, 0, 1)):
-        rows[..., a, i], rows[..., b, i] = w[..., b], w[..., a]
+        rows[..., a, i] = w[..., b]
+        rows[..., b, i] = w[..., a]
     return rows

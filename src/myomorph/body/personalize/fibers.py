@@ -164,7 +164,12 @@ def _looked_up(start, step, values, slopes, row, x):
     last = values.shape[1] - 2
     index = min(max(int(np.floor(u)), 0), last)
     s = u - index
-    beyond = s if s < 0.0 else (s - 1.0 if s > 1.0 else 0.0)
+    if s < 0.0:
+        beyond = s
+    elif s > 1.0:
+        beyond = s - 1.0
+    else:
+        beyond = 0.0
     s -= beyond
     y0 = values[row, index]
     d0 = slopes[row, index]
@@ -304,7 +309,12 @@ def follow_elastic(
                     before[index] = past[index]
                     moved[index] = -moved[index] / by_length
                     past[index] = moved[index]
-                    z = z_lo if index == 0 else (z_ls if index == 1 else 0.0)
+                    if index == 0:
+                        z = z_lo
+                    elif index == 1:
+                        z = z_ls
+                    else:
+                        z = 0.0
                     found[2 + index, window, t, m] = force * slope * (z + z_x * moved[index])
                 found[0, window, t, m] = force * pulled
                 found[1, window, t, m] = x

@@ -327,11 +327,20 @@ def _estimates(
         # Generic values that were kept are no surer than before the recordings.
         spread = NINETY * np.sqrt(first if kept else variance) if free else np.nan
         well = ratio <= WELL and spread <= CLOSE.get(parameter, np.inf)
-        level: Literal["yes", "partly", "no"] = (
-            "yes" if well else "partly" if ratio <= PARTLY else "no"
-        )
+        level: Literal["yes", "partly", "no"]
+        if well:
+            level = "yes"
+        elif ratio <= PARTLY:
+            level = "partly"
+        else:
+            level = "no"
         at_bound = [number for number in at if abs(p[number]) >= prior.bound[number] - 1e-9]
-        bound = "" if not at_bound else "high" if p[at_bound[0]] > 0.0 else "low"
+        if not at_bound:
+            bound = ""
+        elif p[at_bound[0]] > 0.0:
+            bound = "high"
+        else:
+            bound = "low"
         low = values[1] * np.exp(-spread)
         high = values[1] * np.exp(spread)
         if parameter == SLACK and free:

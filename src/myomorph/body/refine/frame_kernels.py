@@ -140,7 +140,9 @@ def difference_frames(
 def restore(c, cdot, cddot, x, v, a):
     """Copies of a frame's coordinates and rates."""
     for j in range(c.shape[0]):
-        x[j], v[j], a[j] = c[j], cdot[j], cddot[j]
+        x[j] = c[j]
+        v[j] = cdot[j]
+        a[j] = cddot[j]
 
 
 @bare
@@ -181,4 +183,5 @@ def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
     moment = minus(moment, (measured[0], measured[1], measured[2]))
     moment = minus(moment, cross(vector(p, 1), force))
     for i in range(3):
-        residual[i], residual[3 + i] = moment[i], force[i]
+        residual[i] = moment[i]
+        residual[3 + i] = force[i]

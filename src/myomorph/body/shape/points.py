@@ -258,5 +258,6 @@ def frames_in_ground(model: Model, pose: Motion) -> Array:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])
     frames = np.tile(np.eye(4), (len(model.bodies), 1, 1))
-    frames[:, :3, :3], frames[:, :3, 3] = poses.rotations[0, 1:], poses.origins[0, 1:]
+    frames[:, :3, :3] = poses.rotations[0, 1:]
+    frames[:, :3, 3] = poses.origins[0, 1:]
     return frames

@@ -220,7 +220,8 @@ def _shares(x, starts, along, inverse, owner, n, exponent, smallest, columns, sh
             kept = 0.0
             for i in range(n):
                 if squared[i] > 0.0 and squared[i] >= smallest * total:
-                    columns[used], shares[used] = i, squared[i]
+                    columns[used] = i
+                    shares[used] = squared[i]
                     kept += squared[i]
                     used += 1
             for place in range(first, used):

@@ -272,7 +272,8 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
     ):
         raise BadFile(path, "its 'names' are no list, or its 'bodies' or 'offsets' no table")
     try:
-        scale, rate = content.get("MOCAP_SCALE_FACTOR"), _first(content, RATE_KEYS)
+        scale = content.get("MOCAP_SCALE_FACTOR")
+        rate = _first(content, RATE_KEYS)
         unit = float(scale) if scale is not None else UNITS.get(_text(content.get("units", "")))
         places = {_text(name): _three(offset) for name, offset in offsets.items()}
         return KeypointNames(

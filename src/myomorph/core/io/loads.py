@@ -57,9 +57,12 @@ def read_load_entries(
         if not node.is_applied:
             continue
         data_source = node.text("", "data_source_name")
-        source = (
-            shared if shared not in UNASSIGNED else "" if data_source in UNASSIGNED else data_source
-        )
+        if shared not in UNASSIGNED:
+            source = shared
+        elif data_source in UNASSIGNED:
+            source = ""
+        else:
+            source = data_source
         data = Path(motion_file) if motion_file is not None else _data_file(loads, source)
         entries.append(
             _old_entry(node, data) if node.kind == "PrescribedForce" else _entry(node, data)

@@ -68,7 +68,13 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     names_line, start = line_from(text, start)
     body = text[start:]
     del text
-    delimiter = "\t" if "\t" in names_line else "," if "," in names_line else None
+    delimiter: str | None
+    if "\t" in names_line:
+        delimiter = "\t"
+    elif "," in names_line:
+        delimiter = ","
+    else:
+        delimiter = None
     labels = [cell.strip().strip('"') for cell in split_cells(names_line, delimiter)]
     if not any(labels):
         raise BadFile(path, "there is no line of column names after 'endheader'", HINT)

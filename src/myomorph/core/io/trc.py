@@ -111,7 +111,13 @@ def _header(
         raise BadFile(path, "has no line 'Frame#  Time  marker names'", HINT)
     if not facts:
         notes.append("the header has no line 'DataRate ...': units were guessed from the values")
-    delimiter = "\t" if "\t" in line else "," if "," in line else None
+    delimiter: str | None
+    if "\t" in line:
+        delimiter = "\t"
+    elif "," in line:
+        delimiter = ","
+    else:
+        delimiter = None
     cells = [cell.strip().strip('"') for cell in split_cells(line, delimiter)]
     if word == "time":
         raise BadFile(path, "has no column 'Frame#'", HINT)

@@ -289,7 +289,8 @@ def newton_step(P, work, closing, c, damping):
     index = work.solved
     n = P.free.shape[0]
     for i in range(n):
-        step[i], stopped[i] = 0.0, work.held[i]
+        step[i] = 0.0
+        stopped[i] = work.held[i]
     while True:
         size = reduced_system(P, work, closing, c, damping)
         if not solve_in_place(L, size):

@@ -192,7 +192,9 @@ def axis_fields(T, c, work):
         w = direction if turns else (0.0, 0.0, 0.0)
         v = cross(minus(vector(work.o, axis), z), direction) if turns else direction
         for i in range(3):
-            fields[axis, i], fields[axis, 3 + i], curvature[axis, i] = w[i], v[i], 0.0
+            fields[axis, i] = w[i]
+            fields[axis, 3 + i] = v[i]
+            curvature[axis, i] = 0.0
         f = T.axis_function[axis]
         if T.functions.table[f, KIND] == SINES or T.functions.table[f, WIDTH] > 2:
             i = T.axis_coordinate[axis, 0]

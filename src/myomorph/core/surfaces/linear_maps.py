@@ -119,10 +119,8 @@ def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool =
             rest = np.delete(np.arange(len(names)), index)
             other = procrustes(source[rest], target[rest], scale and len(names) > 4)
             apart = np.linalg.norm(other.apply(source) - target, axis=1)
-            left_out[index], of_others[index] = (
-                apart[index],
-                float(np.sqrt(np.mean(apart[rest] ** 2))),
-            )
+            left_out[index] = apart[index]
+            of_others[index] = float(np.sqrt(np.mean(apart[rest] ** 2)))
         notes = _warnings(names, source, target, scale, residuals, left_out, of_others)
     return PointFit(
         similarity=fit,

@@ -19,7 +19,8 @@ from myomorph.core.muscles.hill import hill_forces
 from myomorph.exchange.mujoco.copy import MujocoCopy
 
 # Normalized fiber lengths that MuJoCo's `lengthrange` stands for.
-SHORTEST, LONGEST = RANGE = (0.5, 1.6)
+RANGE = (0.5, 1.6)
+SHORTEST, LONGEST = RANGE
 
 LENGTHS = np.linspace(0.3, 1.9, 321)
 SPEEDS = np.linspace(-1.5, 1.5, 301)

@@ -75,7 +75,8 @@ def fitted_paths(
             trial = values - np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
             there = errors(trial)
             better = (there**2).sum(axis=1) < (now**2).sum(axis=1)
-            values[better], now[better] = trial[better], there[better]
+            values[better] = trial[better]
+            now[better] = there[better]
             damping = np.where(better, 0.3 * damping, 5.0 * damping)
         return values, (now**2).sum(axis=1)
 
@@ -86,7 +87,8 @@ def fitted_paths(
     for factor in RADII:
         other, cost = descended(np.where(radii, factor * values, values))
         better = cost < least
-        best[better], least[better] = other[better], cost[better]
+        best[better] = other[better]
+        least[better] = cost[better]
     return _moved(model, movables, best)
 
 

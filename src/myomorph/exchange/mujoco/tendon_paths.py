@@ -110,7 +110,8 @@ def _with_sides(model: Model, translator: _Translator, coordinates: Array) -> Mo
             errors = np.abs(compile_paths(tried).evaluate(coordinates)[0] - lengths)
             wrong += (weights * np.minimum(errors, LARGEST_ERROR)).sum(axis=0)
         for i in np.flatnonzero(wrong < least):
-            least[i], muscles[sided[i]] = wrong[i], turned[i]
+            least[i] = wrong[i]
+            muscles[sided[i]] = turned[i]
     return replace(
         model, muscles=tuple(muscles.get(m, muscle) for m, muscle in enumerate(model.muscles))
     )

@@ -50,7 +50,12 @@ class Row:
 def limb_of(site: str, who: Sequence[Subject] = ()) -> Limb:
     """Whose limb a site is on, as its name tells."""
     owner, bare, side = _told(site, who)
-    part = "hand" if _HAND.search(bare) else "foot" if _FOOT.search(bare) else bare
+    if _HAND.search(bare):
+        part = "hand"
+    elif _FOOT.search(bare):
+        part = "foot"
+    else:
+        part = bare
     return Limb(owner, part, side)
 
 

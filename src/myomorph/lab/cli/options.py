@@ -162,7 +162,11 @@ def _no_flag(key: Key) -> Any:
     """What a command gets where a flag is not there."""
     if key.kind.flag is None:
         return key.default
-    return "" if key.flag is str else () if get_origin(key.flag) is tuple else None
+    if key.flag is str:
+        return ""
+    if get_origin(key.flag) is tuple:
+        return ()
+    return None
 
 
 def inputs_of_flags(flags: Any, near: bool = False) -> ByType:

@@ -144,13 +144,13 @@ def _one_file(recording: Recording, out: Path, options: ConvertOptions) -> Conve
         wrenches = on_feet(recording.wrenches, recording.markers, options.plates)
         return Converted(tuple(_write_forces(wrenches, out)), (*recording.notes, *wrenches.notes))
     tables = list(recording.tables.values())
-    table = (
-        tables[0]
-        if len(tables) == 1
-        else _emg(recording)
-        if recording.analog is not None and recording.emg
-        else None
-    )
+    table: Table | None
+    if len(tables) == 1:
+        table = tables[0]
+    elif recording.analog is not None and recording.emg:
+        table = _emg(recording)
+    else:
+        table = None
     if table is None:
         what = "forces" if ending == ".mot" else "forces, EMG, or a single table"
         raise BadData(f"{out}: there are no {what} to write")

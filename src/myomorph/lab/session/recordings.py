@@ -129,7 +129,13 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     turn, why_turn = _turn(Laboratory(up), found, places)
     near = _near(path, trial)
     own = near.get("imu")
-    files = () if own is None else (path,) if own == path else sensor_files(own)
+    files: tuple[Path, ...]
+    if own is None:
+        files = ()
+    elif own == path:
+        files = (path,)
+    else:
+        files = sensor_files(own)
     return Recording(
         path=path,
         name=name or plain_stem(path),

@@ -172,7 +172,10 @@ def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str,
             lacking += [bone.body] if bone.body in touched else []
             continue
         # Bones that became one in the target are looked at as one there.
-        ours[bone.body], theirs[bone.body] = Solid(bone.source), Solid(target)
+        source_solid = Solid(bone.source)
+        target_solid = Solid(target)
+        ours[bone.body] = source_solid
+        theirs[bone.body] = target_solid
         for solid, whose, name in (
             (ours, "source", bone.body),
             (theirs, "target", bone.target_body),

@@ -343,5 +343,6 @@ def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tup
         below = np.where(first, below, r)
     left = np.abs(above - below)
     stays = left > STAYS * step
-    jumps[column[stays]], at[column[stays]] = left[stays], 0.5 * (low + high)[stays]
+    jumps[column[stays]] = left[stays]
+    at[column[stays]] = 0.5 * (low + high)[stays]
     return jumps, at

@@ -174,10 +174,8 @@ def _cylinder_from(x: Array, share: Array, axis: Array) -> _Cylinder | None:
         flat = x @ across
         slopes = np.hstack([2.0 * flat, np.ones((len(x), 1))])
         solution = _solved(slopes, np.sum(flat**2, axis=1), share, "cylinder")
-        point, radius = (
-            across @ solution[:2],
-            float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 1e-12))),
-        )
+        point = across @ solution[:2]
+        radius = float(np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 1e-12)))
         for _ in range(ITERATIONS):
             across = _across(axis)
             away = x - point

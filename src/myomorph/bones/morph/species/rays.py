@@ -174,7 +174,8 @@ class _Laid:
         self._toes = bone.sources[0]
         if ray.toe not in there.surfaces or self._toes not in here.surfaces:
             raise BadData(f"ray {ray.toe}: it or '{self._toes}' has no bone to measure it by")
-        self.forward, right = self._ours.axes[1], self._ours.axes[2]
+        self.forward = self._ours.axes[1]
+        right = self._ours.axes[2]
         center = joint.child_frame.translation
         beside = float(np.median((points - center) @ right))
         turns = next(

@@ -129,7 +129,8 @@ def nearest_facing(shape: Shape, points: Array, facing: Array) -> tuple[Array, A
         corners = shape.vertices[shape.faces[near]]
         options = _nearest_on_triangles(points[i], corners)
         best = int(np.argmin(np.linalg.norm(options - points[i], axis=1)))
-        places[i], normals[i] = options[best], shape.normals[near[best]]
+        places[i] = options[best]
+        normals[i] = shape.normals[near[best]]
     return places, normals
 
 

@@ -250,13 +250,13 @@ def _value(data: bytes, at: int, order: _Order) -> Value | None:
         width = shape[0] if rank else 1
         rows = count // width if width else 0
         return tuple(raw[row * width : (row + 1) * width].decode("latin-1") for row in range(rows))
-    values = (
-        order.floats(raw)
-        if kind == 4
-        else order.ints(raw)
-        if kind == 2
-        else np.frombuffer(raw, dtype=np.int8)
-    )
+    values: np.ndarray
+    if kind == 4:
+        values = order.floats(raw)
+    elif kind == 2:
+        values = order.ints(raw)
+    else:
+        values = np.frombuffer(raw, dtype=np.int8)
     values = values.astype(np.float64)
     return values.reshape(shape or (1,), order="F")
 

@@ -122,7 +122,14 @@ def number(value: float, step: float | None = None) -> str:
         if size != 0.0 and (size >= 1e6 or size < 1e-3):
             mantissa, power = f"{value:.1e}".split("e")
             return f"{mantissa}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
-        digits = 0 if size >= 100 or size == 0.0 else 1 if size >= 10 else 2 if size >= 1 else 3
+        if size >= 100 or size == 0.0:
+            digits = 0
+        elif size >= 10:
+            digits = 1
+        elif size >= 1:
+            digits = 2
+        else:
+            digits = 3
     else:
         digits = max(0, -int(np.floor(np.log10(step) + 1e-9))) if step > 0 else 0
         if step > 0 and abs(step * 10**digits - round(step * 10**digits)) > 1e-6:

@@ -173,13 +173,12 @@ def phase_names(behind: Backdrop) -> str:
         left = float(area.x.cut(phase.start))
         right = float(area.x.cut(phase.stop))
         room = int((right - left - 4) / 5.3)
-        name = (
-            phase.name
-            if len(phase.name) <= room
-            else phase.name[: room - 1] + "…"
-            if room > 4
-            else ""
-        )
+        if len(phase.name) <= room:
+            name = phase.name
+        elif room > 4:
+            name = phase.name[: room - 1] + "…"
+        else:
+            name = ""
         under = f"{phase.name}, {number(phase.start, 0.01)} to {number(phase.stop, 0.01)} s"
         parts.append(svg.text((left + right) / 2, 14.0, name, "phase", under) if name else "")
     return svg.drawing("", "Phases", (WIDTH, 20), *parts, unit=None)

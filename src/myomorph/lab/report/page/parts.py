@@ -214,7 +214,11 @@ class Step:
 def option_text(value: object, none: str = "none") -> str:
     """The value of an option for print."""
     if value is None or isinstance(value, bool):
-        return none if value is None else "yes" if value else "no"
+        if value is None:
+            return none
+        if value:
+            return "yes"
+        return "no"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

@@ -284,7 +284,11 @@ def mean_words(words: tuple[float, float, int]) -> str:
 
 
 def _probability(p: float) -> str:
-    return "–" if not np.isfinite(p) else f"{p:.4f}" if p < 0.01 else f"{p:.3f}"
+    if not np.isfinite(p):
+        return "–"
+    if p < 0.01:
+        return f"{p:.4f}"
+    return f"{p:.3f}"
 
 
 def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> str:

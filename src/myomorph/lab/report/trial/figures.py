@@ -103,7 +103,12 @@ def wrench_styles(wrenches: Wrenches) -> list[tuple[str, str]]:
         zip(wrenches.names, wrenches.bodies, sides, strict=True)
     ):
         alone = bool(side) and sides.count(side) == 1
-        label = side.lower() if alone else f"{name} on {body}" if body else name
+        if alone:
+            label = side.lower()
+        elif body:
+            label = f"{name} on {body}"
+        else:
+            label = name
         styles.append((label, side.lower() if side else ORDINAL[i % len(ORDINAL)]))
     return styles
 

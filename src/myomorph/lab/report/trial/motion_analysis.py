@@ -265,7 +265,11 @@ def _rows(
         rows.append(Series(clock, names, touching[:, changing].astype(np.float64)))
     if activations is not None and activations.names:
         rows.append(activations)
-    return rows[0] if len(rows) == 1 else _joined(rows) if rows else None
+    if len(rows) == 1:
+        return rows[0]
+    if rows:
+        return _joined(rows)
+    return None
 
 
 def _joined(rows: list[Series]) -> Series:

@@ -92,9 +92,12 @@ def _grids(estimates: Sequence[MuscleEstimate]) -> list[Grid]:
             places = PLACES.get(parameter, 3)
             known = np.isfinite(row.low)
             span = f"{row.low:.{places}f} to {row.high:.{places}f}" if known else ""
-            remark = (
-                "generic kept" if row.kept else f"at its {row.bound} bound" if row.bound else ""
-            )
+            if row.kept:
+                remark = "generic kept"
+            elif row.bound:
+                remark = f"at its {row.bound} bound"
+            else:
+                remark = ""
             values = (f"{row.generic:.{places}f}", f"{row.person:.{places}f}")
             shown.append((row.of, *values, span, row.identifiable, remark))
         title = parameter.replace("_", " ").capitalize() + (" [m]" if parameter in PLACES else "")

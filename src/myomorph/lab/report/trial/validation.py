@@ -315,7 +315,11 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
 def unit_of(quantity: Quantity | None, column: str, model: Model | None) -> str:
     """Unit in which a column of a drawn quantity is shown; of loads by the column's end."""
     if quantity is None or quantity.unit == LOADS:
-        return "m" if PLACES.search(column) else "N·m" if MOMENTS.search(column) else "N"
+        if PLACES.search(column):
+            return "m"
+        if MOMENTS.search(column):
+            return "N·m"
+        return "N"
     known = model is not None and column in model.coordinate_names
     motion = model.coordinate(column).motion if model is not None and known else "rotational"
     return shown_unit(quantity.unit_of(motion))

@@ -210,7 +210,12 @@ def _table(rows: tuple[Row, ...], conditions: bool) -> Iterator[str]:
 
 def _cells(row: Row) -> tuple[str, ...]:
     outcome = row.work.outcome
-    time = "-" if not row.computed else "?" if row.unknown else in_words(row.seconds)
+    if not row.computed:
+        time = "-"
+    elif row.unknown:
+        time = "?"
+    else:
+        time = in_words(row.seconds)
     return (
         outcome.subject,
         outcome.trial,

@@ -42,7 +42,12 @@ def write_channels(
         low, high = map(_cell, emg_calibration.intervals[index])
         delay = f"{emg_calibration.delays[index]:.4f}"
         gain = f"{emg_calibration.gains[index]:.6g}"
-        source = "torques" if emg_calibration.by_torque[index] else "usual" if low else "file"
+        if emg_calibration.by_torque[index]:
+            source = "torques"
+        elif low:
+            source = "usual"
+        else:
+            source = "file"
         numbers = (
             emg_calibration.offsets[index],
             emg_calibration.shapes[index],

@@ -495,7 +495,11 @@ def _instrument_grid(specimen: SpecimenReport) -> list[Grid]:
 
 
 def _signed(value: float) -> str:
-    return "best" if value == 0.0 else f"+{number(value)}" if np.isfinite(value) else LACKING
+    if value == 0.0:
+        return "best"
+    if np.isfinite(value):
+        return f"+{number(value)}"
+    return LACKING
 
 
 def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[Level]]) -> Section:

@@ -292,7 +292,8 @@ def _blocks(trial_uses: list[np.ndarray], trial: int, swings: int) -> list[_Bloc
         half = min(len(frames[position]), len(frames[position + 1])) // 2
         if half and frames[position][-half] + 2 * half - 1 == frames[position + 1][half - 1]:
             rise = 0.5 + 0.5 * np.sin(np.pi * (np.arange(2 * half) - half + 0.5) / (2.0 * half))
-            weights[position][-half:], weights[position + 1][:half] = 1.0 - rise[:half], rise[half:]
+            weights[position][-half:] = 1.0 - rise[:half]
+            weights[position + 1][:half] = rise[half:]
             fades.append((position, half, rise))
     whole = [[use] for use in frames]
     shares = [[weight] for weight in weights]

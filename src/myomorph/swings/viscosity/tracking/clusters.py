@@ -195,9 +195,12 @@ class Clusters:
         rotations, origins = poses(bone)
         gaps = [np.full(len(self.values), np.nan)]
         for joint in self.specimen.model.joints:
-            other = (
-                joint.child if joint.parent == bone else joint.parent if joint.child == bone else ""
-            )
+            if joint.parent == bone:
+                other = joint.child
+            elif joint.child == bone:
+                other = joint.parent
+            else:
+                other = ""
             if len(self.columns.get(other, ())) < 3:
                 continue
             turns, places_of_other = poses(other)

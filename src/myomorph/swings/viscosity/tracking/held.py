@@ -70,9 +70,12 @@ class Slip:
         if self.center_off:
             how = f"trial '{self.trial}': {what} seems to move by {amount} to and fro with the limb"
             return f"{how}: the joint's center is off rather than loose: set center to 'motion'"
-        cause = (
-            "clamp it again" if base else "a wire slipped" if self.lasting else "a wire is loose"
-        )
+        if base:
+            cause = "clamp it again"
+        elif self.lasting:
+            cause = "a wire slipped"
+        else:
+            cause = "a wire is loose"
         return f"trial '{self.trial}': {what} moves by {amount}, most at {self.time:.2f} s: {cause}"
 
 

@@ -90,7 +90,8 @@ def _step(rotations: Array, places: Array, seen: Array, weight: Array) -> Array:
     N[0, :, 0, :] = total.sum() * np.eye(3)
     for m in range(count):
         N[1 + m, :, 1 + m, :] = total[m] * np.eye(3)
-        N[0, :, 1 + m, :], N[1 + m, :, 0, :] = across[m], across[m].T
+        N[0, :, 1 + m, :] = across[m]
+        N[1 + m, :, 0, :] = across[m].T
     # What a small rotation of a frame does as well as a change of center or places counts for
     # neither.
     turning = np.zeros((len(y), count, 3, 3))
