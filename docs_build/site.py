@@ -23,6 +23,7 @@ if str(ROOT) not in sys.path:
 from docs_build.face import with_names  # noqa: E402
 from docs_build.navigation import navigation, with_listed  # noqa: E402
 from docs_build.notebooks import notebook_text, tutorials  # noqa: E402
+from docs_build.quantities import with_quantities  # noqa: E402
 from docs_build.tables import rendered  # noqa: E402
 
 PACKAGE = ROOT / "src" / "myomorph"
@@ -69,7 +70,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Put tables and numbers of results in place; tutorials name their notebook."""
     source = Path(page.file.src_uri)
-    markdown = with_listed(with_names(rendered(markdown, page.file.src_uri)), page.file.src_uri)
+    markdown = with_quantities(with_names(rendered(markdown, page.file.src_uri)))
+    markdown = with_listed(markdown, page.file.src_uri)
     # The index has the changelog beside docs/; in the site it is a page like others.
     markdown = markdown.replace("](../CHANGELOG.md)", "](changelog.md)")
     if source.parts[0] != "tutorials" or source.stem == "index":

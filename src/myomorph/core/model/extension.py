@@ -189,6 +189,7 @@ class Extension:
     channels : formats whose readers give a `Series` of channels, as EMG
     muscle_models : places of subclasses of `MuscleModel`, by the class of the muscles in files
     contact_laws : places of subclasses of `Cone`, by the name in contact files
+    quantities : places of tuples of `Quantity` that are no step's own
     demos : of the program
     motion_sources : of `identify`, by the switch that asks for each
     reports : what makes the report of a folder again, and gives its path
@@ -204,6 +205,7 @@ class Extension:
     channels: tuple[Format, ...] = ()
     muscle_models: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     contact_laws: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    quantities: tuple[str, ...] = ()
     demos: Mapping[str, DemoEntry] = field(default_factory=lambda: FrozenMap({}))
     motion_sources: Mapping[str, MotionSource] = field(default_factory=lambda: FrozenMap({}))
     reports: tuple[FolderReader, ...] = ()

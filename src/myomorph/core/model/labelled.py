@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from myomorph.core.model.errors import from_extra
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.quantity import CLOCK, Quantity
 
 if TYPE_CHECKING:
@@ -33,10 +34,12 @@ class Variable(NamedTuple):
 class Labelled:
     """A value that says what its arrays are, so that files and other libraries can hold them.
 
-    `quantities` are declared once; a value may hold only some of them (None for the others).
+    `quantities` are declared once; a value may hold only some of them (None for the others). `axes`
+    are the fields that hold the times and names of the quantities' axes.
     """
 
     quantities: ClassVar[tuple[Quantity, ...]] = ()
+    axes: ClassVar[Mapping[str, str]] = FrozenMap({})
 
     @property
     def held(self) -> tuple[Quantity, ...]:
@@ -60,7 +63,9 @@ class Labelled:
 
     def labels(self) -> Mapping[str, Sequence[object] | np.ndarray]:
         """Coordinates of the dimensions: times, names, axes."""
-        raise TypeError(f"{type(self).__name__} names no labels")
+        if not self.axes:
+            raise TypeError(f"{type(self).__name__} names no labels")
+        return {axis: getattr(self, field) for axis, field in self.axes.items()}
 
     def to_xarray(self) -> xarray.Dataset:
         """All arrays as one `xarray.Dataset`, with units as attributes, named as in result files."""

@@ -4,7 +4,6 @@ each muscle's strength its passive force takes up, and how sure they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -14,6 +13,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.contacts import ContactForces
 from myomorph.core.model.errors import BadData, check_choices
 from myomorph.core.model.findings import Finding
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import index_of
 from myomorph.core.model.quantity import Quantity
@@ -215,6 +215,15 @@ class Tension(Labelled):
     fibers : fibers and tendons, where tendons were elastic; None with rigid ones
     """
 
+    axes = FrozenMap(
+        {
+            "time": "time",
+            "muscle": "muscles",
+            "actuator": "reserve_names",
+            "balanced_coordinate": "coordinates",
+        }
+    )
+
     time: Array
     muscles: tuple[str, ...]
     activations: Array
@@ -252,15 +261,6 @@ class Tension(Labelled):
         tendons stretch.
         """
         return TENSION if self.fibers is None else (*TENSION, *FIBERS_OF_TENSION)
-
-    def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], muscles, actuators, coordinates that they balance."""
-        names = {
-            "muscle": self.muscles,
-            "actuator": self.reserve_names,
-            "balanced_coordinate": self.coordinates,
-        }
-        return {"time": self.time, **names}
 
     def activation(self, muscle: str) -> Array:
         """Activation of one muscle, (frames,) from 0 to 1; raises `UnknownName`."""

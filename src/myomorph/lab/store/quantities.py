@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from myomorph.core.model.labelled import Labelled
-from myomorph.core.model.quantity import STORED_KINDS, Quantity
+from myomorph.core.model.quantity import CLOCK, STORED_KINDS, Quantity
 from myomorph.lab.store.results import ResultWriter, Stored
 
 Item = TypeVar("Item")
+Value = TypeVar("Value", bound=Labelled)
 Labels = Mapping[str, Sequence[object] | np.ndarray]
 
 
@@ -116,6 +117,20 @@ def value_of(kind: type[Item], *parts: Mapping[str, Any]) -> Item:
         fields |= part
     # The only place where quantities become the fields of a value: names come from declarations.
     return kind(**fields)
+
+
+def get_value(stored: Stored, kind: type[Value]) -> Value | None:
+    """A value that `put_value` wrote, whose fields are its quantities and their axes; None where
+    the result has none of them.
+    """
+    fields = get_fields(stored, kind.quantities)
+    if not fields:
+        return None
+    labels = {
+        field: stored.time if axis == CLOCK else stored.names.get(axis, ())
+        for axis, field in kind.axes.items()
+    }
+    return value_of(kind, fields, labels)
 
 
 def get_rows(

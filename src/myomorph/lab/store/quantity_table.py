@@ -7,9 +7,10 @@ here: they belong to the step (`Step.quantities`).
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 
+from myomorph.core.model.extension import load
 from myomorph.core.model.quantity import Quantity, declared_once
+from myomorph.core.model.registry import extensions
 
 PLACES: tuple[str, ...] = (
     "myomorph.core.model.series_quantities",
@@ -28,10 +29,18 @@ PLACES: tuple[str, ...] = (
 
 @cache
 def quantities_of(place: str) -> tuple[Quantity, ...]:
-    """The quantities that a module declares."""
-    return tuple(import_module(place).QUANTITIES)
+    """Return the quantities that a module declares."""
+    return tuple(load(place, "QUANTITIES"))
 
 
 def stated_quantities() -> tuple[Quantity, ...]:
-    """All quantities of the table, in its order; raises `BadData` where two have one name."""
-    return declared_once(tuple(quantity for place in PLACES for quantity in quantities_of(place)))
+    """Return all quantities of the table in its order, then those of extensions.
+
+    Raises
+    ------
+    BadData : two have one name, and are not declared alike
+    """
+    added = [place for extension in extensions() for place in extension.quantities]
+    return declared_once(
+        tuple(quantity for place in (*PLACES, *added) for quantity in quantities_of(place))
+    )

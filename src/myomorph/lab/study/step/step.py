@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from myomorph.core.model.errors import BadExtension, check_name
 from myomorph.core.model.extension import load
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.model.labelled import Labelled
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.quantity import Quantity, declared_once
 from myomorph.core.model.registry import remark
 from myomorph.lab.store.outcome import Outcome
+from myomorph.lab.store.quantities import get_value
 from myomorph.lab.store.quantity_table import stated_quantities
 from myomorph.lab.store.results import ResultWriter, Stored
 from myomorph.lab.store.settings import ReportOptions, Setting, settings_of
@@ -78,6 +80,10 @@ class StepCommand:
     after: bool = False
 
 
+def read_nothing(stored: Stored, options: OptionSet) -> None:
+    """Read no result: what a step gives is in files alone."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Step(StepHead, Generic[Result]):
     """One step; docs/adding.md says what its fields are for.
@@ -87,6 +93,10 @@ class Step(StepHead, Generic[Result]):
     What a step of another scope gives is a folder, with files that later steps and jobs read:
     `leaves`, as paths in the folder of the subject, specimen or study; a result is there when they
     are. `tables` is in that folder, too, "" for it itself.
+
+    `quantities`: what a result file and the tables hold of it. Where `gives` is `Labelled`, they
+    are its own, and it is stored, read back, tabled and tidied as they are declared: such a step
+    needs neither `read` nor `signals`.
 
     `inputs`: names of the trial's inputs that it reads (`study.inputs.table`), whose flags its
     command has; `signals` take the mass [kg], `numbers` the strides, None where it is no walk; with
@@ -105,7 +115,7 @@ class Step(StepHead, Generic[Result]):
     gives: type[Result] = object  # type: ignore[assignment]
     needs: tuple[type, ...] = ()
     uses: tuple[type, ...] = ()
-    read: Callable[[Stored, OptionSet], Result | None] = lambda stored, options: None
+    read: Callable[[Stored, OptionSet], Result | None] = read_nothing
     inputs: tuple[str, ...] = ()
     roles: tuple[str, ...] | None = None
     hashed: Callable[[Any], Sequence[object]] | None = None
@@ -122,6 +132,13 @@ class Step(StepHead, Generic[Result]):
     made_from: Callable[[Any], Provenance] | None = None
     leaves: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
     own_table: OwnTable | None = None
+
+    def __post_init__(self) -> None:
+        if issubclass(self.gives, Labelled) and self.read is read_nothing:
+            kind = self.gives
+            object.__setattr__(self, "read", lambda stored, options: get_value(stored, kind))
+        if issubclass(self.gives, Labelled) and not self.quantities:
+            object.__setattr__(self, "quantities", self.gives.quantities)
 
 
 # Scopes whose results lie in the folder of the study itself.

@@ -22,6 +22,7 @@ from myomorph.lab.store.results import Stored
 from myomorph.lab.store.uncertainty_store import get_value_limits
 from myomorph.lab.study.step.step import trial_steps
 from myomorph.lab.study.step.step_table import REPORT
+from myomorph.lab.study.trial.labelled_result import labelled_signals
 from myomorph.lab.study.trial.reporting import TrialResults
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, LOADED, Signals, Value, statistics_of
 from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
@@ -52,7 +53,11 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     prepared = results.prepared
     strides = TrialStrides.whole(stored.facts.get("trial", ""), prepared.strides)
     mass = float(stored.facts.get("mass") or 0.0) or model.mass
-    signals = [signal for step in trial_steps() for signal in step.signals(stored, model, mass)]
+    signals = [
+        signal
+        for step in trial_steps()
+        for signal in (*step.signals(stored, model, mass), *labelled_signals(step, stored, model))
+    ]
     cycles = [_cycles(signal, strides) for signal in signals]
     limits = get_value_limits(stored)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)

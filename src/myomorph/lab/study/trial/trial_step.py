@@ -24,6 +24,7 @@ from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.reading import about
 from myomorph.lab.study.step.step import Step, StepOutput, step_of, trial_steps
 from myomorph.lab.study.step.step_table import STEPS
+from myomorph.lab.study.trial.labelled_result import write_labelled
 from myomorph.lab.study.trial.trial_inputs import TrialInputs
 
 
@@ -84,6 +85,7 @@ def run_step(
             )
     with about(trial.name):
         result = step.run(trial, output, *(results.get(kind) for kind in (*step.needs, *step.uses)))
+    write_labelled(result, output, trial.model)
     results = results.having(result)
     # What the checks found comes first: it may change what is believed of the whole result.
     replace(trial, warnings=tuple(dict.fromkeys((*results.notes, *trial.warnings)))).put(
