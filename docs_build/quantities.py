@@ -40,7 +40,7 @@ def _row(quantity: Quantity) -> tuple[str, ...]:
 
 
 def _file(quantity: Quantity) -> str:
-    """Name of the table, with what its columns end in and its unit where that is another."""
+    """Return the name of its table, with what columns end in and the unit where it is another."""
     if not quantity.file:
         return "" if quantity.stored else "none"
     words = [f"`{quantity.file}`"]
@@ -53,7 +53,7 @@ def _file(quantity: Quantity) -> str:
 
 
 def _tidy(quantity: Quantity) -> str:
-    """Endings of its rows in the table of values, with their statistics."""
+    """Return the endings of its rows in the table of values, with their statistics."""
     if quantity.tidy is None:
         return ""
     names = " and ".join(f"`NAME{ending}`" for ending in quantity.tidy.endings)

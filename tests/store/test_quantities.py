@@ -16,7 +16,7 @@ from myomorph.lab.study.step.step import declared_quantities
 SIZE = 3
 DECLARED = [quantity for quantity in declared_quantities() if quantity.stored]
 DERIVED = [interval for quantity in declared_quantities() for interval in quantity.intervals]
-FORCE = {"name": "pull", "dims": ("time", "rope"), "unit": "N", "meaning": "force of a rope"}
+FORCE = Quantity(name="pull", dims=("time", "rope"), unit="N", meaning="force of a rope")
 
 
 def example(quantity: Quantity):
@@ -46,7 +46,7 @@ def test_every_quantity_is_read_back_equal_with_its_unit_and_axes(quantity, tmp_
     np.testing.assert_array_equal(back, values)
     assert back.dtype.kind == np.asarray(values).dtype.kind
     with open_netcdf(tmp_path / "x.nc") as file:
-        (written,) = (one for one in file.variables() if one.name == quantity.name)
+        written = {variable.name: variable for variable in file.variables()}[quantity.name]
     assert written.dimensions == quantity.stored_dims
     assert written.told["units"] == quantity.unit
     assert written.told["long_name"] == quantity.meaning
@@ -55,9 +55,8 @@ def test_every_quantity_is_read_back_equal_with_its_unit_and_axes(quantity, tmp_
 def test_a_name_is_that_of_one_quantity():
     names = [quantity.name for quantity in (*declared_quantities(), *DERIVED)]
     assert len(names) == len(set(names))
-    other = Quantity(**{**FORCE, "unit": "kN"})
     with pytest.raises(BadData, match="'pull' is declared twice"):
-        declared_once((Quantity(**FORCE), other))
+        declared_once((FORCE, FORCE.replaced(unit="kN")))
 
 
 def test_a_file_holds_quantities_of_the_same_axes_or_of_one_group():
@@ -85,7 +84,7 @@ def test_a_file_holds_quantities_of_the_same_axes_or_of_one_group():
 )
 def test_a_declaration_checks_itself(change, what):
     with pytest.raises(BadData, match=what):
-        Quantity(**{**FORCE, **change})
+        FORCE.replaced(**change)
 
 
 def test_units_follow_how_coordinates_move():

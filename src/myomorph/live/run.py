@@ -28,7 +28,7 @@ from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.quantities import ACTIVATION, MUSCLE_FORCE
 from myomorph.core.tension.tension import Tension, TensionOptions
 from myomorph.lab.store import stored as store
-from myomorph.lab.store.quantity_files import quantity_table, write_quantity, write_series
+from myomorph.lab.store.quantity_files import quantity_table, write_series
 from myomorph.lab.store.results import (
     STORED,
     file_source,
@@ -394,7 +394,8 @@ class LiveRecord:
         write_series(folder, motion, model)
         write_series(folder, torques, model)
         for quantity in (ACTIVATION, MUSCLE_FORCE):
-            write_quantity(folder, quantity, time, tension.muscles, quantity.of(tension))
+            values = quantity.of(tension)
+            write_series(folder, Series(time, tension.muscles, values, quantity=quantity))
         with new_result(folder / f"{STEP}{STORED}", STEP) as writer:
             chosen = plain_settings(chain.options) | plain_settings(options)
             writer.provenance(provenance_of(STEP, sources, chosen))
@@ -424,7 +425,7 @@ class LiveRecord:
             )
             for bound, values in (("low", low), ("high", high)):
                 file = f"{quantity.stem}_{bound}{quantity.suffix}"
-                table = quantity_table(quantity, time, names, values, model)
+                table = quantity_table(Series(time, names, values, quantity=quantity), model)
                 write_sto(table, self._folder / file)
         return Uncertainty(FrozenMap(spreads), draws=drawn.draws, factors=FrozenMap(drawn.factors))
 

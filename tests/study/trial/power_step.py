@@ -1,6 +1,4 @@
-"""A step that the package does not have, with a quantity that it does not know: the power of every
-joint.
-"""
+"""A step and a quantity that the package does not have: the power of every joint."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class Tidy:
         return f"{self.curve} [{self.curve_unit}]" if self.curve_unit else self.curve
 
     def ending(self, motion: MotionKind = "rotational") -> str:
-        """End of a column's name, by how its coordinate moves."""
+        """Return the end of a column's name, by how its coordinate moves."""
         return self.endings[0 if motion == "rotational" else -1]
 
 
@@ -177,23 +177,41 @@ class Quantity:
         return f".{self.file.rpartition('.')[2]}" if self.file else ".sto"
 
     def of(self, value: object) -> Any:
-        """The array, or the texts, in a value that holds it; None where it has none."""
+        """Return the array, or the texts, in a value that holds it; None where it has none."""
         return attrgetter(self.field)(value)
 
     def unit_of(self, motion: MotionKind = "rotational") -> str:
-        """Unit of one column, by how its coordinate moves."""
+        """Return the unit of one column, by how its coordinate moves."""
         return unit_by_motion(self.unit, motion)
 
     def ending_of(self, motion: MotionKind = "rotational") -> str:
-        """End of a column's name in its table, by how its coordinate moves."""
+        """Return the end of a column's name in its table, by how its coordinate moves."""
         return self.endings[0 if motion == "rotational" else -1]
 
     def stored_array(self, values: Any) -> np.ndarray:
-        """Values as a result file holds them."""
+        """Return values as a result file holds them.
+
+        Parameters
+        ----------
+        values : on the quantity's axes, in its unit
+
+        Returns
+        -------
+        the same in the type of its kind
+        """
         return np.asarray(values).astype(STORED_KINDS[self.kind])
 
     def restored(self, values: np.ndarray) -> np.ndarray:
-        """Values of a result file as the value that holds them had them."""
+        """Return values of a result file as the value that holds them had them.
+
+        Parameters
+        ----------
+        values : on the quantity's axes, in the type of its kind
+
+        Returns
+        -------
+        truth values of flags, integers of counts, floats of 8 bytes of others
+        """
         if self.kind == "flag":
             return np.asarray(values != 0)
         if self.kind == "count":
@@ -201,20 +219,20 @@ class Quantity:
         return np.asarray(values, np.float64) if self.kind == "single" else values
 
     def replaced(self, **changes: Any) -> Self:
-        """The same quantity, declared in part otherwise: held by another field, for example."""
+        """Return the quantity declared in part otherwise: held by another field, for example."""
         return replace(self, **changes)
 
     def derived(self, **changes: Any) -> Self:
-        """A quantity that follows from this one, and has no table of its own."""
+        """Return a quantity that follows from this one, and has no table of its own."""
         own = {"name": self.name, "dims": self.dims, "unit": self.unit, "meaning": self.meaning}
         return type(self)(**{**own, **changes})
 
     def bound(self, bound: Bound) -> Self:
-        """A limit, or the standard deviation, of its draws."""
+        """Return a limit, or the standard deviation, of its draws."""
         return self.derived(name=f"{self.name}_{bound}", meaning=BOUNDS[bound])
 
     def share(self, kind: str) -> Self:
-        """The contributions of groups of error sources to its variance: "alone" or "total"."""
+        """Return the shares of groups of error sources in its variance: "alone" or "total"."""
         return self.derived(
             name=f"{self.name}_{kind}",
             dims=(SOURCE_GROUP, *self.dims[1:]),
@@ -230,23 +248,28 @@ class Quantity:
         return (*map(self.bound, BOUNDS), *map(self.share, SHARES))
 
     def tidy_unit(self, motion: MotionKind = "rotational") -> str:
-        """Unit of a column in `values.csv`."""
+        """Return the unit of a column in `values.csv`."""
         other = "" if self.tidy is None else self.tidy.unit
         return unit_by_motion(other or self.unit, motion)
 
     def tidy_factor(self, motion: MotionKind = "rotational") -> float:
-        """Factor of a column to its unit in `values.csv`."""
+        """Return the factor of a column to its unit in `values.csv`."""
         return conversion(self.unit_of(motion), self.tidy_unit(motion)) or 1.0
 
     def curve_factor(self, motion: MotionKind = "rotational") -> float | None:
-        """Factor of a column of `values.csv` to its curve, None where it has none."""
+        """Return the factor of a column of `values.csv` to its curve, None where it has none."""
         if self.tidy is None or not self.tidy.curve:
             return None
         return conversion(self.tidy_unit(motion), self.tidy.curve_unit or "1")
 
 
 def declared_once(quantities: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
-    """The quantities; raises `BadData` where two have one name, or a name is an axis of texts."""
+    """Return the quantities, each once.
+
+    Raises
+    ------
+    BadData : two of one name are not declared alike
+    """
     by_name: dict[str, Quantity] = {}
     for quantity in quantities:
         known = by_name.setdefault(quantity.name, quantity)

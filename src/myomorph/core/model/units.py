@@ -31,7 +31,7 @@ LENGTHS = ("m",)
 
 
 def unit_by_motion(unit: str, motion: MotionKind) -> str:
-    """Unit of one coordinate in a quantity whose unit depends on how coordinates move.
+    """Return the unit of one coordinate in a quantity whose unit depends on how coordinates move.
 
     Parameters
     ----------
@@ -52,17 +52,17 @@ def unit_by_motion(unit: str, motion: MotionKind) -> str:
 
 
 def written_unit(unit: str, product: str = "·") -> str:
-    """A unit for people: "N m" with a sign between its parts, nothing for "1"."""
+    """Return a unit for people: "N m" with a sign between its parts, nothing for "1"."""
     return "" if unit == "1" else unit.replace(" ", product)
 
 
 def shown_unit(unit: str) -> str:
-    """Unit in which pages show values: degrees for angles."""
+    """Return the unit in which pages show values: degrees for angles."""
     return "°" if unit == "rad" else written_unit(unit)
 
 
 def conversion(unit: str, shown: str) -> float | None:
-    """Factor from a unit to the one in which values are shown, None where there is none."""
+    """Return the factor from a unit to the one in which values are shown, None where there is none."""
     if shown in (unit, written_unit(unit)):
         return 1.0
     return FACTORS.get((unit, shown))

@@ -21,6 +21,8 @@ def put_value(writer: ResultWriter, value: Labelled, leave_out: Iterable[Quantit
 
     Parameters
     ----------
+    writer : of the result file
+    value : whose axes are written too
     leave_out : quantities that say nothing in this value
     """
     labels = value.labels()
@@ -37,6 +39,8 @@ def put_quantity(
 
     Parameters
     ----------
+    writer : of the result file
+    quantity : declared
     values : on the quantity's axes as a result file has them; of texts one for each entry
     labels : times and names of the axes, where these are not in the file already
     """
@@ -68,7 +72,7 @@ def put_quantity(
 
 
 def create_quantity(writer: ResultWriter, quantity: Quantity) -> Any:
-    """A variable on axes that are there, to be filled part by part."""
+    """Make a variable on axes that are there, to be filled part by part."""
     return writer.create(
         quantity.name,
         quantity.stored_dims,
@@ -97,7 +101,7 @@ def put_rows(writer: ResultWriter, quantities: Sequence[Quantity], items: Sequen
 
 
 def get_quantity(stored: Stored, quantity: Quantity) -> Any:
-    """The array, or the texts, of a quantity in a result; None where it is not there."""
+    """Return the array, or the texts, of a quantity in a result; None where it is not there."""
     if quantity.kind == "text":
         return stored.names.get(quantity.name)
     values = stored.values.get(quantity.name)
@@ -105,13 +109,13 @@ def get_quantity(stored: Stored, quantity: Quantity) -> Any:
 
 
 def get_fields(stored: Stored, quantities: Iterable[Quantity]) -> dict[str, Any]:
-    """By the fields of the value that holds them, the quantities that a result has."""
+    """Return the quantities that a result has, by the fields of the value that holds them."""
     found = {quantity.field: get_quantity(stored, quantity) for quantity in quantities}
     return {name: values for name, values in found.items() if values is not None}
 
 
 def value_of(kind: type[Item], *parts: Mapping[str, Any]) -> Item:
-    """A value made of its fields by name; those of a later part count where two name one."""
+    """Make a value of its fields by name; those of a later part count where two name one."""
     fields: dict[str, Any] = {}
     for part in parts:
         fields |= part
@@ -120,8 +124,9 @@ def value_of(kind: type[Item], *parts: Mapping[str, Any]) -> Item:
 
 
 def get_value(stored: Stored, kind: type[Value]) -> Value | None:
-    """A value that `put_value` wrote, whose fields are its quantities and their axes; None where
-    the result has none of them.
+    """Return a value that `put_value` wrote, None where the result has none of its quantities.
+
+    Its fields are its quantities and their axes.
     """
     fields = get_fields(stored, kind.quantities)
     if not fields:
@@ -136,7 +141,7 @@ def get_value(stored: Stored, kind: type[Value]) -> Value | None:
 def get_rows(
     stored: Stored, quantities: Sequence[Quantity], kind: type[Item]
 ) -> tuple[Item, ...] | None:
-    """The items that `put_rows` wrote, made of their fields; None where it wrote no table."""
+    """Return the items that `put_rows` wrote, None where it wrote no table."""
     numbers = [quantity for quantity in quantities if quantity.kind != "text"]
     if any(quantity.name not in stored.values for quantity in numbers):
         return None

@@ -176,6 +176,7 @@ def put_truth(writer: ResultWriter, truth: Mapping[str, Series]) -> None:
 
     Parameters
     ----------
+    writer : of the result file
     truth : by the names of quantities of `KNOWN`
     """
     known = {quantity.name: quantity for quantity in KNOWN}

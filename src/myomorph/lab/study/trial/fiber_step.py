@@ -27,7 +27,7 @@ from myomorph.core.tension.fiber_quantities import (
 from myomorph.core.tension.tension import Fibers, Tension
 from myomorph.lab.analysis.joint_loads import own_strides
 from myomorph.lab.analysis.strides import Strides
-from myomorph.lab.store.quantity_files import write_quantity
+from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored
 from myomorph.lab.store.stored import get_fibers
 from myomorph.lab.study.step.step import StepOutput
@@ -140,7 +140,8 @@ def write_fibers(
         TENDON_FORCE: tension.forces
     }
     for quantity, table in values.items():
-        write_quantity(output.folder, quantity, tension.time, tension.muscles, table)
+        series = Series(tension.time, tension.muscles, table, quantity=quantity)
+        write_series(output.folder, series)
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
     names = [field.name for field in fields(FiberWork)]
@@ -224,12 +225,11 @@ def fiber_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     found = {NORMALIZED_FIBER_LENGTH: normal} | {
         quantity: quantity.of(fibers) for quantity in (TENDON_STRAIN, FIBER_POWER, TENDON_POWER)
     }
-    return tuple(
-        tidy_signals(
-            "tension", quantity, Series(stored.time, muscles, inside_ends(fibers, values)), model
-        )
+    shown = [
+        Series(stored.time, muscles, inside_ends(fibers, values), quantity=quantity)
         for quantity, values in found.items()
-    )
+    ]
+    return tuple(tidy_signals("tension", series, model) for series in shown)
 
 
 def fiber_numbers(stored: Stored) -> Iterator[Value]:

@@ -5,6 +5,7 @@ and numbers.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -116,7 +117,8 @@ def joint_contact_signals(stored: Stored, model: Model) -> tuple[Signals, ...]:
     joint_contacts = get_joint_contacts(stored)
     if joint_contacts is None:
         return ()
-    return (tidy_signals("tension", JOINT_CONTACT_LOAD, joint_contacts.loads(), model),)
+    loads = replace(joint_contacts.loads(), quantity=JOINT_CONTACT_LOAD)
+    return (tidy_signals("tension", loads, model),)
 
 
 def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Iterator[Value]:

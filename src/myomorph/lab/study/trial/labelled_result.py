@@ -10,7 +10,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Series
 from myomorph.lab.store.quantities import put_value
-from myomorph.lab.store.quantity_files import write_quantity
+from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored
 from myomorph.lab.study.inputs.input import OptionSet
 from myomorph.lab.study.step.step import Step, StepOutput
@@ -33,8 +33,9 @@ def write_labelled(result: object, output: StepOutput, model: Model) -> None:
     for quantity, values in result.held_arrays():
         if has_plain_table(quantity):
             clock, columns = quantity.dims
-            names = [str(name) for name in labels[columns]]
-            write_quantity(output.folder, quantity, labels[clock], names, values, model)
+            names = tuple(str(name) for name in labels[columns])
+            series = Series(labels[clock], names, values, quantity=quantity)
+            write_series(output.folder, series, model)
 
 
 def has_plain_table(quantity: Quantity) -> bool:
@@ -53,8 +54,12 @@ def labelled_signals(step: Step[Any], stored: Stored, model: Model) -> Sequence[
     return tuple(
         tidy_signals(
             step.name,
-            quantity,
-            Series(labels[quantity.dims[0]], tuple(labels[quantity.dims[1]]), values),
+            Series(
+                labels[quantity.dims[0]],
+                tuple(labels[quantity.dims[1]]),
+                values,
+                quantity=quantity,
+            ),
             model,
         )
         for quantity, values in result.held_arrays()

@@ -18,7 +18,6 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
-from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Series, Trial
 from myomorph.lab.analysis.presets import preset_of
 from myomorph.lab.store.quantity_files import motions_of
@@ -249,14 +248,17 @@ def all_drawn(
     )
 
 
-def tidy_signals(step: str, quantity: Quantity, series: Series, model: Model) -> Signals:
-    """Columns of a quantity as its declaration has them in tables of values and curves.
+def tidy_signals(step: str, series: Series, model: Model) -> Signals:
+    """Return columns of a quantity as its declaration has them in tables of values and curves.
 
     Parameters
     ----------
-    series : (frames, names) in the quantity's unit; ends that are to be left out are NaN
+    step : that gives it
+    series : (frames, names), whose quantity has a place in these tables; ends that are to be left out are NaN
     model : whose coordinates the columns are, where they are
     """
+    quantity = series.known
+    assert quantity is not None
     tidy = quantity.tidy
     assert tidy is not None
     motions = motions_of(quantity, series.names, model)

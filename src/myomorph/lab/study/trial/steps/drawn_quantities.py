@@ -80,7 +80,8 @@ class DrawnTable:
 
     def table(self, values: Array) -> Table:
         """Other values (frames, names) of the quantity, as its file has them."""
-        return quantity_table(self.quantity, self.time, self.names, values, self.model)
+        series = Series(self.time, self.names, values, quantity=self.quantity)
+        return quantity_table(series, self.model)
 
 
 def drawn_table(

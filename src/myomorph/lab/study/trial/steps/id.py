@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.core.io.sto import write_sto
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series, Table, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_UNIT, FILTERED_MOTION, WRENCHES
@@ -24,7 +25,7 @@ from myomorph.lab.report.trial.summary_lines import dynamics_line
 from myomorph.lab.report.trial.tables import residuals
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
-from myomorph.lab.store.quantity_files import quantity_table, write_series
+from myomorph.lab.store.quantity_files import quantity_table
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -221,7 +222,7 @@ def torque_table(torques: Series, model: Model) -> Table:
     """Generalized forces as OpenSim's inverse dynamics names them: `hip_flexion_r_moment`,
     `pelvis_tx_force`.
     """
-    return quantity_table(GENERALIZED_FORCE, torques.time, torques.names, torques.values, model)
+    return quantity_table(replace(torques, quantity=GENERALIZED_FORCE), model)
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
@@ -235,7 +236,10 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
             " --cutoff"
         )
         dynamics = replace(dynamics, notes=(*dynamics.notes, text))
-    write_series(output.folder, shown_torques(trial, dynamics), trial.model)
+    write_sto(
+        torque_table(shown_torques(trial, dynamics), trial.model),
+        output.folder / GENERALIZED_FORCE.file,
+    )
     put_dynamics(output, dynamics, trial.model)
     return dynamics
 
@@ -276,7 +280,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     torques = store.get_torques(stored)
     signals = []
     if torques is not None:
-        made = tidy_signals("id", GENERALIZED_FORCE, torques, model)
+        made = tidy_signals("id", torques, model)
         if mass > 0.0:
             curve = made.curve.replace("N·m", "N·m/kg")
             made = replace(made, curve=curve, factor=made.factor / mass)

@@ -16,7 +16,7 @@ from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.model import Model
-from myomorph.core.model.series import Markers, Motion, Table
+from myomorph.core.model.series import Markers, Motion, Series, Table
 from myomorph.core.model.series_quantities import (
     COORDINATE_UNIT,
     COORDINATE_VALUE,
@@ -33,7 +33,7 @@ from myomorph.lab.report.trial.summary_lines import kinematics_line
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.progress import progress
-from myomorph.lab.store.quantity_files import write_quantity, write_series
+from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.motion import RecordedMotion
@@ -146,13 +146,13 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     notes = tuple(map(str, checked.findings))
     if checked.sensors is not None:
         notes = (*notes, *checked.sensors.mounting.notes)
-        write_quantity(
-            output.folder,
-            SENSOR_ERROR,
+        of_sensors = Series(
             checked.fit.motion.time,
             checked.fit.sensor_names,
             checked.fit.sensor_errors,
+            quantity=SENSOR_ERROR,
         )
+        write_series(output.folder, of_sensors)
     refined = trial.get(RefinedMotion)
     recorded = trial.recording.markers
     if refined is not None:
@@ -208,7 +208,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     """Coordinates in degrees and metres."""
     if COORDINATE_VALUE.name not in stored.values:
         return ()
-    return (tidy_signals("ik", COORDINATE_VALUE, store.get_motion(stored), model),)
+    return (tidy_signals("ik", store.get_motion(stored), model),)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:

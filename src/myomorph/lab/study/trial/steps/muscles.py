@@ -32,7 +32,7 @@ from myomorph.lab.report.trial.summary_lines import muscles_line
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.progress import progress
 from myomorph.lab.store.quantities import create_quantity, put_quantity
-from myomorph.lab.store.quantity_files import quantity_table, write_quantity
+from myomorph.lab.store.quantity_files import quantity_table, write_series
 from myomorph.lab.store.results import ResultWriter, Stored, file_name
 from myomorph.lab.store.settings import Differentiation
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -66,8 +66,9 @@ def write_muscles(
             lengths[part] = paths.evaluate(recorded, part)[0]
     put_quantity(writer, MUSCLE_LENGTH, lengths)
     put_quantity(writer, MUSCLE_VELOCITY, velocities)
-    write_quantity(folder, MUSCLE_LENGTH, motion.time, model.muscle_names, lengths)
-    write_quantity(folder, MUSCLE_VELOCITY, motion.time, model.muscle_names, velocities)
+    for quantity, values in ((MUSCLE_LENGTH, lengths), (MUSCLE_VELOCITY, velocities)):
+        series = Series(motion.time, model.muscle_names, values, quantity=quantity)
+        write_series(folder, series)
     _arm_tables(motion, paths.pairs, stored, folder)
     return muscles_line(model, motion.time, lengths, velocities)
 
@@ -99,7 +100,8 @@ def _arm_tables(
         about = MOMENT_ARM.replaced(
             title=MOMENT_ARM.title.format(coordinate=coordinate), dims=("time", "muscle")
         )
-        table = quantity_table(about, motion.time, names, arms[:, columns])
+        series = Series(motion.time, names, arms[:, columns], quantity=about)
+        table = quantity_table(series)
         write_sto(table, folder / MOMENT_ARM.file.format(coordinate=file_name(coordinate)))
 
 
@@ -158,7 +160,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     lengths = store.get_series(stored, MUSCLE_LENGTH)
     if lengths is None:
         return ()
-    return (tidy_signals("muscles", MUSCLE_LENGTH, lengths, model),)
+    return (tidy_signals("muscles", lengths, model),)
 
 
 def _line(trial: TrialInputs, results: ByType) -> str:

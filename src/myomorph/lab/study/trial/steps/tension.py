@@ -62,7 +62,7 @@ from myomorph.lab.store import contact_store
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.progress import progress
-from myomorph.lab.store.quantity_files import write_quantity, write_series
+from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.lab.store.stored import get_conflicts
@@ -298,7 +298,8 @@ def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> N
         (ACTUATOR_FORCE, tension.reserve_names),
     )
     for quantity, names in columns:
-        write_quantity(output.folder, quantity, tension.time, names, quantity.of(tension))
+        series = Series(tension.time, names, quantity.of(tension), quantity=quantity)
+        write_series(output.folder, series)
 
 
 def _write_contacts(
@@ -404,14 +405,8 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
-    found = [
-        (quantity, store.get_series(stored, quantity)) for quantity in (ACTIVATION, MUSCLE_FORCE)
-    ]
-    loads = tuple(
-        tidy_signals("tension", quantity, series, model)
-        for quantity, series in found
-        if series is not None
-    )
+    found = [store.get_series(stored, quantity) for quantity in (ACTIVATION, MUSCLE_FORCE)]
+    loads = tuple(tidy_signals("tension", series, model) for series in found if series is not None)
     return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored, model)
 
 
